@@ -4,9 +4,9 @@ CORES ?= 2
 SEEDS ?= 1 2 3
 POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
-SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --rerun-incomplete
+RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo release accuracy test cluster lint docs clean lock schema
+.PHONY: help setup demo release accuracy test cluster chaos lint docs clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -19,18 +19,18 @@ setup: .venv/.ready ## make .venv with polarsim, snakemake and all they need
 	@touch $@
 
 demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
-	$(SNAKEMAKE)
+	$(RUN)
 	@$(BIN)/polarsim report demo --cores $(CORES)
 	@echo "to look at it in the browser: $(BIN)/polarsim explore demo"
 
 release: setup ## cameras, labels, twins and tables on the published labels and meshes (POLAR_SIM_ROOT)
-	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(SNAKEMAKE) --configfile config/release.yaml
+	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(RUN) --configfile config/release.yaml
 	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(BIN)/polarsim report release --configfile config/release.yaml --cores $(CORES)
 
 accuracy: setup ## poses, rocks and meshes against the truth of three analog sandboxes: config/accuracy.yaml
 	for seed in $(SEEDS); do \
-	  $(SNAKEMAKE) geometry --configfile config/accuracy.yaml --config run=accuracy$$seed \
-	    "source={kind: analog, root: data/analog$$seed}" "analog={seed: $$seed}" || exit; \
+	  $(RUN) geometry --configfile config/accuracy.yaml --config run=accuracy$$seed \
+	    --config "source={kind: analog, root: data/analog$$seed}" --config "analog={seed: $$seed}" || exit; \
 	done
 	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
 
@@ -39,6 +39,10 @@ test: setup lint ## lint, formats, types, dry-runs and tests
 
 cluster: setup ## the workflow on a real SLURM of one node that is started here (root, apt-get install slurm-wlm munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest
+
+MOMENTS ?= 20
+chaos: setup ## kill small runs at random moments (MOMENTS of each kind), hours: the same command ends each
+	$(BIN)/python benchmarks/chaos.py --moments $(MOMENTS)
 
 lint: setup
 	$(BIN)/ruff check .

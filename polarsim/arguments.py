@@ -123,7 +123,7 @@ def _listed(name: str, runs: Iterable[str]) -> str:
     """The runs that are there, those with a name like this first."""
     runs = list(runs)
     if not runs:
-        return "there are no runs yet: snakemake makes them"
+        return "there are no runs yet: polarsim run makes them"
     near = get_close_matches(name, runs)
     ordered = [*near, *(run for run in runs if run not in near)]
     return f"there are {', '.join(ordered[:_SHOWN_RUNS])}{', ...' if len(ordered) > _SHOWN_RUNS else ''}"

@@ -27,7 +27,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, detectors and tables. "
-    "The pipeline itself is run by snakemake; these commands look at its parts.",
+    "`run` runs the pipeline, by snakemake; the other commands look at its parts.",
 )
 command = partial(app.command, cls=Checked)
 
@@ -64,6 +64,44 @@ def _start(
     if context.invoked_subcommand is None:
         typer.echo(context.get_help(), nl=False)
         raise typer.Exit(2)
+
+
+@command(context_settings={"ignore_unknown_options": True})
+def run(
+    targets: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Stages (labels, render, tables ...) or files; default: all. Options that are not listed here go to "
+            "snakemake, after the targets."
+        ),
+    ] = None,
+    configfile: Annotated[
+        list[Path] | None,
+        typer.Option(help="Configuration; may be repeated, later ones are laid over. Default: config/config.yaml."),
+    ] = None,
+    config: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE", help="A key of the configuration, the value as in YAML; may be repeated."),
+    ] = None,
+    cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 2,
+    min_free: Annotated[
+        float | None, typer.Option(min=0, help="Free space to start with, GB; default: an estimate of the run.")
+    ] = None,
+) -> None:
+    """Run the workflow in this folder. The same command goes on where a run was stopped, killed, or out of disk.
+
+    Exit code 0: all is there; 1: a job failed, or the run cannot start; 2: a call that cannot be; 130: stopped.
+    """
+    from polarsim.running.run import Call
+    from polarsim.running.run import run as supervise
+
+    words = targets or []
+    asked = next((number for number, word in enumerate(words) if word.startswith("-")), len(words))
+    if wrong := [word for word in words[:asked] if "=" in word]:
+        raise typer.BadParameter(f"{wrong[0]!r} is no target: expected --config {wrong[0]}")
+    call = Call(tuple(words[:asked]), tuple(configfile or ()), tuple(config or ()), cores, tuple(words[asked:]))
+    if code := supervise(call, None if min_free is None else round(1e9 * min_free)):
+        raise typer.Exit(code)
 
 
 @command()
@@ -766,21 +804,24 @@ def report(
     """
     import subprocess
 
+    from polarsim.formats.files import writing
+
     folder = run_folder(Path("results"), run)
     parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
     if not parts:
-        raise PolarsimError("no tables; run snakemake first", path=folder)
+        raise PolarsimError("no tables; polarsim run makes them", path=folder)
     page = folder / "report.html"
     if not Path("Snakefile").exists():
         raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
     if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
-        command = [
-            *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
-            *("--configfile", str(configfile), "--report", str(page)),
-        ]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
+        with writing(page) as temporary:
+            command = [
+                *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
+                *("--configfile", str(configfile), "--report", str(temporary)),
+            ]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
     first = folder / "results.html"
     for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
         typer.echo(str(path))

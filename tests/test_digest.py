@@ -34,7 +34,8 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint", "explore"},
     {"rover", "covers", "report", "publish"},
     {"arguments", "config", "reporting"},
-    {"cli", "job"},
+    {"running", "job"},
+    {"cli"},
 )
 TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores, what is
     # published for KITTI is rectified

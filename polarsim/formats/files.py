@@ -42,16 +42,19 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
     """As `writing`, for a whole folder: an existing one is replaced only when the new one is complete."""
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    former = path.with_name(f".{path.name}.former.{os.getpid()}")
     try:
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
         yield temporary
-        shutil.rmtree(path, ignore_errors=True)
+        if path.is_dir():  # moved away whole: who is killed while removing it leaves no half of it under this name
+            path.replace(former)
         temporary.replace(path)
     except OSError as error:
         raise PolarsimError(f"cannot be written, {error.strerror or error}", path=path) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+        shutil.rmtree(former, ignore_errors=True)
 
 
 def found_from(path: str | Path, file: str | Path) -> Path:

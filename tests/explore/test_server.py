@@ -1,12 +1,15 @@
 """What the server answers, asked byte by byte: a client library would put paths right before it sends them."""
 
 import gzip
+import re
 import socket
 import threading
 from http.client import HTTPConnection
+from pathlib import Path
 
 import pytest
 
+import polarsim
 from polarsim.errors import ConfigError, FormatError
 from polarsim.explore.server import HOST, Kept, server
 
@@ -69,6 +72,7 @@ def test_what_is_in_the_list_is_answered(served, target):
         "/../../etc/passwd", "/..%2f..%2fetc%2fpasswd", "/%2e%2e/%2e%2e/etc/passwd", "//etc/passwd", "/etc/passwd",
         "/data/../index.html", "/data%2fa.json", "/data//a.json", "/./index.html", "/data/", "/data", "/data\\a.json",
         "/index.html%00.jpg", "/INDEX.HTML", "file:///etc/passwd", "/~root/.ssh/id_rsa", "/data/a.json/",
+        "/%252e%252e/etc/passwd", "/data%5ca.json", "/%2fetc%2fpasswd", "/..;/etc/passwd",
     ],
 )  # fmt: skip
 def test_everything_else_has_no_file(served, target):
@@ -128,3 +132,12 @@ def test_what_was_made_is_kept_while_there_is_room():
     kept.read("b")  # the one that was not asked for longest had to go
     assert made == ["a", "b", "c", "b"]
     assert kept.read("d") is None
+
+
+def test_no_other_module_of_polarsim_listens():
+    opens = re.compile(
+        r"(from|import) (http\.server|socketserver)|import (socket|asyncio|flask|uvicorn|aiohttp|websockets|tornado)\b"
+    )
+    package = Path(polarsim.__file__).parent
+    found = [path.relative_to(package) for path in package.rglob("*.py") if opens.search(path.read_text())]
+    assert found == [Path("explore/server.py")]

@@ -1,5 +1,7 @@
 import errno
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -90,3 +92,16 @@ def test_broken_json_is_one_line_with_the_file(tmp_path, content):
 def test_missing_json_is_one_line_with_the_file(tmp_path):
     with pytest.raises(FormatError, match=r"none\.json: no readable JSON"):
         read_json(tmp_path / "none.json")
+
+
+def test_a_folder_that_is_replaced_is_never_half_there(tmp_path, monkeypatch):
+    """Whoever is killed while the former one is removed leaves the new one, not a half of the former."""
+    target = tmp_path / "clouds"
+    for content in ("old", "new"):
+        seen = []
+        monkeypatch.setattr(shutil, "rmtree", lambda path, seen=seen, **_: seen.append(Path(path) == target))
+        with writing_folder(target) as folder:
+            (folder / "a.txt").write_text(content)
+        assert not any(seen)
+        assert (target / "a.txt").read_text() == content
+        monkeypatch.undo()

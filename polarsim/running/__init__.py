@@ -1,0 +1,1 @@
+"""One command that starts the workflow, and goes on where a run was stopped: `polarsim run`."""

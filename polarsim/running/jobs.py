@@ -1,0 +1,93 @@
+"""What became of a run's jobs, from the log that Snakemake writes of each call."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+LOGS = ".snakemake/log"
+_BLOCK = re.compile(r"^(?:local)?(?:rule|checkpoint) (\w+):$|^Error in rule (\w+):$")
+_FIELD = re.compile(r"^    (\w+): (.*)$")
+_FINISHED = re.compile(r"^Finished jobid: (\d+)")
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job that was started."""
+
+    rule: str
+    number: int
+    outputs: tuple[str, ...]
+    log: str
+    wildcards: str
+    finished: bool = False
+    failed: bool = False
+
+    @property
+    def terrain(self) -> str:
+        """`Terrain03`; empty where the job belongs to none."""
+        found = re.search(r"terrain=(\d\d)", self.wildcards) or re.search(r"Terrain(\d\d)", " ".join(self.outputs))
+        return f"Terrain{found[1]}" if found else ""
+
+    def reason(self, folder: Path) -> str:
+        """The error in the job's log, or the last line that it wrote."""
+        try:
+            lines = (folder / self.log).read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            lines = []
+        said = [line.strip() for line in lines if line.strip()]
+        stopped = [line.removeprefix("INFO stopped: ") for line in said if line.startswith("INFO stopped: ")]
+        return (stopped or [f"it was killed or broke off after: {said[-1]}" if said else "it was killed or broke off"])[
+            -1
+        ]
+
+
+def read_jobs(lines: Iterable[str]) -> list[Job]:
+    """All jobs that a log tells of; a job that was tried again counts by its last try."""
+    jobs: dict[int, Job] = {}
+    rule, failed = "", False
+    fields: dict[str, str] = {}
+
+    def close() -> None:
+        if rule and fields.get("jobid", "").isdigit():
+            number = int(fields["jobid"])
+            outputs = tuple(part.split(" (")[0] for part in fields.get("output", "").split(", ") if part)
+            log = fields.get("log", "").split(" (")[0].split(", ")[0]
+            known = jobs.get(number)
+            wildcards = fields.get("wildcards", known.wildcards if known else "")
+            jobs[number] = Job(rule, number, outputs, log, wildcards, failed=failed)
+
+    for line in (*lines, ""):
+        field = _FIELD.match(line)
+        if field:
+            fields[field[1]] = field[2]
+            continue
+        close()
+        rule, failed, fields = "", False, {}
+        if block := _BLOCK.match(line):
+            rule, failed = block[1] or block[2], block[2] is not None
+        elif (done := _FINISHED.match(line)) and int(done[1]) in jobs:
+            jobs[int(done[1])] = replace(jobs[int(done[1])], finished=True, failed=False)
+    return list(jobs.values())
+
+
+def jobs_of(folder: Path, log: str) -> list[Job]:
+    """Jobs of the call that wrote a log; none where it is gone."""
+    try:
+        return read_jobs((folder / LOGS / log).read_text(encoding="utf-8", errors="replace").splitlines())
+    except OSError:
+        return []
+
+
+def logs_in(folder: Path) -> set[str]:
+    return {path.name for path in (folder / LOGS).glob("*.snakemake.log")}
+
+
+def latest_log(folder: Path) -> list[str]:
+    """The log of the last call; none where there was none."""
+    return [
+        path.name
+        for path in sorted((folder / LOGS).glob("*.snakemake.log"), key=lambda path: path.stat().st_mtime)[-1:]
+    ]

@@ -1,0 +1,268 @@
+"""Run the workflow so that the same command goes on, whatever stopped it: checks, Snakemake, a summary.
+
+Snakemake does the work. Around it stand the checks that must come before it, an end that leaves no process behind, and
+what Snakemake forgets: a job that was made anew for another option and was stopped has lost its output, and where
+nothing but later files asked for that output, Snakemake calls the run complete with the files of the former option.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from polarsim.config import Config, parse_config
+from polarsim.errors import ConfigError, PolarsimError
+from polarsim.formats.files import packaged, write_text
+from polarsim.formats.yaml_files import read_yaml
+from polarsim.running import disk, processes
+from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
+
+STOPPED = 130
+UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of jobs that were started and did not end
+MISSING = "missing.md"  # in the run's folder, while something of it is missing
+_STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+_FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1", "--latency-wait", "10")
+_REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # two at work in one folder, half-written files
+_DRY = {"-n", "--dry-run", "--dryrun"}
+_GRACE_S = 30.0  # for Snakemake to cancel what it submitted to a cluster
+
+
+@dataclass(frozen=True)
+class Call:
+    """What a user asks for: targets, files and settings of the configuration, cores, words for Snakemake itself."""
+
+    targets: tuple[str, ...]
+    configfiles: tuple[Path, ...]
+    settings: tuple[str, ...]
+    cores: int
+    rest: tuple[str, ...] = ()
+
+    def words(self) -> list[str]:
+        """The call of Snakemake. Targets come first: options of many values swallow what follows them."""
+        files = ["--configfile", *map(str, self.configfiles)] if self.configfiles else []
+        settings = ["--config", *self.settings] if self.settings else []
+        return [*self.targets, "--cores", str(self.cores), *_FIXED, *files, *settings, *self.rest]
+
+    def config(self) -> Config:
+        """The configuration as Snakemake puts it together."""
+        content: dict[str, Any] = {}
+        for path in self.configfiles or (Path("config/config.yaml"),):
+            part = read_yaml(packaged(path))
+            if not isinstance(part, Mapping):
+                raise ConfigError("no keys, a configuration was expected", path=path)
+            _lay_over(content, part)
+        for setting in self.settings:
+            key, equals, text = setting.partition("=")
+            if not key or not equals:
+                raise ConfigError(f"--config {setting!r}: expected KEY=VALUE")
+            try:
+                _lay_over(content, {key: yaml.safe_load(text)})
+            except yaml.YAMLError as error:
+                raise ConfigError(f"--config {key}: {text!r} is no YAML value") from error
+        return parse_config(content)
+
+
+def run(call: Call, min_free_bytes: int | None = None) -> int:
+    """Check, run Snakemake in this folder, say what became of it.
+
+    Returns
+    -------
+    int
+        Exit code: 0 all is there, 1 something failed, 130 stopped by Ctrl-C, SIGTERM or SIGHUP.
+
+    Raises
+    ------
+    PolarsimError
+        The run cannot start: no room, no permission, another one at work here, an impossible configuration.
+    """
+    folder = Path.cwd().resolve()
+    if not (folder / "Snakefile").exists():
+        raise PolarsimError("no Snakefile here: start in the clone", path=folder)
+    if refused := _REFUSED.intersection(call.rest):
+        raise ConfigError(f"{sorted(refused)[0]}: polarsim run never does that")
+    config = call.config()
+    if _DRY.intersection(call.rest):
+        return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
+    root = Path(config.source.root)
+    made = (Path("results") / config.run, *([root] if config.source.kind == "analog" else []))
+    places = (*made[:1], *([root] if config.source.kind != "release" else []))
+    for place in (Path("results"), *made, Path(".snakemake")):
+        disk.refuse_unwritable(place)
+    (folder / ".snakemake").mkdir(exist_ok=True)
+    with processes.owned(folder):
+        _tidy(folder, made, (*places, Path("config")))
+        whole = not call.targets
+        needed = disk.needed_bytes(config, whole, places) if min_free_bytes is None else min_free_bytes
+        for place in made:
+            disk.refuse_full(place, needed)
+        return _run_owned(folder, call, made)
+
+
+def _tidy(folder: Path, made: Sequence[Path], places: Sequence[Path]) -> None:
+    """End jobs that outlived their run, remove what they were writing, pull back stamps of tomorrow.
+
+    Files go from places that the run makes alone (`made`), never from a user's raw data.
+    """
+    if count := processes.end(folder):
+        _say(f"{count} processes of an earlier run of this folder were still at work: ended")
+    if count := disk.remove_leftovers(made):
+        _say(f"{count} files that killed jobs were writing: removed")
+    if count := disk.pull_back_stamps(places, folder):
+        _say(f"{count} files were stamped in the future: they have the present time now")
+
+
+def _run_owned(folder: Path, call: Call, made: Sequence[Path]) -> int:
+    before = logs_in(folder)
+    lost = _lost_outputs(folder, call)
+    if any((folder / ".snakemake/locks").glob("*.lock")):  # nobody alive owns it, `owned` has looked
+        _say("the lock of a run that was killed: removed")
+        if code := subprocess.run(_snakemake(*call.words(), "--unlock"), check=False).returncode:
+            return min(1, code)
+    before |= logs_in(folder)
+    forced = ["--forcerun", *lost] if lost else []
+    code, stopped = _supervise(folder, _snakemake(*call.words(), *forced))
+    disk.remove_leftovers(made)
+    jobs = [job for log in sorted(logs_in(folder) - before) for job in jobs_of(folder, log)]
+    _remember(folder, lost, jobs)
+    _report(folder, made[0], call, jobs, code, stopped)
+    return STOPPED if stopped else min(1, abs(code))
+
+
+def _supervise(folder: Path, words: Sequence[str]) -> tuple[int, bool]:
+    """Run Snakemake to its end or to ours: its exit code, and whether somebody stopped it. Nothing of it stays.
+
+    It has a session of its own, so that Ctrl-C reaches this process alone, which ends all in order; it is killed when
+    this process is. Jobs whose parent was killed come to this process, which ends them before they are tried again.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*_STOPS, signal.SIGCHLD})
+
+    def start() -> None:  # in the child
+        processes.die_with_parent()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+    try:
+        processes.adopt_orphans()
+        environment = {**os.environ, processes.MARK: str(folder)}
+        child = subprocess.Popen(words, env=environment, start_new_session=True, preexec_fn=start)
+        stopped, until = False, float("inf")
+        while child.poll() is None and time.monotonic() < until:
+            caught = signal.sigtimedwait({*_STOPS, signal.SIGCHLD}, 1.0)
+            if caught and caught.si_signo in _STOPS and not stopped:
+                stopped, until = True, time.monotonic() + _GRACE_S
+                _say("stopping; the same command goes on from here")
+                child.send_signal(signal.SIGINT)
+                processes.send(set(processes.marked(folder)) - {child.pid}, signal.SIGTERM)
+            processes.end_adopted(child.pid)
+        processes.end(folder)
+        return child.wait(), stopped
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _snakemake(*words: str) -> list[str]:
+    return [sys.executable, "-m", "snakemake", *words]
+
+
+def _lost_outputs(folder: Path, call: Call) -> list[str]:
+    """Outputs of what is asked for that jobs were to make anew when they were stopped, and that are gone since."""
+    started = [job for log in latest_log(folder) for job in jobs_of(folder, log) if not job.finished]
+    gone = sorted(path for path in {*_remembered(folder), *_outputs(started)} if not (folder / path).exists())
+    if not gone:
+        return []
+    asked_for = {name for name, _, _ in _summary(call)}
+    return [path for path in gone if path in asked_for]
+
+
+def _summary(call: Call) -> list[tuple[str, str, bool]]:
+    """Files that a call asks for and all that they need: the name, the rule, whether it is there."""
+    done = subprocess.run(_snakemake(*call.words(), "--summary"), capture_output=True, text=True, check=False)
+    rows = [line.split("\t") for line in done.stdout.splitlines()[1:] if line.count("\t") == 5]
+    return [(name, rule, status != "missing") for name, _, rule, _, status, _ in rows]
+
+
+def _outputs(jobs: Sequence[Job]) -> list[str]:
+    return [path for job in jobs for path in job.outputs]
+
+
+def _remembered(folder: Path) -> list[str]:
+    path = folder / UNFINISHED
+    return path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+
+
+def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[Job]) -> None:
+    """Keep the names of outputs that are gone, for calls that ask for them."""
+    started = _outputs([job for job in jobs if not job.finished])
+    names = sorted(name for name in {*_remembered(folder), *lost, *started} if not (folder / name).exists())
+    if names:
+        write_text(folder / UNFINISHED, "".join(f"{name}\n" for name in names))
+    else:
+        (folder / UNFINISHED).unlink(missing_ok=True)
+
+
+def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: int, stopped: bool) -> None:
+    """Say what was made, what failed, why, and how to go on; kept in the run's folder while something is missing."""
+    made, failed = [job for job in jobs if job.finished], [job for job in jobs if job.failed]
+    page = results / MISSING
+    if code == 0:
+        page.unlink(missing_ok=True)
+        _say(f"{len(made)} jobs done, all that was asked for is there")
+        return
+    lines = [f"{len(made)} jobs done, {len(failed)} failed"]
+    lines += [f"{_named(job)} failed: {job.reason(folder)}  (log: {job.log})" for job in failed]
+    if code < 0 and not stopped:
+        lines.append(f"snakemake was killed by signal {-code}")
+    free = disk.free_bytes(results)
+    if free < disk.NEARLY_FULL_BYTES:
+        lines.append(f"the disk of {results} is full, {free / 1e6:.0f} MB are free")
+    if not stopped and failed:
+        lines += _missing(call)
+    lines.append("the same command goes on from here" + (", once the cause is mended" if failed else ""))
+    for line in lines:
+        _say(line)
+    try:
+        write_text(page, "# What is missing of this run, and why\n\n" + "".join(f"- {line}\n" for line in lines))
+    except PolarsimError as error:  # the disk is full: it was said on the terminal
+        _say(str(error))
+
+
+def _named(job: Job) -> str:
+    return f"{job.terrain}: {job.rule}" if job.terrain else job.rule
+
+
+def _missing(call: Call) -> list[str]:
+    """How many files of each terrain, and of all together, are missing."""
+    there, gone = Counter[str](), Counter[str]()
+    for name, rule, is_there in _summary(call):
+        part = Job(rule, 0, (name,), "", "").terrain or "of all terrains together"
+        (there if is_there else gone)[part] += 1
+    return [
+        f"{part}: {gone[part]} of {gone[part] + there[part]} files are missing" if gone[part] else f"{part}: complete"
+        for part in sorted({*there, *gone})
+    ]
+
+
+def _lay_over(content: dict[str, Any], other: Mapping[str, Any]) -> None:
+    for key, value in other.items():
+        if isinstance(value, Mapping) and isinstance(content.get(key), dict):
+            _lay_over(content[key], value)
+        else:
+            content[key] = dict(value) if isinstance(value, Mapping) else value
+
+
+def _say(line: str) -> None:
+    """A line for the user; a terminal that is gone hears nothing."""
+    try:
+        sys.stderr.write(f"polarsim run: {line}\n")
+        sys.stderr.flush()
+    except OSError:
+        pass

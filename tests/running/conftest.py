@@ -1,0 +1,38 @@
+"""A folder with a workflow of quick jobs, run by `polarsim run` as a user runs the real one."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from benchmarks.made_workflow import write_workflow
+
+CHECKOUT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The workflow and its inputs; the folder's name has a space."""
+    place = tmp_path / "a run"
+    write_workflow(place)
+    return place
+
+
+@pytest.fixture
+def start() -> Callable[..., subprocess.Popen]:
+    """Start `polarsim run` in a folder."""
+
+    def call(folder: Path, *words: str) -> subprocess.Popen:
+        return subprocess.Popen(
+            [sys.executable, "-c", "from polarsim.cli import main; main()", "run", "--min-free", "0", *words],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+
+    return call

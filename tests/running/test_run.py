@@ -1,0 +1,191 @@
+"""`polarsim run` through kills, a second runner, broken inputs, full and read-only disks: the same command goes on."""
+
+import os
+import random
+import re
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from polarsim.running import processes
+from polarsim.running.run import MISSING, UNFINISHED
+
+pytestmark = pytest.mark.slow
+
+
+def expected(terrain: int) -> str:
+    """What `last` holds of a terrain."""
+    parts = [f"scan of {terrain}\n" * 1000 + "and so on\n"] * 6
+    return "".join(parts) + "and so on\n"
+
+
+def assert_whole(folder: Path) -> None:
+    """All is there as an undisturbed run writes it, nothing else is, and nobody is at work."""
+    assert processes.marked(folder) == []
+    results = folder / "results/toy"
+    for terrain in (1, 2):
+        assert (results / f"last/Terrain{terrain:02d}.txt").read_text() == expected(terrain)
+    assert (results / "together.txt").read_text() == "".join(f"{expected(terrain)}and so on\n" for terrain in (1, 2))
+    assert [path for path in results.rglob(".*") if path.name != ".snakemake_timestamp"] == []
+    assert len(list(results.glob("first/*/*.txt"))) == 2 * 6
+    assert not (results / MISSING).exists()
+    assert not (folder / UNFINISHED).exists()
+
+
+def ended(process: subprocess.Popen) -> tuple[int, str]:
+    said, _ = process.communicate(timeout=600)
+    return process.returncode, said
+
+
+def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[int, list[int]]:
+    """Snakemake's pid and those of its jobs, as soon as there is a job."""
+    for _ in range(2000):
+        found = {pid: Path(f"/proc/{pid}/cmdline") for pid in processes.marked(folder)}
+        scripts = [pid for pid, path in found.items() if path.exists() and b"/.snakemake/scripts/" in path.read_bytes()]
+        if scripts:
+            (snakemake,) = set(found) - set(scripts)
+            return snakemake, scripts
+        assert process.poll() is None, process.communicate()[0]
+        time.sleep(0.03)
+    raise AssertionError("no job was started")
+
+
+def test_the_same_command_goes_on_after_stops_and_kills(folder, start):
+    rng = random.Random(32)
+
+    def disturbed(kind: str) -> tuple[int, str]:
+        process = start(folder)
+        snakemake, jobs = jobs_at_work(folder, process)
+        time.sleep(rng.uniform(0, 0.4))
+        pid, number = {
+            "hang-up": (process.pid, signal.SIGHUP),
+            "run": (process.pid, signal.SIGKILL),
+            "snakemake": (snakemake, signal.SIGKILL),
+            "job": (jobs[0], signal.SIGKILL),
+        }[kind]
+        processes.send([pid], number)
+        return ended(process)
+
+    assert disturbed("hang-up")[0] == 130
+    assert processes.marked(folder) == []
+    assert (
+        disturbed("run")[0] == -signal.SIGKILL
+    )  # snakemake dies with it, its jobs go on until the next call ends them
+    code, said = disturbed("snakemake")
+    assert (code, processes.marked(folder)) == (1, [])
+    assert "snakemake was killed by signal 9" in said
+    code, said = disturbed("job")
+    assert code == 0, said  # it was tried again
+    assert_whole(folder)
+
+
+def test_what_was_to_be_made_anew_is_not_forgotten(folder, start):
+    """Snakemake alone takes the files behind a lost one for finished."""
+    assert ended(start(folder))[0] == 0
+    process = start(folder, "--forcerun", "results/toy/second/Terrain01.txt", "--until", "second")
+    snakemake, jobs = jobs_at_work(folder, process)
+    processes.send([process.pid, snakemake, *jobs], signal.SIGKILL)
+    ended(process)
+    assert not (folder / "results/toy/second/Terrain01.txt").exists()
+    code, said = ended(start(folder))
+    assert code == 0
+    assert {"second", "last", "together"} <= set(re.findall(r"^(?:local)?rule (\w+):", said, re.MULTILINE))
+    assert_whole(folder)
+
+
+def test_a_broken_terrain_stops_no_other_and_is_reported(folder, start):
+    scan = folder / "data/analog/Terrain01.txt"
+    scan.write_text("broken")
+    code, said = ended(start(folder))
+    assert code == 1
+    assert (folder / "results/toy/last/Terrain02.txt").read_text() == expected(2)
+    told = [line.removeprefix("polarsim run: ") for line in said.splitlines() if line.startswith("polarsim run: ")]
+    assert told == [
+        "3 jobs done, 1 failed",
+        "Terrain01: first failed: data/analog/Terrain01.txt: no scan  (log: results/toy/logs/first_01.log)",
+        "Terrain01: 3 of 3 files are missing",
+        "Terrain02: complete",
+        "of all terrains together: 1 of 1 files are missing",
+        "the same command goes on from here, once the cause is mended",
+    ]
+    page = (folder / "results/toy" / MISSING).read_text()
+    assert all(f"- {line}\n" in page for line in told)
+    scan.write_text("scan of 1\n")
+    code, said = ended(start(folder))
+    assert code == 0, said
+    assert_whole(folder)
+
+
+def one_line(process: subprocess.Popen) -> str:
+    """The one line that a call that cannot start ends in."""
+    code, said = ended(process)
+    assert code == 1
+    (line,) = said.splitlines()
+    return line
+
+
+def test_a_second_runner_is_refused_by_the_pid_of_the_first(folder, start):
+    (folder / ".snakemake").mkdir()
+    with processes.owned(folder):
+        assert one_line(start(folder)) == f"error: {folder}: polarsim run is at work here (pid {os.getpid()})"
+    (folder / ".snakemake/locks").mkdir()
+    (folder / ".snakemake/locks/0.output.lock").write_text("results/toy/together.txt\n")
+    words = ["python", "-c", "import time; time.sleep(60)", "snakemake"]
+    script = folder / ".snakemake/scripts/tmp1.first.py"
+    script.parent.mkdir()
+    script.write_text(words[2])
+    with subprocess.Popen(["python", str(script)], cwd=folder) as other:
+        try:
+            assert f"snakemake is at work here (pid {other.pid})" in one_line(start(folder))
+        finally:
+            other.kill()
+
+
+@pytest.fixture
+def mounted(folder):
+    """Something that mounts a small disk on the folder's results, or another time with other options."""
+    results = folder / "results"
+    results.mkdir()
+
+    def mount(options: str) -> None:
+        again = ",remount" if results.is_mount() else ""
+        words = ["mount", "-t", "tmpfs", "-o", options + again, "tmpfs", str(results)]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        if done.returncode:
+            pytest.skip(f"no disk can be mounted here, which needs root: {done.stderr.strip()}")
+
+    yield mount
+    if results.is_mount():
+        subprocess.run(["umount", str(results)], check=True)
+
+
+SIZES_KB = [200]  # full for a file of the second rule; benchmarks/chaos.py tries ten
+
+
+@pytest.mark.parametrize("size_kb", SIZES_KB)
+def test_a_disk_that_fills_up_leaves_no_half_of_a_file(folder, start, mounted, size_kb):
+    mounted(f"size={size_kb}k")
+    code, said = ended(start(folder, "--cores", "1"))
+    assert code == 1
+    assert "No space left on device" in said
+    assert re.search(r"^polarsim run: the disk of results/toy is full, \d+ MB are free", said, re.MULTILINE)
+    for path in (folder / "results/toy").glob("last/*.txt"):
+        assert path.read_text() == expected(int(path.stem[-2:]))
+    mounted("size=8m")
+    code, said = ended(start(folder))
+    assert code == 0, said
+    assert_whole(folder)
+
+
+def test_too_little_room_or_no_permission_is_one_line_before_any_work(folder, start, mounted):
+    mounted("size=1m")
+    assert re.fullmatch(
+        r"error: results/toy: 0\.00 GB free, about 9\.00 GB are needed; make room, .*--min-free",
+        one_line(start(folder, "--min-free", "9")),
+    )
+    mounted("size=1m,ro")
+    assert one_line(start(folder)) == f"error: {folder}/results: cannot be written, Read-only file system"
+    assert not list((folder / "results").iterdir())
