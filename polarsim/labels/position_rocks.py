@@ -142,9 +142,9 @@ class PositionRocks:
         return found
 
     def moved_source(self, camera: CameraSide) -> str:
-        """Source of labels that other drawings tell: `shifted` where no pose says how far things move to a camera."""
+        """Source of labels that other drawings tell: `translated` where no pose says how far things move to a camera."""
         annotated_here = any(own == camera for own, _ in self.annotated)
-        return "shifted" if self.in_image and not annotated_here else "fused"
+        return "translated" if self.in_image and not annotated_here else "fused"
 
     def annotated_azimuths(self, rock: int) -> set[Azimuth]:
         """Under which lamps people drew a rock here."""

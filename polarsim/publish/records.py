@@ -38,7 +38,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "kind": ("rock or shadow.", ""),
     "rock": ("Number of the rock in its terrain, the same in all tables and meshes; -1: not known.", ""),
     "shadow_of": ("Of a shadow the number of the label that throws it, on the same picture; -1: none.", ""),
-    "source": ("seed: a person drew it; fused, shifted, projected, cast: propagated; rendered: exact.", ""),
+    "source": ("seed: a person drew it; fused, translated, projected, cast: propagated; rendered: exact.", ""),
     "confidence": ("Confidence of the label, 0 to 1.", ""),
     "x0": ("Left edge of the box, from the picture's left border.", "px"),
     "y0": ("Upper edge of the box, from the picture's upper border.", "px"),
