@@ -23,7 +23,9 @@ class _Limit:
 
 # Several times what sound runs show (docs/notes/cameras.md), and well below what spoils meshes and labels.
 LIMITS = {
-    "common_rotation": _Limit(0.03, "all scans together would have to rotate by {value:.3f} degrees to lie on the meshes"),
+    "common_rotation": _Limit(
+        0.03, "all scans together would have to rotate by {value:.3f} degrees to lie on the meshes"
+    ),
     "common_translation": _Limit(0.6, "all scans together would have to move by {value:.1f} mm to lie on the meshes"),
     "rotation_between": _Limit(0.05, "on the meshes the two scans lie {value:.3f} degrees otherwise than written"),
     "translation_between": _Limit(1.0, "on the meshes the two scans lie {value:.1f} mm otherwise than written"),
