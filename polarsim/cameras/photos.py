@@ -20,7 +20,7 @@ import numpy as np
 from polarsim.cameras.adjust import Adjusted, Priors, Sightings, adjust, offsets_px
 from polarsim.cameras.lamps import Shot, refine_lamp, shots_of
 from polarsim.cameras.options import RefinementOptions
-from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
+from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
 from polarsim.formats.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
@@ -197,16 +197,16 @@ def _described(
     )
     moved = located.sandbox_from_left.inverse() @ rig.sandbox_from_left
     sd = np.sqrt(np.diag(adjusted.covariance[position]))
-    quality = {
-        **located.quality,
+    metrics = {
+        **located.metrics,
         "windows": float(len(now)),
         "median_off_before_px": float(np.median(before)),
         "median_off_px": float(np.median(now)),
         "moved_mm": float(1000 * np.linalg.norm(moved.translation)),
-        "turned_deg": float(np.degrees(angle_between(located.sandbox_from_left, rig.sandbox_from_left))),
+        "rotated_deg": float(np.degrees(angle_between(located.sandbox_from_left, rig.sandbox_from_left))),
         "sd_mm": float(1000 * np.linalg.norm(sd[3:])),
         "sd_deg": float(np.degrees(np.linalg.norm(sd[:3]))),
     }
     return LocalisedRig(
-        rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}, photos", rounded_figures(quality)
+        rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}, photos", rounded_metrics(metrics)
     )

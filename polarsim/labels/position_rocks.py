@@ -142,7 +142,7 @@ class PositionRocks:
         return found
 
     def moved_source(self, camera: CameraSide) -> str:
-        """Source of labels that other drawings tell: `translated` where no pose says how far things move to a camera."""
+        """Source of labels from other drawings: `translated` where no pose says how far things move to a camera."""
         annotated_here = any(own == camera for own, _ in self.annotated)
         return "translated" if self.in_image and not annotated_here else "fused"
 

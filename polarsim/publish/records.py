@@ -169,8 +169,8 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
                         "width": lens.width,
                         "height": lens.height,
                         "method": localised.method,
-                        "sd_mm": float(localised.quality.get("sd_mm", np.nan)),
-                        "sd_deg": float(localised.quality.get("sd_deg", np.nan)),
+                        "sd_mm": float(localised.metrics.get("sd_mm", np.nan)),
+                        "sd_deg": float(localised.metrics.get("sd_deg", np.nan)),
                         "origin": terrain.pose_origin(position),
                     }
                 )
