@@ -13,7 +13,7 @@ USUAL_PX = 50.0  # sqrt(area) of a common label
 # Of the logarithm of the odds that a label and the box that a person draws there overlap by IoU >= 0.5. Fitted by
 # `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels, where one person's drawing is
 # the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells) and of `translated` to 12 too, for
-# the latter the pose of each position in turn forgotten. `figures/reliability.png` of a run shows how well they hold there.
+# the latter the pose of each position in turn forgotten. `figures/reliability.png` of a run shows how well they hold.
 COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
     ("rock", "seed"): (5.06, 0.0, 0.89),
     ("rock", "fused"): (2.18, 3.30, 1.08),
