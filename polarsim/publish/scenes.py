@@ -78,8 +78,8 @@ def _cameras(terrain: Terrain) -> Iterator[tuple[str, str, Camera]]:
 
 def _lamps(terrain: Terrain) -> Iterator[tuple[str, np.ndarray, str]]:
     """Name, position and origin of each lamp."""
-    for azimuth, position in terrain.suns.items():
-        yield f"sun_{azimuth}", position, terrain.sun_origin(azimuth)
+    for azimuth, sun in terrain.suns.items():
+        yield f"sun_{azimuth}", sun, terrain.sun_origin(azimuth)
     for position, localised in sorted(terrain.rigs.items()):
         yield f"rover_light_{position}", localised.rover_light, terrain.pose_origin(position)
 
