@@ -126,10 +126,10 @@ def touching(picture: np.ndarray) -> np.ndarray:
 
 
 def causes(
-    seen: Seen, lamp: np.ndarray, labels: Boxes, shadows: PositionShadows, sight: tuple[CameraSide, Azimuth]
+    seen: Seen, lamp: np.ndarray, labels: Boxes, shadows: PositionShadows, drawing: tuple[CameraSide, Azimuth]
 ) -> Iterator[tuple[str, Boxes]]:
     """(name, boxes) of every component."""
-    camera, azimuth = sight
+    camera, azimuth = drawing
     plain = seen.shadows(lamp)
     rendered = boxes_of(plain)
     yield "rendered", rendered

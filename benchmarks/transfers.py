@@ -43,7 +43,7 @@ from polarsim.labels.label import COEFFICIENTS, USUAL_PX
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.position_rocks import PositionRocks
 from polarsim.labels.propagate import PositionLabels, propagate_labels
-from polarsim.labels.seeds import Annotated, Seeds, Sight, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.tracks import Track
 from polarsim.labels.view import move_rocks
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
@@ -291,9 +291,9 @@ class Drawing:
     tracks: list[Track]
     shown: np.ndarray  # (n,) bool
 
-    def under(self, sights: Iterable[Sight]) -> np.ndarray:
+    def under(self, drawings: Iterable[DrawingKey]) -> np.ndarray:
         """(n,) in how many of some drawings each rock is."""
-        asked = set(sights)
+        asked = set(drawings)
         return np.array([len(asked & set(track.rows)) for track in self.tracks], int)
 
 
@@ -320,15 +320,15 @@ def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: Labe
     rocks = PositionRocks(known, key.position, options)
     means, counts, tracks = [], [], []
     for row, track in enumerate(known.tracks[key.position]):
-        same = [sight for sight in track.rows if sight[0] == key.camera and sight[1] != key.azimuth]
-        sights = same or [sight for sight in track.rows if sight[0] != key.camera] or list(track.rows)
-        source = sights[0][0]
-        mean = np.mean([known.seeds[key.position][sight].rocks[track.rows[sight]] for sight in sights], axis=0)
+        same = [drawing for drawing in track.rows if drawing[0] == key.camera and drawing[1] != key.azimuth]
+        drawings = same or [drawing for drawing in track.rows if drawing[0] != key.camera] or list(track.rows)
+        source = drawings[0][0]
+        mean = np.mean([known.seeds[key.position][drawing].rocks[track.rows[drawing]] for drawing in drawings], axis=0)
         if source != key.camera:
             views = rocks.view(source), rocks.view(key.camera)
             mean = move_rocks(known.world, *views, mean[None], rocks.ids[[row]])[0]
         means.append(mean)
-        counts.append(len(sights))
+        counts.append(len(drawings))
         tracks.append(track)
     boxes, others = np.array(means).reshape(-1, 4), np.array(counts, float)[:, None]
     rows, columns = match(iou(annotated, boxes), SAME_ROCK)

@@ -645,7 +645,7 @@ def render(
     )
     assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]
     scene = Scene(meshes, terrain or terrain_in(meshes), render_options(assignments))
-    scene.refuse_places(shot)
+    scene.refuse_positions(shot)
     picture = scene.picture(shot, threads)
     png.write(out, to_8bit(picture) if preview else picture)
     write_sidecar(sidecar, scene.sidecar(shot))

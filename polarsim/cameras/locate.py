@@ -16,7 +16,7 @@ import pandas as pd
 from polarsim.cameras.labels import LabelLocalisation
 from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.cameras.rounding import rounded, rounded_figures
+from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import register_scans
 from polarsim.cameras.surveyed import pose_beside, surveyed_pose
@@ -105,15 +105,15 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
     for position, level_from_left in network.level_from_left.items():
         pose = frame.sandbox_from_level @ level_from_left
         mine = [pair for pair in network.pairs if position in (pair.fixed, pair.moving)]
-        quality = {"walls": float(frame.walls), "points": float(len(scans[position])), **_off_survey(position, pose)}
+        metrics = {"walls": float(frame.walls), "points": float(len(scans[position])), **_off_survey(position, pose)}
         if mine:
-            quality |= {
+            metrics |= {
                 "fitness": max(pair.alignment.fitness for pair in mine),
                 "rmse_mm": 1000 * min(pair.alignment.rmse for pair in mine),
                 "agreement": max(pair.agreement for pair in mine),
                 **_formal_errors(network.covariances[position], level_from_left.translation),
             }
-        localised[position] = _localised(rig, pose, "scans", quality)
+        localised[position] = _localised(rig, pose, "scans", metrics)
     rows = []
     for pair in network.pairs:
         laid = pair.alignment
@@ -153,8 +153,8 @@ def _locate_by_labels(
     localised, rows = {}, []
     for position, localisation in sorted(found.localised.items()):
         pose = localisation.fit.sandbox_from_left
-        quality = {**_label_quality(localisation, len(outlines)), **_off_survey(position, pose)}
-        localised[position] = _localised(rig, pose, "labels", quality)
+        metrics = {**_label_metrics(localisation, len(outlines)), **_off_survey(position, pose)}
+        localised[position] = _localised(rig, pose, "labels", metrics)
         rows += _match_rows(position, localisation, outlines.rocks)
     rows.sort(key=itemgetter(0, 1))
     return Located(localised, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCHES.columns))})
@@ -175,7 +175,7 @@ def _tell_refused(found: Localisations) -> None:
         log.warning("%s", reason)
 
 
-def _label_quality(localisation: LabelLocalisation, meshes: int) -> dict[str, float]:
+def _label_metrics(localisation: LabelLocalisation, meshes: int) -> dict[str, float]:
     fit = localisation.fit
     offset = _offsets(localisation)
     sd = np.sqrt(np.diag(fit.covariance))
@@ -224,8 +224,8 @@ def _completed(localised: dict[str, LocalisedRig], positions: Sequence[str], rig
     return complete
 
 
-def _localised(rig: StereoRig, pose: Pose, method: str, quality: Mapping[str, float]) -> LocalisedRig:
-    return LocalisedRig(rig, rounded(pose), method, rounded_figures(dict(quality)))
+def _localised(rig: StereoRig, pose: Pose, method: str, metrics: Mapping[str, float]) -> LocalisedRig:
+    return LocalisedRig(rig, rounded(pose), method, rounded_metrics(dict(metrics)))
 
 
 def _off_survey(position: str, pose: Pose) -> dict[str, float]:

@@ -20,7 +20,7 @@ import numpy as np
 from polarsim.cameras.adjust import Adjusted, Priors, Sightings, adjust, offsets_px
 from polarsim.cameras.lamps import Shot, refine_lamp, shots_of
 from polarsim.cameras.options import RefinementOptions
-from polarsim.cameras.rounding import rounded, rounded_figures, rounded_rig
+from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
 from polarsim.formats import colmap, lamps
 from polarsim.formats.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
@@ -30,7 +30,7 @@ from polarsim.formats.run_files import pictures_at
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import View
+from polarsim.photo import USUAL_EXPOSURE_MS, View
 from polarsim.progress import track
 
 # Windows of 21 px of a shaded view are looked for up to 5 px away, one every 12 px; their correlation with the photo is
@@ -44,7 +44,6 @@ PRIORS = Priors(
     pose_m=0.003, pose_rad=float(np.radians(0.1)), rig_m=0.0005, rig_rad=float(np.radians(0.02)),
     focal_px=1.5, centre_px=1.5, k1=0.003,
 )  # fmt: skip
-_MIDDLING_MS = 256  # exposure of the photo that a COLMAP model names
 _MODEL_POINTS = 20_000  # of the meshes in a COLMAP model
 log = logging.getLogger("polarsim")
 
@@ -88,13 +87,13 @@ def refine_cameras(
 
 
 def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
-    """A Sun-lit photo of a middling exposure by position and camera, as a model's folder names it."""
+    """A Sun-lit photo of about the usual exposure by position and camera, as a model's folder names it."""
     best: dict[tuple[str, str], tuple[Any, ...]] = {}
     for key, path in pictures_at(photos).items():
-        told = (key.azimuth == "no", key.light == "on", abs(math.log2(key.exposure_ms / _MIDDLING_MS)), key)
+        rank = (key.azimuth == "no", key.light == "on", abs(math.log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key)
         view = (key.position, key.camera)
-        best[view] = min(best.get(view, (*told, path)), (*told, path))
-    return {view: relative_to(told[-1], folder) for view, told in best.items()}
+        best[view] = min(best.get(view, (*rank, path)), (*rank, path))
+    return {view: relative_to(ranked[-1], folder) for view, ranked in best.items()}
 
 
 def model_points(vertices: np.ndarray) -> np.ndarray:
@@ -197,16 +196,16 @@ def _described(
     )
     moved = located.sandbox_from_left.inverse() @ rig.sandbox_from_left
     sd = np.sqrt(np.diag(adjusted.covariance[position]))
-    quality = {
-        **located.quality,
+    metrics = {
+        **located.metrics,
         "windows": float(len(now)),
         "median_off_before_px": float(np.median(before)),
         "median_off_px": float(np.median(now)),
         "moved_mm": float(1000 * np.linalg.norm(moved.translation)),
-        "turned_deg": float(np.degrees(angle_between(located.sandbox_from_left, rig.sandbox_from_left))),
+        "rotated_deg": float(np.degrees(angle_between(located.sandbox_from_left, rig.sandbox_from_left))),
         "sd_mm": float(1000 * np.linalg.norm(sd[3:])),
         "sd_deg": float(np.degrees(np.linalg.norm(sd[:3]))),
     }
     return LocalisedRig(
-        rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}, photos", rounded_figures(quality)
+        rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}, photos", rounded_metrics(metrics)
     )

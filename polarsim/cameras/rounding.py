@@ -23,9 +23,9 @@ def rounded_rig(rig: StereoRig) -> StereoRig:
     return StereoRig(_rounded_lens(rig.left), _rounded_lens(rig.right), rounded(rig.left_from_right))
 
 
-def rounded_figures(figures: dict[str, float]) -> dict[str, float]:
-    """Figures of a fit, to six digits."""
-    return {name: float(f"{value:.6g}") for name, value in figures.items()}
+def rounded_metrics(metrics: dict[str, float]) -> dict[str, float]:
+    """Metrics of a fit, to six digits."""
+    return {name: float(f"{value:.6g}") for name, value in metrics.items()}
 
 
 def _rounded_lens(lens: Lens) -> Lens:

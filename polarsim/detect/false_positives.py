@@ -1,7 +1,7 @@
 """Rocks that a detector sees where no rock is labelled: how many a photo, and on which share of its area.
 
-mAP mixes false positives with misses and looks only at photos that have rocks. Here places without rocks are asked:
-whole photos of terrains without a rock label, and rock-free tiles of all others.
+mAP mixes false positives with misses and looks only at photos that have rocks. Evaluated here
+are regions without rocks: whole photos of terrains without a rock label, and rock-free tiles of all others.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from polarsim.detect.grouping import values_by
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 
-TERRAIN, TILES = PLACES = ("rock-free terrain", "rock-free tiles")
+TERRAIN, TILES = REGIONS = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
 # A predicted rock is a false positive if it covers less of the smaller one of it and each rock label.
 OVERLAP = 0.1
 RATES = ("per_photo", "area_share")
 FALSE_POSITIVE_COLUMNS = (
-    "place", "terrains", "images", "units", "photo_areas", "false_positives",
+    "region", "terrains", "images", "units", "photo_areas", "false_positives",
     *(f"{name}{bound}" for name in RATES for bound in ("", "_low", "_high")),
 )  # fmt: skip
 
@@ -39,7 +39,7 @@ def false_positives(
     seed: int = 0,
     resamples: int = 1000,
 ) -> pd.DataFrame:
-    """`FALSE_POSITIVE_COLUMNS`, a row a place that there is.
+    """`FALSE_POSITIVE_COLUMNS`, one row for each region that some photo has.
 
     Parameters
     ----------
@@ -56,24 +56,23 @@ def false_positives(
     Returns
     -------
     DataFrame
-        `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: false_positives over it; an
-        false_positive belongs to
-        the tile in which its centre lies. `area_share`: share of that area that false_positives cover, overlaps
-        counted once.
+        `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: false positives over it; a false
+        positive belongs to the tile in which its centre lies. `area_share`: share of that area that false positives
+        cover, overlaps counted once.
     """
     found = false_positives_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
-    parts = [(place, found[found["place"] == place]) for place in PLACES]
-    rows = [_rates(place, part, unit, seed, resamples) for place, part in parts if len(part)]
+    parts = [(region, found[found["region"] == region]) for region in REGIONS]
+    rows = [_rates(region, part, unit, seed, resamples) for region, part in parts if len(part)]
     return pd.DataFrame(rows, columns=list(FALSE_POSITIVE_COLUMNS))
 
 
 def false_positives_of_photos(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, *, confidence: float, overlap: float = OVERLAP
 ) -> pd.DataFrame:
-    """What rates are sums of, a row a photo: key, place, free, false_positives, area; arguments as in
+    """What rates are sums of, a row a photo: key, region, free, false_positives, area; arguments as in
     `false_positives`.
 
-    `free` and `area` are the photo's rock-free area and what of it false_positives cover, in photos.
+    `free` and `area` are the photo's rock-free area and what of it false positives cover, in photos.
     """
     rocks = _by_photo(labels[labels["kind"] == ROCK])
     sure = predictions[(predictions["kind"] == ROCK) & (predictions["confidence"] >= confidence)]
@@ -85,13 +84,13 @@ def false_positives_of_photos(
         label, predicted = rocks.get(key, nothing), found.get(key, nothing)
         free = _free_tiles(label)
         false_positives = predicted[boxes.largest_covered_share(predicted, label) < overlap]
-        place = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
+        region = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
         area = _area_on(false_positives, free) / (WIDTH * HEIGHT)
-        rows.append((key, place, float(free.mean()), _on(false_positives, free), area))
-    return pd.DataFrame(rows, columns=["key", "place", "free", "false_positives", "area"])
+        rows.append((key, region, float(free.mean()), _on(false_positives, free), area))
+    return pd.DataFrame(rows, columns=["key", "region", "free", "false_positives", "area"])
 
 
-def _rates(place: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:
+def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:
     """One row; rates are sums over sums, so photos count by their rock-free area."""
     keys = rows["key"].tolist()
     free, false_positives, area = rows[["free", "false_positives", "area"]].to_numpy(float).T
@@ -100,7 +99,7 @@ def _rates(place: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resa
     drawn = bootstrap.draws(units, resamples, seed)
     terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
     row: dict[str, object] = {
-        "place": place,
+        "region": region,
         "terrains": " ".join(f"{terrain:02d}" for terrain in terrains),
         "images": len(keys),
         "units": units,

@@ -103,7 +103,7 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
         None, pattern="^[0-9a-fA-F]{64}$", description="Checksum of what is fetched; needed for pretrained_url."
     )
     epochs: int = Field(4, ge=1, description="Passes over the training pictures; the paper has 200.")
-    batch: int = Field(4, ge=1, description="Pictures of a training step.")
+    batch: int = Field(4, ge=1, description="A training step sees so many pictures; more need more memory.")
     learning_rate: float = Field(0.002, gt=0, description="Largest learning rate of AdamW.")
     augment: bool = Field(
         False, description="Training pictures are mirrored, moved and scaled at random; pays off in long trainings."
@@ -176,7 +176,7 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
 class ComparisonOptions(BaseModel, extra="forbid", frozen=True):
     """How what detectors found is scored and compared."""
 
-    seed: int = Field(0, ge=0, description="Seed of the bootstrap.")
+    seed: int = Field(0, ge=0, description="The bootstrap of the intervals draws by this seed.")
     iou_confidence: float = Field(
         0.25,
         ge=0,

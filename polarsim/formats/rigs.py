@@ -27,7 +27,7 @@ class LocalisedRig:
     rig: StereoRig
     sandbox_from_left: Pose
     method: str = ""  # "scans", "labels" or "survey", ", photos" behind it: what the pose rests on
-    quality: dict[str, float] = field(default_factory=dict)  # figures of the fit; keys carry their units
+    metrics: dict[str, float] = field(default_factory=dict)  # metrics of the fit; keys carry their units
 
     @property
     def surveyed(self) -> bool:
@@ -74,7 +74,7 @@ def write_localised(path: str | Path, localised: LocalisedRig) -> None:
         **_rig_content(localised.rig),
         "sandbox_from_left": localised.sandbox_from_left.matrix.tolist(),
         "method": localised.method,
-        "quality": localised.quality,
+        "metrics": localised.metrics,
     }
     write_json(path, content)
 
@@ -93,9 +93,8 @@ def read_localised(path: str | Path) -> LocalisedRig:
             matrix = np.array(content["sandbox_from_left"], float)
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(f"no sandbox_from_left of 4 x 4 numbers, {error}") from error
-        return LocalisedRig(
-            _rig(content), Pose.from_matrix(matrix), content.get("method", ""), content.get("quality", {})
-        )
+        metrics = content.get("metrics", content.get("quality", {}))  # the name in versions before 0.2
+        return LocalisedRig(_rig(content), Pose.from_matrix(matrix), content.get("method", ""), metrics)
 
 
 def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:

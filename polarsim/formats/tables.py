@@ -15,6 +15,7 @@ from polarsim.photo import PhotoKey
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 FORMER_NAMES = {  # of columns, in tables of versions before 0.2
     "scan_translation_mm": "scan_shift_mm",
+    "region": "place",
     "detector": "judge",
     "component": "ingredient",
     "metric": "figure",

@@ -12,7 +12,7 @@ from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import MATCH_GATE_PX
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.seeds import Annotated, Seeds, Sight, cameras_first
+from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, cameras_first
 from polarsim.labels.tracks import Track, find_tracks
 from polarsim.labels.view import move_rocks, project_rock
 from polarsim.labels.world import Dome, World, build_worlds, with_domes
@@ -86,8 +86,8 @@ def _gathered(
 
 
 def _in_one_camera(
-    world: World, localised: LocalisedRig, side: CameraSide, drawings: Mapping[Sight, Annotated]
-) -> dict[Sight, np.ndarray]:
+    world: World, localised: LocalisedRig, side: CameraSide, drawings: Mapping[DrawingKey, Annotated]
+) -> dict[DrawingKey, np.ndarray]:
     """Rock boxes (n, 4) of drawings of both cameras as one camera sees them, moved with the ground at their feet."""
     moved = {}
     for (own, azimuth), annotated in drawings.items():

@@ -12,16 +12,16 @@ from polarsim.geometry.boxes import area, clip
 USUAL_PX = 50.0  # sqrt(area) of a common label
 # Of the logarithm of the odds that a label and the box that a person draws there overlap by IoU >= 0.5. Fitted by
 # `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels, where one person's drawing is
-# the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells) and of `shifted` to 12 too, for the
-# latter the pose of each position in turn forgotten. `figures/reliability.png` of a run shows how well they hold there.
+# the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells) and of `translated` to 12 too, for
+# the latter the pose of each position in turn forgotten. `figures/reliability.png` of a run shows how well they hold.
 COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
     ("rock", "seed"): (5.06, 0.0, 0.89),
     ("rock", "fused"): (2.18, 3.30, 1.08),
-    ("rock", "shifted"): (0.96, 0.0, 3.33),
+    ("rock", "translated"): (0.96, 0.0, 3.33),
     ("rock", "projected"): (0.81, 0.0, 0.56),
     ("shadow", "seed"): (4.27, 0.0, 0.31),
     ("shadow", "fused"): (1.90, 0.0, 1.31),
-    ("shadow", "shifted"): (0.40, 0.0, 2.42),
+    ("shadow", "translated"): (0.40, 0.0, 2.42),
     ("shadow", "cast"): (0.31, 0.0, 0.79),
 }
 ROVER_CAST = (-2.4, 0.0, 0.0)  # the same of shadows that the rover light casts: slivers beside their rocks
@@ -47,7 +47,7 @@ def confidence(kind: str, source: str, share: float, size_px: float, *, by_rover
 
 @dataclass(frozen=True)
 class Label:
-    """One box (4,) of a photo, and where it comes from: seed, fused, shifted, projected or cast."""
+    """One box (4,) of a photo, and where it comes from: seed, fused, translated, projected or cast."""
 
     kind: str
     rock: int

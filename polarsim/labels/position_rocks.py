@@ -142,9 +142,9 @@ class PositionRocks:
         return found
 
     def moved_source(self, camera: CameraSide) -> str:
-        """Source of labels that other drawings tell: `shifted` where no pose says how far things move to a camera."""
+        """Source of labels from other drawings: `translated` where no pose says how far things move to a camera."""
         annotated_here = any(own == camera for own, _ in self.annotated)
-        return "shifted" if self.in_image and not annotated_here else "fused"
+        return "translated" if self.in_image and not annotated_here else "fused"
 
     def annotated_azimuths(self, rock: int) -> set[Azimuth]:
         """Under which lamps people drew a rock here."""
@@ -213,10 +213,10 @@ class PositionRocks:
         """Tracks (n,) that a camera's drawings show, the weight of these (n, 1), and the mean box there (n, 4)."""
         rows, weights, boxes = [], [], []
         for row, track in enumerate(self.tracks):
-            sights = [sight for sight in track.rows if sight[0] == camera]
-            if sights:
-                own = [SAME_LAMP_WEIGHT if sight[1] == azimuth else 1.0 for sight in sights]
-                annotated = [self.annotated[sight].rocks[track.rows[sight]] for sight in sights]
+            drawings = [drawing for drawing in track.rows if drawing[0] == camera]
+            if drawings:
+                own = [SAME_LAMP_WEIGHT if drawing[1] == azimuth else 1.0 for drawing in drawings]
+                annotated = [self.annotated[drawing].rocks[track.rows[drawing]] for drawing in drawings]
                 rows.append(row)
                 weights.append(sum(own))
                 boxes.append(np.average(annotated, axis=0, weights=own))

@@ -27,7 +27,7 @@ from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, Ca
 
 log = logging.getLogger(__name__)
 
-Sight = tuple[CameraSide, Azimuth]  # what one drawing of a position shows
+DrawingKey = tuple[CameraSide, Azimuth]  # which drawing of a position, by its camera and lamp
 Ranked = tuple[tuple[bool, bool, int], "Annotated"]  # a correction, light off, number of boxes: the highest wins
 LEAST_VOTES = 3  # of exposure brackets that tell of another: one odd seed shall move nothing but its own photos
 SAME_LABEL = 0.1  # least IoU of a person's box with a propagated one whose rock it takes over
@@ -70,7 +70,7 @@ class Annotated:
 
 
 Drawings = Mapping[PhotoKey, Annotated]
-Seeds = dict[str, dict[Sight, Annotated]]  # by position
+Seeds = dict[str, dict[DrawingKey, Annotated]]  # by position
 
 
 def read_drawings(folder: Path, terrain: int) -> Drawings:
@@ -112,9 +112,9 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts
         What people drew anew: it wins over seeds.
     starts
         Shortest exposures at which people draw shadows: what is shorter and has none says nothing about them, and
-        another drawing of the same sight tells.
+        another drawing of the same camera and lamp tells.
     """
-    found: dict[tuple[str, Sight], list[Ranked]] = {}
+    found: dict[tuple[str, DrawingKey], list[Ranked]] = {}
     both = [
         *((key, False, annotated) for key, annotated in drawings.items()),
         *((k, True, d) for k, d in corrections.items()),
@@ -126,15 +126,15 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts
         told = replace(annotated, shadows=None) if silent else annotated
         found.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, told))
     seeds: Seeds = {}
-    for (position, sight), ranked in sorted(found.items(), key=lambda item: item[0]):
-        seeds.setdefault(position, {})[sight] = _best(ranked)
+    for (position, drawing), ranked in sorted(found.items(), key=lambda item: item[0]):
+        seeds.setdefault(position, {})[drawing] = _best(ranked)
     return seeds
 
 
-def cameras_first(sights: Sequence[Sight]) -> list[Sight]:
-    """Sights of the camera that has most of them first; left before right where they are even."""
-    count = {camera: sum(own == camera for own, _ in sights) for camera, _ in sights}
-    return sorted(sights, key=lambda sight: (-count[sight[0]], sight))
+def cameras_first(drawings: Sequence[DrawingKey]) -> list[DrawingKey]:
+    """Drawings of the camera that has most of them first; left before right where they are even."""
+    count = {camera: sum(own == camera for own, _ in drawings) for camera, _ in drawings}
+    return sorted(drawings, key=lambda drawing: (-count[drawing[0]], drawing))
 
 
 def _best(ranked: list[Ranked]) -> Annotated:

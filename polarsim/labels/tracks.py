@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import area, iou, match
-from polarsim.labels.seeds import Sight
+from polarsim.labels.seeds import DrawingKey
 from polarsim.photo import Azimuth
 
 SAME_ROCK_IOU = 0.3  # boxes of two azimuths that overlap this much are the same rock
@@ -26,8 +26,8 @@ EDGE_PX, EDGE_SHARE = 2.2, 0.027
 class Track:
     """A rock in the drawings of a position: the number of its box in each, and its boxes (4,) in one common view."""
 
-    rows: dict[Sight, int]
-    boxes: dict[Sight, np.ndarray]
+    rows: dict[DrawingKey, int]
+    boxes: dict[DrawingKey, np.ndarray]
 
     @property
     def mean(self) -> np.ndarray:
@@ -39,21 +39,21 @@ class Track:
         return {azimuth for _, azimuth in self.rows}
 
 
-def find_tracks(annotated: Mapping[Sight, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
+def find_tracks(annotated: Mapping[DrawingKey, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
     """Group rock boxes (n, 4) of several drawings, all moved into one view; one box a drawing at most.
 
     Drawings join in the order of their number of boxes, most first, so that the fullest one sets the pattern.
     """
     tracks: list[Track] = []
-    for sight in sorted(annotated, key=lambda name: (-len(annotated[name]), name)):
-        boxes = annotated[sight]
+    for drawing in sorted(annotated, key=lambda name: (-len(annotated[name]), name)):
+        boxes = annotated[drawing]
         means = np.array([track.mean for track in tracks]).reshape(-1, 4)
         rows, columns = match(iou(means, boxes), same_rock_iou)
         for row, column in zip(rows, columns, strict=True):
-            tracks[row].rows[sight] = int(column)
-            tracks[row].boxes[sight] = boxes[column]
+            tracks[row].rows[drawing] = int(column)
+            tracks[row].boxes[drawing] = boxes[column]
         new = [column for column in range(len(boxes)) if column not in columns]
-        tracks += [Track({sight: column}, {sight: boxes[column]}) for column in new]
+        tracks += [Track({drawing: column}, {drawing: boxes[column]}) for column in new]
     return tracks
 
 

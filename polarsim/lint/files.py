@@ -123,7 +123,7 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
         yield Defect("paint_order", f"polygon {late[0] + 1}: {kind}", tuple(late.tolist()))
     overlap = iou(boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON))
     if (overlap > NEAR).any():
-        yield Defect("polygons_on_one_place", f"{(overlap > NEAR).sum()} pairs")
+        yield Defect("polygons_coincide", f"{(overlap > NEAR).sum()} pairs")
 
 
 def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:

@@ -90,7 +90,7 @@ RULES: dict[str, Rule] = {
     "cover_holes": Rule("P609", "warning", "over 2 % of the photo under no polygon"),
     "paint_order": Rule("P610", "note", "ground or background after a rock or shadow: painting in this order erases it",
                         "puts ground and background first"),
-    "polygons_on_one_place": Rule("P611", "warning", "a rock and a shadow on one spot (IoU of boxes over 0.7)"),
+    "polygons_coincide": Rule("P611", "warning", "a rock and a shadow on one spot (IoU of boxes over 0.7)"),
     "other_camera_polygons": Rule("P612", "error", "the rocks fit the boxes of the other camera better"),
     "rock_box_alone": Rule("P613", "note", "a rock's box without a polygon"),
     "shadow_box_alone": Rule("P614", "note", "a shadow's box without a polygon"),

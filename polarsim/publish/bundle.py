@@ -153,11 +153,11 @@ def check_space(folder: Path, need: int) -> None:
     PolarsimError
         Too little is free: one line with both numbers.
     """
-    place = folder.absolute()
-    while not place.exists():
-        place = place.parent
+    existing = folder.absolute()
+    while not existing.exists():
+        existing = existing.parent
     held = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) if folder.is_dir() else 0
-    free = shutil.disk_usage(place).free
+    free = shutil.disk_usage(existing).free
     missing = need - held + SPARE - free
     if missing > 0:
         raise PolarsimError(

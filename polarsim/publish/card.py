@@ -148,7 +148,7 @@ def rai_answers(catalogue: Catalogue) -> dict[str, object]:
         "data_manipulation_protocol": f"Twins ({', '.join(twins) or 'none here'}) are ray-traced, not photographed.",
         "data_annotation_protocol": [
             "A person drew boxes of rocks and shadows in a few photos (source seed); geometry and light carried them "
-            "to all others (fused, shifted, projected, cast). Labels of twins are the renderer's own (rendered)."
+            "to all others (fused, translated, projected, cast). Labels of twins are the renderer's own (rendered)."
         ],
         "data_annotation_platform": ["labelImg, CVAT or Label Studio for what people drew; polarsim for the rest"],
         "data_annotation_analysis": ["The evaluation of this run stands on its data card, README.md."],

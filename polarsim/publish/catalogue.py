@@ -47,7 +47,7 @@ LABEL_ORIGINS: dict[str, Origin] = {
     "seed": "measured",
     "annotated": "measured",
     "fused": "fitted",
-    "shifted": "fitted",
+    "translated": "fitted",
     "projected": "fitted",
     "cast": "fitted",
     "rendered": "synthetic",

@@ -53,9 +53,9 @@ def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
     for domain in catalogue.domains:
         pictures = catalogue.of_domain(domain)
         for one in pictures:
-            place = f"{PARTS[one.part]}/{one.key}"
-            bundle.png(f"{domain}/images/{place}.png", partial(shown, one), [one.path])
-            bundle.make(f"{domain}/labels/{place}.txt", partial(_write_boxes, catalogue, one))
+            name = f"{PARTS[one.part]}/{one.key}"
+            bundle.png(f"{domain}/images/{name}.png", partial(shown, one), [one.path])
+            bundle.make(f"{domain}/labels/{name}.txt", partial(_write_boxes, catalogue, one))
         there = {PARTS[one.part] for one in pictures}
         own = {part: part if part in there else "train" for part in ("train", "val", "test")}
         lines = [f"path: {domain}  # from the folder of this file", *(f"{a}: images/{b}" for a, b in own.items())]

@@ -38,7 +38,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "kind": ("rock or shadow.", ""),
     "rock": ("Number of the rock in its terrain, the same in all tables and meshes; -1: not known.", ""),
     "shadow_of": ("Of a shadow the number of the label that throws it, on the same picture; -1: none.", ""),
-    "source": ("seed: a person drew it; fused, shifted, projected, cast: propagated; rendered: exact.", ""),
+    "source": ("seed: a person drew it; fused, translated, projected, cast: propagated; rendered: exact.", ""),
     "confidence": ("Confidence of the label, 0 to 1.", ""),
     "x0": ("Left edge of the box, from the picture's left border.", "px"),
     "y0": ("Upper edge of the box, from the picture's upper border.", "px"),
@@ -65,7 +65,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "p2": ("Tangential distortion.", ""),
     "k3": ("Radial distortion.", ""),
     "method": ("What the pose rests on.", ""),
-    "sd_mm": ("Formal standard deviation of the place; NaN where the fit states none.", "mm"),
+    "sd_mm": ("Formal standard deviation of the position; NaN where the fit states none.", "mm"),
     "sd_deg": ("Formal standard deviation of the direction; NaN where the fit states none.", "deg"),
     "lamp": ("Azimuth of a Sun lamp, or rover_ and the position whose rig carries the light.", ""),
     "mesh": ("File of the rock's mesh in the run.", ""),
@@ -125,11 +125,11 @@ def labels(catalogue: Catalogue) -> pd.DataFrame:
 def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, Any]]:
     """Of one picture, in the order of its labels."""
     own = catalogue.labels(picture)
-    for place, (one, caster) in enumerate(zip(own, shadow_casters(own), strict=True)):
+    for index, (one, caster) in enumerate(zip(own, shadow_casters(own), strict=True)):
         x0, y0, x1, y1 = (round(float(edge), 3) for edge in one.box)
         yield {
             "picture": picture.name,
-            "label": place,
+            "label": index,
             "kind": one.kind,
             "rock": one.rock,
             "shadow_of": caster,
@@ -169,8 +169,8 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
                         "width": lens.width,
                         "height": lens.height,
                         "method": localised.method,
-                        "sd_mm": float(localised.quality.get("sd_mm", np.nan)),
-                        "sd_deg": float(localised.quality.get("sd_deg", np.nan)),
+                        "sd_mm": float(localised.metrics.get("sd_mm", np.nan)),
+                        "sd_deg": float(localised.metrics.get("sd_deg", np.nan)),
                         "origin": terrain.pose_origin(position),
                     }
                 )
@@ -181,13 +181,13 @@ def lamps(catalogue: Catalogue) -> pd.DataFrame:
     """A row a Sun lamp of a terrain, and one a rover light of every localised position."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
-        places = [(name, place, terrain.sun_origin(name)) for name, place in terrain.suns.items()]
-        places += [
+        named = [(name, position, terrain.sun_origin(name)) for name, position in terrain.suns.items()]
+        named += [
             (f"rover_{position}", localised.rover_light, terrain.pose_origin(position))
             for position, localised in sorted(terrain.rigs.items())
         ]
-        for name, place, origin in places:
-            own = dict(zip(("x_m", "y_m", "z_m"), map(float, place), strict=True))
+        for name, position, origin in named:
+            own = dict(zip(("x_m", "y_m", "z_m"), map(float, position), strict=True))
             rows.append({"terrain": terrain.number, "lamp": name, **own, "origin": origin})
     return pd.DataFrame(rows, columns=["terrain", "lamp", "x_m", "y_m", "z_m", "origin"])
 

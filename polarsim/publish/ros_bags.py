@@ -34,15 +34,15 @@ def fixed_bytes(catalogue: Catalogue) -> int:
 def write(catalogue: Catalogue, bundle: Bundle) -> None:
     """`drives/seedN/`, `stations/<domain>/TerrainNN_PosX/`."""
     for name, path in _drives(catalogue).items():
-        place = f"drives/{name}"
-        copied = bundle.copy(f"{place}/{name}.mcap", path)
-        bundle.text(f"{place}/{bags.METADATA}", bags.metadata(copied, f"{name}.mcap"))
+        folder = f"drives/{name}"
+        copied = bundle.copy(f"{folder}/{name}.mcap", path)
+        bundle.text(f"{folder}/{bags.METADATA}", bags.metadata(copied, f"{name}.mcap"))
     for (domain, terrain, position), pictures in _stations(catalogue).items():
         name = f"Terrain{terrain:02d}_Pos{position}"
-        place = f"stations/{domain}/{name}"
+        folder = f"stations/{domain}/{name}"
         sources = [path for one in pictures for path in catalogue.sources(one)]
-        made = bundle.make(f"{place}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)
-        bundle.text(f"{place}/{bags.METADATA}", bags.metadata(made, f"{name}.mcap"))
+        made = bundle.make(f"{folder}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)
+        bundle.text(f"{folder}/{bags.METADATA}", bags.metadata(made, f"{name}.mcap"))
 
 
 def _drives(catalogue: Catalogue) -> dict[str, Path]:
@@ -76,8 +76,8 @@ def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
                     for side in CAMERAS
                 ),
                 *(
-                    ros.transform(SECOND, "map", f"sun_{azimuth}", Pose(np.eye(3), place))
-                    for azimuth, place in catalogue.terrains[pictures[0].key.terrain].suns.items()
+                    ros.transform(SECOND, "map", f"sun_{azimuth}", Pose(np.eye(3), position))
+                    for azimuth, position in catalogue.terrains[pictures[0].key.terrain].suns.items()
                 ),
             ]
         },

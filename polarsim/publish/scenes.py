@@ -77,9 +77,9 @@ def _cameras(terrain: Terrain) -> Iterator[tuple[str, str, Camera]]:
 
 
 def _lamps(terrain: Terrain) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Name, place and origin."""
-    for azimuth, place in terrain.suns.items():
-        yield f"sun_{azimuth}", place, terrain.sun_origin(azimuth)
+    """Name, position and origin of each lamp."""
+    for azimuth, sun in terrain.suns.items():
+        yield f"sun_{azimuth}", sun, terrain.sun_origin(azimuth)
     for position, localised in sorted(terrain.rigs.items()):
         yield f"rover_light_{position}", localised.rover_light, terrain.pose_origin(position)
 
@@ -113,9 +113,9 @@ def _cameras_and_lamps(terrain: Terrain) -> Any:
             nodes.append(
                 {"name": name, "camera": len(cameras) - 1, "matrix": matrix.T.ravel().tolist(), "extras": extras}
             )
-        for name, place, origin in _lamps(terrain):
+        for name, lamp_position, origin in _lamps(terrain):
             lamps.append({"name": name, "type": "point"})
-            moved = gltf.Y_UP_FROM_SANDBOX[:3, :3] @ place
+            moved = gltf.Y_UP_FROM_SANDBOX[:3, :3] @ lamp_position
             own = {"KHR_lights_punctual": {"light": len(lamps) - 1}}
             nodes.append({"name": name, "translation": moved.tolist(), "extensions": own, "extras": {"origin": origin}})
         first = len(tree["nodes"])
@@ -148,8 +148,8 @@ def _write_stage(terrain: Terrain, path: Path) -> None:
         _add_mesh(stage, terrain, rock, file)
     for name, position, camera in _cameras(terrain):
         _add_camera(stage, name, camera, terrain.pose_origin(position))
-    for name, place, origin in _lamps(terrain):
-        _add_lamp(stage, name, place, origin)
+    for name, lamp_position, origin in _lamps(terrain):
+        _add_lamp(stage, name, lamp_position, origin)
     stage.GetRootLayer().Save()
 
 
@@ -198,14 +198,14 @@ def _add_camera(stage: Any, name: str, camera: Camera, origin: str) -> None:
         made.GetPrim().CreateAttribute(f"polarsim:{key}", kind, custom=True).Set(float(value))
 
 
-def _add_lamp(stage: Any, name: str, place: np.ndarray, origin: str) -> None:
+def _add_lamp(stage: Any, name: str, position: np.ndarray, origin: str) -> None:
     from pxr import Gf, Sdf, UsdGeom, UsdLux
 
     lamp = UsdLux.SphereLight.Define(stage, f"/World/{name}")
     lamp.CreateRadiusAttr(LAMP_RADIUS)
     lamp.CreateTreatAsPointAttr(True)
     UsdGeom.Boundable(lamp).CreateExtentAttr([Gf.Vec3f(-LAMP_RADIUS), Gf.Vec3f(LAMP_RADIUS)])
-    UsdGeom.Xformable(lamp).AddTranslateOp().Set(Gf.Vec3d(*map(float, place)))
+    UsdGeom.Xformable(lamp).AddTranslateOp().Set(Gf.Vec3d(*map(float, position)))
     _say(lamp, {"origin": origin}, Sdf)
 
 

@@ -25,7 +25,7 @@ from polarsim.publish.catalogue import DRIVE, Catalogue, Picture
 START_NS = 1_000_000_000
 POSE = ("time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 _BODY = (*POSE, "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
-_RIGID = 1e-6  # a camera whose place on the rover changes by more follows it without being fixed to it
+_RIGID = 1e-6  # a camera whose position on the rover changes by more follows it without being fixed to it
 
 
 def bytes_of(_: Picture) -> int:
@@ -51,15 +51,15 @@ class Drive:
         return cls(folder, read_parquet(folder / DRIVE, _BODY))
 
     @cached_property
-    def _turn(self) -> Slerp:
-        turns = Rotation.from_quat(self.table[["qx", "qy", "qz", "qw"]].to_numpy())
-        return Slerp(self.table["time_s"].to_numpy(), turns)
+    def _rotations(self) -> Slerp:
+        rotations = Rotation.from_quat(self.table[["qx", "qy", "qz", "qw"]].to_numpy())
+        return Slerp(self.table["time_s"].to_numpy(), rotations)
 
     def world_from_base(self, time_s: float) -> Pose:
         times = self.table["time_s"].to_numpy()
         at = float(np.clip(time_s, times[0], times[-1]))
-        place = np.array([np.interp(at, times, self.table[name]) for name in ("x_m", "y_m", "z_m")])
-        return Pose(self._turn(at).as_matrix(), place)
+        position = np.array([np.interp(at, times, self.table[name]) for name in ("x_m", "y_m", "z_m")])
+        return Pose(self._rotations(at).as_matrix(), position)
 
 
 @dataclass(frozen=True)
@@ -99,25 +99,25 @@ def _views(drive: Drive) -> Iterator[View]:
 def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
     """`<drive>_<light>/mav0/{cam0,imu0,state_groundtruth_estimate0}`; cam0 is the first view by name, and so on."""
     for name, drive, views in sequences(catalogue):
-        place, table = f"{name}/mav0", drive.table
+        folder, table = f"{name}/mav0", drive.table
         stamps = [stamp_ns(time) for time in table["time_s"]]
         imu = table[["wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2"]]
-        bundle.text(f"{place}/imu0/data.csv", _csv(_IMU, stamps, imu))
-        bundle.text(f"{place}/imu0/sensor.yaml", _sensor("imu", Pose.identity(), "readings without noise"))
+        bundle.text(f"{folder}/imu0/data.csv", _csv(_IMU, stamps, imu))
+        bundle.text(f"{folder}/imu0/sensor.yaml", _sensor("imu", Pose.identity(), "readings without noise"))
         truth = table[[*POSE[1:], "vx_m_s", "vy_m_s", "vz_m_s"]].assign(**dict.fromkeys("abcdef", 0.0))  # no biases
-        bundle.text(f"{place}/state_groundtruth_estimate0/data.csv", _csv(_TRUTH, stamps, truth))
+        bundle.text(f"{folder}/state_groundtruth_estimate0/data.csv", _csv(_TRUTH, stamps, truth))
         bundle.text(
-            f"{place}/state_groundtruth_estimate0/sensor.yaml",
+            f"{folder}/state_groundtruth_estimate0/sensor.yaml",
             _sensor("visual-inertial", Pose.identity(), "the simulation's own states, synthetic"),
         )
         for number, view in enumerate(views):
             lines = ["#timestamp [ns],filename\n"]
             for stamp, path in _shots(view):
-                bundle.copy(f"{place}/cam{number}/data/{stamp}.png", path)
+                bundle.copy(f"{folder}/cam{number}/data/{stamp}.png", path)
                 lines.append(f"{stamp},{stamp}.png\n")
-            bundle.text(f"{place}/cam{number}/data.csv", "".join(lines))
+            bundle.text(f"{folder}/cam{number}/data.csv", "".join(lines))
             says = f"{view.name}, 12-bit values in 16-bit PNG; its lens is in the bag's camera_info"
-            bundle.text(f"{place}/cam{number}/sensor.yaml", _sensor("camera", view.base_from_camera, says))
+            bundle.text(f"{folder}/cam{number}/sensor.yaml", _sensor("camera", view.base_from_camera, says))
 
 
 def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
@@ -126,14 +126,14 @@ def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
         if not views:
             bundle.text(f"{name}/base_link/groundtruth.txt", _tum(drive, Pose.identity(), "base_link"))
         for view in views:
-            place = f"{name}/{view.name}"
-            bundle.text(f"{place}/groundtruth.txt", _tum(drive, view.base_from_camera, f"{view.name}, z forward"))
+            folder = f"{name}/{view.name}"
+            bundle.text(f"{folder}/groundtruth.txt", _tum(drive, view.base_from_camera, f"{view.name}, z forward"))
             lines = ["# timestamp filename\n"]
             for stamp, path in _shots(view):
                 shown = f"{stamp // 10**9}.{stamp % 10**9:09d}"
-                bundle.copy(f"{place}/rgb/{shown}.png", path)
+                bundle.copy(f"{folder}/rgb/{shown}.png", path)
                 lines.append(f"{shown} rgb/{shown}.png\n")
-            bundle.text(f"{place}/rgb.txt", "".join(lines))
+            bundle.text(f"{folder}/rgb.txt", "".join(lines))
 
 
 def stamp_ns(time_s: float) -> int:
@@ -148,8 +148,8 @@ def _shots(view: View) -> Iterator[tuple[int, Path]]:
 
 
 def _pose(row: Mapping[Any, Any]) -> Pose:
-    turn = Rotation.from_quat([row["qx"], row["qy"], row["qz"], row["qw"]]).as_matrix()
-    return Pose(turn, np.array([row["x_m"], row["y_m"], row["z_m"]]))
+    rotation = Rotation.from_quat([row["qx"], row["qy"], row["qz"], row["qw"]]).as_matrix()
+    return Pose(rotation, np.array([row["x_m"], row["y_m"], row["z_m"]]))
 
 
 def _tum(drive: Drive, base_from_camera: Pose, of: str) -> str:
@@ -157,8 +157,8 @@ def _tum(drive: Drive, base_from_camera: Pose, of: str) -> str:
     for row in drive.table.to_dict("records"):
         pose = _pose(row) @ base_from_camera
         stamp = stamp_ns(row["time_s"])
-        turn = Rotation.from_matrix(pose.rotation).as_quat(canonical=True)
-        values = " ".join(repr(float(value)) for value in (*pose.translation, *turn))
+        rotation = Rotation.from_matrix(pose.rotation).as_quat(canonical=True)
+        values = " ".join(repr(float(value)) for value in (*pose.translation, *rotation))
         lines.append(f"{stamp // 10**9}.{stamp % 10**9:09d} {values}\n")
     return "".join(lines)
 

@@ -19,7 +19,9 @@ CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct ligh
 class HapkeParameters(BaseModel, extra="forbid", frozen=True):
     """Hapke 2012, with macroscopic roughness. The letters are the literature's."""
 
-    w: float = Field(ge=0, le=1, description="Single-scattering albedo.")
+    w: float = Field(
+        ge=0, le=1, description="Grains scatter this share of the light that they meet (single-scattering albedo)."
+    )
     b: float = Field(ge=0, lt=1, description="Width of the phase function's lobes.")
     c: float = Field(ge=-1, le=1, description="The lobes are weighted by this; above 0 light is scattered backwards.")
     b_s0: float = Field(0, ge=0, description="The shadow-hiding opposition effect has this amplitude.")
@@ -69,10 +71,14 @@ def hapke_parameters(chosen: HapkeSet | HapkeParameters) -> HapkeParameters:
 class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
     """Burley's diffuse lobe and a GGX mirror lobe, as Mitsuba 3 defines them."""
 
-    base_color: float = Field(0.2, ge=0, le=1, description="Albedo of the diffuse lobe.")
-    roughness: float = Field(0.8, ge=0, le=1, description="GGX alpha is its square.")
+    base_color: float = Field(0.2, ge=0, le=1, description="The diffuse lobe has this albedo; more is brighter.")
+    roughness: float = Field(
+        0.8, ge=0, le=1, description="The square of it is the alpha of the GGX highlight; 1: wide and faint."
+    )
     specular: float = Field(0.5, ge=0, le=1, description="Strength of the dielectric mirror lobe; 0.5 is index 1.5.")
-    metallic: float = Field(0, ge=0, le=1, description="Share of metal.")
+    metallic: float = Field(
+        0, ge=0, le=1, description="This share of the surface reflects as metal does, without a diffuse lobe."
+    )
 
 
 class LambertParameters(BaseModel, extra="forbid", frozen=True):
@@ -82,7 +88,9 @@ class LambertParameters(BaseModel, extra="forbid", frozen=True):
 class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
     """McEwen's mix of Lommel-Seeliger and Lambert."""
 
-    albedo: float = Field(0.12, ge=0, le=0.6, description="Normal albedo.")
+    albedo: float = Field(
+        0.12, ge=0, le=0.6, description="The surface has this albedo, lit and seen from above; more is brighter."
+    )
     weight: Literal["mcewen"] | float = Field("mcewen", description="Share L of Lommel-Seeliger; mcewen: by phase.")
 
 
@@ -103,11 +111,15 @@ class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
 class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
     """Chrono::Sensor's Principled shader of 2025; f_r is its factor over pi."""
 
-    k_d: float = Field(0.7, ge=0, le=1, description="Diffuse colour.")
+    k_d: float = Field(0.7, ge=0, le=1, description="The diffuse lobe has this albedo; more is brighter.")
     k_s: float = Field(1.0, ge=0, le=1, description="Specular colour; counts in the specular workflow.")
-    roughness: float = Field(0.8, ge=0.001, le=1, description="GGX alpha itself.")
+    roughness: float = Field(
+        0.8, ge=0.001, le=1, description="This is the alpha of the GGX highlight itself; more is wider and weaker."
+    )
     metallic: float = Field(0, ge=0, le=1, description="Share of metal; counts in the metallic workflow.")
-    workflow: Literal["specular", "metallic"] = Field("specular", description="What mirrors: k_s, or metal.")
+    workflow: Literal["specular", "metallic"] = Field(
+        "specular", description="What sets the mirror-like share: k_s, or metallic."
+    )
 
     @property
     def albedo(self) -> float:
@@ -138,7 +150,7 @@ Parameters = (
 class Material(BaseModel, extra="forbid", frozen=True):
     """What a thing is made of, where it differs from the run's models. Parameters that are left out are the run's."""
 
-    albedo: PositiveFloat = Field(1, description="Factor of the reflectance.")
+    albedo: PositiveFloat = Field(1, description="The reflectance is multiplied by this factor.")
     hapke: HapkeSet | HapkeParameters | None = Field(
         None, description="A parameter set is named, or the parameters are given."
     )

@@ -16,7 +16,7 @@ from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digests_of
-from polarsim.render.surfaces import Surfaces, refuse_place, surfaces_of
+from polarsim.render.surfaces import Surfaces, refuse_position, surfaces_of
 
 
 class Scene:
@@ -46,7 +46,7 @@ class Scene:
         """SHA-256 of every mesh by its file's name."""
         return digests_of(mesh_files(self.meshes, self.terrain).values())
 
-    def refuse_places(self, shot: Shot) -> None:
+    def refuse_positions(self, shot: Shot) -> None:
         """End where the camera or a lamp of a shot stands where no picture can come of it.
 
         Raises
@@ -54,10 +54,10 @@ class Scene:
         RenderError
             It stands below the ground, or more than a kilometre away.
         """
-        refuse_place(self.surfaces, shot.camera.centre, "the camera")
+        refuse_position(self.surfaces, shot.camera.centre, "the camera")
         for lamp in shot.lamps.values():
             if not lamp.distant:
-                refuse_place(self.surfaces, lamp.position, "the lamp")
+                refuse_position(self.surfaces, lamp.position, "the lamp")
 
     def picture(self, shot: Shot, threads: int = 1) -> np.ndarray:
         """(h, w) uint16 photo: 12-bit grey values, black level 16.

@@ -97,20 +97,20 @@ class Surfaces:
         return np.stack([normals.take(self.faces[:, corner], axis=0) for corner in range(3)], axis=1)
 
 
-def refuse_place(surfaces: Surfaces, place: np.ndarray, what: str) -> None:
-    """End where a camera or lamp at a place (3,) can see or light nothing, before anything is rendered.
+def refuse_position(surfaces: Surfaces, position: np.ndarray, what: str) -> None:
+    """End where a camera or lamp at a position (3,) can see or light nothing, before anything is rendered.
 
     Raises
     ------
     RenderError
         It stands below the ground, or farther away than `FARTHEST_M`.
     """
-    at = ", ".join(f"{value:g}" for value in place)
-    if (away := float(np.linalg.norm(place))) > FARTHEST_M:
+    at = ", ".join(f"{value:g}" for value in position)
+    if (away := float(np.linalg.norm(position))) > FARTHEST_M:
         raise RenderError(f"{what} at ({at}) m is {away:.3g} m away, expected at most {FARTHEST_M:g} m")
-    distance, face = surfaces.all.nearest(np.array([place], float), np.array([[0.0, 0.0, 1.0]]))
+    distance, face = surfaces.all.nearest(np.array([position], float), np.array([[0.0, 0.0, 1.0]]))
     beneath = face[0] >= 0 and surfaces.id_of_face[face[0]] == GROUND
-    if beneath or place[2] < surfaces.vertices[:, 2].min():
+    if beneath or position[2] < surfaces.vertices[:, 2].min():
         how = f"{distance[0]:.3g} m below the ground" if beneath else "below all ground"
         raise RenderError(f"{what} at ({at}) m lies {how}; +Z is up")
 

@@ -17,7 +17,7 @@ from polarsim.report.layout import MISSING, with_origin, write_blocks, write_tab
 from polarsim.report.seeds import SEED, by_splits, over_seeds, shown
 
 FALSE_POSITIVE_COLUMNS = (
-    "trained", "evaluated", "place", "terrains", "images", "units", "photo_areas", "false_positives",
+    "trained", "evaluated", "region", "terrains", "images", "units", "photo_areas", "false_positives",
     "per_photo", "per_photo_low", "per_photo_high", "area_share", "area_share_low", "area_share_high",
 )  # fmt: skip
 FALSE_POSITIVE_CAPTION = (
@@ -95,7 +95,7 @@ def tabulate_false_positives(
     table = read_parquet(false_positives, FALSE_POSITIVE_COLUMNS)
     table = paper.with_own_names(table, ("trained", "evaluated"), origin["source"])
     table = paper.sorted_rows(
-        table, table["place"], *(table[name].map(paper.rank) for name in ("trained", "evaluated"))
+        table, table["region"], *(table[name].map(paper.rank) for name in ("trained", "evaluated"))
     )
     notes = notes_below(table, FALSE_POSITIVE_NOTES, detection, origin)
     shown_table = format_false_positives(table)
@@ -103,15 +103,15 @@ def tabulate_false_positives(
 
 
 def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a place, detector and domain."""
+    """One row for each region, detector and domain."""
     columns = ["where", "T", "E", "terrains", "photos", "per photo", "share of area, %"]
     rows = []
     for split, matched in by_splits(table):
-        for (place, trained, evaluated), part in matched.groupby(["place", "trained", "evaluated"], sort=False):
+        for (region, trained, evaluated), part in matched.groupby(["region", "trained", "evaluated"], sort=False):
             shares = ["area_share", "area_share_low", "area_share_high"]
             percent = part.assign(**{name: 100 * part[name] for name in shares})
             values = (
-                place,
+                region,
                 paper.title(str(trained)),
                 paper.title(str(evaluated)),
                 str(part["terrains"].iloc[0]),

@@ -16,13 +16,13 @@ from polarsim.photo import CAMERAS
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 
-CAMERA_QUALITY = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg", "median_off_before_px", "median_off_px")
+CAMERA_METRICS = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg", "median_off_before_px", "median_off_px")
 CAMERA_ERRORS = {"position_error_aligned": "error_mm", "angle_error_aligned": "error_deg"}
 REPROJECTIONS = ("reprojection", "rock_reprojection")
 CAMERA_COLUMNS = {
     "terrain": "int64", "position": "str", "method": "str", "x_m": "float64", "y_m": "float64", "z_m": "float64",
     "yaw_deg": "float64", "pitch_deg": "float64", "roll_deg": "float64",
-    **dict.fromkeys((*CAMERA_QUALITY, *CAMERA_ERRORS.values()), "float64"),
+    **dict.fromkeys((*CAMERA_METRICS, *CAMERA_ERRORS.values()), "float64"),
     **{f"{name}_{camera}_px": "float64" for name in REPROJECTIONS for camera in "lr"},
 }  # fmt: skip
 ALIGNMENT_COLUMNS = {
@@ -99,7 +99,7 @@ def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.Data
     return {
         "terrain": terrain, "position": position, "method": rig.method, "x_m": x, "y_m": y, "z_m": z,
         **dict(zip(("yaw_deg", "pitch_deg", "roll_deg"), angles, strict=True)),
-        **{name: rig.quality.get(name, np.nan) for name in CAMERA_QUALITY},
+        **{name: rig.metrics.get(name, np.nan) for name in CAMERA_METRICS},
         **{column: value.get((position, metric), np.nan) for metric, column in CAMERA_ERRORS.items()},
         **{
             f"{name}_{camera.lower()}_px": value.get((f"{position} {camera}", f"{name}_median"), np.nan)
@@ -120,7 +120,7 @@ def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
             "terrain": terrain,
             "evidence": "labels",
             "between": f"{position} and its boxes",
-            **{name: rig.quality.get(name, np.nan) for name in LABEL_METRICS},
+            **{name: rig.metrics.get(name, np.nan) for name in LABEL_METRICS},
         }
         for position, rig in sorted(read_all_localised(folder).items())
     ]

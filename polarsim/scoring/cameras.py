@@ -172,10 +172,10 @@ def _overlap_metrics(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -
 
 
 def stated(localised: Mapping[str, LocalisedRig]) -> list[Metric]:
-    """What the cameras stage itself says of each fit (`quality` of PosX.json)."""
+    """What the cameras stage itself says of each fit (`metrics` of PosX.json)."""
     metrics = []
     for position, rig in localised.items():
-        for name, value in sorted(rig.quality.items()):
+        for name, value in sorted(rig.metrics.items()):
             unit = next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "1")
             subject = f"{position} ({rig.method})" if rig.method else position
             metrics.append(Metric(subject, name, float(value), unit, 1, "own"))

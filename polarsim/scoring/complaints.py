@@ -23,11 +23,13 @@ class _Limit:
 
 # Several times what sound runs show (docs/notes/cameras.md), and well below what spoils meshes and labels.
 LIMITS = {
-    "common_turn": _Limit(0.03, "all scans together would have to rotate by {value:.3f} degrees to lie on the meshes"),
-    "common_shift": _Limit(0.6, "all scans together would have to move by {value:.1f} mm to lie on the meshes"),
-    "turn_between": _Limit(0.05, "on the meshes the two scans lie {value:.3f} degrees otherwise than written"),
-    "shift_between": _Limit(1.0, "on the meshes the two scans lie {value:.1f} mm otherwise than written"),
-    "cameras_turn": _Limit(0.1, "cameras rotated together by {value:.3f} degrees after the meshes were made"),
+    "common_rotation": _Limit(
+        0.03, "all scans together would have to rotate by {value:.3f} degrees to lie on the meshes"
+    ),
+    "common_translation": _Limit(0.6, "all scans together would have to move by {value:.1f} mm to lie on the meshes"),
+    "rotation_between": _Limit(0.05, "on the meshes the two scans lie {value:.3f} degrees otherwise than written"),
+    "translation_between": _Limit(1.0, "on the meshes the two scans lie {value:.1f} mm otherwise than written"),
+    "cameras_rotation": _Limit(0.1, "cameras rotated together by {value:.3f} degrees after the meshes were made"),
     "boxes_iou": _Limit(0.55, "projected meshes meet the boxes with a mean IoU of {value:.2f} only", above=False),
     "windows_found": _Limit(
         0.25, "{value:.0%} of the left photos' windows are found in the right ones: are these one rig's?", above=False

@@ -101,8 +101,8 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     everything = np.concatenate(list(scans.values()))
     rotation, translation = _size(_further(everything, surface), everything.mean(axis=0))
     metrics = [
-        Metric("all scans on the meshes", "common_turn", rotation, "deg", len(scans), "own"),
-        Metric("all scans on the meshes", "common_shift", translation, "mm", len(scans), "own"),
+        Metric("all scans on the meshes", "common_rotation", rotation, "deg", len(scans), "own"),
+        Metric("all scans on the meshes", "common_translation", translation, "mm", len(scans), "own"),
     ]
     moves = {}
     for position, points in sorted(scans.items()):
@@ -115,8 +115,8 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     for one, other in combinations(sorted(moves), 2):
         rotation, translation = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
         subject = f"scans {one} and {other}"
-        metrics.append(Metric(subject, "turn_between", rotation, "deg", 2, "own"))
-        metrics.append(Metric(subject, "shift_between", translation, "mm", 2, "own"))
+        metrics.append(Metric(subject, "rotation_between", rotation, "deg", 2, "own"))
+        metrics.append(Metric(subject, "translation_between", translation, "mm", 2, "own"))
     return metrics
 
 
@@ -128,7 +128,7 @@ def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, Loc
     ]
     if len(set(before) & set(after)) > 1:
         rotation = float(np.degrees(angle_between(align_rigs(after, before), Pose.identity())))
-        metrics.append(Metric("cameras since the meshes", "cameras_turn", rotation, "deg", len(after), "own"))
+        metrics.append(Metric("cameras since the meshes", "cameras_rotation", rotation, "deg", len(after), "own"))
     return metrics
 
 

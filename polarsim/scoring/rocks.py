@@ -210,6 +210,6 @@ def _alignment_metrics(compared: Comparison) -> list[Metric]:
     moved_mm = 1000 * np.linalg.norm(alignment.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
     rotation_deg = float(np.degrees(angle_between(by_cameras, alignment)))
     return [
-        Metric("frame", "icp_shift_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
-        Metric("frame", "icp_turn", rotation_deg, "deg", len(points), "truth"),
+        Metric("frame", "icp_translation_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
+        Metric("frame", "icp_rotation", rotation_deg, "deg", len(points), "truth"),
     ]

@@ -16,7 +16,7 @@ _LIFT = 2e-3  # metres: sampled points are looked at from here above their own s
 
 
 class Surface:
-    """Triangles (f, 3) of vertices (v, 3), metres, that can be asked for closest points and sights."""
+    """Triangles (f, 3) of vertices (v, 3), metres, that tell their closest points and what is seen from a point."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self.vertices, self.faces = np.asarray(vertices, float), np.asarray(faces, np.int64)

@@ -25,7 +25,7 @@ from polarsim.scoring.true_surface import compare
 _CENTRES = ("rock", "x", "y", "z", "size_m")
 
 
-def lay_truth(
+def write_truth(
     *,
     terrain: int,
     rocks: Path,

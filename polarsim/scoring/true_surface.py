@@ -30,7 +30,7 @@ SAME_RANGE = 0.015  # metres between a point's distance and the return's
 
 
 @dataclass(frozen=True)
-class Sight:
+class TrueView:
     """One position's view of the true scene."""
 
     camera: Camera  # rectified, in the true frame
@@ -46,8 +46,8 @@ class Sight:
         return seen
 
 
-def sights(true: Mapping[str, LocalisedRig], positions: set[str], known: Inventory | None) -> list[Sight]:
-    """A sight for each of `positions` that has a true pose; with its range map where the inventory names one.
+def true_views(true: Mapping[str, LocalisedRig], positions: set[str], known: Inventory | None) -> list[TrueView]:
+    """A view for each of `positions` that has a true pose; with its range map where the inventory names one.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def sights(true: Mapping[str, LocalisedRig], positions: set[str], known: Invento
         points = nasa.read_range_map(Path(path), (grid.lens.width, grid.lens.height)) if path else None
         ranges = None if points is None else np.linalg.norm(points, axis=-1)
         camera = Camera(true[position].sandbox_from_left @ grid.left_from_rectified, grid.lens)
-        found.append(Sight(camera, ranges))
+        found.append(TrueView(camera, ranges))
     return found
 
 
@@ -116,7 +116,7 @@ def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, invent
     What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out too.
     """
     by_cameras, known = read_alignment(cameras, truth), read_inventory(inventory) if inventory is not None else None
-    views = sights(read_all_localised(truth / "cameras"), set(read_all_localised(cameras)), known)
+    views = true_views(read_all_localised(truth / "cameras"), set(read_all_localised(cameras)), known)
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     rng = generator(SEED, "surface samples", terrain)
@@ -130,7 +130,7 @@ def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, invent
 
 
 def _seen_points(
-    surface: Surface, rock_of_face: np.ndarray, views: list[Sight], n: int, rng: np.random.Generator
+    surface: Surface, rock_of_face: np.ndarray, views: list[TrueView], n: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points that were seen, of n on rocks and n on ground; the rock of each, and the area that it stands for."""
     parts = []

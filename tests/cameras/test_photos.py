@@ -118,10 +118,10 @@ def test_lamps_are_found_across_the_line_to_the_centre(refined):
 def test_how_well_photos_and_meshes_agree_is_stated(refined):
     rig = refined[0]["A"]
     assert rig.method == "scans, photos"
-    assert rig.quality["rmse_mm"] == 2.0
-    assert rig.quality["median_off_px"] < 1 < 2 < rig.quality["median_off_before_px"]
-    assert rig.quality["windows"] > 500
-    assert 0 < rig.quality["sd_mm"] < 3
+    assert rig.metrics["rmse_mm"] == 2.0
+    assert rig.metrics["median_off_px"] < 1 < 2 < rig.metrics["median_off_before_px"]
+    assert rig.metrics["windows"] > 500
+    assert 0 < rig.metrics["sd_mm"] < 3
 
 
 def test_a_position_without_photos_gets_the_lenses_and_keeps_its_pose(refined):

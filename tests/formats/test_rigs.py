@@ -17,7 +17,7 @@ def test_a_localised_rig_is_read_back_as_it_was(tmp_path):
     back = read_localised(tmp_path / "PosA.json")
     np.testing.assert_allclose(back.sandbox_from_left.matrix, SANDBOX_FROM_LEFT.matrix, atol=1e-15)
     assert back.rig.left == LOCALISED.rig.left
-    assert (back.method, back.quality) == ("labels", {"sd_mm": 12.5})
+    assert (back.method, back.metrics) == ("labels", {"sd_mm": 12.5})
 
 
 def test_a_calibration_is_read_back_as_it_was(tmp_path):
@@ -64,3 +64,11 @@ def test_a_rotation_that_is_none_is_refused(tmp_path, rotation):
     path.write_text(json.dumps(content))
     with pytest.raises(FormatError, match=r"PosA\.json: the rotation matrix"):
         read_localised(path)
+
+
+def test_a_localised_rig_of_an_older_version_is_read_the_same(tmp_path):
+    path = tmp_path / "PosA.json"
+    write_localised(path, LOCALISED)
+    new = read_localised(path)
+    path.write_text(path.read_text().replace('"metrics"', '"quality"'))
+    assert new.metrics == read_localised(path).metrics == LOCALISED.metrics != {}

@@ -20,5 +20,5 @@ def test_what_a_person_drew_is_surer_than_what_geometry_made_of_it():
 
 def test_what_moved_to_the_other_camera_without_its_pose_is_a_guess_unless_it_is_large():
     for kind in ("rock", "shadow"):
-        assert confidence(kind, "shifted", 1.0, 40) < 0.6 < confidence(kind, "fused", 1.0, 40)
-        assert confidence(kind, "shifted", 1.0, 120) > 0.8
+        assert confidence(kind, "translated", 1.0, 40) < 0.6 < confidence(kind, "fused", 1.0, 40)
+        assert confidence(kind, "translated", 1.0, 120) > 0.8

@@ -46,8 +46,8 @@ def box_of(rock, position="A", camera="L", blocks=BLOCKS):
 def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
     """The rocks of a position; `annotated`: position -> (camera, azimuth) -> boxes."""
     seeds = {
-        name: {sight: Annotated(np.array(boxes).reshape(-1, 4), None) for sight, boxes in sights.items()}
-        for name, sights in annotated.items()
+        name: {drawing: Annotated(np.array(boxes).reshape(-1, 4), None) for drawing, boxes in drawings.items()}
+        for name, drawings in annotated.items()
     }
     rigs = {name: localised(name) for name in "AC"}
     return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, options), position, options)

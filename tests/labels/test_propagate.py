@@ -360,8 +360,8 @@ def test_a_position_that_nobody_could_localise_keeps_to_its_own_drawings(untouch
         np.testing.assert_allclose(np.sort(rocks(found, photo), 0), np.sort(rocks(labels, photo), 0), atol=1.5)
     assert len(shadows(found, "A_off_270_L_0128")) == 0  # nobody knows where the lamp's shadows fall in this image
     table = tables.read_parquet(tmp_path / "lost" / "labels.parquet")
-    assert set(table["source"]) == {"seed", "fused", "shifted", "projected", "cast"}
-    assert set(table[table["position"] == "A"]["source"]) == {"seed", "fused", "shifted"}
+    assert set(table["source"]) == {"seed", "fused", "translated", "projected", "cast"}
+    assert set(table[table["position"] == "A"]["source"]) == {"seed", "fused", "translated"}
 
 
 def test_other_positions_know_nothing_of_one_that_nobody_could_localise(scene, tmp_path, labels):

@@ -16,7 +16,7 @@ def read_seeds(folder, corrections=None, shadow_start_ms=0):
     return choose_seeds(read_drawings(folder, 3), corrections or {}, ShadowStarts(shadow_start_ms))
 
 
-def test_seeds_of_both_cameras_are_kept_by_position_and_sight(tmp_path):
+def test_seeds_of_both_cameras_are_kept_by_position_and_lamp(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     write(tmp_path, "03_A_off_30_R_0256")
     write(tmp_path, "03_C_off_180_R_0256")

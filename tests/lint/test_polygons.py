@@ -47,7 +47,7 @@ def names(polygons):
         (SOUND[:2], ["no_shadow_polygon"]),
         ([(GROUND, PHOTO[:3]), *SOUND[1:]], ["cover_holes"]),
         (SOUND[::-1], ["paint_order"]),
-        ([*SOUND, (SHADOW, square(100, 100))], ["polygons_on_one_place"]),
+        ([*SOUND, (SHADOW, square(100, 100))], ["polygons_coincide"]),
     ],
 )
 def test_defects_of_a_file_as_a_whole_are_found(polygons, found):

@@ -11,15 +11,11 @@ from polarsim.report.figures.finds import draw_gap_rocks, most_different
 from polarsim.report.figures.seen import draw_seen, read_finds, shown_keys
 from polarsim.report.ipd_rocks_table import COLUMNS
 from polarsim.report.seeds import averaged, panels, title_text
+from tests.report.pixels import coloured, is_drawn
 
 NARROW = 640  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 KEYS = ("01_A_off_180_L_0256", "01_A_off_180_L_0512")
-
-
-def is_drawn(path) -> bool:
-    pixels = png.read(path)
-    return pixels.shape[1] == 640 and len(np.unique(pixels)) > 2
 
 
 @pytest.mark.parametrize("kinds", [("rock", "shadow"), ("rock",), ()])
@@ -34,7 +30,8 @@ def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
     ]
     write_parquet(tmp_path / "c.parquet", pd.DataFrame(rows, columns=list(CURVES.columns)))
     draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / "c.png", origin=ORIGIN, width=NARROW)
-    assert is_drawn(tmp_path / "c.png")
+    assert is_drawn(tmp_path / "c.png", NARROW)
+    assert (coloured(tmp_path / "c.png") > 0.001) == bool(kinds)
 
 
 @pytest.mark.parametrize("count", [0, 30])
@@ -42,7 +39,8 @@ def test_differences_of_rocks_are_drawn_also_without_rocks(tmp_path, count):
     rows = [("hapke", "real", "hapke", 1, n, "rock", 4, n / 30, 0.5, n / 30 - 0.5) for n in range(1, count)]
     write_parquet(tmp_path / "r.parquet", pd.DataFrame(rows, columns=list(COLUMNS)))
     draw_ipd_histogram(rocks=tmp_path / "r.parquet", figure=tmp_path / "h.png", origin=ORIGIN, width=NARROW)
-    assert is_drawn(tmp_path / "h.png")
+    assert is_drawn(tmp_path / "h.png", NARROW)
+    assert (coloured(tmp_path / "h.png") > 0.001) == bool(count)
 
 
 def seen(*rows):
@@ -89,7 +87,7 @@ def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
     assert shows(page, (255, 176, 0))  # the label's line
     assert shows(page, (0, 229, 255))  # the box that the detector found in the photo
     draw("hapke")
-    assert is_drawn(tmp_path / "hapke.png")  # says that there is nothing
+    assert is_drawn(tmp_path / "hapke.png", NARROW)  # says that there is nothing
 
 
 def asked(*rows):

@@ -23,24 +23,12 @@ from polarsim.report.figures.residuals import draw_residuals
 from polarsim.report.figures.terrain import STEP, draw_terrain, slanted_view, top_view
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
+from tests.report.pixels import coloured, is_drawn
 
 NARROW = 600  # px
 WIDE = 1300  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
-
-
-def is_drawn(path, width=600):
-    """A picture of the wanted width with more than a blank page on it."""
-    pixels = png.read(path)
-    assert pixels.shape[1] == width
-    return (pixels[..., :3] < 128).any()
-
-
-def coloured(path):
-    """Share of a picture's pixels that have a colour: data are drawn in colours, axes, text and notes in grey."""
-    pixels = png.read(path)[..., :3].astype(int)
-    return (np.ptp(pixels, axis=-1) > 40).mean()
 
 
 def label(key, kind, rock, box):

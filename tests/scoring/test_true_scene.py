@@ -8,7 +8,7 @@ from polarsim.formats.lamps import read_found_suns
 from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.scoring.true_scene import lay_truth, thin_meshes
+from polarsim.scoring.true_scene import thin_meshes, write_truth
 
 SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
 
@@ -23,7 +23,7 @@ def laid(world, tmp_path):
     (meshes / obj.rock_name(world.terrain, 2)).rename(meshes / obj.rock_name(world.terrain, 9))
     write_parquet(tmp_path / "run/rocks.parquet", read_parquet(tmp_path / "run/rocks.parquet").assign(rock=9))
     write_inventory(tmp_path / "inventory.json", Inventory(world.terrain, "analog"))
-    lay_truth(
+    write_truth(
         terrain=world.terrain,
         rocks=tmp_path / "run/rocks.parquet",
         meshes=tmp_path / "run/meshes",

@@ -139,7 +139,7 @@ def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_dete
     pictured = [name for name in components if name != "labels"]
     assert jobs["render_component"] == 4 * len(pictured)
     assert jobs["predict_component"] == 2 * len(pictured)
-    assert (jobs["train_detector"], jobs["lay_truth"], jobs["fit_materials"]) == (2, 4, 4)
+    assert (jobs["train_detector"], jobs["write_truth"], jobs["fit_materials"]) == (2, 4, 4)
     users = [job for job in re.split(r"\n(?=rule |localrule )", text) if "gap/truth" in job.split("output:")[0]]
     assert {job.split(":")[0].split()[-1] for job in users} == {"render_component"}
     for name in pictured:
@@ -167,7 +167,7 @@ def test_a_run_is_published_once_a_form_and_only_where_it_is_asked_for(dry_run):
 def test_without_components_there_is_no_ablation(dry_run):
     done = dry_run("--configfile", "config/config.yaml")
     assert "gap/" not in (done.stdout + done.stderr).replace("figures/gap", "")
-    assert not {"lay_truth", "render_component", "run_ablation", "tabulate_gap"} & set(planned(done))
+    assert not {"write_truth", "render_component", "run_ablation", "tabulate_gap"} & set(planned(done))
 
 
 def test_accuracy_is_measured_without_labels_and_twins(dry_run):

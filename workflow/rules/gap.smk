@@ -11,7 +11,7 @@ rule gap:
         of_run("results/{run}/figures/gap.png") if COMPONENTS else [],
 
 
-rule lay_truth:
+rule write_truth:
     """The analog's true cameras, lamps and meshes in the run's frame."""
     input:
         raw=raw_data,
@@ -23,17 +23,17 @@ rule lay_truth:
         true_cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
         true_meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
     log:
-        "results/{run}/logs/gap/lay_truth_{terrain}.log",
+        "results/{run}/logs/gap/write_truth_{terrain}.log",
     benchmark:
-        "results/{run}/benchmarks/gap/lay_truth_{terrain}.tsv"
+        "results/{run}/benchmarks/gap/write_truth_{terrain}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=10,
     params:
         truth=truth_of,
-        code=code_of("lay_truth"),
+        code=code_of("write_truth"),
     script:
-        "../scripts/lay_truth.py"
+        "../scripts/write_truth.py"
 
 
 rule thin_meshes:

@@ -27,7 +27,7 @@ from polarsim.render.views.scenes import Ensemble
 Tone = Callable[[np.ndarray], np.ndarray]  # (h, w) uint16 of 12 bits to (h, w, 3) uint8
 MOST = 1024  # pictures on a sheet; of more a seeded choice
 _WIDTH, _WIDEST, _GAP = 4000, 480, 2  # px: of the sheet, of one picture, between two
-_EVERY = 5  # places of a camera, the last of which is for validation
+_EVERY = 5  # viewpoints of a camera, the last of which is for validation
 _NAMED_FROM = 300  # px: narrower pictures have no room for a name
 _COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}
 _OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # of a scene's sidecar: views may have several
@@ -196,20 +196,20 @@ def write_listing(out: Path, entries: Sequence[Entry]) -> None:
 
 
 def divided(pictures: Sequence[Picture]) -> dict[str, list[Picture]]:
-    """Pictures to train on and to validate with: every fifth place of a camera, one at least, is for validation.
+    """Pictures to train on and to validate with: every fifth viewpoint, one at least, is for validation.
 
-    Both eyes of a pair are one place. Where all pictures are of one place its lights are divided so, and a single
-    picture is in both parts.
+    Both cameras of a pair are one viewpoint. Where all pictures are of one viewpoint its lights are divided so, and a
+    single picture is in both parts.
     """
-    places = list(dict.fromkeys(_place(picture) for picture in pictures))
-    sort = _place if len(places) > 1 else _light
+    viewpoints = list(dict.fromkeys(_viewpoint(picture) for picture in pictures))
+    sort = _viewpoint if len(viewpoints) > 1 else _light
     kinds = list(dict.fromkeys(map(sort, pictures)))
     kept = set(kinds[_EVERY - 1 :: _EVERY]) or {kinds[-1]}
     val = [picture for picture in pictures if sort(picture) in kept]
     return {"train": [picture for picture in pictures if sort(picture) not in kept] or val, "val": val}
 
 
-def _place(picture: Picture) -> tuple[str, str]:
+def _viewpoint(picture: Picture) -> tuple[str, str]:
     return picture.scene.name, picture.camera.name.rstrip("LR")
 
 

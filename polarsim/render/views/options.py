@@ -56,6 +56,13 @@ class RigLens(Section):
         None, description="PosX.json whose lenses are used; none: the real rig's stated ones."
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _by_its_new_name(cls, values: object) -> object:
+        if isinstance(values, dict) and "placed" in values:
+            raise ValueError("placed is now localised")
+        return values
+
 
 class PinholeLens(Section):
     """A lens without distortion."""
@@ -74,7 +81,7 @@ class PointCameras(Section):
     name: Name = "point"
     position_m: Point = Field(description="Camera centre, metres.")
     look_at_m: Point = Field(description="What lies on the optical axis, metres.")
-    roll_deg: Finite = Field(0, description="Right side down, degrees.")
+    roll_deg: Finite = Field(0, description="The camera is rolled by so much, its right side down, degrees.")
 
 
 class OrbitCameras(Section):
@@ -83,7 +90,7 @@ class OrbitCameras(Section):
     kind: Literal["orbit"]
     name: Name = "orbit"
     centre_m: Point = Field((0, 0, 0), description="What all look at; the circle lies around it, metres.")
-    radius_m: PositiveFloat = Field(description="Of the circle, metres.")
+    radius_m: PositiveFloat = Field(description="The circle has this radius, metres.")
     height_m: Finite = Field(description="Of the circle above the centre, metres.")
     number: PositiveInt = Field(description="Number of cameras.")
     from_deg: Finite = Field(0, description="Azimuth of the first camera, degrees from +X towards +Y.")
@@ -108,9 +115,9 @@ class RandomCameras(Section):
     name: Name = "random"
     number: PositiveInt = Field(description="Number of cameras.")
     low_m: Point = Field(description="Low corner of the box of camera centres, metres.")
-    high_m: Point = Field(description="High corner of it, metres.")
+    high_m: Point = Field(description="This is the high corner of the box, metres.")
     look_at_low_m: Point = Field((-1, -1, 0), description="Low corner of the box of points looked at, metres.")
-    look_at_high_m: Point = Field((1, 1, 0), description="High corner of it, metres.")
+    look_at_high_m: Point = Field((1, 1, 0), description="This is the high corner of that box, metres.")
     clearance_m: float = Field(0.2, ge=0, description="Least height above what lies beneath the camera, metres.")
     seed: int = Field(0, ge=0, description="Seed of the positions.")
 
@@ -130,11 +137,13 @@ class NearLamps(Section):
 
     kind: Literal["lamp"]
     name: Name = "lamp"
-    azimuth_deg: tuple[Finite, ...] = Field(min_length=1, description="From +X towards +Y, degrees.")
-    elevation_deg: tuple[Annotated[float, Field(gt=0, le=90)], ...] = Field(
-        min_length=1, description="Above the horizon, degrees."
+    azimuth_deg: tuple[Finite, ...] = Field(
+        min_length=1, description="The light stands at each of these azimuths, from +X towards +Y, degrees."
     )
-    distance_m: PositiveFloat = Field(description="From `centre_m`, metres.")
+    elevation_deg: tuple[Annotated[float, Field(gt=0, le=90)], ...] = Field(
+        min_length=1, description="The light stands so high above the horizon, degrees."
+    )
+    distance_m: PositiveFloat = Field(description="The lamp stands so far from `centre_m`, metres.")
     centre_m: Point = Field((0, 0, 0), description="What azimuth, elevation and distance count from, metres.")
     intensity: PositiveFloat = Field(1, description="Radiant intensity over that of POLAR's Sun lamp.")
     radius_m: float = Field(0, ge=0, description="Of the lamp's disc, metres; 0: a point, shadows with sharp edges.")
@@ -145,9 +154,11 @@ class Suns(Section):
 
     kind: Literal["sun"]
     name: Name = "sun"
-    azimuth_deg: tuple[Finite, ...] = Field(min_length=1, description="From +X towards +Y, degrees.")
+    azimuth_deg: tuple[Finite, ...] = Field(
+        min_length=1, description="The light stands at each of these azimuths, from +X towards +Y, degrees."
+    )
     elevation_deg: tuple[Annotated[float, Field(gt=0, le=90)], ...] = Field(
-        min_length=1, description="Above the horizon, degrees."
+        min_length=1, description="The light stands so high above the horizon, degrees."
     )
     intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
 
@@ -201,7 +212,7 @@ class Views(Section):
     """A file of views. All lengths in metres, sandbox frame: +X to azimuth 0, +Y to 90, +Z up."""
 
     scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes; each is seen by all cameras.")
-    lens: RigLens | PinholeLens = Field(RigLens(), discriminator="kind", description="Of all cameras.")
+    lens: RigLens | PinholeLens = Field(RigLens(), discriminator="kind", description="All cameras have this lens.")
     stereo: bool = Field(False, description="Every camera is the left one of a pair, the right one takes pictures too.")
     cameras: tuple[
         Annotated[PointCameras | OrbitCameras | PathCameras | RandomCameras, Field(discriminator="kind")], ...

@@ -16,7 +16,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
 from polarsim.render.options import Model
 from polarsim.render.scene import Shot
-from polarsim.render.surfaces import refuse_place
+from polarsim.render.surfaces import refuse_position
 from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, Suns, Views
@@ -171,7 +171,7 @@ def plan(views: Views, scale: float = 1.0) -> list[Picture]:
         scene = Ensemble(section, views.render)
         cameras = cameras_of(views, scene.heights, scale)
         for camera in cameras:
-            refuse_place(scene.surfaces, camera.centre, f"camera {camera.name}")
+            refuse_position(scene.surfaces, camera.centre, f"camera {camera.name}")
         for camera, light in _pairs(views, cameras, lights):
             for rover, model, exposure in variants:
                 pictures.append(Picture(len(pictures), scene, camera, light, rover, model, exposure))
@@ -188,13 +188,13 @@ def _pairs(
 ) -> Iterator[tuple[NamedCamera, Light]]:
     if views.combine == "product":
         return product(cameras, lights)
-    eyes = 2 if views.stereo else 1
-    viewpoints = len(cameras) // eyes
+    sides = 2 if views.stereo else 1
+    viewpoints = len(cameras) // sides
     if viewpoints != len(lights) and 1 not in (viewpoints, len(lights)):
         raise ConfigError(f"combine: zip of {viewpoints} cameras with {len(lights)} lights, expected as many, or one")
     number = max(viewpoints, len(lights))
     return (
-        (cameras[eye + eyes * (step % viewpoints)], lights[step % len(lights)])
+        (cameras[side + sides * (step % viewpoints)], lights[step % len(lights)])
         for step in range(number)
-        for eye in range(eyes)
+        for side in range(sides)
     )

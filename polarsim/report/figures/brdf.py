@@ -29,8 +29,8 @@ def draw_reflectance(*, curves: Path, figure: Path, width: int = FIGURE_WIDTH) -
 
 def look(number: int) -> dict[str, str]:
     """Colour and dashes of a curve: when all colours are taken they come again, dashed otherwise."""
-    turn, place = divmod(number, len(SERIES))
-    return {"color": SERIES[place], "linestyle": _DASHES[turn % len(_DASHES)]}
+    round_, number_in_round = divmod(number, len(SERIES))
+    return {"color": SERIES[number_in_round], "linestyle": _DASHES[round_ % len(_DASHES)]}
 
 
 def draw_brdf(figure: Path, panels: Mapping[str, Curves], width_px: int = 1600) -> None:

@@ -82,7 +82,7 @@ def beside(
 
     `letter`: width and height of a letter in the boxes' units.
     """
-    taken, places = [(x0, y0, x1, y1, 0.3) for x0, y0, x1, y1 in boxes.values()], {}
+    taken, positions = [(x0, y0, x1, y1, 0.3) for x0, y0, x1, y1 in boxes.values()], {}
     for name, (x0, y0, x1, y1) in sorted(boxes.items(), key=lambda item: (-item[1][3], item[0])):
         wide, high = letter[0] * len(name) / 2, letter[1] / 2
         x, y = (x0 + x1) / 2, (y0 + y1) / 2
@@ -90,17 +90,17 @@ def beside(
         tried += [(x + side * wide * 2, y + up * (y1 - y + high)) for side in (1, -1) for up in (1, -1)]
         tried += [(x, y1 + 3 * high), (x, y0 - 3 * high)]
 
-        def hidden(place: tuple[float, float], wide: float = wide, high: float = high) -> float:
-            left, low, right, top = place[0] - wide, place[1] - high, place[0] + wide, place[1] + high
+        def hidden(position: tuple[float, float], wide: float = wide, high: float = high) -> float:
+            left, low, right, top = position[0] - wide, position[1] - high, position[0] + wide, position[1] + high
             return sum(
                 weight * max(0, min(right, c) - max(left, a)) * max(0, min(top, d) - max(low, b))
                 for a, b, c, d, weight in taken
             )
 
-        places[name] = min(tried, key=hidden)
-        px, py = places[name]
+        positions[name] = min(tried, key=hidden)
+        px, py = positions[name]
         taken.append((px - wide, py - high, px + wide, py + high, 1.0))
-    return places
+    return positions
 
 
 def boxed(pixels: np.ndarray, boxes: Iterable[tuple[np.ndarray, tuple[int, int, int]]], width: int) -> np.ndarray:

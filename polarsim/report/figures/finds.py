@@ -26,7 +26,7 @@ _LABEL, _FOUND = "#ffb000", "#00e5ff"
 
 
 @dataclass(frozen=True)
-class Sight:
+class RockShown:
     """One rock in one picture."""
 
     key: str
@@ -81,7 +81,7 @@ def draw_gap_rocks(finds: Finds, figure: Path, width: int = FIGURE_WIDTH) -> Non
     for pair in combinations(finds.predictions, 2):
         first, second = (table[table["evaluated"] == domain] for domain in pair)
         chosen = most_different(first, second, ROCKS_A_SIDE)
-        rows.append([[_sight(finds, domain, key, rock) for domain in pair] for key, rock in chosen])
+        rows.append([[_rock_shown(finds, domain, key, rock) for domain in pair] for key, rock in chosen])
     cell = width / (4 * ROCKS_A_SIDE)
     with page(figure, width, round(len(rows) * (cell + 50) + 50)) as sheet:
         if not any(rows):
@@ -94,8 +94,8 @@ def draw_gap_rocks(finds: Finds, figure: Path, width: int = FIGURE_WIDTH) -> Non
         for axes in grid.ravel():
             axes.set_axis_off()
         for cells, rocks in zip(grid, rows, strict=True):
-            for number, sights in enumerate(rocks):
-                _draw_rock(cells[2 * number : 2 * number + 2], sights, finds)
+            for number, shown in enumerate(rocks):
+                _draw_rock(cells[2 * number : 2 * number + 2], shown, finds)
 
 
 def most_different(first: pd.DataFrame, second: pd.DataFrame, count: int) -> list[tuple[str, int]]:
@@ -119,29 +119,29 @@ def most_different(first: pd.DataFrame, second: pd.DataFrame, count: int) -> lis
     return found
 
 
-def _sight(finds: Finds, domain: str, key: str, rock: int) -> Sight:
+def _rock_shown(finds: Finds, domain: str, key: str, rock: int) -> RockShown:
     """The label of a rock and the prediction that overlaps it best; of several labels the one found best."""
     labels, predictions = finds.labels[domain], finds.predictions[domain]
     own = labels[(labels["key"] == key) & (labels["kind"] == ROCK) & (labels["rock"] == rock)]
     label = boxes.clip(own[_BOX].to_numpy(float))
     found = predictions.loc[predictions["key"] == key, _BOX].to_numpy(float)
     if not len(found):
-        return Sight(key, rock, domain, label[0], None, 0.0)
+        return RockShown(key, rock, domain, label[0], None, 0.0)
     overlap = boxes.iou(label, found)
     row, column = np.unravel_index(overlap.argmax(), overlap.shape)
     best = float(overlap[row, column])
-    return Sight(key, rock, domain, label[row], found[column] if best > 0 else None, best)
+    return RockShown(key, rock, domain, label[row], found[column] if best > 0 else None, best)
 
 
-def _draw_rock(cells: Any, sights: list[Sight], finds: Finds) -> None:
+def _draw_rock(cells: Any, shown: list[RockShown], finds: Finds) -> None:
     """Both crops show the same window, each with its own white: twins may be much darker than their photo."""
-    reach = boxes.around(np.concatenate([sight.label.reshape(2, 2) for sight in sights]))
+    reach = boxes.around(np.concatenate([one.label.reshape(2, 2) for one in shown]))
     half = min(max(60.0, 1.1 * float((reach[2:] - reach[:2]).max())), HEIGHT / 2)
     centre = np.clip((reach[:2] + reach[2:]) / 2, half, [WIDTH - half, HEIGHT - half])
-    key = PhotoKey.parse(sights[0].key)
-    for axes, sight in zip(cells, sights, strict=True):
-        path = finds.picture_of(sight.domain, key)
-        axes.set_title(f"{finds.title(sight.domain)} {sight.iou:.2f}", fontsize="small")
+    key = PhotoKey.parse(shown[0].key)
+    for axes, one in zip(cells, shown, strict=True):
+        path = finds.picture_of(one.domain, key)
+        axes.set_title(f"{finds.title(one.domain)} {one.iou:.2f}", fontsize="small")
         if path is None or not path.exists():
             axes.text(0.5, 0.5, "no picture", transform=axes.transAxes, ha="center", color=FAINT)
             continue
@@ -149,11 +149,11 @@ def _draw_rock(cells: Any, sights: list[Sight], finds: Finds) -> None:
         crop = png.read(path)[top : top + side, left : left + side]
         extent = (left, left + crop.shape[1], top + crop.shape[0], top)
         axes.imshow(to_8bit(crop), extent=extent, interpolation="antialiased")
-        if sight.found is not None:
-            rectangle(axes, sight.found, _FOUND, linestyle="--", linewidth=2)
-        rectangle(axes, sight.label, _LABEL, linewidth=2)
+        if one.found is not None:
+            rectangle(axes, one.found, _FOUND, linestyle="--", linewidth=2)
+        rectangle(axes, one.label, _LABEL, linewidth=2)
         axes.set_xlim(*extent[:2])
         axes.set_ylim(*extent[2:])
-    text, look = f"{key}, rock {sights[0].rock}", {"va": "top", "fontsize": "x-small", "color": FAINT}
+    text, look = f"{key}, rock {shown[0].rock}", {"va": "top", "fontsize": "x-small", "color": FAINT}
     name = cells[0].text(0, -0.03, text, transform=cells[0].transAxes, **look)
     name.set_in_layout(False)  # it reaches below the second crop

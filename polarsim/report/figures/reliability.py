@@ -40,8 +40,8 @@ def stretched(share: np.ndarray) -> np.ndarray:
     return -np.log10(np.maximum(1 + _END - share, 1e-6))
 
 
-def _unstretched(place: np.ndarray) -> np.ndarray:
-    return 1 + _END - 10.0**-place
+def _unstretched(value: np.ndarray) -> np.ndarray:
+    return 1 + _END - 10.0**-value
 
 
 def _draw_kind(axes: Any, bins: pd.DataFrame, colours: dict[str, str]) -> None:

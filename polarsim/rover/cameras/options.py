@@ -37,7 +37,9 @@ class RealSun(BaseModel, extra="forbid", frozen=True):
     longitude_deg: float = Field(
         ge=-180, le=360, description="The site's selenographic longitude, degrees; east is positive."
     )
-    moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="The moment, UTC.")
+    moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(
+        description="The Sun stands where it does at this moment, UTC."
+    )
 
 
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):

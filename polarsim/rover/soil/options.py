@@ -19,7 +19,9 @@ class BulldozingOptions(BaseModel, extra="forbid", frozen=True):
     share: float = Field(
         0.5, ge=0, le=1, description="This share of the pressed volume moves aside; the rest compacts."
     )
-    angle_deg: float = Field(36.0, gt=0, lt=90, description="Steeper soil slides, degrees.")
+    angle_deg: float = Field(
+        36.0, gt=0, lt=90, description="Displaced soil slides where it is steeper than this, degrees."
+    )
 
     def rule(self, dt: float) -> Bulldozing:
         """For the kernels."""

@@ -6,7 +6,7 @@ from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.scoring.surface import Surface
-from polarsim.scoring.true_surface import sights
+from polarsim.scoring.true_surface import true_views
 
 DOWN = Pose(np.diag([1.0, -1, -1]), np.array([0.0, 0, 3]))  # 3 m above the floor, looking straight down
 FLOOR = Surface(np.array([[-5.0, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
@@ -17,7 +17,7 @@ UP = np.tile([0.0, 0, 1], (3, 1))
 def seen(known=None):
     grid = rectified_left(stated_rig())
     rig = LocalisedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
-    (view,) = sights({"A": rig, "B": rig}, {"A"}, known)
+    (view,) = true_views({"A": rig, "B": rig}, {"A"}, known)
     return view.sees(FLOOR, PLACES, UP).tolist(), view.sees(FLOOR, PLACES, -UP).tolist()
 
 
