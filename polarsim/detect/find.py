@@ -12,6 +12,7 @@ import pandas as pd
 from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
+from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, load_torch
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
@@ -68,7 +69,7 @@ def find_in_pictures(
         if draw:
             (folder / "pictures").mkdir()
         with about(weights):
-            loaded = detectors.load_detector(detector, folder, options, threads)
+            loaded = _fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
         for path, pixels in _read_ahead(paths):
             height, width = pixels.shape[:2]
             found = see(loaded, pixels, sizes, options.nms_iou)
@@ -112,6 +113,23 @@ def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes,
     small = tone.shrink(grey, longest) if max(full) > longest else grey
     (found,) = detect(loaded, [_eight_bits(small, pixels.dtype)], sizes, nms_iou, full)
     return found
+
+
+def _fast(loaded: detectors.LoadedDetector, detector: detectors.Detector, device: str) -> detectors.LoadedDetector:
+    """A detector that computes convolutions in bfloat16 where the processor has instructions for it: half the time.
+
+    Ultralytics' detectors choose their own precision.
+    """
+    device = choose_device(device)
+    if not detector.model.startswith("compact") or not computes_bfloat16("auto", device):
+        return loaded
+    torch = load_torch()
+
+    def detect_in_bfloat16(pictures: np.ndarray) -> list[np.ndarray]:
+        with torch.autocast(device, torch.bfloat16):
+            return loaded(pictures)
+
+    return detect_in_bfloat16
 
 
 def read_any(path: Path) -> np.ndarray:

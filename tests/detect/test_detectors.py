@@ -64,6 +64,21 @@ def test_other_weights_are_refused_by_name(tmp_path):
         read_detector(tmp_path / "absent.pt")
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"classes": None}, {"classes": ["rock"]}, {"model": "foo"}, {"model": 3}, {"imgsz": "wide"}, {"state": [1]},
+        {"sizes": (((640, 1792), ()),) * 2}, {"sizes": (((640,), ()),)}, {"calibration": ((1.0, 2.0),)},
+    ],
+)  # fmt: skip
+def test_weights_with_something_else_in_a_field_are_refused_in_one_line(detector, tmp_path, wrong):
+    write_detector(tmp_path / "own.pt", detector)
+    torch.save(torch.load(tmp_path / "own.pt", weights_only=True) | wrong, tmp_path / "bent.pt")
+    with pytest.raises(DetectError, match=r"bent\.pt: ") as refused:
+        read_detector(tmp_path / "bent.pt")
+    assert "\n" not in str(refused.value)
+
+
 def test_weights_of_another_size_do_not_fit(detector, tmp_path):
     with pytest.raises(DetectError, match="do not fit yolov5s"):
         network(Detector("yolov5s", 160, 2, "scratch", detector.state), tmp_path)

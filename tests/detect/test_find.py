@@ -1,6 +1,7 @@
 """`polarsim detect`: pictures of any size and depth, and what is written about them."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from polarsim.detect import detectors
 from polarsim.detect.find import find_in_pictures, prediction_options, read_any
-from polarsim.detect.options import PredictionOptions
+from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.detect.predict import detect
 from polarsim.detect.sizes import ClassSizes, Sizes
 from polarsim.errors import DetectError
@@ -121,3 +122,38 @@ def test_a_picture_of_another_shape_is_not_stretched():
 
     (found,) = detect(brightest, [pixels], ClassSizes.same(Sizes((960,))), 0.5, (1920, 1080))
     np.testing.assert_allclose(found[0, :4], [400, 600, 520, 700], atol=2.1)
+
+
+@pytest.mark.parametrize(
+    ("model", "there", "fast"), [("compact", True, True), ("compact", False, False), ("yolov5n", True, False)]
+)
+def test_our_detectors_compute_in_bfloat16_where_the_processor_can(
+    weights, block_finder, tmp_path, monkeypatch, model, there, fast
+):
+    monkeypatch.setattr("polarsim.detect.find.computes_bfloat16", lambda *_: there)
+    detectors.write_detector(weights, replace(detectors.read_detector(weights), model=model))
+    seen = []
+
+    def load(*_):
+        return lambda pictures: seen.append(torch.is_autocast_enabled("cpu")) or brightest(pictures)
+
+    monkeypatch.setattr("polarsim.detect.find.detectors.load_detector", load)
+    cv2.imwrite(str(tmp_path / "one.png"), picture())
+    options = PredictionOptions(device="cpu")
+    find_in_pictures(pictures=[tmp_path / "one.png"], weights=weights, out=tmp_path / "out", options=options, threads=1)
+    assert seen == [fast]
+
+
+def test_bfloat16_finds_what_float32_finds(rng):
+    """The packaged detector, a lit block and its shadow on sand: the same surest box within two pixels."""
+    options = prediction_options([], [], "cpu")
+    loaded = detectors.load_detector(detectors.read_detector(PACKAGED), PACKAGED.parent, options, 1)
+    pixels = rng.normal(110, 6, (400, 640))
+    pixels[180:230, 300:360], pixels[195:230, 360:460] = 220, 8
+    sizes, pictures = ClassSizes.same(Sizes((640,))), [pixels.astype(np.uint8)]
+    with torch.autocast("cpu", torch.bfloat16):
+        (fast,) = detect(loaded, pictures, sizes, 0.5, (640, 400))
+    (exact,) = detect(loaded, pictures, sizes, 0.5, (640, 400))
+    assert exact[0, 4] > 0.2
+    np.testing.assert_allclose(fast[0, :4], exact[0, :4], atol=2)
+    assert fast[0, 4] == pytest.approx(exact[0, 4], abs=0.03)

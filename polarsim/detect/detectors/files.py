@@ -7,9 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from polarsim.detect.detectors.devices import load_torch
+from polarsim.detect.options import TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats.files import write_bytes
+from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BOX_CLASSES
 
 _FORMAT = "polarsim judge 1"
@@ -45,13 +49,20 @@ def read_detector(path: Path) -> Detector:
     content = load(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise DetectError(f"not weights that polarsim wrote, expected format {_FORMAT!r}", path=path)
-    if tuple(content["classes"]) != BOX_CLASSES:
-        raise DetectError(f"a detector of classes {content['classes']}, expected {list(BOX_CLASSES)}", path=path)
+    if content.get("classes") != list(BOX_CLASSES):
+        raise DetectError(f"a detector of classes {content.get('classes')}, expected {list(BOX_CLASSES)}", path=path)
     known = {name: content[name] for name in Detector.__dataclass_fields__ if name in content}  # older ones have fewer
     try:
-        return Detector(**known)
-    except TypeError as error:
-        raise DetectError(f"weights without all that a detector has, {error}", path=path) from error
+        detector = TypeAdapter(Detector).validate_python(known)
+        TrainingOptions(model=detector.model)
+    except ValidationError as error:
+        raise DetectError(describe_error(error, "detector"), path=path) from error
+    count = len(BOX_CLASSES)
+    if not {len(detector.sizes), len(detector.calibration)} <= {0, count}:
+        raise DetectError(f"widths or calibration not of {count} classes", path=path)
+    if any(len(gates) != len(widths) - 1 for widths, gates in detector.sizes):
+        raise DetectError("widths and gates that do not go together: there is one gate fewer", path=path)
+    return detector
 
 
 def save(path: Path, content: dict[str, Any]) -> None:
