@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed, top_heights
-from polarsim.rocks.scans import WALL_HEIGHT, Extent, ScanPoints
+from polarsim.rocks.scans import LEAST_WALL_HEIGHT, Extent, ScanPoints
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 GROUND_CELL = 0.005  # metres: cell of the grid on which heights are taken from scans
@@ -61,7 +61,7 @@ def sand_extent(scans: ScanPoints, cell: float = 0.02) -> Extent:
         return Extent(-half, -half, half, half)
     central = (np.abs(area[:, :2]) < 1.0).all(axis=1)
     level = np.median(area[central, 2]) if central.any() else np.median(area[:, 2])
-    high = area[area[:, 2] > level + WALL_HEIGHT]
+    high = area[area[:, 2] > level + LEAST_WALL_HEIGHT]
     sides = {}
     for axis in (0, 1):
         for sign in (-1, 1):

@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.geometry.poses import Pose
 
-WALL_HEIGHT = 0.12  # metres above the sand: what stands higher at the rim of the box is wall
+LEAST_WALL_HEIGHT = 0.12  # metres above the sand: what stands higher at the rim of the box is wall
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from packaging.version import Version
 
 CHECKOUT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
-LOCKED_EXTRAS = ("detect", "dev", "publish", "rover")  # as `make lock` names them
+LOCKED_EXTRAS = ("cluster", "detect", "dev", "publish", "rover")  # as `make lock` names them
 ENVIRONMENT = CHECKOUT / "workflow/envs/polarsim.yaml"
 
 
