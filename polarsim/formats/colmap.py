@@ -17,6 +17,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import writing_folder
+from polarsim.formats.readers import reader
 from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -121,6 +122,7 @@ def _model(rig: StereoRig) -> Any:
     return model
 
 
+@reader("COLMAP model")
 def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     """Rigs by position from a model that `write_model` or COLMAP wrote with its names and one rig of two cameras.
 
@@ -131,13 +133,10 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     """
     import pycolmap
 
-    try:
-        model = pycolmap.Reconstruction(str(folder))
-        images = sorted(model.images.values(), key=lambda image: image.name)
-        poses = {image.name: _pose(image.cam_from_world()) for image in images}
-        lenses = {image.name: _lens(image.camera) for image in images}
-    except (ValueError, RuntimeError, TypeError, KeyError, IndexError) as error:
-        raise FormatError(f"no readable COLMAP model, {str(error).splitlines()[0]}", path=folder) from error
+    model = pycolmap.Reconstruction(str(folder))
+    images = sorted(model.images.values(), key=lambda image: image.name)
+    poses = {image.name: _pose(image.cam_from_world()) for image in images}
+    lenses = {image.name: _lens(image.camera) for image in images}
     localised = {}
     named = {tuple(filter(None, found.groups())): name for name in poses if (found := _IMAGE.search(name))}
     for name in poses:

@@ -12,6 +12,7 @@ from pyarrow import csv
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
 
 _ROCK_NAME = re.compile(r"terrain(\d\d)_rock(\d+)(_decimate-005)?\.obj")
@@ -42,6 +43,7 @@ def rock_files(folder: str | Path) -> dict[int, Path]:
     return dict(sorted(found.items()))
 
 
+@reader("OBJ file", largest_mb=2000)
 def read(path: str | Path) -> Mesh:
     """Vertices and triangles of an OBJ file; polygons are cut into fans, all other lines are passed over.
 
@@ -50,10 +52,7 @@ def read(path: str | Path) -> Mesh:
     FormatError
         The file is missing, has no triangle, or a face names a vertex that is not there.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise FormatError(f"no readable OBJ file, {error}", path=path) from error
+    content = Path(path).read_bytes()
     mesh = _plain_triangles(content) or _any_faces(path, content)
     if not len(mesh.faces):
         raise FormatError("no triangle", path=path)
@@ -114,10 +113,7 @@ def _any_faces(path: str | Path, content: bytes) -> Mesh:
     """Line by line: polygons, numbers that count from the end, and every error with its line."""
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
-    try:
-        lines = content.decode("ascii").splitlines()
-    except UnicodeDecodeError as error:
-        raise FormatError(f"no readable OBJ file, {error}", path=path) from error
+    lines = content.decode("ascii").splitlines()
     for number, line in enumerate(lines, 1):
         try:
             if line.startswith("v "):

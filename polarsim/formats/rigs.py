@@ -11,6 +11,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_json
+from polarsim.formats.readers import reader
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -57,6 +58,7 @@ def write_rig(path: str | Path, rig: StereoRig, source: str) -> None:
     write_json(path, {**_rig_content(rig), "source": source})
 
 
+@reader("calibration", largest_mb=1)
 def read_rig(path: str | Path) -> StereoRig:
     """Read `calibration.json`.
 
@@ -79,6 +81,7 @@ def write_localised(path: str | Path, localised: LocalisedRig) -> None:
     write_json(path, content)
 
 
+@reader("rig pose", largest_mb=1)
 def read_localised(path: str | Path) -> LocalisedRig:
     """Read `PosX.json`.
 
@@ -98,6 +101,7 @@ def read_localised(path: str | Path) -> LocalisedRig:
         )
 
 
+@reader("rig poses")
 def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
     """Every `PosX.json` of a terrain's folder, by position."""
     return {path.stem.removeprefix("Pos"): read_localised(path) for path in sorted(Path(folder).glob("Pos?.json"))}

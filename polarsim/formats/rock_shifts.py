@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import tables
+from polarsim.formats.readers import reader
 
 FILE = "rock_shifts.csv"
 TRANSLATION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
 COLUMNS = ("rock", *TRANSLATION_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_after")
 
 
+@reader("rock shifts")
 def read_translations(cameras: Path) -> dict[int, np.ndarray]:
     """Translation (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras move no rock.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, tables
+from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 
@@ -73,6 +74,7 @@ def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
     return {NO_ROCK: ground, **obj.rock_files(folder)}
 
 
+@reader("mesh table")
 def made_from(folder: str | Path) -> dict[str, str]:
     """What each mesh of a folder was made from, by file name: `scan`, `published` or `fitted`; empty without a table.
 
@@ -88,6 +90,7 @@ def made_from(folder: str | Path) -> dict[str, str]:
     return dict(zip(table["mesh"], table["made_from"], strict=True))
 
 
+@reader("terrain")
 def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj` (full ones where both are there).
 

@@ -9,6 +9,7 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.formats.readers import reader
 from polarsim.formats.schemas import LABELS, PHOTOS
 from polarsim.photo import PhotoKey
 
@@ -29,6 +30,7 @@ def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
         table.to_parquet(temporary, index=False, compression="zstd")
 
 
+@reader("Parquet table", largest_mb=4000)
 def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """Read a table that must have `columns`.
 
@@ -37,13 +39,7 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     FormatError
         No readable Parquet file, or a column is missing.
     """
-    try:
-        table = pd.read_parquet(path)
-    except FileNotFoundError as error:
-        raise FormatError("no such table", path=path) from error
-    except Exception as error:  # pyarrow raises many kinds
-        raise FormatError(f"no readable Parquet table, {str(error).splitlines()[0]}", path=path) from error
-    return _with_columns(table, columns, path)
+    return _with_columns(pd.read_parquet(path), columns, path)
 
 
 def write_csv(path: str | Path, table: pd.DataFrame) -> None:
@@ -51,6 +47,7 @@ def write_csv(path: str | Path, table: pd.DataFrame) -> None:
         table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
 
 
+@reader("CSV table")
 def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """Read a table that must have `columns`.
 
@@ -59,11 +56,7 @@ def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     FormatError
         No readable CSV file, or a column is missing.
     """
-    try:
-        table = pd.read_csv(path, dtype={"azimuth": str, "light": str, "key": str})
-    except Exception as error:
-        raise FormatError(f"no readable CSV table, {str(error).splitlines()[0]}", path=path) from error
-    return _with_columns(table, columns, path)
+    return _with_columns(pd.read_csv(path, dtype={"azimuth": str, "light": str, "key": str}), columns, path)
 
 
 def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path) -> pd.DataFrame:

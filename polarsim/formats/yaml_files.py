@@ -10,10 +10,12 @@ from pydantic import BaseModel, ValidationError
 
 from polarsim.errors import ConfigError
 from polarsim.formats.files import packaged
+from polarsim.formats.readers import reader
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
+@reader("YAML file", largest_mb=1, error=ConfigError)
 def read_yaml(path: str | Path) -> Any:
     """What a YAML file holds; one of `config/` may be that which came with polarsim (see `files.packaged`).
 
@@ -22,12 +24,10 @@ def read_yaml(path: str | Path) -> Any:
     ConfigError
         No file, or no YAML.
     """
-    try:
-        return yaml.safe_load(packaged(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"no readable YAML file, {' '.join(str(error).split())}", path=path) from error
+    return yaml.safe_load(packaged(path).read_text(encoding="utf-8"))
 
 
+@reader("YAML file", largest_mb=1, error=ConfigError)
 def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
     """The model that a YAML file holds; `whole` names it where no single key is wrong.
 
