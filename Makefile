@@ -2,11 +2,12 @@
 PYTHON ?= python3
 CORES ?= 2
 SEEDS ?= 1 2 3
+SECONDS_EACH ?= 300
 POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --rerun-incomplete
 
-.PHONY: help setup demo release accuracy test lint docs clean lock schema
+.PHONY: help setup demo release accuracy test fuzz lint docs clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -36,6 +37,12 @@ accuracy: setup ## poses, rocks and meshes against the truth of three analog san
 
 test: setup lint ## lint, formats, types, dry-runs and tests
 	$(BIN)/python -m pytest -n $(CORES) --dist worksteal --basetemp .pytest
+
+fuzz: setup ## 10,000 damaged files for every reader; with atheris also SECONDS_EACH s for each of our own parsers
+	$(BIN)/python -m benchmarks.fuzz
+	@if $(BIN)/python -c "import atheris" 2> /dev/null; then \
+	  $(BIN)/python -m benchmarks.fuzz_parsers --seconds $(SECONDS_EACH); \
+	else echo "atheris is not installed: $(BIN)/pip install '.[fuzz]'"; fi
 
 lint: setup
 	$(BIN)/ruff check .

@@ -37,7 +37,10 @@ def unpack(archive: Path, folder: Path, options: FetchOptions | None = None) -> 
     with zipfile.ZipFile(archive) as source:
         entries = [entry for entry in source.infolist() if not entry.is_dir()]
         check_entries(entries, options)
-        _check_room(sum(entry.file_size for entry in entries), folder)
+        total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
+        if total > max(HARMLESS, options.max_ratio * packed):  # many small ones, or several that share their bytes
+            raise FormatError(f"unpacks to {total / MB:.0f} MB, more than {options.max_ratio:g} times its size: a bomb")
+        _check_room(total, folder)
         with writing_folder(folder) as temporary:
             for entry in track(entries, f"unpacking {archive.name}"):
                 _extract(source, entry, temporary)

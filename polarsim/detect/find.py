@@ -18,6 +18,7 @@ from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import writing_folder
+from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
@@ -114,6 +115,7 @@ def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes,
     return found
 
 
+@reader("picture", error=DetectError)
 def read_any(path: Path) -> np.ndarray:
     """(h, w), or (h, w, 3) blue, green, red, of 8 or 16 bits.
 

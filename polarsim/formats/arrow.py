@@ -37,7 +37,9 @@ def decode(content: bytes) -> pd.DataFrame:
         No Arrow file.
     """
     with reading("Arrow file"):
-        frame: pd.DataFrame = pa.ipc.open_file(content).read_all().to_pandas()
+        table = pa.ipc.open_file(content).read_all()
+        table.validate(full=True)  # offsets and codes that point outside would end the process
+        frame: pd.DataFrame = table.to_pandas()
         return frame
 
 

@@ -40,6 +40,7 @@ _COUNTS = {
     "TRANSLATION_VECTOR": (3,),
 }
 _PHOTO = re.compile(r"Pos([A-G])_\d+_L(on|off)/(NoSun|Sun_(\d+))/Cam([LR])_(.+)_(\d{4})\.png")
+_MOST_BANDS = 8  # of a range map; three are read
 _CLOUD_START = 50  # lines of an ASCII cloud among which its first point must stand
 
 
@@ -130,6 +131,7 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
     """
     import tifffile
 
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it would log many lines of a file that is refused in one
     with tifffile.TiffFile(path) as tiff:
         bands_last = _bands_last(tiff.series[0].shape if tiff.series else (), size)
         bands = np.asarray(tiff.series[0].asarray())
@@ -145,9 +147,9 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
 def _bands_last(shape: tuple[int, ...], size: tuple[int, int]) -> bool:
     """Whether the bands of an image of this shape come last (or first); refuses any other shape."""
     width, height = size
-    if len(shape) == 3 and shape[:2] == (height, width) and shape[2] >= 3:
+    if len(shape) == 3 and shape[:2] == (height, width) and 3 <= shape[2] <= _MOST_BANDS:
         return True
-    if len(shape) == 3 and shape[1:] == (height, width) and shape[0] >= 3:
+    if len(shape) == 3 and shape[1:] == (height, width) and 3 <= shape[0] <= _MOST_BANDS:
         return False
     stated = " x ".join(map(str, shape)) or "nothing"
     raise FormatError(f"{stated}, expected {height} rows, {width} columns and 3 bands X Y Z")

@@ -56,8 +56,9 @@ def read(path: str | Path) -> Mesh:
     mesh = _plain_triangles(content) or _any_faces(path, content)
     if not len(mesh.faces):
         raise FormatError("no triangle", path=path)
-    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
-        raise FormatError(f"a face names vertex {mesh.faces.max() + 1} of {len(mesh.vertices)}", path=path)
+    outside = mesh.faces[(mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))]
+    if len(outside):
+        raise FormatError(f"a face names vertex {outside[0] + 1} of {len(mesh.vertices)}", path=path)
     if not np.isfinite(mesh.vertices).all():
         raise FormatError("a vertex is not finite", path=path)
     return mesh

@@ -1,4 +1,4 @@
-"""The net under every reader of files: whatever a parser stumbles over is one line with the file, and sizes are bounded.
+"""The net under every reader: whatever a parser stumbles over is one line with the file, and sizes are bounded.
 
 Parsers of damaged files raise nearly anything. So no reader lists what its parser may raise: `reader` marks it, and
 `tests/formats/test_hostile_files.py` gives each that is marked thousands of damaged files.

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
+import pyarrow.parquet as pq
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
@@ -13,6 +14,7 @@ from polarsim.formats.readers import reader
 from polarsim.formats.schemas import LABELS, PHOTOS
 from polarsim.photo import PhotoKey
 
+MOST_CELLS = 1 << 27  # of a table in memory: a gigabyte; packed they may take a few bytes
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 FORMER_NAMES = {  # of columns, in tables of versions before 0.2
     "detector": "judge",
@@ -39,7 +41,15 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     FormatError
         No readable Parquet file, or a column is missing.
     """
-    return _with_columns(pd.read_parquet(path), columns, path)
+    footer = pq.read_metadata(path)
+    if footer.num_rows * footer.num_columns > MOST_CELLS:
+        raise FormatError(
+            f"{footer.num_rows} rows of {footer.num_columns} columns, a table has at most {MOST_CELLS} cells"
+        )
+    table = pd.read_parquet(path)
+    if len(table) != footer.num_rows:
+        raise FormatError(f"{len(table)} rows, its footer says {footer.num_rows}")
+    return _with_columns(table, columns, path)
 
 
 def write_csv(path: str | Path, table: pd.DataFrame) -> None:

@@ -14,6 +14,7 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, Ph
 
 CLASS_FILE = "classes.txt"  # stands beside label files and is none: the names of their class numbers, one a line
 _SIZE = np.array([WIDTH, HEIGHT], float)
+_FARTHEST = 1.5  # widths or heights of the photo from its middle: a lost decimal point leads farther
 
 
 @reader("label file", largest_mb=100)
@@ -162,6 +163,8 @@ def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
                 f"{len(fields)} fields, a polygon has a class and at least 3 points", path=path, line=number
             )
         values = numbers(path, number, fields)
+        if (np.abs(values[1:] - 0.5) > _FARTHEST).any():
+            raise FormatError("polygon far outside the photo", path=path, line=number)
         polygons.append((_class(path, number, fields[0], POLYGON_CLASSES), values[1:].reshape(-1, 2) * _SIZE))
     return polygons
 
