@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -43,10 +44,8 @@ def parse(name: str, content: bytes, folder: Path) -> None:
 
     for path in (folder / "input", folder / "input.xyz"):
         path.write_bytes(content)
-    try:
+    with suppress(PolarsimError, yaml.YAMLError):
         parsers()[name](folder / "input")
-    except (PolarsimError, yaml.YAMLError):
-        pass
 
 
 def hunt(name: str, seconds: int) -> None:

@@ -67,11 +67,12 @@ def import_labels(
     if form not in READERS:
         raise ConfigError(f"format {form!r}, expected {', '.join(READERS)} or {AUTO}")
     photos: dict[PhotoKey, tuple[list[int], list[np.ndarray]]] = {}
-    for name, drawn in READERS[form](source):
-        key = _key(source, name)
-        if key in photos:
-            raise FormatError(f"{key} is there twice", path=source)
-        photos[key] = _classified(source, name, drawn, names or {})
+    with reading(f"export of {form}", source):
+        for name, drawn in READERS[form](source):
+            key = _key(source, name)
+            if key in photos:
+                raise FormatError(f"{key} is there twice", path=source)
+            photos[key] = _classified(source, name, drawn, names or {})
     empty = [str(key) for key, (classes, _) in photos.items() if not classes]
     kept = {key: own for key, own in sorted(photos.items()) if own[0] or keep_empty}
     if not kept:

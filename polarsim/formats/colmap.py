@@ -18,7 +18,7 @@ import numpy as np
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import writing_folder
 from polarsim.formats.readers import reader
-from polarsim.formats.rigs import LocalisedRig
+from polarsim.formats.rigs import LocalisedRig, checked_lens
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
@@ -192,7 +192,7 @@ def _lens(camera: Any) -> Lens:
         raise ValueError("rational distortion (k4 to k6), which our lens does not have")
     fx, fy, cx, cy, k1, k2, p1, p2 = params[:8]
     k3 = params[8] if len(params) > 8 else 0.0
-    return Lens(fx, fy, cx, cy, (k1, k2, p1, p2, k3), int(camera.width), int(camera.height))
+    return checked_lens(Lens(fx, fy, cx, cy, (k1, k2, p1, p2, k3), int(camera.width), int(camera.height)))
 
 
 def _rigid(pose: Pose) -> Any:

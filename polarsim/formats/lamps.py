@@ -61,6 +61,8 @@ def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
         for azimuth, point in content.items():
             try:
                 suns[azimuth] = np.array(point, float).reshape(3)
+                if not np.isfinite(suns[azimuth]).all():
+                    raise ValueError("not finite")
             except (TypeError, ValueError) as error:
                 raise FormatError(f"{azimuth}: {point!r} is no position, expected three numbers") from error
     return suns

@@ -86,7 +86,7 @@ def _line_of(error: Exception) -> int | None:
     if mark is not None:
         return int(mark.line) + 1
     position = getattr(error, "position", None)  # XML's
-    return getattr(error, "lineno", position[0] if isinstance(position, tuple) else None)  # JSON's
+    return position[0] if isinstance(position, tuple) else getattr(error, "lineno", None)  # JSON's
 
 
 def _check_size(path: Path, largest_mb: float, error: type[PolarsimError]) -> None:

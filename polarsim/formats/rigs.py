@@ -18,6 +18,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
+MOST_PX = 1 << 16  # width or height of a photo
 SURVEYED = "survey"  # method of a rig that nothing else localises
 
 
@@ -146,12 +147,29 @@ def _rig(content: dict[str, Any]) -> StereoRig:
 def lens_of(content: dict[str, Any]) -> Lens:
     """The inverse of `lens_content`."""
     k1, k2, p1, p2, k3 = (float(term) for term in content["distortion"])
-    return Lens(
-        float(content["fx_px"]),
-        float(content["fy_px"]),
-        float(content["cx_px"]),
-        float(content["cy_px"]),
-        (k1, k2, p1, p2, k3),
-        int(content["width_px"]),
-        int(content["height_px"]),
+    return checked_lens(
+        Lens(
+            float(content["fx_px"]),
+            float(content["fy_px"]),
+            float(content["cx_px"]),
+            float(content["cy_px"]),
+            (k1, k2, p1, p2, k3),
+            int(content["width_px"]),
+            int(content["height_px"]),
+        )
     )
+
+
+def checked_lens(lens: Lens) -> Lens:
+    """The lens.
+
+    Raises
+    ------
+    FormatError
+        A number that is not finite, or a focal length or size that no lens has.
+    """
+    if not np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy, *lens.distortion]).all():
+        raise FormatError("a lens with a number that is not finite")
+    if min(lens.fx, lens.fy) <= 0 or not (0 < lens.width <= MOST_PX and 0 < lens.height <= MOST_PX):
+        raise FormatError(f"a lens of {lens.width} x {lens.height} px with the focal length {lens.fx:g} px")
+    return lens

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.readers import reader
 
@@ -28,4 +29,6 @@ def read_translations(cameras: Path) -> dict[int, np.ndarray]:
         return {}
     table = tables.read_csv(path, COLUMNS)
     translations = table[list(TRANSLATION_COLUMNS)].to_numpy(float) / 1000
+    if not np.isfinite(translations).all():
+        raise FormatError("a translation that is not finite", path=path)
     return dict(zip(table["rock"].astype(int).tolist(), translations, strict=True))

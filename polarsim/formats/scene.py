@@ -87,7 +87,9 @@ def made_from(folder: str | Path) -> dict[str, str]:
     if not path.exists():
         return {}
     table = tables.read_csv(path, ["mesh", "made_from"])
-    return dict(zip(table["mesh"], table["made_from"], strict=True))
+    if table[["mesh", "made_from"]].isna().any(axis=None):
+        raise FormatError("a mesh without its origin", path=path)
+    return dict(zip(table["mesh"].astype(str), table["made_from"].astype(str), strict=True))
 
 
 @reader("terrain")

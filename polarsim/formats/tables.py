@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from polarsim.errors import FormatError
@@ -49,6 +50,8 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     table = pd.read_parquet(path)
     if len(table) != footer.num_rows:
         raise FormatError(f"{len(table)} rows, its footer says {footer.num_rows}")
+    for name in table.select_dtypes("str").columns:
+        pa.Array.from_pandas(table[name]).validate(full=True)  # texts that are none are found only when they are used
     return _with_columns(table, columns, path)
 
 

@@ -37,7 +37,7 @@ def test_a_damaged_file_is_a_sound_object_or_one_line(name, number, tmp_path):
     case, outcome = CASES[name][number], Outcome()
     with valid(case, tmp_path) as (source, whole):
 
-        @settings(max_examples=150, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+        @settings(max_examples=100, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
         @given(st.sampled_from(list(whole)), DAMAGES)
         def damaged(path, damage):
             harm(case, source, path, whole[path], damage, outcome)
