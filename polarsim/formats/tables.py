@@ -50,7 +50,8 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     table = pd.read_parquet(path)
     if len(table) != footer.num_rows:
         raise FormatError(f"{len(table)} rows, its footer says {footer.num_rows}")
-    for name in table.select_dtypes("str").columns:
+    texts: list[str] = list(table.select_dtypes("str").columns)
+    for name in texts:
         pa.Array.from_pandas(table[name]).validate(full=True)  # texts that are none are found only when they are used
     return _with_columns(table, columns, path)
 

@@ -1,5 +1,7 @@
 """Damaged files that used to be read without a word."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -43,10 +45,9 @@ def test_a_mesh_without_its_origin_is_refused(tmp_path):
 
 @pytest.mark.parametrize("text", ['"fx_px": -2', '"fx_px": 1e999', '"width_px": 0', '"width_px": 99999999'])
 def test_a_lens_that_cannot_be_is_refused(tmp_path, text):
-    name = text.split(":")[0]
     rigs.write_rig(tmp_path / "a.json", stated_rig(), "stated")
-    lines = [f"{text}," if name in line else line for line in (tmp_path / "a.json").read_text().splitlines()]
-    (tmp_path / "a.json").write_text("\n".join(lines))
+    good = (tmp_path / "a.json").read_text()
+    (tmp_path / "a.json").write_text(re.sub(text.split(":")[0] + r": [\d.]+", text, good, count=1))
     with pytest.raises(FormatError, match=r"a\.json: a lens "):
         rigs.read_rig(tmp_path / "a.json")
 
