@@ -2,11 +2,12 @@
 PYTHON ?= python3
 CORES ?= 2
 SEEDS ?= 1 2 3
+SECONDS_EACH ?= 300
 POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo release accuracy test cluster chaos lint docs clean lock schema
+.PHONY: help setup demo release accuracy test cluster chaos fuzz lint docs clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -43,6 +44,12 @@ cluster: setup ## the workflow on a real SLURM of one node that is started here 
 MOMENTS ?= 20
 chaos: setup ## kill small runs at random moments (MOMENTS of each kind), hours: the same command ends each
 	$(BIN)/python benchmarks/chaos.py --moments $(MOMENTS)
+
+fuzz: setup ## 10,000 damaged files for every reader; with atheris also SECONDS_EACH s for each of our own parsers
+	$(BIN)/python -m benchmarks.fuzz
+	@if $(BIN)/python -c "import atheris" 2> /dev/null; then \
+	  $(BIN)/python -m benchmarks.fuzz_parsers --seconds $(SECONDS_EACH); \
+	else echo "atheris is not installed: $(BIN)/pip install '.[fuzz]'"; fi
 
 lint: setup
 	$(BIN)/ruff check .

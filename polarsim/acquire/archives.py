@@ -9,8 +9,9 @@ import zipfile
 from pathlib import Path, PurePosixPath
 
 from polarsim.acquire.options import FetchOptions
-from polarsim.errors import FetchError, FormatError, PolarsimError
+from polarsim.errors import FetchError, FormatError
 from polarsim.formats.files import writing_folder
+from polarsim.formats.readers import reader
 from polarsim.progress import track
 
 MB = 1e6  # bytes
@@ -20,6 +21,7 @@ HARMLESS = 1 << 20  # bytes; the ratio of smaller files does not matter
 _OUTSIDE = re.compile(r"^/|^[A-Za-z]:|\\|\0|(^|/)\.\.(/|$)")
 
 
+@reader("zip archive", largest_mb=1e6)
 def unpack(archive: Path, folder: Path, options: FetchOptions | None = None) -> None:
     """Unpack a zip into `folder`, which appears when all is there; one top folder of the same name is left out.
 
@@ -32,24 +34,17 @@ def unpack(archive: Path, folder: Path, options: FetchOptions | None = None) -> 
         The disk has too little room.
     """
     options = options or FetchOptions()
-    try:
-        with zipfile.ZipFile(archive) as source:
-            entries = [entry for entry in source.infolist() if not entry.is_dir()]
-            check_entries(entries, options)
-            _check_room(sum(entry.file_size for entry in entries), folder)
-            with writing_folder(folder) as temporary:
-                for entry in track(entries, f"unpacking {archive.name}"):
-                    _extract(source, entry, temporary)
-                _flatten(temporary, folder.name)
-    except PolarsimError as error:
-        if error.path is None:  # the disk says where
-            error.path = archive
-        raise
-    except OSError as error:
-        raise FormatError(f"no readable zip archive, {error.strerror or error}", path=archive) from error
-    except Exception as error:  # damaged zips make the parser raise nearly anything
-        reason = (str(error).splitlines() or [""])[0] or type(error).__name__
-        raise FormatError(f"a damaged zip archive, {reason}", path=archive) from error
+    with zipfile.ZipFile(archive) as source:
+        entries = [entry for entry in source.infolist() if not entry.is_dir()]
+        check_entries(entries, options)
+        total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
+        if total > max(HARMLESS, options.max_ratio * packed):  # many small ones, or several that share their bytes
+            raise FormatError(f"unpacks to {total / MB:.0f} MB, more than {options.max_ratio:g} times its size: a bomb")
+        _check_room(total, folder)
+        with writing_folder(folder) as temporary:
+            for entry in track(entries, f"unpacking {archive.name}"):
+                _extract(source, entry, temporary)
+            _flatten(temporary, folder.name)
 
 
 def check_entries(entries: list[zipfile.ZipInfo], options: FetchOptions) -> None:

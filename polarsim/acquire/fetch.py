@@ -2,40 +2,25 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import hashlib
 import logging
-import os
 import re
-import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from http.client import HTTPException, HTTPResponse, IncompleteRead
+import zipfile
 from pathlib import Path
 
 from polarsim.acquire.archives import unpack
 from polarsim.acquire.options import FetchOptions, SourceOptions
 from polarsim.errors import ConfigError, FetchError, FormatError
 from polarsim.formats import nasa, release
-from polarsim.formats.files import read_json, write_json, write_text
-from polarsim.progress import track
+from polarsim.formats.download import alone, downloaded
+from polarsim.formats.files import read_json, write_json
+from polarsim.formats.readers import reader
 
 PINS = "checksums.json"  # archive name -> SHA-256, written on first sight
-CHUNK = 1 << 20  # bytes between two steps of the progress
 
 _RELEASE_FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)
-_FOR_GOOD = (400, 401, 403, 404, 405, 410)  # answers that another try does not change
-
-_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG)
 
 log = logging.getLogger("polarsim")
-
-
-class _TransferError(Exception):
-    """A try failed in a way that another one may not."""
 
 
 def fetch_archive(*, name: str, url: str | None, root: Path, options: FetchOptions) -> Path:
@@ -50,21 +35,17 @@ def fetch_archive(*, name: str, url: str | None, root: Path, options: FetchOptio
         The server does not give the file, or its checksum is not the pinned one.
     """
     path = root / name
-    with _alone(root):
+    with alone(root):
         if path.exists():
             log.info("%s: already there", path)
             _check_pin(path, path, root)
             return path
         if url is None:
             raise FetchError("not there, and no address is configured for it", path=path)
-        partial = path.with_name(f".{name}.part")
-        _download(url, partial, options)
-        try:
+        with downloaded(url, path, options.tries, options.backoff_s, options.timeout_s) as partial:
+            if not zipfile.is_zipfile(partial):  # such as the page of a portal: its checksum would be pinned
+                raise FetchError(f"{url} gives no zip archive", path=path)
             _check_pin(partial, path, root)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
-            _validator_of(partial).unlink(missing_ok=True)
     return path
 
 
@@ -86,12 +67,12 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
     for name in archives_of(terrain, source):
         if _is_needed(name, terrain, source):
             path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, options=source.fetch)
-            with _alone(source.root):
+            with alone(source.root):
                 if not _folder_of(name, source).is_dir():  # another terrain's job may have been here
                     unpack(path, _folder_of(name, source), source.fetch)
         if source.kind == "release":
             _lift(_folder_of(name, source), source.root)
-    pins = _pins(source.root)
+    pins = read_pins(source.root)
     used = {name: pins[name] for name in archives_of(terrain, source) if name in pins}
     folders = _folders(source, terrain)
     if not folders:
@@ -151,109 +132,26 @@ def _is_needed(archive: str, terrain: int, source: SourceOptions) -> bool:
 
 def _lift(unpacked: Path, root: Path) -> None:
     """Move a release's folders from an unpacked archive up into the root, where they are not there."""
-    with _alone(root):
+    with alone(root):
         for name in _RELEASE_FOLDERS:
             for found in (*unpacked.glob(name), *unpacked.glob(f"*/{name}")):
                 if not (root / name).exists():
                     found.rename(root / name)
 
 
-def _download(url: str, partial: Path, options: FetchOptions) -> None:
-    """Fetch `url` into `partial`: the one retry policy of all downloads."""
-    for number in range(1, options.tries + 1):
-        try:
-            _transfer(url, partial, options.timeout_s)
-            return
-        except urllib.error.HTTPError as error:
-            reason = f"the server answers {error.code} {error.reason}"
-            if error.code in _FOR_GOOD:
-                raise FetchError(f"{url}: {reason}") from error
-        except (_TransferError, HTTPException, OSError) as error:
-            if isinstance(error, OSError) and error.errno in _DISK:
-                raise FetchError(f"cannot be written, {error.strerror}", path=partial) from error
-            reason = str(getattr(error, "reason", error)) or type(error).__name__
-        if number < options.tries:
-            log.warning("%s: try %d of %d failed, %s", url, number, options.tries, reason)
-            time.sleep(options.backoff_s * 2 ** (number - 1))
-    raise FetchError(f"{url}: {options.tries} tries failed, the last with: {reason}")
-
-
-def _transfer(url: str, partial: Path, timeout_s: float) -> None:
-    """One try: append what is missing of the file, or begin anew where the server has another one now."""
-    request = urllib.request.Request(url)  # noqa: S310 (the options allow http and https only)
-    start = partial.stat().st_size if partial.exists() else 0
-    validator = _validator_of(partial)
-    if start and validator.exists():
-        request.add_header("Range", f"bytes={start}-")
-        request.add_header("If-Range", validator.read_text(encoding="ascii"))
-    else:
-        start = 0
-    try:
-        response = urllib.request.urlopen(request, timeout=timeout_s)  # noqa: S310
-    except urllib.error.HTTPError as error:
-        if error.code != 416:  # no byte beyond those that are here
-            raise
-        if error.headers.get("Content-Range") == f"bytes */{start}":
-            return
-        partial.unlink()
-        raise _TransferError("the server has another file than the one that was begun") from error
-    with response:
-        if response.status != 206:
-            start = 0
-        elif not response.headers.get("Content-Range", "").startswith(f"bytes {start}-"):
-            raise _TransferError("the server gives another part of the file than was asked for")
-        _keep_validator(response, validator)
-        length = response.headers.get("Content-Length")
-        with partial.open("ab" if start else "wb") as file:
-            for chunk in _chunks(response, int(length) if length else None, partial.name):
-                file.write(chunk)
-    received = partial.stat().st_size - start
-    if length is not None and received != int(length):
-        raise _TransferError(f"the connection ended after {received} of {length} bytes")
-
-
-def _chunks(response: HTTPResponse, length: int | None, name: str) -> Iterator[bytes]:
-    if length is None:
-        while chunk := response.read(CHUNK):
-            yield chunk
-        return
-    for _ in track(range(-(-length // CHUNK)), f"fetching {name.removeprefix('.').removesuffix('.part')}"):
-        try:
-            chunk = response.read(CHUNK)
-        except IncompleteRead as cut:
-            chunk = cut.partial
-        if not chunk:
-            return
-        yield chunk
-
-
-def _validator_of(partial: Path) -> Path:
-    """The file that remembers which version of its file a server gave."""
-    return partial.with_suffix(".version")
-
-
-def _keep_validator(response: HTTPResponse, path: Path) -> None:
-    """A weak tag does not promise equal bytes (RFC 9110, 13.1.5), so it is not kept."""
-    tag = response.headers.get("ETag", "")
-    value = tag if tag and not tag.startswith("W/") else response.headers.get("Last-Modified")
-    if value:
-        write_text(path, value)
-    else:
-        path.unlink(missing_ok=True)
-
-
 def _check_pin(content: Path, path: Path, root: Path) -> None:
     """Compare a file with the checksum pinned for `path`, or pin it."""
     with content.open("rb") as file:
         found = hashlib.file_digest(file, "sha256").hexdigest()
-    pins = _pins(root)
+    pins = read_pins(root)
     if path.name not in pins:
         write_json(root / PINS, {**pins, path.name: found})
     elif pins[path.name] != found:
         raise FetchError(f"SHA-256 {found}, but {pins[path.name]} is pinned in {root / PINS}", path=path)
 
 
-def _pins(root: Path) -> dict[str, str]:
+@reader("list of checksums")
+def read_pins(root: Path) -> dict[str, str]:
     path = root / PINS
     if not path.exists():
         return {}
@@ -261,19 +159,3 @@ def _pins(root: Path) -> dict[str, str]:
     if not isinstance(pins, dict) or not all(isinstance(value, str) for value in pins.values()):
         raise FormatError("expected archive names with their SHA-256", path=path)
     return pins
-
-
-@contextmanager
-def _alone(root: Path) -> Iterator[None]:
-    """One process at a time in the root, for several terrains share an archive; the lock ends with the process."""
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        folder = os.open(root, os.O_RDONLY)
-    except OSError as error:
-        raise FetchError(f"cannot be opened, {error.strerror}", path=root) from error
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(folder, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(folder)

@@ -12,9 +12,10 @@ import pandas as pd
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
 from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels
-from polarsim.errors import FormatError, LabelError, about
+from polarsim.errors import FormatError, LabelError
 from polarsim.formats import nasa, png, release
 from polarsim.formats.inventory import Inventory, write_inventory
+from polarsim.formats.readers import reader
 from polarsim.formats.rigs import write_rig
 from polarsim.formats.schemas import PHOTOS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
@@ -29,6 +30,7 @@ log = logging.getLogger("polarsim")
 STATED = "stated"  # source of a calibration that no file of the source gave
 
 
+@reader("photo")
 def describe_photo(path: Path) -> dict[str, object]:
     """Width and height in pixels, bits, SHA-256 and path of a raw photo.
 
@@ -37,16 +39,12 @@ def describe_photo(path: Path) -> dict[str, object]:
     FormatError
         The file cannot be read or is damaged, or is no grey 16-bit PNG of NASA's size.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FormatError(f"no readable photo, {error.strerror or error}", path=path) from error
-    with about(path):
-        header = png.parse_header(content)
-        if (header.width, header.height) != (WIDTH, HEIGHT):
-            raise FormatError(f"{header.width} x {header.height} pixels, expected {WIDTH} x {HEIGHT}")
-        if header.bits != PHOTO_BITS or header.channels != 1:
-            raise FormatError(f"{header.channels} channels of {header.bits} bits, a photo has 1 of {PHOTO_BITS}")
+    content = path.read_bytes()
+    header = png.parse_header(content)
+    if (header.width, header.height) != (WIDTH, HEIGHT):
+        raise FormatError(f"{header.width} x {header.height} pixels, expected {WIDTH} x {HEIGHT}")
+    if header.bits != PHOTO_BITS or header.channels != 1:
+        raise FormatError(f"{header.channels} channels of {header.bits} bits, a photo has 1 of {PHOTO_BITS}")
     return {
         "width": header.width,
         "height": header.height,

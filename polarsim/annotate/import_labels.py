@@ -17,6 +17,7 @@ from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats import yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.files import read_json, writing_folder
+from polarsim.formats.readers import reader, reading
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.geometry.boxes import around, clip
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
@@ -29,6 +30,7 @@ _SAME_SHAPE = 0.01  # largest relative difference of width over height of a pict
 _LEAST_PX = 1e-3  # side of a box that is one
 
 
+@reader("export of labels", largest_mb=500)
 def import_labels(
     source: Path,
     folder: Path,
@@ -65,11 +67,12 @@ def import_labels(
     if form not in READERS:
         raise ConfigError(f"format {form!r}, expected {', '.join(READERS)} or {AUTO}")
     photos: dict[PhotoKey, tuple[list[int], list[np.ndarray]]] = {}
-    for name, drawn in _read(source, form):
-        key = _key(source, name)
-        if key in photos:
-            raise FormatError(f"{key} is there twice", path=source)
-        photos[key] = _classified(source, name, drawn, names or {})
+    with reading(f"export of {form}", source):
+        for name, drawn in READERS[form](source):
+            key = _key(source, name)
+            if key in photos:
+                raise FormatError(f"{key} is there twice", path=source)
+            photos[key] = _classified(source, name, drawn, names or {})
     empty = [str(key) for key, (classes, _) in photos.items() if not classes]
     kept = {key: own for key, own in sorted(photos.items()) if own[0] or keep_empty}
     if not kept:
@@ -80,6 +83,7 @@ def import_labels(
     return len(kept), sum(len(classes) for classes, _ in kept.values()), [] if keep_empty else sorted(empty)
 
 
+@reader("export of labels", largest_mb=500)
 def told_form(source: Path) -> str:
     """What a source is, by what it holds.
 
@@ -103,15 +107,6 @@ def told_form(source: Path) -> str:
         return "coco"
     reason = "neither a folder, nor .json, nor .xml: --format says what it is" if source.exists() else "no such file"
     raise FormatError(reason, path=source)
-
-
-def _read(source: Path, form: str) -> Found:
-    """As the form's reader; whatever it stumbles over is said in one line."""
-    try:
-        yield from READERS[form](source)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        raise FormatError(f"no export of {form}, {said}", path=source) from error
 
 
 def _key(source: Path, name: str) -> PhotoKey:
@@ -187,10 +182,8 @@ def _names_in_yaml(folder: Path) -> dict[int, str]:
 
 def _cvat(source: Path) -> Found:
     """CVAT for images 1.1: boxes, and boxes around polygons."""
-    try:
+    with reading("XML", source):
         root = ElementTree.parse(source).getroot()  # noqa: S314  # expat stops entities that blow up
-    except (OSError, ElementTree.ParseError) as error:
-        raise FormatError(f"no readable XML, {error}", path=source) from error
     for image in root.iter("image"):
         name = image.attrib["name"]
         factor = _factor(source, name, float(image.attrib["width"]), float(image.attrib["height"]))

@@ -19,6 +19,8 @@ from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import relative_to, writing_folder
+from polarsim.formats.files import writing_folder
+from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
@@ -132,6 +134,7 @@ def _fast(loaded: detectors.LoadedDetector, detector: detectors.Detector, device
     return detect_in_bfloat16
 
 
+@reader("picture", error=DetectError)
 def read_any(path: Path) -> np.ndarray:
     """(h, w), or (h, w, 3) blue, green, red, of 8 or 16 bits.
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from polarsim.errors import FormatError
+from polarsim.formats.readers import reading
 
 _NARROW = {"f": pa.float32(), "i": pa.int32(), "u": pa.int32(), "b": pa.uint8()}
 
@@ -36,11 +36,11 @@ def decode(content: bytes) -> pd.DataFrame:
     FormatError
         No Arrow file.
     """
-    try:
-        frame: pd.DataFrame = pa.ipc.open_file(content).read_all().to_pandas()
-    except pa.ArrowInvalid as error:
-        raise FormatError(f"no Arrow file, {error}") from error
-    return frame
+    with reading("Arrow file"):
+        table = pa.ipc.open_file(content).read_all()
+        table.validate(full=True)  # offsets and codes that point outside would end the process
+        frame: pd.DataFrame = table.to_pandas()
+        return frame
 
 
 def _column(values: pd.Series) -> Any:

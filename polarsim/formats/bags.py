@@ -14,6 +14,7 @@ from typing import Any
 import yaml
 
 from polarsim.errors import FormatError, PolarsimError
+from polarsim.formats.readers import reader
 from polarsim.formats.ros import Stamped, definition
 
 METADATA = "metadata.yaml"
@@ -68,6 +69,7 @@ def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
     return writer.register_schema(kind, "ros2msg", text.encode()), serialize_dynamic(kind, text)[kind]
 
 
+@reader("bag", largest_mb=1e6)
 def metadata(bag: Path, name: str) -> str:
     """What `metadata.yaml` beside a bag says, version 8, by the bag's own summary.
 
@@ -83,11 +85,8 @@ def metadata(bag: Path, name: str) -> str:
     """
     from mcap.reader import make_reader
 
-    try:
-        with bag.open("rb") as file:
-            summary = make_reader(file).get_summary()
-    except Exception as error:  # the library and the system raise many kinds
-        raise FormatError(f"no readable bag, {error}", path=bag) from error
+    with bag.open("rb") as file:
+        summary = make_reader(file).get_summary()
     if summary is None or summary.statistics is None:
         raise FormatError("a bag without a summary", path=bag)
     told = summary.statistics

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import rle
 from polarsim.formats.files import relative_to, writing
+from polarsim.formats.readers import reader
 from polarsim.formats.rle import Rle
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import area, of_mask
@@ -228,6 +229,7 @@ class _File(_Part):
 _FILE = TypeAdapter(_File)
 
 
+@reader("COCO file", largest_mb=500)
 def read_coco(
     path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT), kinds: Sequence[str] | None = BOX_CLASSES
 ) -> dict[PhotoKey, list[Annotation]]:
@@ -253,8 +255,6 @@ def read_coco(
     """
     try:
         content = _FILE.validate_json(Path(path).read_bytes())
-    except OSError as error:
-        raise FormatError(f"no readable COCO file, {error.strerror}", path=path) from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
         where = ".".join(str(part) for part in first["loc"])

@@ -17,7 +17,8 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import writing_folder
-from polarsim.formats.rigs import LocalisedRig
+from polarsim.formats.readers import reader
+from polarsim.formats.rigs import LocalisedRig, checked_lens
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
@@ -121,6 +122,7 @@ def _model(rig: StereoRig) -> Any:
     return model
 
 
+@reader("COLMAP model")
 def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     """Rigs by position from a model that `write_model` or COLMAP wrote with its names and one rig of two cameras.
 
@@ -131,13 +133,10 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     """
     import pycolmap
 
-    try:
-        model = pycolmap.Reconstruction(str(folder))
-        images = sorted(model.images.values(), key=lambda image: image.name)
-        poses = {image.name: _pose(image.cam_from_world()) for image in images}
-        lenses = {image.name: _lens(image.camera) for image in images}
-    except (ValueError, RuntimeError, TypeError, KeyError, IndexError) as error:
-        raise FormatError(f"no readable COLMAP model, {str(error).splitlines()[0]}", path=folder) from error
+    model = pycolmap.Reconstruction(str(folder))
+    images = sorted(model.images.values(), key=lambda image: image.name)
+    poses = {image.name: _pose(image.cam_from_world()) for image in images}
+    lenses = {image.name: _lens(image.camera) for image in images}
     localised = {}
     named = {tuple(filter(None, found.groups())): name for name in poses if (found := _IMAGE.search(name))}
     for name in poses:
@@ -193,7 +192,7 @@ def _lens(camera: Any) -> Lens:
         raise ValueError("rational distortion (k4 to k6), which our lens does not have")
     fx, fy, cx, cy, k1, k2, p1, p2 = params[:8]
     k3 = params[8] if len(params) > 8 else 0.0
-    return Lens(fx, fy, cx, cy, (k1, k2, p1, p2, k3), int(camera.width), int(camera.height))
+    return checked_lens(Lens(fx, fy, cx, cy, (k1, k2, p1, p2, k3), int(camera.width), int(camera.height)))
 
 
 def _rigid(pose: Pose) -> Any:

@@ -10,7 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from polarsim.errors import FormatError, PolarsimError
+from polarsim.errors import PolarsimError
+from polarsim.formats.readers import reader
 
 _CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository, in a wheel a copy
 
@@ -101,6 +102,7 @@ def write_json(path: str | Path, content: Any) -> None:
     write_text(path, json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n")
 
 
+@reader("JSON", largest_mb=500)
 def read_json(path: str | Path) -> Any:
     """Parse a JSON file.
 
@@ -109,7 +111,4 @@ def read_json(path: str | Path) -> Any:
     FormatError
         The file is missing or is no JSON.
     """
-    try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise FormatError(f"no readable JSON, {error}", path=path) from error
+    return json.loads(Path(path).read_text(encoding="utf-8"))

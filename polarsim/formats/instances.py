@@ -8,6 +8,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
+from polarsim.formats.readers import reader
 from polarsim.photo import ROCK, SHADOW
 
 # RELIEF_SHADOW is ground that relief or a wall hides from the lamp; rock k is ROCK_IDS + k, its shadow SHADOW_IDS + k.
@@ -15,6 +16,7 @@ from polarsim.photo import ROCK, SHADOW
 BACKGROUND, GROUND, RELIEF_SHADOW, BODY, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 3, 1000, 2000
 
 
+@reader("instance map")
 def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
     """Where a map shows rocks and where their shadows: (h, w) bool by kind.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import read_json, write_json
+from polarsim.formats.readers import reader
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ def write_inventory(path: str | Path, inventory: Inventory) -> None:
     write_json(path, asdict(inventory))
 
 
+@reader("inventory")
 def read_inventory(path: str | Path) -> Inventory:
     """Read an inventory.
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError
+from polarsim.formats.readers import reader
 from polarsim.formats.text_fields import fields_of, numbers
 from polarsim.geometry.lens import HALF_PIXEL
 
@@ -41,6 +42,7 @@ def write_objects(path: str | Path, objects: Sequence[KittiObject]) -> None:
     Path(path).write_text("".join(lines), encoding="ascii")
 
 
+@reader("KITTI file", largest_mb=100)
 def read_objects(path: str | Path) -> list[KittiObject]:
     """The inverse of `write_objects`.
 
@@ -78,6 +80,7 @@ def write_calibration(path: str | Path, matrices: Mapping[str, np.ndarray]) -> N
     Path(path).write_text("".join(lines), encoding="ascii")
 
 
+@reader("KITTI file", largest_mb=1)
 def read_calibration(path: str | Path) -> dict[str, np.ndarray]:
     """The matrices by name.
 

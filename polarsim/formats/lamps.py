@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_json
+from polarsim.formats.readers import reader
 from polarsim.formats.rigs import LocalisedRig, lift_of
 from polarsim.photo import SUNS
 from polarsim.survey import lamp_position
@@ -21,6 +22,7 @@ def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:
     write_json(Path(folder) / FILE, {name: [round(float(x), 4) for x in suns[name]] for name in sorted(suns)})
 
 
+@reader("lamps")
 def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
     """Position (3,) of every Sun lamp: where it was found, else where the survey has it.
 
@@ -39,6 +41,7 @@ def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict
     return surveyed_suns(localised) | read_found_suns(folder)
 
 
+@reader("lamps")
 def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
     """Position (3,) of the Sun lamps that photos localise, by azimuth; the others stand where the survey has them.
 
@@ -58,6 +61,8 @@ def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
         for azimuth, point in content.items():
             try:
                 suns[azimuth] = np.array(point, float).reshape(3)
+                if not np.isfinite(suns[azimuth]).all():
+                    raise ValueError("not finite")
             except (TypeError, ValueError) as error:
                 raise FormatError(f"{azimuth}: {point!r} is no position, expected three numbers") from error
     return suns

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json, writing_folder
+from polarsim.formats.readers import reader
 from polarsim.formats.scene import TerrainMesh
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import NO_ROCK
@@ -75,6 +76,7 @@ def write_materials(folder: Path, mesh: TerrainMesh, found: FittedMaterials) -> 
         write_json(into / TABLE_FILE, {"falloff": found.falloff, "vignetting": found.vignetting, "models": models})
 
 
+@reader("materials")
 def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
     """Read a terrain's fit, made for its meshes `mesh`.
 

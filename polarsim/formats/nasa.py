@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError
 from polarsim.formats.files import write_text, writing
+from polarsim.formats.readers import reader
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, checked_rotation
 from polarsim.geometry.stereo import StereoRig
@@ -39,9 +40,11 @@ _COUNTS = {
     "TRANSLATION_VECTOR": (3,),
 }
 _PHOTO = re.compile(r"Pos([A-G])_\d+_L(on|off)/(NoSun|Sun_(\d+))/Cam([LR])_(.+)_(\d{4})\.png")
+_MOST_BANDS = 8  # of a range map; three are read
 _CLOUD_START = 50  # lines of an ASCII cloud among which its first point must stand
 
 
+@reader("calibration", largest_mb=1)
 def read_calibration(path: str | Path) -> StereoRig:
     """Read `stereo.calibration`: `KEY: numbers` a line in any order; unknown keys and other lines are passed over.
 
@@ -51,18 +54,13 @@ def read_calibration(path: str | Path) -> StereoRig:
         No text, a key is missing or has another count of numbers, a camera matrix or rotation that is none,
         distortion beyond k3, or cameras that do not stand about 0.30 m apart.
     """
-    try:
-        text = Path(path).read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"no readable calibration, {error}", path=path) from error
-    with about(path):
-        entries = _entries(text)
-        rotation = checked_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
-        translation = entries["TRANSLATION_VECTOR"]
-        if not _SHORTEST_BASELINE <= np.linalg.norm(translation) <= _LONGEST_BASELINE:
-            raise FormatError(f"TRANSLATION_VECTOR is {np.linalg.norm(translation):.4g} m long, expected about 0.30")
-        right_from_left = Pose(rotation, translation)  # OpenCV: x_right = R x_left + T
-        return StereoRig(_lens(entries, "LEFT"), _lens(entries, "RIGHT"), right_from_left.inverse())
+    entries = _entries(Path(path).read_text(encoding="ascii"))
+    rotation = checked_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
+    translation = entries["TRANSLATION_VECTOR"]
+    if not _SHORTEST_BASELINE <= np.linalg.norm(translation) <= _LONGEST_BASELINE:
+        raise FormatError(f"TRANSLATION_VECTOR is {np.linalg.norm(translation):.4g} m long, expected about 0.30")
+    right_from_left = Pose(rotation, translation)  # OpenCV: x_right = R x_left + T
+    return StereoRig(_lens(entries, "LEFT"), _lens(entries, "RIGHT"), right_from_left.inverse())
 
 
 def _entries(text: str) -> dict[str, np.ndarray]:
@@ -117,6 +115,7 @@ def _terms(lens: Lens) -> np.ndarray:
     return np.array(lens.distortion if lens.distortion[4] else lens.distortion[:4])
 
 
+@reader("TIFF")
 def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
     """Points (h, w, 3) float32, metres, in the rectified left frame; NaN where the map has no data (0 or not finite).
 
@@ -132,30 +131,25 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
     """
     import tifffile
 
-    with about(path):
-        try:
-            with tifffile.TiffFile(path) as tiff:
-                bands_last = _bands_last(tiff.series[0].shape if tiff.series else (), size)
-                bands = np.asarray(tiff.series[0].asarray())
-        except FormatError:
-            raise
-        except Exception as error:  # a damaged TIFF makes the parser raise nearly anything
-            raise FormatError(f"no readable TIFF, {_reason(error)}") from error
-        if bands.dtype.kind not in "fiu":
-            raise FormatError(f"values of type {bands.dtype}, a range map has numbers")
-        points = (bands[..., :3] if bands_last else np.moveaxis(bands[:3], 0, -1)).astype(np.float32) * np.float32(MM)
-        points[~np.isfinite(points).all(axis=-1) | (points[..., 2] <= 0)] = np.nan
-        if np.isnan(points[..., 2]).all():
-            raise FormatError("no valid point")
-        return points
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it would log many lines of a file that is refused in one
+    with tifffile.TiffFile(path) as tiff:
+        bands_last = _bands_last(tiff.series[0].shape if tiff.series else (), size)
+        bands = np.asarray(tiff.series[0].asarray())
+    if bands.dtype.kind not in "fiu":
+        raise FormatError(f"values of type {bands.dtype}, a range map has numbers")
+    points = (bands[..., :3] if bands_last else np.moveaxis(bands[:3], 0, -1)).astype(np.float32) * np.float32(MM)
+    points[~np.isfinite(points).all(axis=-1) | (points[..., 2] <= 0)] = np.nan
+    if np.isnan(points[..., 2]).all():
+        raise FormatError("no valid point")
+    return points
 
 
 def _bands_last(shape: tuple[int, ...], size: tuple[int, int]) -> bool:
     """Whether the bands of an image of this shape come last (or first); refuses any other shape."""
     width, height = size
-    if len(shape) == 3 and shape[:2] == (height, width) and shape[2] >= 3:
+    if len(shape) == 3 and shape[:2] == (height, width) and 3 <= shape[2] <= _MOST_BANDS:
         return True
-    if len(shape) == 3 and shape[1:] == (height, width) and shape[0] >= 3:
+    if len(shape) == 3 and shape[1:] == (height, width) and 3 <= shape[0] <= _MOST_BANDS:
         return False
     stated = " x ".join(map(str, shape)) or "nothing"
     raise FormatError(f"{stated}, expected {height} rows, {width} columns and 3 bands X Y Z")
@@ -172,6 +166,7 @@ def write_range_map(path: str | Path, points_m: np.ndarray) -> None:
         )
 
 
+@reader("cloud", largest_mb=4000)
 def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
     """Points (n, 3) float64, metres, of a scan in its rectified left frame.
 
@@ -190,12 +185,7 @@ def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
     suffix = Path(path).suffix.lower()
     if suffix not in CLOUD_SUFFIXES:
         raise FormatError(f"a cloud's name ends in {', '.join(CLOUD_SUFFIXES)}", path=path)
-    try:
-        points = _read_ply(path) if suffix == ".ply" else _read_ascii_cloud(path)
-    except FormatError:
-        raise
-    except Exception as error:  # parsers of damaged files raise nearly anything
-        raise FormatError(f"no readable cloud, {_reason(error)}", path=path) from error
+    points = _read_ply(path) if suffix == ".ply" else _read_ascii_cloud(path)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         raise FormatError("no point", path=path)
@@ -354,8 +344,3 @@ def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[st
             raise FormatError(f"a second cloud of position {path.stem[3]} beside {clouds[path.stem[3]]}", path=path)
         clouds[path.stem[3]] = path
     return maps, clouds
-
-
-def _reason(error: Exception) -> str:
-    """One line that says what a parser complained about."""
-    return (str(error).splitlines() or [""])[0] or type(error).__name__

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.formats.readers import reader
+
+MOST_BYTES = 4_000_000_000
 
 
 def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.generic) -> None:
@@ -17,6 +21,7 @@ def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.gene
         save(temporary, **arrays)  # type: ignore[arg-type]  # its stub takes names for options
 
 
+@reader("NPZ file", largest_mb=4000)
 def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """The arrays of an NPZ file that must be there.
 
@@ -25,11 +30,12 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     FormatError
         No readable NPZ file, or an array is missing.
     """
-    try:
-        with np.load(path, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in content.files}
-    except Exception as error:  # zipfile, NumPy and the system raise many kinds
-        raise FormatError(f"no readable NPZ file, {' '.join(str(error).split())}", path=path) from error
+    with zipfile.ZipFile(path) as archive:
+        unpacked = sum(entry.file_size for entry in archive.infolist())
+    if unpacked > MOST_BYTES:
+        raise FormatError(f"unpacks to {unpacked / 1e9:.1f} GB, {MOST_BYTES / 1e9:g} GB allowed")
+    with np.load(path, allow_pickle=False) as content:
+        arrays = {name: content[name] for name in content.files}
     for name in names:
         if name not in arrays:
             raise FormatError(f"array {name!r} is missing", path=path)

@@ -12,6 +12,7 @@ from pyarrow import csv
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
 
 _ROCK_NAME = re.compile(r"terrain(\d\d)_rock(\d+)(_decimate-005)?\.obj")
@@ -45,6 +46,7 @@ def rock_files(folder: str | Path) -> dict[int, Path]:
     return dict(sorted(found.items()))
 
 
+@reader("OBJ file", largest_mb=2000)
 def read(path: str | Path) -> Mesh:
     """Vertices and triangles of an OBJ file; polygons are cut into fans, all other lines are passed over.
 
@@ -53,15 +55,13 @@ def read(path: str | Path) -> Mesh:
     FormatError
         The file is missing, has no triangle, or a face names a vertex that is not there.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise FormatError(f"no readable OBJ file, {error}", path=path) from error
+    content = Path(path).read_bytes()
     mesh = _plain_triangles(content) or _any_faces(path, content)
     if not len(mesh.faces):
         raise FormatError("no triangle", path=path)
-    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
-        raise FormatError(f"a face names vertex {mesh.faces.max() + 1} of {len(mesh.vertices)}", path=path)
+    outside = mesh.faces[(mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))]
+    if len(outside):
+        raise FormatError(f"a face names vertex {outside[0] + 1} of {len(mesh.vertices)}", path=path)
     if not np.isfinite(mesh.vertices).all():
         raise FormatError("a vertex is not finite", path=path)
     return mesh
@@ -117,10 +117,7 @@ def _any_faces(path: str | Path, content: bytes) -> Mesh:
     """Line by line: polygons, numbers that count from the end, and every error with its line."""
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
-    try:
-        lines = content.decode("ascii").splitlines()
-    except UnicodeDecodeError as error:
-        raise FormatError(f"no readable OBJ file, {error}", path=path) from error
+    lines = content.decode("ascii").splitlines()
     for number, line in enumerate(lines, 1):
         try:
             if line.startswith("v "):

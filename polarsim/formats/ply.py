@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.formats.readers import reader
 
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
 _ROW = np.dtype([(name, "<f4") for name in _COLUMNS])
@@ -35,6 +36,7 @@ def write(path: str | Path, cloud: Cloud) -> None:
         temporary.write_bytes(header.encode("ascii") + rows.tobytes())
 
 
+@reader("PLY file", largest_mb=4000)
 def read(path: str | Path) -> Cloud:
     """Read what `write` wrote: vertices of six float properties, binary.
 
@@ -43,10 +45,7 @@ def read(path: str | Path) -> Cloud:
     FormatError
         The file is missing, cut off, has other properties, or a value that is not finite.
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise FormatError(f"no readable PLY file, {error.strerror}", path=path) from error
+    content = Path(path).read_bytes()
     end = content.find(b"end_header\n", 0, _LONGEST_HEADER)
     if not content.startswith(b"ply\n") or end < 0:
         raise FormatError("no PLY header", path=path)

@@ -12,6 +12,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import write_bytes
+from polarsim.formats.readers import reader
 from polarsim.photo import HEIGHT, WHITE_LEVEL, WIDTH
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -19,7 +20,8 @@ _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # of PNG's colour types
 _FROM_LEFT = 1  # PNG's filter "Sub"
 _LEVEL = 1  # of ISA-L's 0 to 3: higher ones gain nothing on photos
 
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(1 << 24))  # read by OpenCV at import: refuses PNG bombs
+MOST_PIXELS = 1 << 24  # of a picture of any kind; a photo has 2.4 million
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))  # read by OpenCV at import: of other kinds too
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ def parse_header(content: bytes) -> Header:
     return Header(width, height, bits, _CHANNELS[colour])
 
 
+@reader("picture")
 def read(path: str | Path) -> np.ndarray:
     """Pixels (h, w) or (h, w, 3; RGB order) as stored, uint8 or uint16.
 
@@ -69,17 +72,20 @@ def read(path: str | Path) -> np.ndarray:
     """
     import cv2
 
-    try:
-        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        raise FormatError(f"no readable picture, {error.err}", path=path) from error
+    content = Path(path).read_bytes()
+    if content.startswith(_SIGNATURE):
+        header = parse_header(content)  # OpenCV reads cut and damaged files without a word
+        if header.width * header.height > MOST_PIXELS:
+            raise FormatError(f"{header.width} x {header.height} pixels, a picture has at most {MOST_PIXELS}")
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
     if pixels is None:
-        raise FormatError("no readable picture", path=path)
+        raise FormatError("no readable picture")
     if pixels.ndim == 3:
         pixels = pixels[..., [2, 1, 0]]
     return np.asarray(pixels)
 
 
+@reader("photo")
 def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
     """A raw photo: (h, w) uint16 with 12-bit values.
 

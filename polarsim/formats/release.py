@@ -16,6 +16,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import obj, yolo
+from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
 
 BOXES, POLYGONS, MESHES, COVERS = "Labels", "SegmentationLabels", "TerrainMeshes", "CoverPhotoOfIndices"
@@ -59,6 +60,7 @@ def key_files(folder: str | Path) -> KeyFiles:
     return found.sort()
 
 
+@reader("label folder")
 def read_annotated(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.ndarray]]:
     """Class numbers (n,) and boxes (n, 4), as `yolo.read_boxes` has them, of `key_files` that people edited.
 

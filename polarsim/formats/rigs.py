@@ -11,12 +11,14 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_json
+from polarsim.formats.readers import reader
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
+MOST_PX = 1 << 16  # width or height of a photo
 SURVEYED = "survey"  # method of a rig that nothing else localises
 
 
@@ -57,6 +59,7 @@ def write_rig(path: str | Path, rig: StereoRig, source: str) -> None:
     write_json(path, {**_rig_content(rig), "source": source})
 
 
+@reader("calibration", largest_mb=1)
 def read_rig(path: str | Path) -> StereoRig:
     """Read `calibration.json`.
 
@@ -79,6 +82,7 @@ def write_localised(path: str | Path, localised: LocalisedRig) -> None:
     write_json(path, content)
 
 
+@reader("rig pose", largest_mb=1)
 def read_localised(path: str | Path) -> LocalisedRig:
     """Read `PosX.json`.
 
@@ -97,6 +101,7 @@ def read_localised(path: str | Path) -> LocalisedRig:
         return LocalisedRig(_rig(content), Pose.from_matrix(matrix), content.get("method", ""), metrics)
 
 
+@reader("rig poses")
 def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
     """Every `PosX.json` of a terrain's folder, by position."""
     return {path.stem.removeprefix("Pos"): read_localised(path) for path in sorted(Path(folder).glob("Pos?.json"))}
@@ -141,12 +146,29 @@ def _rig(content: dict[str, Any]) -> StereoRig:
 def lens_of(content: dict[str, Any]) -> Lens:
     """The inverse of `lens_content`."""
     k1, k2, p1, p2, k3 = (float(term) for term in content["distortion"])
-    return Lens(
-        float(content["fx_px"]),
-        float(content["fy_px"]),
-        float(content["cx_px"]),
-        float(content["cy_px"]),
-        (k1, k2, p1, p2, k3),
-        int(content["width_px"]),
-        int(content["height_px"]),
+    return checked_lens(
+        Lens(
+            float(content["fx_px"]),
+            float(content["fy_px"]),
+            float(content["cx_px"]),
+            float(content["cy_px"]),
+            (k1, k2, p1, p2, k3),
+            int(content["width_px"]),
+            int(content["height_px"]),
+        )
     )
+
+
+def checked_lens(lens: Lens) -> Lens:
+    """The lens.
+
+    Raises
+    ------
+    FormatError
+        A number that is not finite, or a focal length or size that no lens has.
+    """
+    if not np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy, *lens.distortion]).all():
+        raise FormatError("a lens with a number that is not finite")
+    if min(lens.fx, lens.fy) <= 0 or not (0 < lens.width <= MOST_PX and 0 < lens.height <= MOST_PX):
+        raise FormatError(f"a lens of {lens.width} x {lens.height} px with the focal length {lens.fx:g} px")
+    return lens

@@ -6,13 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.errors import FormatError
 from polarsim.formats import tables
+from polarsim.formats.readers import reader
 
 FILE = "rock_translations.csv"
 TRANSLATION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
 COLUMNS = ("rock", *TRANSLATION_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_after")
 
 
+@reader("rock shifts")
 def read_translations(cameras: Path) -> dict[int, np.ndarray]:
     """Translation (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras move no rock.
 
@@ -26,4 +29,6 @@ def read_translations(cameras: Path) -> dict[int, np.ndarray]:
         return {}
     table = tables.read_csv(path, COLUMNS)
     translations = table[list(TRANSLATION_COLUMNS)].to_numpy(float) / 1000
+    if not np.isfinite(translations).all():
+        raise FormatError("a translation that is not finite", path=path)
     return dict(zip(table["rock"].astype(int).tolist(), translations, strict=True))

@@ -7,12 +7,14 @@ from pathlib import Path
 
 from polarsim.formats.files import found_from
 from polarsim.formats.inventory import read_inventory
+from polarsim.formats.readers import reader
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 
 STRIP_TEXT = "strip.json"  # in the folder of a photo's strip: its key, and name and caption of each panel
 
 
+@reader("pictures")
 def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
     """Pictures by key: those that a table of photos lists (see `found_from`), or those in a folder of twins."""
     if folder.suffix != ".parquet":
@@ -46,6 +48,7 @@ def picture_finder(photo_domain: str, folders: Iterable[Path]) -> Callable[[str,
     return lambda domain, key: found.get(domain, {}).get(key)
 
 
+@reader("inventory")
 def cover_photo(inventory: Path, position: str) -> Path | None:
     """The release's picture of a position with rock ids drawn in; None where there is none."""
     path = read_inventory(inventory).cover_photos.get(position)

@@ -10,6 +10,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, tables
+from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 
@@ -88,6 +89,7 @@ def terrain_in(folder: str | Path) -> int:
     return int(grounds[0].name[7:9])
 
 
+@reader("mesh table")
 def made_from(folder: str | Path) -> dict[str, str]:
     """What each mesh of a folder was made from, by file name: `scan`, `published` or `fitted`; empty without a table.
 
@@ -100,9 +102,12 @@ def made_from(folder: str | Path) -> dict[str, str]:
     if not path.exists():
         return {}
     table = tables.read_csv(path, ["mesh", "made_from"])
-    return dict(zip(table["mesh"], table["made_from"], strict=True))
+    if table[["mesh", "made_from"]].isna().any(axis=None):
+        raise FormatError("a mesh without its origin", path=path)
+    return dict(zip(table["mesh"].astype(str), table["made_from"].astype(str), strict=True))
 
 
+@reader("terrain")
 def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj` (full ones where both are there).
 

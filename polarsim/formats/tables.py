@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
+from polarsim.formats.readers import reader
 from polarsim.formats.schemas import LABELS, PHOTOS
 from polarsim.photo import PhotoKey
 
+MOST_CELLS = 1 << 27  # of a table in memory: a gigabyte; packed they may take a few bytes
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 FORMER_NAMES = {  # of columns, in tables of versions before 0.2
     "scan_translation_mm": "scan_shift_mm",
@@ -31,6 +35,7 @@ def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
         table.to_parquet(temporary, index=False, compression="zstd")
 
 
+@reader("Parquet table", largest_mb=4000)
 def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """Read a table that must have `columns`.
 
@@ -39,12 +44,17 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     FormatError
         No readable Parquet file, or a column is missing.
     """
-    try:
-        table = pd.read_parquet(path)
-    except FileNotFoundError as error:
-        raise FormatError("no such table", path=path) from error
-    except Exception as error:  # pyarrow raises many kinds
-        raise FormatError(f"no readable Parquet table, {str(error).splitlines()[0]}", path=path) from error
+    footer = pq.read_metadata(path)
+    if footer.num_rows * footer.num_columns > MOST_CELLS:
+        raise FormatError(
+            f"{footer.num_rows} rows of {footer.num_columns} columns, a table has at most {MOST_CELLS} cells"
+        )
+    table = pd.read_parquet(path)
+    if len(table) != footer.num_rows:
+        raise FormatError(f"{len(table)} rows, its footer says {footer.num_rows}")
+    texts: list[str] = list(table.select_dtypes("str").columns)
+    for name in texts:
+        pa.Array.from_pandas(table[name]).validate(full=True)  # texts that are none are found only when they are used
     return _with_columns(table, columns, path)
 
 
@@ -53,6 +63,7 @@ def write_csv(path: str | Path, table: pd.DataFrame) -> None:
         table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
 
 
+@reader("CSV table")
 def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """Read a table that must have `columns`.
 
@@ -61,11 +72,7 @@ def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     FormatError
         No readable CSV file, or a column is missing.
     """
-    try:
-        table = pd.read_csv(path, dtype={"azimuth": str, "light": str, "key": str})
-    except Exception as error:
-        raise FormatError(f"no readable CSV table, {str(error).splitlines()[0]}", path=path) from error
-    return _with_columns(table, columns, path)
+    return _with_columns(pd.read_csv(path, dtype={"azimuth": str, "light": str, "key": str}), columns, path)
 
 
 def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path) -> pd.DataFrame:

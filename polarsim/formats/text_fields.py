@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError
+from polarsim.formats.readers import reading
 
 
 def fields_of(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
@@ -18,10 +19,8 @@ def fields_of(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
     FormatError
         No readable file, or no ASCII.
     """
-    try:
+    with reading(what, path):
         text = Path(path).read_text(encoding="ascii")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"no readable {what}, {error}", path=path) from error
     return [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
 
 

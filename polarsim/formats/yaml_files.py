@@ -10,10 +10,14 @@ from pydantic import BaseModel, ValidationError
 
 from polarsim.errors import ConfigError
 from polarsim.formats.files import packaged
+from polarsim.formats.readers import reader
 
+MOST_VALUES, DEEPEST = 200_000, 50  # of a YAML file
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's takes a tenth of the time
 Model = TypeVar("Model", bound=BaseModel)
 
 
+@reader("YAML file", largest_mb=1, error=ConfigError)
 def read_yaml(path: str | Path) -> Any:
     """What a YAML file holds; one of `config/` may be that which came with polarsim (see `files.packaged`).
 
@@ -22,12 +26,48 @@ def read_yaml(path: str | Path) -> Any:
     ConfigError
         No file, or no YAML.
     """
+    return parse_yaml(packaged(path).read_text(encoding="utf-8"))
+
+
+def parse_yaml(text: str) -> Any:
+    """What a YAML text holds, if that is not beyond any use: aliases of aliases name billions of values in a line.
+
+    Raises
+    ------
+    yaml.YAMLError
+        No YAML.
+    ConfigError
+        More than `MOST_VALUES` values with all aliases written out, or one that holds itself.
+    """
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):  # before anything is built: building goes as deep as the text
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > DEEPEST:
+            raise ConfigError(f"lists and mappings more than {DEEPEST} deep")
+    loader = _Loader(text)
     try:
-        return yaml.safe_load(packaged(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"no readable YAML file, {' '.join(str(error).split())}", path=path) from error
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _count(node, {})
+        return loader.construct_document(node)
+    finally:
+        loader.dispose()
 
 
+def _count(node: yaml.Node, counted: dict[int, int]) -> int:
+    """Values below a node, aliases written out."""
+    if id(node) not in counted:
+        counted[id(node)] = MOST_VALUES  # while it is being counted: what holds itself has no end
+        inner = [part for item in node.value for part in (item if isinstance(item, tuple) else (item,))]
+        below = inner if isinstance(node, yaml.CollectionNode) else []
+        counted[id(node)] = 1 + sum(_count(part, counted) for part in below)
+    if counted[id(node)] >= MOST_VALUES:
+        raise ConfigError(f"more than {MOST_VALUES} values with all aliases written out")
+    return counted[id(node)]
+
+
+@reader("YAML file", largest_mb=1, error=ConfigError)
 def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
     """The model that a YAML file holds; `whole` names it where no single key is wrong.
 

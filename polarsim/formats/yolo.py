@@ -8,13 +8,16 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import write_text
+from polarsim.formats.readers import reader, reading
 from polarsim.formats.text_fields import fields_of, numbers
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
 
 CLASS_FILE = "classes.txt"  # stands beside label files and is none: the names of their class numbers, one a line
 _SIZE = np.array([WIDTH, HEIGHT], float)
+_FARTHEST = 1.5  # widths or heights of the photo from its middle: a lost decimal point leads farther
 
 
+@reader("label file", largest_mb=100)
 def read_boxes(
     path: str | Path, size: tuple[int, int] | None = None, names: tuple[str, ...] = BOX_CLASSES
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -65,6 +68,7 @@ def write_boxes(
     write_text(path, "".join(lines))
 
 
+@reader("label file", largest_mb=100)
 def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Class numbers (n,), boxes (n, 4) and confidences (n,) of anyone's boxes, of whatever classes.
 
@@ -94,6 +98,7 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4), np.array(confidences, float)
 
 
+@reader("label file", largest_mb=100)
 def read_boxes_of_any(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Class numbers (n,) and boxes (n, 4) of anyone's boxes or, around them, polygons, of whatever classes.
 
@@ -119,6 +124,7 @@ def read_boxes_of_any(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
 
 
+@reader("class list")
 def class_names(folder: Path) -> tuple[str, ...]:
     """What class numbers mean in a folder: the lines of its `classes.txt`, rock and shadow where there is none.
 
@@ -130,10 +136,8 @@ def class_names(folder: Path) -> tuple[str, ...]:
     path = folder / CLASS_FILE
     if not path.exists():
         return BOX_CLASSES
-    try:
+    with reading("class list", path):
         lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"no readable class list, {error}", path=path) from error
     names = tuple(line.strip() for line in "\n".join(lines).rstrip().split("\n"))
     if not any(names):
         raise FormatError(f"no class, expected a name a line, such as {' and '.join(BOX_CLASSES)}", path=path)
@@ -143,6 +147,7 @@ def class_names(folder: Path) -> tuple[str, ...]:
     return names
 
 
+@reader("label file", largest_mb=100)
 def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
     """(class, vertices (n, 2) in pixels) of each polygon, in file order.
 
@@ -158,10 +163,13 @@ def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
                 f"{len(fields)} fields, a polygon has a class and at least 3 points", path=path, line=number
             )
         values = numbers(path, number, fields)
+        if (np.abs(values[1:] - 0.5) > _FARTHEST).any():
+            raise FormatError("polygon far outside the photo", path=path, line=number)
         polygons.append((_class(path, number, fields[0], POLYGON_CLASSES), values[1:].reshape(-1, 2) * _SIZE))
     return polygons
 
 
+@reader("label file", largest_mb=100)
 def read_boxes_or_polygons(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """As `read_boxes`; of a file of polygons the boxes around its rocks and shadows, cut at the photo's border.
 
@@ -202,6 +210,7 @@ def _class(path: str | Path, number: int, field: str, names: tuple[str, ...]) ->
     return int(field)
 
 
+@reader("label file", largest_mb=100)
 def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
     """Rock boxes (n, 4) of a terrain's seeds in left photos by position, one array a file; pixels.
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import write_text
+from polarsim.formats.readers import reading
+from polarsim.formats.yaml_files import parse_yaml
 from polarsim.photo import FIRST_UNMESHED_ROCK
 
 
@@ -39,12 +41,8 @@ def read_overrides(path: str | Path) -> Overrides:
     FormatError
         No YAML list, an entry of another form, an id twice, or a cuboid without volume.
     """
-    import yaml
-
-    try:
-        entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise FormatError(f"no readable YAML, {' '.join(str(error).split())}", path=path) from error
+    with reading("YAML", path):
+        entries = parse_yaml(Path(path).read_text(encoding="utf-8"))
     with about(path):
         if entries is not None and not isinstance(entries, list):
             raise FormatError("expected a list of cuboids and drops")

@@ -2,9 +2,14 @@ import hashlib
 import io
 import json
 import threading
+import time
+import urllib.error
+import urllib.request
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
+from http.client import HTTPMessage
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
@@ -12,6 +17,7 @@ import pytest
 from polarsim.acquire.fetch import PINS, archives_of, fetch_archive, fetch_terrain
 from polarsim.acquire.options import FetchOptions, SourceOptions
 from polarsim.errors import ConfigError, FetchError, FormatError
+from polarsim.formats import download
 
 NAME = "Terrain11_FreshCrater.zip"
 FAST = FetchOptions(tries=3, backoff_s=0, timeout_s=5)
@@ -26,14 +32,22 @@ class Site:
     files: dict[str, bytes] = field(default_factory=dict)
     cuts: list[int] = field(default_factory=list)  # bytes sent of the next answers before the line breaks
     refusals: list[int] = field(default_factory=list)  # statuses of the next answers
+    lies: list[int] = field(default_factory=list)  # what the next answers say beyond the bytes that they have
+    redirects: dict[str, str] = field(default_factory=dict)  # by name
+    pause_s: float = 0.0  # between two bytes
     tagged: bool = True
     requests: list[str] = field(default_factory=list)  # name and range of each
 
     def answer(self, request: BaseHTTPRequestHandler) -> None:
-        name = request.path.lstrip("/")
+        name = request.path.removeprefix("http://archive.invalid").lstrip("/")
         self.requests.append(f"{name} {request.headers.get('Range', '')}".strip())
-        if self.refusals or name not in self.files:
+        if self.refusals or name not in {*self.files, *self.redirects}:
             request.send_error(self.refusals.pop(0) if self.refusals else 404)
+            return
+        if name in self.redirects:
+            request.send_response(302)
+            request.send_header("Location", self.redirects[name])
+            request.end_headers()
             return
         content = self.files[name]
         tag = f'"{hashlib.sha256(content).hexdigest()}"'
@@ -47,14 +61,19 @@ class Site:
             request.end_headers()
             return
         request.send_response(206 if start else 200)
-        request.send_header("Content-Length", str(len(content) - start))
+        request.send_header("Content-Length", str(len(content) - start + (self.lies.pop(0) if self.lies else 0)))
         if start:
             request.send_header("Content-Range", f"bytes {start}-{len(content) - 1}/{len(content)}")
         if self.tagged:
             request.send_header("ETag", tag)
         request.end_headers()
         end = start + self.cuts.pop(0) if self.cuts else len(content)
-        request.wfile.write(content[start:end])
+        for byte in range(start, end) if self.pause_s else ():
+            with suppress(OSError):  # the other side had enough
+                request.wfile.write(content[byte : byte + 1])
+            time.sleep(self.pause_s)
+        if not self.pause_s:
+            request.wfile.write(content[start:end])
 
 
 @pytest.fixture
@@ -88,7 +107,8 @@ def packed(files):
 
 @pytest.fixture
 def content(rng):
-    return rng.bytes(3_000_000)
+    end = packed({})  # a zip archive is one by its end
+    return rng.bytes(3_000_000 - len(end)) + end
 
 
 def fetch(site, root, options=FAST, name=NAME):
@@ -132,12 +152,109 @@ def test_a_complete_download_that_was_not_renamed_is_taken(site, tmp_path, conte
     assert site.requests[-1] == f"{NAME} bytes=3000000-"
 
 
+def test_a_cut_at_any_byte_loses_nothing(site, tmp_path):
+    site.files[NAME] = whole = packed({})
+    for cut in range(len(whole) + 1):
+        site.cuts = [cut, *([1] if cut < len(whole) - 1 else [])]
+        root = tmp_path / str(cut)
+        assert fetch(site, root).read_bytes() == whole
+        assert names(root) == [NAME, PINS]
+
+
+@pytest.mark.parametrize("lie", [1, 1000])
+def test_a_length_that_is_too_long_is_found_and_the_file_is_whole(site, tmp_path, content, lie):
+    site.files[NAME], site.lies = content, [lie]
+    assert fetch(site, tmp_path).read_bytes() == content
+
+
+def test_a_length_that_is_too_short_never_gives_another_file_than_the_pinned_one(site, tmp_path, content):
+    site.files[NAME], site.lies = content, [-1000]
+    pin(tmp_path, content)
+    with pytest.raises(FetchError, match="zip"):
+        fetch(site, tmp_path)
+    assert names(tmp_path) == [PINS]
+
+
+def test_a_length_beyond_the_disk_is_refused_before_a_byte_is_written(site, tmp_path, content):
+    site.files[NAME], site.lies = content, [10**16]
+    with pytest.raises(FetchError, match=r"has 10000000003 MB, the disk has \d+ MB free"):
+        fetch(site, tmp_path)
+    assert not (tmp_path / NAME).exists()
+
+
+def test_a_server_that_never_is_silent_and_never_ends_is_left(site, tmp_path, content):
+    site.files[NAME], site.pause_s = content, 0.02
+    with pytest.raises(FetchError, match=r"1 tries failed, the last with: the server sends \d+ bytes a second"):
+        fetch(site, tmp_path, FetchOptions(tries=1, backoff_s=0, timeout_s=0.2))
+
+
+def test_a_silent_server_is_left(site, tmp_path, content):
+    site.files[NAME], site.pause_s = content, 1.0
+    with pytest.raises(FetchError, match="1 tries failed, the last with: timed out"):
+        fetch(site, tmp_path, FetchOptions(tries=1, backoff_s=0, timeout_s=0.2))
+
+
+def test_a_file_that_moved_is_fetched_from_there(site, tmp_path, content):
+    site.files["moved"], site.redirects[NAME] = content, f"{site.url}/moved"
+    assert fetch(site, tmp_path).read_bytes() == content
+
+
+@pytest.mark.parametrize("to", ["file:///etc/passwd", "ftp://127.0.0.1/x.zip", "gopher://x"])
+def test_a_redirect_to_what_is_no_http_is_refused_at_once(site, tmp_path, to):
+    site.redirects[NAME] = to
+    with pytest.raises(FetchError, match=rf"the server answers 302 .*edirect.* .?{to}"):
+        fetch(site, tmp_path)
+    assert site.requests == [NAME]
+
+
+def test_a_redirect_in_a_circle_ends(site, tmp_path):
+    site.redirects[NAME] = f"/{NAME}"
+    with pytest.raises(FetchError, match="302"):
+        fetch(site, tmp_path)
+    assert len(site.requests) < 20
+
+
+def test_https_is_never_left():
+    request = urllib.request.Request("https://archive.invalid/a.zip")
+    with pytest.raises(urllib.error.HTTPError, match=r"redirects to http://archive\.invalid/a\.zip"):
+        download._Redirects().redirect_request(
+            request, io.BytesIO(), 302, "", HTTPMessage(), "http://archive.invalid/a.zip"
+        )
+
+
+def test_a_redirect_to_another_file_is_refused_by_its_checksum(site, tmp_path, content):
+    site.files["other"], site.redirects[NAME] = packed({"a": b"another"}), f"{site.url}/other"
+    pin(tmp_path, content)
+    with pytest.raises(FetchError, match="is pinned in"):
+        fetch(site, tmp_path)
+    assert names(tmp_path) == [PINS]
+
+
+def test_a_page_in_the_place_of_an_archive_is_refused_and_not_pinned(site, tmp_path):
+    site.files[NAME] = b"<html>please accept our terms</html>"
+    with pytest.raises(FetchError, match="gives no zip archive"):
+        fetch(site, tmp_path)
+    assert names(tmp_path) == []
+
+
+def test_a_proxy_is_asked(site, tmp_path, content, monkeypatch):
+    site.files[NAME] = content
+    monkeypatch.setenv("http_proxy", site.url)
+    monkeypatch.setenv("no_proxy", "")
+    path = fetch_archive(name=NAME, url=f"http://archive.invalid/{NAME}", root=tmp_path, options=ONCE)
+    assert path.read_bytes() == content
+
+
+def pin(root, content):
+    (root / PINS).write_text(json.dumps({NAME: hashlib.sha256(content).hexdigest()}))
+
+
 def test_a_file_that_changed_on_the_server_is_fetched_anew(site, tmp_path, content):
     site.files[NAME], site.cuts = content, [2_000_000]
     with pytest.raises(FetchError):
         fetch(site, tmp_path, ONCE)
-    site.files[NAME] = content[::-1]
-    assert fetch(site, tmp_path, ONCE).read_bytes() == content[::-1]
+    site.files[NAME] = content[1:]
+    assert fetch(site, tmp_path, ONCE).read_bytes() == content[1:]
 
 
 def test_without_a_tag_of_the_server_a_cut_download_begins_anew(site, tmp_path, content):

@@ -8,7 +8,7 @@ import pytest
 
 import polarsim.detect
 from polarsim.detect.detectors import Detector, choose_device, detector_name, read_detector, write_detector
-from polarsim.detect.detectors.yolo.weights import network
+from polarsim.detect.detectors.yolo.weights import load_start, network
 from polarsim.errors import DetectError
 
 torch = pytest.importorskip("torch")
@@ -53,6 +53,15 @@ def test_code_in_a_weights_file_is_not_executed(tmp_path, monkeypatch):
     torch.save({"format": "polarsim judge 1", "model": Evil()}, tmp_path / "evil.pt", pickle_module=pickle)
     with pytest.raises(DetectError, match=r"evil\.pt: no readable detector"):
         read_detector(tmp_path / "evil.pt")
+    assert not (tmp_path / "executed").exists()
+
+
+def test_code_in_weights_to_start_from_is_not_executed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    torch.save({"model": Evil(), "ema": None, "train_args": {}}, tmp_path / "evil.pt", pickle_module=pickle)
+    with pytest.raises(DetectError, match=r"evil\.pt: no weights of yolov5n") as caught:
+        load_start(tmp_path / "evil.pt", "yolov5n", tmp_path)
+    assert len(str(caught.value).splitlines()) == 1
     assert not (tmp_path / "executed").exists()
 
 

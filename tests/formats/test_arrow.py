@@ -35,5 +35,5 @@ def test_a_table_without_rows_keeps_its_columns():
 
 
 def test_what_is_no_arrow_file_is_refused():
-    with pytest.raises(FormatError, match="no Arrow file"):
+    with pytest.raises(FormatError, match="no readable Arrow file"):
         arrow.decode(b"ARROW1 cut")

@@ -84,7 +84,7 @@ def test_json_has_sorted_keys_and_reads_back(tmp_path):
 @pytest.mark.parametrize("content", [b"{", b"\xff\xfe", b""])
 def test_broken_json_is_one_line_with_the_file(tmp_path, content):
     (tmp_path / "a.json").write_bytes(content)
-    with pytest.raises(FormatError, match=r"a\.json: no readable JSON") as caught:
+    with pytest.raises(FormatError, match=r"a\.json:1: no readable JSON") as caught:
         read_json(tmp_path / "a.json")
     assert "\n" not in str(caught.value)
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import urllib.request
 from pathlib import Path
 
 from polarsim.detect.options import TrainingOptions
 from polarsim.errors import FetchError
-from polarsim.formats.files import write_bytes
+from polarsim.formats.download import alone, downloaded
 
-_TIMEOUT_S = 60
 log = logging.getLogger("polarsim")
 
 
@@ -29,14 +27,12 @@ def ensure_weights(options: TrainingOptions) -> None:
 
 
 def fetch(url: str, path: Path, sha256: str) -> None:
-    """Write what an address gives, if it has this checksum."""
+    """Write what an address gives, if it has this checksum; see `downloaded` for its tries."""
     log.info("fetching %s", url)
-    try:
-        with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as answer:  # noqa: S310 - options allow https and file
-            content = answer.read()
-    except (OSError, ValueError) as error:
-        raise FetchError(f"cannot be fetched from {url}, {error}", path=path) from error
-    found = hashlib.sha256(content).hexdigest()
-    if found != sha256.lower():
-        raise FetchError(f"{url}: SHA-256 {found}, expected {sha256}")
-    write_bytes(path, content)
+    with alone(path.parent):
+        if path.is_file():  # another training's job was here
+            return
+        with downloaded(url, path) as partial, partial.open("rb") as content:
+            found = hashlib.file_digest(content, "sha256").hexdigest()
+            if found != sha256.lower():
+                raise FetchError(f"{url}: SHA-256 {found}, expected {sha256}")

@@ -13,6 +13,7 @@ from polarsim.detect.detectors.devices import load_torch
 from polarsim.detect.options import TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats.files import write_bytes
+from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BOX_CLASSES
 
@@ -38,6 +39,7 @@ def write_detector(path: Path, detector: Detector) -> None:
     save(path, {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(detector)})
 
 
+@reader("detector", error=DetectError)
 def read_detector(path: Path) -> Detector:
     """Read what `write_detector` wrote; nothing in the file is executed.
 
@@ -72,6 +74,7 @@ def save(path: Path, content: dict[str, Any]) -> None:
     write_bytes(path, buffer.getvalue())
 
 
+@reader("detector", error=DetectError)
 def load(path: Path) -> Any:
     """Read what `save` wrote; nothing in the file is executed.
 
@@ -81,7 +84,4 @@ def load(path: Path) -> Any:
         The file is missing, or is none.
     """
     torch = load_torch()
-    try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises many kinds
-        raise DetectError(f"no readable detector, {str(error).splitlines()[0]}", path=path) from error
+    return torch.load(path, map_location="cpu", weights_only=True)

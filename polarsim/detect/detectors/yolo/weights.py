@@ -13,6 +13,7 @@ from polarsim.detect.detectors.files import Detector, read_detector
 from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
+from polarsim.formats.readers import reason_of
 from polarsim.photo import BOX_CLASSES
 
 
@@ -60,9 +61,9 @@ def load_start(path: Path, model: str, folder: Path) -> Any:
         detector = read_detector(path)
     except DetectError:
         try:
-            return library.load_checkpoint(str(path))[0]
+            return library.load_checkpoint(str(path))[0]  # runs no code in it: `library` has seen to that
         except Exception as error:
-            raise DetectError(f"no weights of {model}, {str(error).splitlines()[0]}", path=path) from error
+            raise DetectError(f"no weights of {model}, {reason_of(error)}", path=path) from error
     module = library.DetectionModel(f"{detector.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
     module.load_state_dict({name: value.float() for name, value in detector.state.items()})
     return module

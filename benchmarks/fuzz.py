@@ -1,0 +1,769 @@
+"""Damaged files for every reader: each ends as a sound object or as one line with the file's name, and soon.
+
+.venv/bin/python -m benchmarks.fuzz [--examples 10000] [--only obj]
+`make fuzz` runs all readers with 10,000 files each, then `benchmarks/fuzz_parsers.py`.
+Figures of the last run: docs/notes/faults.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from hypothesis import strategies as st
+
+from polarsim.acquire import archives, fetch, index
+from polarsim.annotate import import_labels
+from polarsim.detect.detectors import files as detectors
+from polarsim.errors import PolarsimError
+from polarsim.formats import (
+    arrow,
+    bags,
+    best_photos,
+    coco,
+    colmap,
+    files,
+    instances,
+    inventory,
+    kitti,
+    lamps,
+    materials,
+    nasa,
+    npz,
+    obj,
+    ply,
+    png,
+    release,
+    rigs,
+    rle,
+    rock_shifts,
+    ros,
+    run_files,
+    scans,
+    scene,
+    tables,
+    text_fields,
+    yaml_files,
+    yolo,
+)  # fmt: skip
+from polarsim.formats.rigs import LocalisedRig
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, POLYGON_CLASSES, SUNS, WIDTH, PhotoKey
+
+KEY = PhotoKey.parse("01_A_off_30_L_0256")
+RIG = StereoRig(stated_rig().left.scaled(0.02), stated_rig().right.scaled(0.02), stated_rig().left_from_right)
+LOCALISED = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01), "scans", {"rmse_mm": 1})
+TETRAHEDRON = Mesh(
+    np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]),
+    np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
+)
+TERRAIN = scene.TerrainMesh(np.arange(24.0).reshape(8, 3), np.array([[0, 1, 2], [3, 4, 5]]), np.array([NO_ROCK, 7]))
+
+
+@dataclass(frozen=True)
+class Case:
+    """A reader and a small valid file for it."""
+
+    make: Callable[[Path], Any]  # writes into a folder; what is read: a file, or the folder
+    read: Callable[[Any], Any]
+    check: Callable[[Any], None] = lambda _: None  # what any object of this reader is, beside finite
+    harmed: str = "*"  # the files that are damaged, a glob
+    named: bool = True  # whether the file's name is known to the reader
+    missing: tuple[str, ...] = ()  # fields that may be NaN
+
+
+Change = tuple[int, int]
+PLAUSIBLE = b"0123456789-+.eEnaif, \t\n/#\"'[]{}:x\\"
+
+
+@dataclass(frozen=True)
+class Damage:
+    """Bytes changed, two blocks of a length swapped, the tail cut; places are shares of 65,536 of the file."""
+
+    changes: list[Change]
+    swap: tuple[int, int, int] | None
+    cut: int | None
+
+    def apply(self, content: bytes) -> bytes:
+        harmed = bytearray(content)
+        for place, value in self.changes if harmed else ():
+            harmed[place * len(harmed) >> 16] = value
+        if self.swap:
+            length = self.swap[2]
+            one, other = sorted(place * len(harmed) >> 16 for place in self.swap[:2])
+            if one + length <= other:
+                blocks = harmed[one : one + length], harmed[other : other + length]
+                harmed[one : one + length], harmed[other : other + length] = blocks[1], blocks[0]
+        return bytes(harmed if self.cut is None else harmed[: self.cut * len(harmed) >> 16])
+
+
+_PLACES = st.integers(0, (1 << 16) - 1)
+DAMAGES = st.builds(
+    Damage,
+    st.lists(st.tuples(_PLACES, st.one_of(st.sampled_from(PLAUSIBLE), st.integers(0, 255))), min_size=1, max_size=8),
+    st.none() | st.none() | st.tuples(_PLACES, _PLACES, st.integers(1, 64)),
+    st.none() | st.none() | st.none() | _PLACES,
+)
+
+
+def finite(value: Any, missing: tuple[str, ...] = (), name: str = "") -> None:
+    """Every number below a value is finite, but in fields of these names."""
+    if name in missing:
+        return
+    if isinstance(value, np.ndarray | float | np.floating):
+        values = np.asarray(value)
+        assert values.dtype.kind != "O", f"objects in {name}"
+        assert values.dtype.kind not in "fc" or np.isfinite(values).all(), f"{name} is not finite"
+    elif is_dataclass(value):
+        for field in fields(value):
+            finite(getattr(value, field.name), missing, field.name)
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            finite(inner, missing, str(key))
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            finite(inner, missing, name)
+
+
+def text(name: str, content: str) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content, encoding="utf-8")
+        return path
+
+    return make
+
+
+def file(name: str, write: Callable[..., Any], *args: Any, **kwargs: Any) -> Callable[[Path], Path]:
+    """A file that a writer of ours writes."""
+
+    def make(folder: Path) -> Path:
+        write(folder / name, *args, **kwargs)
+        return folder / name
+
+    return make
+
+
+def content(name: str, made: bytes) -> Callable[[Path], Path]:
+    return file(name, files.write_bytes, made)
+
+
+def the_folder(*makes: Callable[[Path], Path]) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        for one in makes:
+            one(folder)
+        return folder
+
+    return make
+
+
+# What sound objects are.
+
+
+def sound_mesh(mesh: Any) -> None:
+    assert mesh.vertices.ndim == 2
+    assert mesh.vertices.shape[1] == 3
+    assert mesh.faces.shape[1] == 3
+    assert mesh.faces.dtype.kind == "i"
+    assert mesh.faces.min() >= 0
+    assert mesh.faces.max() < len(mesh.vertices)
+
+
+def sound_boxes(found: tuple[np.ndarray, np.ndarray]) -> None:
+    classes, boxes = found[:2]
+    assert classes.dtype.kind == "i"
+    assert boxes.shape == (len(classes), 4)
+    assert (classes >= 0).all()
+    assert (boxes[:, 2:] >= boxes[:, :2]).all()
+
+
+def own_boxes(found: tuple[np.ndarray, np.ndarray]) -> None:
+    sound_boxes(found)
+    assert (found[0] < len(BOX_CLASSES)).all()
+    assert (np.abs(found[1]) < 2 * WIDTH).all()
+
+
+def sound_polygons(found: Any) -> None:
+    for number, ring in found:
+        assert 0 <= number < len(POLYGON_CLASSES)
+        assert len(ring) >= 3
+        assert (np.abs(ring) <= coco.FAR_PX).all()
+
+
+def sound_lens(lens: Lens) -> None:
+    assert lens.fx > 0
+    assert lens.fy > 0
+    assert 0 < lens.width <= 1 << 16
+    assert 0 < lens.height <= 1 << 16
+    assert len(lens.distortion) == 5
+
+
+def sound_rig(rig: StereoRig) -> None:
+    sound_lens(rig.left)
+    sound_lens(rig.right)
+    assert np.allclose(np.linalg.det(rig.left_from_right.rotation), 1)
+
+
+def sound_localised(localised: LocalisedRig) -> None:
+    sound_rig(localised.rig)
+    assert np.allclose(np.linalg.det(localised.sandbox_from_left.rotation), 1)
+    assert isinstance(localised.method, str)
+    assert all(isinstance(value, int | float) for value in localised.quality.values())
+
+
+def sound_cloud(points: np.ndarray) -> None:
+    assert points.ndim == 2
+    assert points.shape[1] == 3
+    assert len(points)
+
+
+def sound_coco(photos: Any) -> None:
+    for key, labels in photos.items():
+        assert isinstance(key, PhotoKey)
+        for one in labels:
+            assert one.box.shape == (4,)
+            assert (one.box[2:] > one.box[:2]).all()
+            assert one.rock >= NO_ROCK
+            for mask in (one.mask, one.amodal.mask if one.amodal else None):
+                assert mask is None or mask.mask().shape == (mask.height, mask.width)
+
+
+def sound_inventory(found: inventory.Inventory) -> None:
+    assert isinstance(found.terrain, int)
+    assert isinstance(found.kind, str)
+    for paths in (found.range_maps, found.clouds, found.meshes, found.cover_photos):
+        assert all(isinstance(word, str) for pair in paths.items() for word in pair)
+    assert all(isinstance(name, str) for name in (found.calibration, found.ground, *found.stray))
+
+
+def same(wanted: np.ndarray) -> Callable[[np.ndarray], None]:
+    """A format with checksums gives what was written, or nothing."""
+    return lambda found: np.testing.assert_array_equal(found, wanted)
+
+
+# The files.
+
+RNG = np.random.default_rng(1)
+PIXELS = RNG.integers(0, 4096, (12, 16)).astype(np.uint16)
+IDS = np.array([[0, 1, 2, 1003], [1003, 2003, 3, 0]], np.uint16)
+POINTS = np.abs(RNG.normal(1.5, 0.1, (*RIG.left.shape, 3))).astype(np.float32)
+BOXES = np.array([[100.0, 200, 150, 230], [60, 210, 105, 230]])
+RING = np.array([[60.0, 210], [105, 210], [105, 230], [60, 228]])
+MASK = rle.encode(np.ones((15, 20)), 100, 100)
+LABELS = {KEY: [coco.Annotation("rock", 4, BOXES[0], MASK), coco.Annotation("shadow", 4, BOXES[1])]}
+MADE = tables.label_table([{**tables.key_columns(KEY), "kind": "rock", "rock": 4, "source": "seed", "confidence": 1.0,
+                            "x0": 1.0, "y0": 2.0, "x1": 3.0, "y1": 4.0}] * 3)  # fmt: skip
+FIT = materials.Fitted({"albedo": 0.2}, {"30": 1.5}, {7: 1.25}, np.linspace(0.5, 1.2, 8, dtype=np.float32), {"a": 1})
+FITTED = materials.FittedMaterials(True, False, {"lambert": FIT}, np.arange(8))
+INVENTORY = inventory.Inventory(1, "analog", "a/stereo.calibration", {"A": "m.tif"}, {}, {"3": "r.obj"}, "g.obj",
+                                {"A": "c.png"}, ("x",))  # fmt: skip
+PHOTO = png.encode(np.zeros((HEIGHT, WIDTH), np.uint16))
+DETECTOR = detectors.Detector("compact", 160, 2, "scratch", {}, (((160, 320), (0.5,)),) * 2, ((1.0, 0.0),) * 2)
+YOLO_BOXES = "0 0.06456 0.1768 0.02583 0.02467\n1 0.04261 0.18092 0.02324 0.01645\n"
+YOLO_RING = "2 " + " ".join(f"{x / WIDTH:.6f} {y / HEIGHT:.6f}" for x, y in RING) + "\n"
+CVAT = f"""<?xml version="1.0" encoding="utf-8"?>
+<annotations><image id="0" name="some/{KEY}.png" width="968" height="608">
+<box label="rock" xtl="50" ytl="100" xbr="75" ybr="115"/><polygon label="shadow" points="30,105;52.5,110;40,115"/>
+</image></annotations>"""
+RECTANGLE = {"x": 10, "y": 20, "width": 3, "height": 2, "rotation": 0, "rectanglelabels": ["rock"]}
+STUDIO = [{"data": {"image": f"/data/1a2b-{KEY}.png"}, "annotations": [{"result": [{"value": RECTANGLE}]}]}]
+DETECTIONS = {"_cls": "Detections", "detections": [{"label": "rock", "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}
+FIFTYONE = {"samples": [{"filepath": f"data/{KEY}.png", "ground_truth": DETECTIONS}]}
+FIFTYONE_2 = {"classes": ["rock"], "labels": {str(KEY): [{"label": 0, "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}}
+
+
+def make_zip(folder: Path) -> Path:
+    with zipfile.ZipFile(folder / "a.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(zipfile.ZipInfo("one.txt"), b"some text " * 20, zipfile.ZIP_DEFLATED)
+        archive.writestr(zipfile.ZipInfo("two/three.txt"), bytes(range(256)))
+    return folder / "a.zip"
+
+
+def unpacked(path: Path) -> dict[str, bytes]:
+    out = path.parent / "out"
+    shutil.rmtree(out, ignore_errors=True)
+    archives.unpack(path, out)
+    return {str(one.relative_to(out)): one.read_bytes() for one in out.rglob("*") if one.is_file()}
+
+
+def whole_zip(found: dict[str, bytes]) -> None:
+    """Every entry bears a checksum; names have none."""
+    assert all(one in (b"some text " * 20, bytes(range(256)), b"") for one in found.values())
+
+
+def make_bag(folder: Path) -> Path:
+    messages = [
+        (n, "/tf", "geometry_msgs/msg/TransformStamped", ros.transform(n, "a", "b", Pose.identity())) for n in (1, 2)
+    ]
+    bags.write(folder / "a.mcap", [iter(messages)])
+    return folder / "a.mcap"
+
+
+def make_detector(folder: Path) -> Path:
+    import torch
+
+    state = {"weight": torch.arange(6, dtype=torch.float16).reshape(2, 3)}
+    detectors.write_detector(folder / "a.pt", detectors.Detector(**{**vars(DETECTOR), "state": state}))
+    return folder / "a.pt"
+
+
+def sound_detector(found: Any) -> None:
+    assert isinstance(found.model, str)
+    assert isinstance(found.state, dict)
+    assert all(hasattr(value, "shape") for value in found.state.values())
+
+
+def make_fit(folder: Path) -> Path:
+    materials.write_materials(folder / "fit", TERRAIN, FITTED)
+    return folder / "fit"
+
+
+def make_model(folder: Path) -> Path:
+    colmap.write_model(folder / "model", {"A": LOCALISED}, points=np.array([[0.0, 0, 0], [1, 0, 0]]))
+    return folder / "model"
+
+
+def sound_all(found: dict[str, LocalisedRig]) -> None:
+    for one in found.values():
+        sound_localised(one)
+
+
+def imported(source: Path) -> dict[PhotoKey, Any]:
+    out = source.parent / f"{source.name}.out"
+    shutil.rmtree(out, ignore_errors=True)
+    import_labels.import_labels(source, out)
+    try:
+        return {PhotoKey.parse(path.stem): yolo.read_boxes(path) for path in out.glob("*.txt")}
+    finally:
+        shutil.rmtree(out)
+
+
+def sound_import(found: dict[PhotoKey, Any]) -> None:
+    assert found
+    for one in found.values():
+        own_boxes(one)
+
+
+class _Options(yaml_files.BaseModel, extra="forbid"):
+    run: str
+    seed: int = 0
+    lamps: dict[str, list[float]] | None = None
+
+
+YAML = "run: demo\nseed: 3\nlamps: {a: [1.0, 2, 3], b: &b [4, 5]}\n"
+_SMALL = (16, 12)
+
+# By function, with the module below polarsim: every reader has at least one.
+CASES: dict[str, list[Case]] = {
+    "formats.arrow.decode": [
+        Case(
+            content("a.arrow", arrow.encode(MADE)),
+            lambda path: arrow.decode(path.read_bytes()),
+            named=False,
+            check=lambda table: table.to_dict(),
+        ),
+    ],
+    "formats.bags.metadata": [Case(make_bag, lambda path: bags.metadata(path, "a.mcap"))],
+    "formats.best_photos.read_shrunk": [
+        Case(
+            content("a.png", PHOTO),
+            lambda path: best_photos.read_shrunk(path, RIG.left),
+            same(np.zeros(RIG.left.shape, np.float32)),
+        ),
+    ],
+    "formats.best_photos.read_all_shrunk": [
+        Case(
+            content("a.png", PHOTO),
+            lambda path: best_photos.read_all_shrunk({("A", "L"): {"30": path}}, {"A": LOCALISED}, 0.02),
+        ),
+    ],
+    "formats.coco.read_coco": [
+        Case(file("a.json", coco.write_coco, LABELS), coco.read_coco, sound_coco),
+        Case(file("a.json", coco.write_coco, LABELS, 0.5), coco.read_coco, sound_coco),
+    ],
+    "formats.colmap.read_model": [Case(make_model, colmap.read_model, sound_all, "model/*")],
+    "formats.files.read_json": [
+        Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json)
+    ],
+    "formats.instances.read_kind_masks": [
+        Case(
+            file("a.png", png.write, IDS),
+            instances.read_kind_masks,
+            lambda found: same(IDS >= instances.SHADOW_IDS)(found["shadow"]),
+        ),
+    ],
+    "formats.inventory.read_inventory": [
+        Case(file("a.json", inventory.write_inventory, INVENTORY), inventory.read_inventory, sound_inventory),
+    ],
+    "formats.kitti.read_objects": [
+        Case(
+            file("a.txt", kitti.write_objects, [kitti.KittiObject("rock", BOXES[0], 0.0, 1)] * 2),
+            kitti.read_objects,
+            lambda found: [sound_boxes((np.zeros(1, int), one.box[None])) for one in found],
+        ),
+    ],
+    "formats.kitti.read_calibration": [
+        Case(
+            file("a.txt", kitti.write_calibration, {name: np.ones(size) for name, size in kitti.MATRICES.items()}),
+            kitti.read_calibration,
+            lambda found: [_shape(found[name], size) for name, size in kitti.MATRICES.items()],
+        ),
+    ],
+    "formats.lamps.read_suns": [
+        Case(
+            the_folder(file(lamps.FILE, lambda path, suns: lamps.write_suns(path.parent, suns), {"30": POINTS[0, 0]})),
+            lambda folder: lamps.read_suns(folder, {"A": LOCALISED}),
+            lambda found: [_shape(found[sun], (3,)) for sun in SUNS],
+        ),
+    ],
+    "formats.lamps.read_found_suns": [
+        Case(
+            the_folder(file(lamps.FILE, lambda path, suns: lamps.write_suns(path.parent, suns), {"30": POINTS[0, 0]})),
+            lamps.read_found_suns,
+            lambda found: [_shape(one, (3,)) for one in found.values()],
+        ),
+    ],
+    "formats.materials.read_materials": [
+        Case(
+            make_fit,
+            lambda folder: materials.read_materials(folder, TERRAIN),
+            lambda found: [_shape(one.albedo, (8,)) for one in found.models.values()],
+            "fit/*",
+        ),
+    ],
+    "formats.nasa.read_calibration": [
+        Case(file("stereo.calibration", nasa.write_calibration, stated_rig()), nasa.read_calibration, sound_rig),
+    ],
+    "formats.nasa.read_range_map": [
+        Case(
+            file("PosA_org-XYZ.tif", nasa.write_range_map, POINTS[:12, :16]),
+            lambda path: np.nan_to_num(nasa.read_range_map(path, _SMALL)),
+            lambda found: _shape(found, (12, 16, 3)),
+        ),
+    ],
+    "formats.nasa.read_cloud": [
+        Case(file("PosA.xyz", nasa.write_cloud, POINTS[0], np.arange(len(POINTS[0]))), nasa.read_cloud, sound_cloud),
+        Case(file("PosA.ply", ply.write, ply.Cloud(POINTS[0], POINTS[0])), nasa.read_cloud, sound_cloud),
+    ],
+    "formats.npz.read_arrays": [
+        Case(
+            file("a.npz", npz.write_arrays, packed, level=POINTS[0], digest=np.str_("ab")),
+            lambda path: npz.read_arrays(path, ("level", "digest")),
+            lambda found: same(POINTS[0])(found["level"]),
+        )
+        for packed in (True, False)
+    ],
+    "formats.obj.read": [
+        Case(file("terrain01_rock3.obj", obj.write, TETRAHEDRON, "rock"), obj.read, sound_mesh),
+        Case(
+            text("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nv 1 1 0\nf 1/1 2/1 4/1 3/1\nf -1 -2 -3\n"),
+            obj.read,
+            sound_mesh,
+        ),
+    ],
+    "formats.ply.read": [
+        Case(
+            file("a.ply", ply.write, ply.Cloud(POINTS[0], POINTS[0])), ply.read, lambda found: sound_cloud(found.points)
+        ),
+    ],
+    "formats.png.read": [
+        Case(file("a.png", png.write, PIXELS), png.read, same(PIXELS)),
+        Case(
+            file("a.png", png.write, np.dstack([PIXELS] * 3).astype(np.uint8)),
+            png.read,
+            lambda found: _shape(found, (12, 16, 3)),
+        ),
+    ],
+    "formats.png.read_photo": [
+        Case(file("a.png", png.write, PIXELS), lambda path: png.read_photo(path, _SMALL), same(PIXELS))
+    ],
+    "formats.png.parse_header": [
+        Case(
+            file("a.png", png.write, PIXELS),
+            lambda path: png.parse_header(path.read_bytes()),
+            named=False,
+            check=lambda found: same(np.array([16, 12, 16, 1]))(np.array(list(vars(found).values()))),
+        ),
+    ],
+    "formats.release.read_annotated": [
+        Case(
+            the_folder(text(f"{KEY}.txt", YOLO_BOXES), text(yolo.CLASS_FILE, "rock\nshadow\n")),
+            release.read_annotated,
+            lambda found: [own_boxes(one) for one in found.values()],
+        ),
+    ],
+    "formats.rigs.read_rig": [
+        Case(file("calibration.json", rigs.write_rig, stated_rig(), "stated"), rigs.read_rig, sound_rig)
+    ],
+    "formats.rigs.read_localised": [
+        Case(file("PosA.json", rigs.write_localised, LOCALISED), rigs.read_localised, sound_localised),
+    ],
+    "formats.rigs.read_all_localised": [
+        Case(the_folder(file("PosA.json", rigs.write_localised, LOCALISED)), rigs.read_all_localised, sound_all),
+    ],
+    "formats.rle.from_text": [
+        Case(
+            text("a.txt", MASK.counts),
+            lambda path: rle.from_text(path.read_text("latin-1")).mask(),
+            named=False,
+            check=lambda found: _shape(found, (HEIGHT, WIDTH)),
+        ),
+    ],
+    "formats.rle.from_runs": [
+        Case(
+            text("a.txt", "\x0a\x14\x1e\x28"),
+            named=False,
+            read=lambda path: rle.from_runs([*path.read_bytes()][:4], (10, 10)).mask(),
+            check=lambda found: _shape(found, (10, 10)),
+        ),
+    ],
+    "formats.rock_shifts.read_translations": [
+        Case(
+            the_folder(
+                text(rock_shifts.FILE, ",".join(rock_shifts.COLUMNS) + "\n3,1.5,2,3,4,5,6,7\n4,1.5,2,3,4,5,6,7\n")
+            ),
+            rock_shifts.read_translations,
+            lambda found: [_shape(one, (3,)) for one in found.values()],
+        ),
+    ],
+    "formats.run_files.pictures_at": [
+        Case(
+            file("a.parquet", tables.write_parquet, pd.DataFrame({"key": [str(KEY)], "path": ["a/b.png"]})),
+            run_files.pictures_at,
+            lambda found: [_is(key, PhotoKey) for key in found],
+        ),
+    ],
+    "formats.run_files.cover_photo": [
+        Case(
+            file("a.json", inventory.write_inventory, INVENTORY),
+            lambda path: run_files.cover_photo(path, "A"),
+            lambda found: _is(found, Path | None),
+        ),
+    ],
+    "formats.scans.read_scan": [
+        Case(
+            the_folder(file("m.tif", nasa.write_range_map, POINTS)),
+            check=lambda found: _shape(found, (len(found), 3)),
+            read=lambda folder: scans.read_scan(
+                inventory.Inventory(1, "polar", range_maps={"A": folder / "m.tif"}), "A", RIG
+            ),
+        ),
+        Case(
+            the_folder(file("m.xyz", nasa.write_cloud, POINTS[0], np.arange(len(POINTS[0])))),
+            lambda folder: scans.read_scan(inventory.Inventory(1, "polar", clouds={"A": folder / "m.xyz"}), "A", RIG),
+        ),
+    ],
+    "formats.scene.read_terrain": [
+        Case(
+            the_folder(
+                file(obj.ground_name(1), obj.write, TETRAHEDRON, "ground"),
+                file(obj.rock_name(1, 3), obj.write, TETRAHEDRON, "rock"),
+            ),
+            lambda folder: scene.read_terrain(folder, 1),
+            sound_mesh,
+        ),
+    ],
+    "formats.scene.made_from": [
+        Case(
+            the_folder(
+                text(scene.MESH_TABLE, "mesh,made_from\nterrain01_ground.obj,scan\nterrain01_rock3.obj,fitted\n")
+            ),
+            scene.made_from,
+            lambda found: [_is(word, str) for pair in found.items() for word in pair],
+        ),
+    ],
+    "formats.tables.read_parquet": [
+        Case(
+            file("a.parquet", tables.write_parquet, MADE),
+            lambda path: tables.read_parquet(path, tables.LABEL_COLUMNS),
+            lambda found: found.to_dict(),
+        ),
+    ],
+    "formats.tables.read_csv": [
+        Case(
+            file("a.csv", tables.write_csv, MADE),
+            lambda path: tables.read_csv(path, tables.LABEL_COLUMNS),
+            lambda found: found.to_dict(),
+        ),
+    ],
+    "formats.text_fields.fields_of": [
+        Case(text("a.txt", YOLO_BOXES), lambda path: text_fields.fields_of(path, "label file"))
+    ],
+    "formats.yaml_files.read_yaml": [Case(text("a.yaml", YAML), yaml_files.read_yaml)],
+    "formats.yaml_files.read_model": [
+        Case(
+            text("a.yaml", YAML),
+            lambda path: yaml_files.read_model(path, _Options, "the file"),
+            lambda found: _is(found, _Options),
+        ),
+    ],
+    "formats.yolo.read_boxes": [Case(text("a.txt", YOLO_BOXES), yolo.read_boxes, own_boxes)],
+    "formats.yolo.read_detections": [
+        Case(
+            text("a.txt", YOLO_BOXES.replace("\n", " 0.5\n", 1)),
+            lambda path: yolo.read_detections(path)[:2],
+            sound_boxes,
+        ),
+    ],
+    "formats.yolo.read_boxes_of_any": [
+        Case(text("a.txt", YOLO_BOXES + YOLO_RING), yolo.read_boxes_of_any, sound_boxes)
+    ],
+    "formats.yolo.class_names": [
+        Case(
+            the_folder(text(yolo.CLASS_FILE, "rock\nshadow\nghost\n")),
+            yolo.class_names,
+            lambda found: [_is(one, str) for one in found],
+        ),
+    ],
+    "formats.yolo.read_polygons": [Case(text("a.txt", YOLO_RING * 2), yolo.read_polygons, sound_polygons)],
+    "formats.yolo.read_boxes_or_polygons": [
+        Case(text("a.txt", YOLO_RING * 2), yolo.read_boxes_or_polygons, own_boxes),
+        Case(text("a.txt", YOLO_BOXES), yolo.read_boxes_or_polygons, own_boxes),
+    ],
+    "formats.yolo.read_rock_boxes": [
+        Case(
+            the_folder(text(f"{KEY}.txt", YOLO_BOXES)),
+            lambda folder: yolo.read_rock_boxes(folder, 1),
+            lambda found: [_shape(one, (len(one), 4)) for own in found.values() for one in own],
+        ),
+    ],
+    "acquire.archives.unpack": [Case(make_zip, unpacked, whole_zip, "a.zip")],
+    "acquire.fetch.read_pins": [
+        Case(
+            the_folder(text(fetch.PINS, json.dumps({"a.zip": "0" * 64}))),
+            fetch.read_pins,
+            lambda found: [_is(word, str) for pair in found.items() for word in pair],
+        ),
+    ],
+    "acquire.index.describe_photo": [
+        Case(content("a.png", PHOTO), index.describe_photo, lambda found: _is(found["sha256"], str)),
+    ],
+    "annotate.import_labels.told_form": [Case(text("a.json", json.dumps(FIFTYONE_2)), import_labels.told_form)],
+    "annotate.import_labels.import_labels": [
+        Case(file("a.json", coco.write_coco, LABELS), imported, sound_import),
+        Case(text("a.xml", CVAT), imported, sound_import),
+        Case(text("tasks.json", json.dumps(STUDIO)), imported, sound_import),
+        Case(text("samples.json", json.dumps(FIFTYONE)), imported, sound_import),
+        Case(text("labels.json", json.dumps(FIFTYONE_2)), imported, sound_import),
+        Case(
+            the_folder(text(f"export/{KEY}.txt", YOLO_BOXES), text("export/data.yaml", "names: [rock, shadow]\n")),
+            lambda folder: imported(folder / "export"),
+            sound_import,
+            "export/*",
+        ),
+    ],
+    "detect.detectors.files.read_detector": [Case(make_detector, detectors.read_detector, sound_detector)],
+    "detect.detectors.files.load": [Case(make_detector, detectors.load)],
+}
+
+
+def _shape(array: np.ndarray, shape: tuple[int, ...]) -> None:
+    assert array.shape == shape, f"{array.shape}, expected {shape}"
+
+
+def _is(value: Any, kind: Any) -> None:
+    assert isinstance(value, kind), f"{value!r} is no {kind}"
+
+
+@dataclass
+class Outcome:
+    """What came back, how often, and the slowest read, s."""
+
+    read: int = 0
+    refused: int = 0
+    slowest_s: float = 0.0
+
+
+def check(case: Case, source: Any, harmed: Path, outcome: Outcome) -> None:
+    """A damaged file is read as a sound object, or refused in one line that names a file that was read."""
+    start = time.perf_counter()
+    try:
+        found = case.read(source)
+    except PolarsimError as error:
+        outcome.refused += 1
+        assert len(str(error).splitlines()) == 1, f"several lines: {str(error)!r}"  # noqa: PT017
+        assert not case.named or error.path is not None, f"no file: {error}"  # noqa: PT017
+    else:
+        outcome.read += 1
+        finite(found, case.missing)
+        case.check(found)
+    outcome.slowest_s = max(outcome.slowest_s, time.perf_counter() - start)
+    assert harmed.exists()
+
+
+@contextmanager
+def valid(case: Case, folder: Path) -> Iterator[tuple[Any, dict[Path, bytes]]]:
+    """What a case reads, and its files that are damaged; as they are, they are read."""
+    source = case.make(folder)
+    case.check(case.read(source))
+    yield source, {path: path.read_bytes() for path in sorted(folder.glob(case.harmed)) if path.is_file()}
+
+
+def harm(case: Case, source: Any, path: Path, whole: bytes, damage: Damage, outcome: Outcome) -> None:
+    """Damage a file, read it, mend it."""
+    path.write_bytes(damage.apply(whole))
+    try:
+        check(case, source, path, outcome)
+    finally:
+        path.write_bytes(whole)
+
+
+def drawn(random: Random) -> Damage:
+    """As `DAMAGES`, without hypothesis, which takes more time than most readers."""
+    place = partial(random.randrange, 1 << 16)
+    values = (random.choice((random.choice(PLAUSIBLE), random.randrange(256))) for _ in range(random.randint(1, 8)))
+    swap = (place(), place(), random.randint(1, 64)) if random.random() < 0.3 else None
+    return Damage([(place(), value) for value in values], swap, place() if random.random() < 0.25 else None)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Damaged files for every reader.")
+    parser.add_argument("--examples", type=int, default=10_000, help="damaged files for each reader and form")
+    parser.add_argument("--only", default="", help="readers with this in their names")
+    given = parser.parse_args()
+    wrong: Counter[str] = Counter()
+    print("| reader | files | sound | refused | slowest, ms | largest, MB |\n|---|---|---|---|---|---|")
+    for name, case in [(name, case) for name, cases in CASES.items() for case in cases if given.only in name]:
+        outcome, random = Outcome(), Random(1)
+        with tempfile.TemporaryDirectory() as folder, valid(case, Path(folder)) as (source, whole):
+            for _ in range(given.examples):
+                path, damage = random.choice(list(whole)), drawn(random)
+                try:
+                    harm(case, source, path, whole[path], damage, outcome)
+                except Exception as error:
+                    where = traceback.extract_tb(error.__traceback__)[-1]
+                    kind = f"{name}: {type(error).__name__} at {where.name}:{where.lineno}"
+                    wrong[kind] += 1
+                    if wrong[kind] == 1:
+                        print(f"WRONG {kind}: {str(error)[:200]}; {path.name} {damage}", flush=True)
+        largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3  # of the process until here
+        counts = f"{given.examples} | {outcome.read} | {outcome.refused}"
+        print(f"| `{name}` | {counts} | {1e3 * outcome.slowest_s:.0f} | {largest:.0f} |", flush=True)
+    for kind, count in wrong.most_common():
+        print(f"{count} of {kind}")
+    return min(len(wrong), 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,66 @@
+"""Damaged files that used to be read without a word."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import lamps, obj, png, rigs, rock_shifts, scene, tables, yolo
+from polarsim.geometry.stereo import stated_rig
+
+
+def test_a_png_whose_pixels_fail_their_checksum_is_refused(tmp_path):
+    content = bytearray(png.encode(np.arange(192, dtype=np.uint16).reshape(12, 16)))
+    content[-20] ^= 1
+    (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(FormatError, match=r"a\.png: a damaged PNG file, wrong checksum"):
+        png.read(tmp_path / "a.png")
+
+
+def test_a_polygon_that_lost_its_decimal_point_is_refused(tmp_path):
+    (tmp_path / "a.txt").write_text("2 030992 0.17 0.05 0.17 0.05 0.19\n")
+    with pytest.raises(FormatError, match=r"a\.txt:1: polygon far outside the photo"):
+        yolo.read_polygons(tmp_path / "a.txt")
+
+
+def test_a_lamp_at_infinity_is_refused(tmp_path):
+    (tmp_path / lamps.FILE).write_text('{"30": [1e999, 0, 1]}')
+    with pytest.raises(FormatError, match=r"lamps\.json: 30: .* is no position"):
+        lamps.read_found_suns(tmp_path)
+
+
+def test_a_shift_without_a_number_is_refused(tmp_path):
+    (tmp_path / rock_shifts.FILE).write_text(",".join(rock_shifts.COLUMNS) + "\n3,,2,3,4,5,6,7\n")
+    with pytest.raises(FormatError, match=r"rock_shifts\.csv: a translation that is not finite"):
+        rock_shifts.read_translations(tmp_path)
+
+
+def test_a_mesh_without_its_origin_is_refused(tmp_path):
+    (tmp_path / scene.MESH_TABLE).write_text("mesh,made_from\nterrain01_rock3.obj,\n")
+    with pytest.raises(FormatError, match=r"meshes\.csv: a mesh without its origin"):
+        scene.made_from(tmp_path)
+
+
+@pytest.mark.parametrize("text", ['"fx_px": -2', '"fx_px": 1e999', '"width_px": 0', '"width_px": 99999999'])
+def test_a_lens_that_cannot_be_is_refused(tmp_path, text):
+    rigs.write_rig(tmp_path / "a.json", stated_rig(), "stated")
+    good = (tmp_path / "a.json").read_text()
+    (tmp_path / "a.json").write_text(re.sub(text.split(":")[0] + r": [\d.]+", text, good, count=1))
+    with pytest.raises(FormatError, match=r"a\.json: a lens "):
+        rigs.read_rig(tmp_path / "a.json")
+
+
+def test_a_text_that_is_none_is_found_when_the_table_is_read(tmp_path):
+    pd.DataFrame({"key": ["rock"]}).to_parquet(tmp_path / "a.parquet", compression=None)
+    content = (tmp_path / "a.parquet").read_bytes()
+    (tmp_path / "a.parquet").write_bytes(content.replace(b"rock", b"r\x80ck", 1))
+    with pytest.raises(FormatError, match=r"a\.parquet: no readable Parquet table"):
+        tables.read_parquet(tmp_path / "a.parquet")
+
+
+def test_a_vertex_that_counts_from_beyond_the_start_is_refused(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -9\n")
+    with pytest.raises(FormatError, match=r"a\.obj: a face names vertex"):
+        obj.read(tmp_path / "a.obj")
