@@ -39,7 +39,7 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
     """How a path is found and followed."""
 
     wheel_gap_m: PositiveFloat = Field(
-        0.25, description="A wheel's centre keeps this far from hazards, m: half its width, half a steered one's reach."
+        0.15, description="A wheel's centre keeps this far from cells with hazards, m; half its width is 0.1."
     )
     soft_m: PositiveFloat = Field(0.25, description="Nearness to hazards costs over this distance beyond the gap, m.")
     clearance_m: PositiveFloat = Field(
@@ -47,9 +47,9 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
     )
     curvature_1_m: PositiveFloat = Field(0.9, description="Paths bend by this at most, 1/m.")
     window_m: PositiveFloat = Field(5.0, description="Paths reach this far ahead, m.")
-    unseen_cost: float = Field(2.0, ge=0, description="A metre over ground never seen costs so many metres more.")
+    unseen_cost: float = Field(8.0, ge=0, description="A metre over ground never seen costs so many metres more.")
     look_ahead_m: PositiveFloat = Field(0.7, description="The rover steers for the path's point so far ahead, m.")
-    back_m: PositiveFloat = Field(0.6, description="Without a path the rover backs off by this, m.")
+    back_m: PositiveFloat = Field(0.8, description="Without a path the rover backs off by this, m.")
     tries: int = Field(8, ge=1, description="The rover gives up after backing off so many times.")
 
 
@@ -75,7 +75,10 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     stereo_base_m: PositiveFloat = Field(0.3, description="The second camera stands this far to the right, m.")
     stereo_scale: float = Field(0.5, gt=0, le=1, description="Stereo matches pictures of this size of those taken.")
     speed_m_s: PositiveFloat = Field(0.2, le=2.0, description="The body drives at this speed, m/s.")
-    ahead_m: float = Field(1.2, ge=0, description="It starts so far before the first terrain and ends as far behind, m.")
+    ahead_m: float = Field(3.0, ge=0, description="It starts so far before the first terrain and ends as far behind, m.")
+    width_m: PositiveFloat = Field(
+        8.0, description="The strip is this wide in these drives, m: filler ground leaves a way round what is dense."
+    )
     longest_s: PositiveFloat = Field(240.0, description="A drive that takes longer is ended, s.")
     map: MapOptions = Field(MapOptions(), description="How looks become a map of hazards.")
     planner: PlannerOptions = Field(PlannerOptions(), description="How a path is found and followed.")

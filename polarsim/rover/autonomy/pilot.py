@@ -135,7 +135,8 @@ class Pilot(Driver):
             room = float(self.planner.clearance(ground, places).min())
             if room > best + 1e-9:
                 best, self._back_steer = room, self._steer(curvature)
-        self._back_to = (x, y)
+        if best > 0:
+            self._back_to = (x, y)
 
     def _pursue(self, plan: np.ndarray, x: float, y: float, heading: float) -> float:
         """Pure pursuit (Coulter, CMU-RI-TR-92-01): the arc through the plan's point at the look-ahead distance."""

@@ -28,7 +28,8 @@ _SAMPLE = 0.1  # m between places at which an edge is checked
 _BEND_COST = 0.05  # m, of every bend
 _GREED = 2.5  # a metre nearer to the goal is worth so many of the path
 _TURNED_COST = 0.4  # m, of a radian away from the goal at the path's end
-_LEAST_GAIN = 0.3  # m nearer to the goal: less is no path
+_LEAST_GAIN = 2.0  # m nearer to the goal, or there: less is a blind alley, no path
+_THERE_M = 0.4  # of the goal
 _EDGE_M = 0.25  # of the world, that wheels keep off beside their gap
 
 
@@ -212,9 +213,8 @@ class Planner:
         off = np.arctan2(dy, dx) - heading - angles()[:, None, None]
         off = np.abs((off + np.pi) % (2 * np.pi) - np.pi) * (left > 0.5)
         gain = math.hypot(goal[0] - x, goal[1] - y) - left
-        near = math.hypot(goal[0] - x, goal[1] - y) < 2 * _LEAST_GAIN
         total = np.where(
-            np.isfinite(distance) & ((gain >= _LEAST_GAIN) | near) & (distance > 0),
+            np.isfinite(distance) & ((gain >= _LEAST_GAIN) | (left < _THERE_M)) & (distance > 0),
             distance + _GREED * (left + _TURNED_COST * off),
             np.inf,
         )
