@@ -32,7 +32,7 @@ class HazardGrid:
         self.options = options
         cell = options.cell_m
         self.x, self.y = (
-            start + cell * (np.arange(int((end - start) / cell + 1e-9)) + 0.5)
+            start + cell * (np.arange(int((end - start) / cell)) + 0.5)
             for start, end in ((world.x[0], world.x[-1]), (world.y[0], world.y[-1]))
         )
         shape = len(self.y), len(self.x)
