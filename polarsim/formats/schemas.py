@@ -87,9 +87,7 @@ ONBOARD = _schema(
 EVERY_AUTONOMY = _schema(
     "rover/every_autonomy.parquet", "mode:s sun:s exposure:s seed:i ended:s metric:s unit:s value:f"
 )
-AUTONOMY = _schema(
-    "rover/autonomy.parquet", "mode:s sun:s exposure:s metric:s unit:s drives:i value:f low:f high:f"
-)
+AUTONOMY = _schema("rover/autonomy.parquet", "mode:s sun:s exposure:s metric:s unit:s drives:i value:f low:f high:f")
 SOIL_LIMIT = _schema(
     "rover/soil_limit.parquet",
     "wheel:s soil:s cell_m:f:m slip:f sinkage_mm:f:mm sinkage_limit_mm:f:mm pull_n:f:N pull_limit_n:f:N",

@@ -27,7 +27,12 @@ class Points:
 
 
 def points(
-    height: np.ndarray, rock: np.ndarray, true_height: np.ndarray, true_rock: np.ndarray, asked: np.ndarray, seconds: float
+    height: np.ndarray,
+    rock: np.ndarray,
+    true_height: np.ndarray,
+    true_rock: np.ndarray,
+    asked: np.ndarray,
+    seconds: float,
 ) -> Points:
     """Of a map (rows, columns): heights, m, NaN where unknown, and rock flags; `asked`: the cells that count.
 

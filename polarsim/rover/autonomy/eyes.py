@@ -25,6 +25,7 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, WHITE_LEVEL
 from polarsim.render.gain import default_gain
 from polarsim.render.ground_truth import boxes_of
+from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.sensor import expose, noise_of
 from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
@@ -39,7 +40,6 @@ from polarsim.rover.onboard.ground_view import plane_under
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
-from polarsim.render.lamps import Lamp
 
 SUN = "sun"
 T = TypeVar("T")
@@ -89,7 +89,9 @@ class Eyes:
         self.options, self.onboard, self.seed = options, onboard, seed
         self.mount = mount_of(vehicle.camera(FRONT), options.scale)
         self._scene = LiveScene(world, vehicle, path, options.model, _BESIDE_M)
-        self._suns = {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
+        self._suns = (
+            {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
+        )
         self._lights = [vehicle.light(name) for name in options.lights]
         self.seconds: Counter[str] = Counter()
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
@@ -117,7 +119,7 @@ class Eyes:
             return Glance([look], camera)
         lamps = self._suns | {f"light {name}": spot for name, spot in headlights(self._lights, links).items()}
         cameras = [camera, right_of(camera, self.options.stereo_base_m)][: 2 if self.pairs else 1]
-        taken = [self._timed("pictures", lambda one=one, k=k: self._picture(one, lamps, k)) for k, one in enumerate(cameras)]
+        taken = self._timed("pictures", lambda: [self._picture(one, lamps, k) for k, one in enumerate(cameras)])
         self._glances += 1
         looks, pair = [], None
         if self._detects:
@@ -147,7 +149,7 @@ class Eyes:
             light = np.sum(list(found.olat_images.values()), axis=0)
         gain = render.gain.get(model, default_gain(model, render))
         exposure = self.light.exposure_ms
-        if not isinstance(exposure, (int, float)):
+        if not isinstance(exposure, int | float):
             assert exposure == AUTO
             bright = float(np.percentile(light, _CLIPPED_PERCENT))
             exposure = float(np.clip((WHITE_LEVEL - BLACK_LEVEL) / max(bright * gain, 1e-9), 1.0, 10_000.0))

@@ -22,9 +22,7 @@ _AROUND = 9  # cells whose median is the ground around
 SURE = 1.0  # confidence of labels
 
 
-def look_of_boxes(
-    boxes: np.ndarray, confidence: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
-) -> Look:
+def look_of_boxes(boxes: np.ndarray, confidence: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:
     """From rocks' boxes (n, 4) in a picture and their confidences (n,); ground in view without one is no rock.
 
     A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its points.
@@ -52,9 +50,13 @@ def look_of_boxes(
         height = np.maximum(height, own)
     shape = len(grid.y), len(grid.x)
     full = [np.zeros((shape[0] * _PARTS, shape[1] * _PARTS)) for _ in range(4)]
-    for into, values in zip(full, (inside, np.where(inside, height, 0), np.where(inside, odds, 0), distance), strict=True):
+    for into, values in zip(
+        full, (inside, np.where(inside, height, 0), np.where(inside, odds, 0), distance), strict=True
+    ):
         into[rows, columns] = values
-    share, top, sure, far = (_cells(values, how) for values, how in zip(full, ("mean", "max", "max", "max"), strict=True))
+    share, top, sure, far = (
+        _cells(values, how) for values, how in zip(full, ("mean", "max", "max", "max"), strict=True)
+    )
     weight = np.where(share >= _LEAST_SHARE, _weight(far, options), 0.0)
     return Look(weight, sure, np.where(sure > 0, top, np.nan), np.full(shape, np.nan))
 
@@ -85,7 +87,9 @@ def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
     rock = seen & (np.nan_to_num(height) > options.stereo_rock_m)
     gx, gy = np.meshgrid(grid.x, grid.y)
     weight = np.where(seen, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1]), options), 0.0)
-    return Look(weight, np.where(rock, _log_odds(SURE), 0.0), np.where(rock, height, np.nan), np.where(rock, around, foot))
+    return Look(
+        weight, np.where(rock, _log_odds(SURE), 0.0), np.where(rock, height, np.nan), np.where(rock, around, foot)
+    )
 
 
 def _log_odds(confidence: float) -> float:

@@ -65,7 +65,7 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     seeds: tuple[int, ...] = Field((0,), min_length=1, description="Start, ground and noise differ between seeds.")
     suns: tuple[SunName, ...] = Field(("1", "3"), min_length=1, description="It drives under each of these Suns.")
     exposures_ms: tuple[PositiveFloat | Literal["auto"], ...] = Field(
-        (256,), min_length=1, description="Pictures have each of these exposures, ms; auto: none of 1 % of it clips."
+        (256.0,), min_length=1, description="Pictures have each of these exposures, ms; auto: none of 1 % of it clips."
     )
     sun_elevation_deg: float = Field(8.0, gt=0, le=90, description="Suns stand this high above the horizon, degrees.")
     lights: tuple[str, ...] = Field((), description="These lights of the vehicle's table are on.")
@@ -75,7 +75,9 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     stereo_base_m: PositiveFloat = Field(0.3, description="The second camera stands this far to the right, m.")
     stereo_scale: float = Field(0.5, gt=0, le=1, description="Stereo matches pictures of this size of those taken.")
     speed_m_s: PositiveFloat = Field(0.2, le=2.0, description="The body drives at this speed, m/s.")
-    ahead_m: float = Field(3.0, ge=0, description="It starts so far before the first terrain and ends as far behind, m.")
+    ahead_m: float = Field(
+        3.0, ge=0, description="It starts so far before the first terrain and ends as far behind, m."
+    )
     width_m: PositiveFloat = Field(
         8.0, description="The strip is this wide in these drives, m: filler ground leaves a way round what is dense."
     )

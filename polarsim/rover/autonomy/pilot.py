@@ -49,7 +49,8 @@ class Pilot(Driver):
         vehicle = simulation.vehicle
         self.planner = Planner(vehicle.wheel_centres[:, :2], self.options.planner)
         self._wheelbase, self._every = vehicle.wheelbase, 1 / self.options.rate_hz
-        self._next, self._plan, self._at_rest, self._backed = 0.0, None, 0, 0
+        self._next, self._at_rest, self._backed = 0.0, 0, 0
+        self._plan: np.ndarray | None = None
         self._back_to: tuple[float, float] | None = None
         self._back_steer = 0.0
 
@@ -130,7 +131,11 @@ class Pilot(Driver):
             steps = -np.linspace(0.1, self.options.planner.back_m, 6)
             headings = heading + curvature * steps
             places = np.column_stack(
-                [x + steps * np.cos(heading + curvature * steps / 2), y + steps * np.sin(heading + curvature * steps / 2), headings]
+                [
+                    x + steps * np.cos(heading + curvature * steps / 2),
+                    y + steps * np.sin(heading + curvature * steps / 2),
+                    headings,
+                ]
             )
             room = float(self.planner.clearance(ground, places).min())
             if room > best + 1e-9:

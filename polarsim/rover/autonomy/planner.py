@@ -176,7 +176,8 @@ class Planner:
             cost, free = self._cost(field, places, edge)
             from_here = number[edge.start, rows, columns]
             there = number[edge.end][
-                rows.start + edge.rows : rows.stop + edge.rows, columns.start + edge.columns : columns.stop + edge.columns
+                rows.start + edge.rows : rows.stop + edge.rows,
+                columns.start + edge.columns : columns.stop + edge.columns,
             ]
             starts.append(from_here[free])
             ends.append(there[free])
@@ -186,7 +187,7 @@ class Planner:
             (np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))), shape=(size, size)
         )
         here = int(number[0, len(self._rows) // 2, 3])
-        distance, before = csgraph.dijkstra(graph, indices=here, return_predecessors=True)
+        distance, before = csgraph.dijkstra(graph, indices=np.array(here), return_predecessors=True)
         best = self._best(distance.reshape(self._shape), x, y, heading, goal)
         return None if best is None else self._path(best, here, before, x, y, heading)
 

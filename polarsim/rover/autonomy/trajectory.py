@@ -1,5 +1,6 @@
 """How far an estimated trajectory is off the true one, by the definitions of evo (Grupp 2017) and of Sturm et al. (IROS
-2012): absolute error after a rigid alignment, relative error from pose to pose."""
+2012): absolute error after a rigid alignment, relative error from pose to pose.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ def absolute_error(estimated: np.ndarray, true: np.ndarray, *, align: bool = Tru
     """
     estimated, true = np.asarray(estimated, float), np.asarray(true, float)
     if estimated.shape != true.shape or len(true) < 3:
-        raise RoverError(f"trajectories of {len(estimated)} and {len(true)} poses, expected three or more, as many each")
+        raise RoverError(
+            f"trajectories of {len(estimated)} and {len(true)} poses, expected three or more, as many each"
+        )
     if align:
         rotation, translation = _alignment(estimated, true)
         estimated = estimated @ rotation.T + translation

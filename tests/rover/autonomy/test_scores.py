@@ -45,9 +45,7 @@ def test_errors_are_evos(seed):
     metrics = pytest.importorskip("evo.core.metrics", reason="evo is not installed")
     trajectory = pytest.importorskip("evo.core.trajectory", reason="evo is not installed")
     estimated, true = poses(seed), poses(seed + 5000)
-    paths = [
-        trajectory.PosePath3D(poses_se3=[_matrix(pose) for pose in some]) for some in (estimated, true)
-    ]
+    paths = [trajectory.PosePath3D(poses_se3=[_matrix(pose) for pose in some]) for some in (estimated, true)]
     moved = metrics.RPE(metrics.PoseRelation.translation_part, 1, metrics.Unit.frames)
     turned = metrics.RPE(metrics.PoseRelation.rotation_angle_rad, 1, metrics.Unit.frames)
     for one in (moved, turned):
@@ -72,7 +70,9 @@ def test_a_moved_and_turned_trajectory_has_no_error_and_two_poses_are_too_few():
 
 
 def test_gaps_to_a_wheel_and_a_box():
-    gap, tread = cylinder_gap(np.array([[0.30, 0.0, 0.0], [0.0, 0.15, 0.1], [0.28, 0.14, 0.0], [0.2, 0.0, 0.0]]), 0.25, 0.2)
+    gap, tread = cylinder_gap(
+        np.array([[0.30, 0.0, 0.0], [0.0, 0.15, 0.1], [0.28, 0.14, 0.0], [0.2, 0.0, 0.0]]), 0.25, 0.2
+    )
     np.testing.assert_allclose(gap, [0.05, 0.05, 0.05, -0.05], atol=1e-12)
     assert tread.tolist()[:2] == [True, False]
     inside = box_gap(np.array([[1.3, 0, 0], [0, 0, 0.4]]), np.array([2.0, 1, 1]))
