@@ -20,6 +20,7 @@ _POINTS = 12  # of depth in a cell, which say something of it
 _TOP_PERCENT, _FOOT_PERCENT = 90, 25
 _AROUND = 9  # cells whose median is the ground around
 SURE = 1.0  # confidence of labels
+_STEREO_SURE = 0.4  # of stereo: a look that shows a rock counts about as much as one that shows none
 
 
 def look_of_boxes(boxes: np.ndarray, confidence: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:
@@ -88,7 +89,10 @@ def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
     gx, gy = np.meshgrid(grid.x, grid.y)
     weight = np.where(seen, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1]), options), 0.0)
     return Look(
-        weight, np.where(rock, _log_odds(SURE), 0.0), np.where(rock, height, np.nan), np.where(rock, around, foot)
+        weight,
+        np.where(rock, _log_odds(_STEREO_SURE), 0.0),
+        np.where(rock, height, np.nan),
+        np.where(rock, around, foot),
     )
 
 

@@ -231,7 +231,7 @@ class Planner:
         for one, other in zip(nodes[::-1], nodes[-2::-1], strict=False):
             (k, row, column), (m, next_row, next_column) = (np.unravel_index(n, self._shape) for n in (one, other))
             edge = by_ends[int(k), int(m), int(next_column - column), int(next_row - row)]
-            places.append(edge.places + [STEP * self._columns[column], STEP * self._rows[row], 0.0])
+            places.append(edge.places + np.array([STEP * self._columns[column], STEP * self._rows[row], 0.0]))
         local = np.concatenate(places)
         cos, sin = math.cos(heading), math.sin(heading)
         return np.column_stack(

@@ -45,7 +45,7 @@ def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
 
 
 def surface_points(world: World, rock: int) -> np.ndarray:
-    """(n, 3) points on a rock's mesh above the ground, no farther than `_SAMPLE_M` apart along each triangle's sides."""
+    """(n, 3) points on a rock's mesh above the ground, no farther than `_SAMPLE_M` apart along triangles' sides."""
     vertices, faces = world.rock_mesh(rock)
     corners = vertices[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
