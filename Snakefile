@@ -37,6 +37,7 @@ localrules:
     render,
     detect,
     rover,
+    rover_autonomy,
     tables,
     geometry,
     gap,

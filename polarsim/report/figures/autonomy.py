@@ -53,6 +53,7 @@ def draw_autonomy(
                 if np.isfinite(low):
                     axis.plot([place, place], [low, high], color=INK, linewidth=1.2)
             axis.set_xticks(range(len(modes)), modes)
+            axis.set_xlim(-0.6, len(modes) - 0.4)
             axis.set_title(text)
 
 
