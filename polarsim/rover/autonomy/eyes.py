@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -93,7 +93,7 @@ class Eyes:
             {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
         )
         self._lights = [vehicle.light(name) for name in options.lights]
-        self.seconds: Counter[str] = Counter()
+        self.seconds: defaultdict[str, float] = defaultdict(float)
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
         self._detector = self._read_detector() if self._detects else None
         self.rectification = rectification(self.mount.lens.scaled(options.stereo_scale), options.stereo_base_m)
