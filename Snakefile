@@ -18,6 +18,7 @@ include: "workflow/rules/render.smk"
 include: "workflow/rules/detect.smk"
 include: "workflow/rules/rover_files.smk"
 include: "workflow/rules/rover.smk"
+include: "workflow/rules/rover_autonomy.smk"
 include: "workflow/rules/scoring.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/gap_files.smk"
@@ -36,6 +37,7 @@ localrules:
     render,
     detect,
     rover,
+    rover_autonomy,
     tables,
     geometry,
     gap,

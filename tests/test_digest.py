@@ -110,6 +110,7 @@ ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself,
     {"drive"},
     {"cameras"},
     {"onboard", "exchange"},
+    {"autonomy"},
     {"options", "run", "environment"},  # no rooms: where the command line, the configuration and learners come in
 )
 ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive needs neither pictures nor detectors

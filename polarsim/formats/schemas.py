@@ -84,6 +84,10 @@ ONBOARD = _schema(
     "rover/onboard.parquet",
     "source:s model:s exposure_ms:f:ms metric:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
 )
+EVERY_AUTONOMY = _schema(
+    "rover/every_autonomy.parquet", "mode:s sun:s exposure:s seed:i ended:s metric:s unit:s value:f"
+)
+AUTONOMY = _schema("rover/autonomy.parquet", "mode:s sun:s exposure:s metric:s unit:s drives:i value:f low:f high:f")
 SOIL_LIMIT = _schema(
     "rover/soil_limit.parquet",
     "wheel:s soil:s cell_m:f:m slip:f sinkage_mm:f:mm sinkage_limit_mm:f:mm pull_n:f:N pull_limit_n:f:N",
@@ -92,7 +96,7 @@ SOIL_LIMIT = _schema(
 SOIL_MEASURED = _schema("rover/soil_measured.parquet", "rig:s soil:s slip:f slope_deg:f:degrees model_deg:f:degrees")
 SCHEMAS = (
     PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_FOUND, COVER_SCORES, OFFSETS,
-    LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, SOIL_LIMIT, SOIL_MEASURED,
+    LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, EVERY_AUTONOMY, AUTONOMY, SOIL_LIMIT, SOIL_MEASURED,
 )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.detect.options import DetectOptions
+from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.layout import picture_set
 from polarsim.rover.cameras.options import REAL, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
@@ -32,6 +33,7 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
     cameras: CameraSuiteOptions = Field(
         CameraSuiteOptions(), description="Pictures, and what is made of them on board."
     )
+    autonomy: AutonomyOptions = Field(AutonomyOptions(), description="Drives in which the rover finds its own way.")
     bag: BagOptions = Field(BagOptions(), description="What goes into the bags.")
 
     @field_validator("seeds")

@@ -17,7 +17,7 @@ from polarsim.render.options import Model
 from polarsim.render.sensor import expose
 from polarsim.rover.cameras.bodywork import body_of, links_at
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
+from polarsim.rover.cameras.render_scene import MovingSurfaces, RenderScene, options_of, rocks_of
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
@@ -46,30 +46,26 @@ class LiveCameraOptions:
         return lens.width, lens.height
 
 
-class LiveCamera:
-    """A camera; the ground is followed within `BESIDE_M` of a path."""
+class LiveScene:
+    """What cameras of a rover that drives now look at; the ground is followed within `beside_m` of a path."""
 
-    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: LiveCameraOptions) -> None:
-        self._vehicle, self._options = vehicle, options
-        self._mount = mount_of(vehicle.camera(options.camera), options.scale)
-        suite = CameraSuiteOptions(models=(options.model,), finer=1)
-        body = body_of(vehicle)
-        self._render = options_of(suite, body)
+    def __init__(self, world: World, vehicle: Vehicle, path: Path, model: Model, beside_m: float = BESIDE_M) -> None:
+        self._vehicle, suite, body = vehicle, CameraSuiteOptions(models=(model,), finer=1), body_of(vehicle)
+        self.render = options_of(suite, body)
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = WheelTracks(lattice, _near(world, path), suite.finer)
-        self._scene = RenderScene(tracks, rocks_of(world), body, skirt_m=self._render.skirt_m, far_m=suite.far_m)
-        self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
+        tracks = WheelTracks(lattice, _near(world, path, beside_m), suite.finer)
+        self._scene = RenderScene(tracks, rocks_of(world), body, skirt_m=self.render.skirt_m, far_m=suite.far_m)
 
-    def picture(self, state: State, level: np.ndarray) -> np.ndarray:
-        """(h, w, 1) uint8 of the rover's state and the ground's levels; by the detectors' tone curve `gamma`."""
+    @property
+    def surfaces(self) -> MovingSurfaces:
+        return self._scene.surfaces
+
+    def show(self, state: State, level: np.ndarray) -> tuple[Pose, dict[str, Pose]]:
+        """Move on to the rover's state and the ground's levels; `world_from_base`, and the poses of all links."""
         base = pose_of(state.position, state.rotation)
-        self._scene.show(level, self._links(state, base))
-        options, render = self._options, self._render
-        models: tuple[Model, ...] = (options.model,)
-        found = render_view(self._scene.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
-        gain = render.gain.get(options.model, default_gain(options.model, render))
-        grey = expose(found.olat_images[options.model, SUN], options.exposure_ms * gain, render, None)
-        return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
+        links = self._links(state, base)
+        self._scene.show(level, links)
+        return base, links
 
     def _links(self, state: State, base: Pose) -> dict[str, Pose]:
         positions = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
@@ -82,13 +78,33 @@ class LiveCamera:
         return links_at(self._vehicle, base, wheels, lift, dict(zip(WHEELS, state.wheel("steer_rad"), strict=True)))
 
 
-def _near(world: World, path: Path) -> np.ndarray:
-    """(rows, columns) bool: nodes within `BESIDE_M` of the path."""
+class LiveCamera:
+    """A camera; the ground is followed within `BESIDE_M` of a path."""
+
+    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: LiveCameraOptions) -> None:
+        self._options = options
+        self._mount = mount_of(vehicle.camera(options.camera), options.scale)
+        self._scene = LiveScene(world, vehicle, path, options.model)
+        self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
+
+    def picture(self, state: State, level: np.ndarray) -> np.ndarray:
+        """(h, w, 1) uint8 of the rover's state and the ground's levels; by the detectors' tone curve `gamma`."""
+        base, _ = self._scene.show(state, level)
+        options, render = self._options, self._scene.render
+        models: tuple[Model, ...] = (options.model,)
+        found = render_view(self._scene.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
+        gain = render.gain.get(options.model, default_gain(options.model, render))
+        grey = expose(found.olat_images[options.model, SUN], options.exposure_ms * gain, render, None)
+        return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
+
+
+def _near(world: World, path: Path, beside_m: float) -> np.ndarray:
+    """(rows, columns) bool: nodes within `beside_m` of the path."""
     x, y = np.meshgrid(world.x, world.y)
     points = np.stack([x, y], axis=-1)
     near = np.zeros(x.shape, bool)
     for start, end in zip(path.points, path.points[1:], strict=False):
         along = end - start
         share = np.clip((points - start) @ along / (along @ along), 0, 1)
-        near |= np.linalg.norm(points - start - share[..., None] * along, axis=-1) < BESIDE_M
+        near |= np.linalg.norm(points - start - share[..., None] * along, axis=-1) < beside_m
     return near

@@ -78,13 +78,13 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
 
 
 class Ride:
-    """A drive under way."""
+    """A drive under way; by default the driver follows the job's path."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: Job, driver: Driver | None = None) -> None:
         self.job, options = job, job.drive
         self.route = route_of(job)
         require_on_grid(job.world, job.vehicle, self.route)
-        self.driver = Driver(self.route, law_of(options))
+        self.driver = driver or Driver(self.route, law_of(options))
         self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.route))
         dt = self.simulation.dt
         self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", options.log_hz))}

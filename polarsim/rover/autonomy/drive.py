@@ -1,0 +1,112 @@
+"""One drive in which the rover decides, or of the straight line beside it, and what is written of it.
+
+A folder holds a drive's trace as any drive's does, and `map.npz`: the rover's map as it was at the end. A blind drive
+has a map on which nothing was seen.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.formats.npz import write_arrays
+from polarsim.rover.autonomy.eyes import Eyes, Light
+from polarsim.rover.autonomy.hazard_grid import HazardGrid
+from polarsim.rover.autonomy.options import AutonomyOptions, Mode
+from polarsim.rover.autonomy.pilot import Pilot, pilot
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.drive.control import Path as Route
+from polarsim.rover.drive.energy import EnergyError
+from polarsim.rover.drive.job import Job, job_of
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.ride import Ride
+from polarsim.rover.drive.trace import Trace, write_trace
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.world.options import WorldOptions
+
+_LOG_HZ = 20.0
+_GO_ON_S = 10.0
+_BEHIND_M = 1.5  # of ground behind the rover at the start: its rear wheels and some more
+MAP = "map.npz"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A drive as it was; without a pilot it was blind."""
+
+    mode: Mode
+    light: Light
+    seed: int
+    trace: Trace
+    pilot: Pilot | None
+    cpu_s: float  # of the whole
+
+
+def job_for(
+    *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, options: AutonomyOptions, seed: int
+) -> Job:
+    """A drive over the same terrains with room before, behind and beside them.
+
+    Raises
+    ------
+    PolarsimError
+        Meshes, soil or vehicle are missing or broken.
+    """
+    room = {"width_m": options.width_m, "margin_m": options.ahead_m + _BEHIND_M}
+    return job_of(meshes=meshes, world=world.model_copy(update=room), soil=soil, drive=drive, seed=seed)
+
+
+def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
+    """The same drive on the straight line that modes are compared on, logged as autonomy asks for."""
+    half = job.rocks.length_m * len(job.rocks.terrains) / 2 + options.ahead_m
+    line = job.drive.path_m or ((half, 0.0), (-half, 0.0))
+    drive = job.drive.model_copy(
+        update={
+            "path_m": (line[0], line[-1]),
+            "speed_m_s": options.speed_m_s,
+            "log_hz": _LOG_HZ,
+            "picture_hz": options.rate_hz,
+            "longest_s": options.longest_s,
+        }
+    )
+    return replace(job, drive=drive)
+
+
+def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
+    """The files of a drive: same drive, same bytes."""
+    grid = outcome.pilot.grid if outcome.pilot else HazardGrid(outcome.trace.world, options.map)
+    write_trace(folder, outcome.trace)
+    write_arrays(
+        folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
+        ground_m=grid.ground,
+    )  # fmt: skip
+
+
+def drive(job: Job, mode: Mode, light: Light, options: AutonomyOptions, onboard: OnboardOptions) -> Outcome:
+    """Drive from the first point of a job's path to the last.
+
+    Raises
+    ------
+    PolarsimError
+        The path leaves the grid, no detector, an unknown light.
+    """
+    begun = time.process_time()
+    job = autonomous_job(job, options)
+    route = Route(np.array(job.drive.path_m, float))
+    driver: Pilot | None = None
+    if mode != "blind":
+        driver = pilot(route, Eyes(job.world, job.vehicle, route, mode, light, options, onboard, job.seed), options)
+    ride = Ride(job, driver)
+    if driver is not None:
+        driver.board(ride.simulation)
+    while ride.ended is None:
+        try:
+            ride.go_on(_GO_ON_S)
+        except EnergyError as error:
+            ride.ended, ride.reason = "energy", str(error)
+        if driver is not None and driver.given_up and ride.ended is None:
+            ride.ended, ride.reason = "gave up", "no path after backing off"
+    return Outcome(mode, light, job.seed, ride.trace(), driver, time.process_time() - begun)

@@ -1,0 +1,127 @@
+"""What a drive was like: rocks touched, the way, energy, stops, its map by the challenge's rules, its odometry."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+
+from polarsim.rover.autonomy import challenge
+from polarsim.rover.autonomy.drive import Outcome
+from polarsim.rover.autonomy.hazard_grid import HazardGrid
+from polarsim.rover.autonomy.odometry import odometry
+from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.autonomy.planner import Planner, field_of
+from polarsim.rover.autonomy.touches import TOUCH_M, touches
+from polarsim.rover.autonomy.trajectory import absolute_error, relative_error
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.onboard.hazard_map import grid_over, true_map
+from polarsim.rover.vehicle.table import Vehicle
+from polarsim.rover.world.surface import World
+
+HIGH_M = 0.10  # a touch of a rock above is a collision
+CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
+_CORRIDOR_M = 1.05  # either side of the straight line: the wheels' way and some more
+_BLIND_M = 2.2  # before base_link at the start, which the camera does not see
+_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # depths of odometry
+
+
+def figures(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions, onboard: OnboardOptions) -> pd.DataFrame:
+    """Rows of metric, unit and value of a drive."""
+    told, table = outcome.trace.drive, outcome.trace.table
+    rocks = touches(outcome.trace, vehicle)
+    hit = rocks[rocks["gap_m"] <= TOUCH_M]
+    high = rocks[rocks["height_m"] > HIGH_M]
+    rows: list[tuple[str, str, float]] = [
+        ("success", "", float(told["ended"] == "finished" and not (hit["height_m"] > HIGH_M).any())),
+        ("goal reached", "", float(told["ended"] == "finished")),
+        ("collisions", "", float((hit["height_m"] > HIGH_M).sum())),
+    ]
+    for low, top in CLASSES_M:
+        own = hit[(hit["height_m"] > low) & (hit["height_m"] <= top)]
+        name = f"above {100 * low:.0f} cm" if math.isinf(top) else f"{100 * low:.0f} to {100 * top:.0f} cm"
+        rows.append((f"rocks of {name} driven over", "", float((own["part"] == "tread").sum())))
+        rows.append((f"rocks of {name} scraped", "", float((own["part"] != "tread").sum())))
+    way = table[["x_m", "y_m"]].to_numpy()
+    rows += [
+        ("closest pass of a rock above 10 cm", "m", float(high["gap_m"].min()) if len(high) else math.nan),
+        ("time", "s", float(told["seconds"])),
+        ("path", "m", float(np.hypot(*np.diff(way, axis=0).T).sum())),
+        ("energy", "J", float(told["energy_j"]["motor"])),
+        ("CPU for a second driven", "s", outcome.cpu_s / max(float(told["seconds"]), 1e-9)),
+    ]
+    if outcome.pilot is not None:
+        rows += _of_pilot(outcome, vehicle, options, onboard)
+    return pd.DataFrame(rows, columns=["metric", "unit", "value"])
+
+
+def _of_pilot(
+    outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions, onboard: OnboardOptions
+) -> list[tuple[str, str, float]]:
+    pilot, world, seconds = outcome.pilot, outcome.trace.world, float(outcome.trace.drive["seconds"])
+    assert pilot is not None
+    assert pilot.eyes is not None
+    true = true_map(world, grid_over(world, onboard.model_copy(update={"cell_m": options.map.cell_m})))
+    found = points_of(pilot.grid, world, true.rock, true.height, pilot.path.points, seconds)
+    rows = [
+        ("stops", "", float(len(pilot.stops))),
+        ("stops that nothing justified", "", float(unjustified(outcome, vehicle, options))),
+        ("geometric map", "points of 300", found.geometry),
+        ("rock map", "points of 300", found.rocks),
+        ("productivity", "points of 250", found.productivity),
+        ("localisation", "points of 150", found.localisation),
+        *((f"CPU for a second driven, {part}", "s", spent / seconds) for part, spent in pilot.eyes.seconds.items()),
+    ]
+    pairs = [glance.pair for _, glance in pilot.glances if glance.pair is not None]
+    if len(pairs) > 2:
+        cameras = [glance.camera.world_from_camera for _, glance in pilot.glances if glance.pair is not None]
+        turned = pilot.eyes.rectification.left_from_rectified
+        poses = [cameras[0].inverse() @ camera @ turned for camera in cameras]
+        guessed, lost = odometry(pairs, pilot.eyes.rectification, _NEAREST_M, _FARTHEST_M)
+        moved, angle = relative_error(guessed, poses)
+        positions = [np.array([pose.translation for pose in some]) for some in (guessed, poses)]
+        rows += [
+            ("odometry: absolute error", "m", absolute_error(*positions)),
+            ("odometry: relative error", "m", moved),
+            ("odometry: relative angle", "degrees", math.degrees(angle)),
+            ("odometry: moves not found", "", float(lost)),
+        ]
+    return rows
+
+
+def points_of(
+    grid: HazardGrid, world: World, true_rock: np.ndarray, true_height: np.ndarray, line: np.ndarray, seconds: float
+) -> challenge.Points:
+    """The challenge's points of a map over the corridor along a line (2, 2), from where the camera sees ground."""
+    x, y = np.meshgrid(grid.x, grid.y)
+    ground, start = world.height_at(x, y), line[0]
+    length = float(np.hypot(*(line[-1] - start)))
+    along, aside = _beside(x, y, start, (line[-1] - start) / length)
+    asked = (along > _BLIND_M) & (along < length) & (np.abs(aside) < _CORRIDOR_M)
+    told = np.where(np.isfinite(grid.ground), grid.ground, np.where(grid.seen, ground, np.nan))
+    told = told + np.where(grid.rock, grid.height, 0.0)
+    return challenge.points(told, grid.rock, ground + true_height, true_rock, asked, seconds)
+
+
+def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> int:
+    """Stops at which a rover that knew the rocks above `HIGH_M`, and no others, would have had a path."""
+    pilot, world = outcome.pilot, outcome.trace.world
+    assert pilot is not None
+    if not pilot.stops:
+        return 0
+    x, y = np.meshgrid(pilot.grid.x, pilot.grid.y)
+    blocked, tall = np.zeros(x.shape, bool), np.zeros(x.shape, bool)
+    for rock in world.rocks[world.rocks["height_m"] > HIGH_M].to_dict("records"):
+        own = np.hypot(x - rock["x_m"], y - rock["y_m"]) < rock["radius_m"] + options.map.cell_m / 2
+        blocked |= own
+        tall |= own & (rock["height_m"] >= options.planner.clearance_m)
+    ground = field_of(pilot.grid, blocked, tall, np.ones(x.shape, bool))
+    planner = Planner(vehicle.wheel_centres[:, :2], options.planner)
+    goal = pilot.path.points[-1]
+    return sum(planner.plan(ground, stop.x, stop.y, stop.heading, goal) is not None for stop in pilot.stops)
+
+
+def _beside(x: np.ndarray, y: np.ndarray, start: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    dx, dy = x - start[0], y - start[1]
+    return dx * step[0] + dy * step[1], dy * step[0] - dx * step[1]

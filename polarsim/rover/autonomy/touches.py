@@ -1,0 +1,115 @@
+"""Which rocks a drive touched, and how near it came to the others: the rocks' meshes against wheels and body.
+
+Wheels are cylinders (rims), the body and the legs are the boxes of the vehicle's table.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from polarsim.rover.drive.trace import Trace
+from polarsim.rover.vehicle.mounts import link_from_part
+from polarsim.rover.vehicle.table import WHEELS, Vehicle
+from polarsim.rover.world.surface import World
+
+TOUCH_M = 0.01  # physics meets hulls, which stand so far off rocks at most where these are hollow (`world.hulls`)
+_SAMPLE_M = 0.03  # between points of a rock's surface
+_EVERY_S = 0.2
+_REACH_M = 1.3  # from base_link's origin to the farthest part of the rover, and some more
+_BODY_BELOW_M = 1.0  # of base_link: parts above meet no rock
+TOUCH_COLUMNS = ("rock", "height_m", "gap_m", "part", "time_s")
+
+
+def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
+    """A row a rock: its height, the least gap, metres, below 0 inside, by which part (tread, flank or body), and when.
+
+    A rock is touched where `gap_m` is at most `TOUCH_M`. Rocks that the rover never came near have no row.
+    """
+    table, world = trace.table, trace.world
+    times = table["time_s"].to_numpy()
+    rows = np.unique(np.searchsorted(times, np.arange(times[0], times[-1] + 1e-9, _EVERY_S)).clip(max=len(times) - 1))
+    way = table[["x_m", "y_m"]].to_numpy()[rows]
+    found = []
+    for rock in world.rocks.to_dict("records"):
+        distance = np.hypot(*(way - [rock["x_m"], rock["y_m"]]).T)
+        near = rows[distance < rock["radius_m"] + _REACH_M]
+        if not len(near):
+            continue
+        points = surface_points(world, int(rock["rock"]))
+        gaps = [*_wheel_gaps(table, vehicle, points, near), *_body_gaps(table, vehicle, points, near)]
+        part, gap, row = min(gaps, key=lambda one: one[1])
+        found.append((int(rock["rock"]), float(rock["height_m"]), gap, part, float(times[row])))
+    return pd.DataFrame(found, columns=list(TOUCH_COLUMNS))
+
+
+def surface_points(world: World, rock: int) -> np.ndarray:
+    """(n, 3) points on a rock's mesh above the ground, no farther than `_SAMPLE_M` apart along triangles' sides."""
+    vertices, faces = world.rock_mesh(rock)
+    corners = vertices[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    steps = np.maximum(np.ceil(longest / _SAMPLE_M).astype(int), 1)
+    parts = [vertices]
+    for count in np.unique(steps[steps > 1]):
+        i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
+        inside = i + j <= count
+        weights = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], axis=1) / count
+        parts.append(np.einsum("pk,fkd->fpd", weights, corners[steps == count]).reshape(-1, 3))
+    points = np.concatenate(parts)
+    return points[points[:, 2] > world.height_at(points[:, 0], points[:, 1]) - 0.02]
+
+
+def cylinder_gap(points: np.ndarray, radius: float, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """(...) gaps of points (..., 3) in a wheel's frame (axis y) to it, and whether the tread is what is nearest."""
+    out = np.hypot(points[..., 0], points[..., 2]) - radius
+    aside = np.abs(points[..., 1]) - width / 2
+    outside = np.hypot(np.maximum(out, 0), np.maximum(aside, 0))
+    return np.where((out > 0) | (aside > 0), outside, np.maximum(out, aside)), out >= aside
+
+
+def box_gap(points: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(...) gaps of points (..., 3) in a box's frame to it; its sides are `size` (3,)."""
+    beyond = np.abs(points) - size / 2
+    return np.asarray(np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0))
+
+
+Gap = tuple[str, float, int]
+
+
+def _wheel_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[Gap]:
+    found = []
+    for code, wheel in zip(WHEELS, vehicle.wheels, strict=True):
+        local = _local(table, f"{code}_", points, rows)
+        gap, tread = cylinder_gap(local, wheel.radius_m, wheel.width_m)
+        row, point = np.unravel_index(int(gap.argmin()), gap.shape)
+        found.append(("tread" if tread[row, point] else "flank", float(gap[row, point]), int(rows[row])))
+    return found
+
+
+def _body_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[Gap]:
+    base, found = _local(table, "", points, rows), []
+    for shape in vehicle.shapes:
+        offset = np.zeros((len(rows), 3))
+        if shape.link.endswith("_arm"):
+            code = shape.link.removesuffix("_arm")
+            wheel = vehicle.wheels[WHEELS.index(code)]
+            offset = np.tile(np.array(wheel.position_m, float), (len(rows), 1))
+            offset[:, 2] += table[f"{code}_lift_m"].to_numpy()[rows]
+        elif shape.link != "base_link":
+            continue
+        link = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
+        if shape.kind != "box" or link.translation[2] > _BODY_BELOW_M:
+            continue
+        gap = box_gap(link.inverse().apply(base - offset[:, None]), np.array(shape.size_m, float))
+        row, point = np.unravel_index(int(gap.argmin()), gap.shape)
+        found.append(("body", float(gap[row, point]), int(rows[row])))
+    return found
+
+
+def _local(table: pd.DataFrame, prefix: str, points: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(rows, points, 3) points of the world in the frame of base_link or of a wheel."""
+    own = table.iloc[rows]
+    rotation = Rotation.from_quat(own[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()).as_matrix()
+    origin = own[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
+    return np.einsum("rji,rpj->rpi", rotation, points[None] - origin[:, None])

@@ -1,0 +1,83 @@
+"""A rover that decides, from pictures to wheels: round two boxes on flat ground, and the same bytes twice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+from scipy import ndimage
+
+pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+from polarsim.rover.autonomy.drive import drive, write
+from polarsim.rover.autonomy.eyes import Light
+from polarsim.rover.autonomy.measure import figures
+from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.drive.job import Job
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.soil.law import read_soil
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.table import read_vehicle
+from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.surface import ROCK_COLUMNS, bare_world
+
+OPTIONS = AutonomyOptions(scale=0.125, speed_m_s=0.4, stereo_scale=1.0, longest_s=40)
+BOXES = ((3.6, 0.6), (3.9, -0.6))  # in the way of either wheel
+
+
+@pytest.fixture(scope="module")
+def job() -> Job:
+    relief = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=(101, 151)), 1.0)  # stereo needs some
+    bare = bare_world(0.006 * relief / relief.std(), 0.06, -1.5, -3.0)
+    rows, vertices, faces = [], [], []
+    for number, (x, y) in enumerate(BOXES):
+        box = trimesh.creation.box((0.24, 0.24, 0.30))
+        vertices.append(np.asarray(box.vertices) + np.array([x, y, 0.05]))
+        faces.append(np.asarray(box.faces) + 8 * number)
+        rows.append((number, 1, number, x, y, 0.20, 0.34, 0.17, 12 * number, 12))
+    world = replace(
+        bare,
+        rocks=pd.DataFrame(rows, columns=list(ROCK_COLUMNS)),
+        vertices=np.concatenate(vertices).astype(np.float32),
+        triangles=np.concatenate(faces).astype(np.int32),
+    )
+    line = DriveOptions(path_m=((0.0, 0.0), (5.8, 0.0)), settle_s=0.5)
+    soil = SoilOptions(slip_sinkage=False, step_s=0.002)
+    return Job(world, read_vehicle(line.vehicle), read_soil(soil.table, soil.soil), line, soil, WorldOptions(), 0)
+
+
+def value(rows: pd.DataFrame, metric: str) -> float:
+    return float(rows.loc[rows["metric"] == metric, "value"].iloc[0])
+
+
+def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
+    onboard = OnboardOptions()
+    blind = drive(job, "blind", Light("3", 256), OPTIONS, onboard)
+    assert value(figures(blind, job.vehicle, OPTIONS, onboard), "collisions") == 2
+    once, again = (drive(job, "truth", Light("3", 256), OPTIONS, onboard) for _ in range(2))
+    rows = figures(once, job.vehicle, OPTIONS, onboard)
+    assert value(rows, "success") == 1
+    assert value(rows, "collisions") == 0
+    assert value(rows, "closest pass of a rock above 10 cm") > 0.02
+    assert value(rows, "rock map") > 150
+    for name, outcome in (("a", once), ("b", again)):
+        write(tmp_path / name, outcome, OPTIONS)
+    files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
+    assert len(files) == 7
+    for file in files:
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+
+
+def test_stereo_sees_the_boxes_and_knows_where_it_drives(job):
+    short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
+    onboard = OnboardOptions()
+    outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS.model_copy(update={"scale": 0.25}), onboard)
+    grid = outcome.pilot.grid
+    x, y = np.meshgrid(grid.x, grid.y)
+    near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
+    assert (grid.rock & near).sum() >= 4
+    assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
+    rows = figures(outcome, job.vehicle, OPTIONS, onboard)
+    assert value(rows, "odometry: absolute error") < 0.2

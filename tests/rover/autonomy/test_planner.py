@@ -1,0 +1,65 @@
+"""Paths keep off hazards, bend no more than the rover can, and are none where there is none."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.rover.autonomy.hazard_grid import HazardGrid
+from polarsim.rover.autonomy.options import MapOptions, PlannerOptions
+from polarsim.rover.autonomy.planner import Planner, edges, field_of
+from polarsim.rover.world.surface import bare_world
+
+WHEELS = np.array([[0.642, 0.61], [0.642, -0.61], [-0.642, 0.61], [-0.642, -0.61]])
+GRID = HazardGrid(bare_world(np.zeros((81, 121)), 0.1, -2.0, -4.0), MapOptions())
+PLANNER = Planner(WHEELS, PlannerOptions())
+GOAL = np.array([8.0, 0.0])
+X, Y = np.meshgrid(GRID.x, GRID.y)
+
+
+def blocked(*rocks: tuple[float, float]) -> np.ndarray:
+    cells = np.zeros(X.shape, bool)
+    for x, y in rocks:
+        cells |= (np.abs(X - x) < 0.16) & (np.abs(Y - y) < 0.16)
+    return cells
+
+
+def planned(cells: np.ndarray, tall: np.ndarray | None = None) -> np.ndarray | None:
+    field = field_of(GRID, cells, np.zeros_like(cells) if tall is None else tall, np.ones_like(cells))
+    return PLANNER.plan(field, 0.0, 0.0, 0.0, GOAL)
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.lists(st.tuples(st.floats(1.8, 6.0), st.floats(-2.0, 2.0)), max_size=5))
+def test_a_path_keeps_its_wheels_off_hazards_and_bends_no_more_than_allowed(rocks):
+    path = planned(blocked(*rocks))
+    if path is None:
+        return
+    wheels = np.array([[x + np.cos(a) * u - np.sin(a) * v, y + np.sin(a) * u + np.cos(a) * v]
+                       for x, y, a in path[1:] for u, v in WHEELS])  # fmt: skip
+    for x, y in zip(X[blocked(*rocks)], Y[blocked(*rocks)], strict=True):
+        beyond = np.maximum(np.abs(wheels - [x, y]) - GRID.options.cell_m / 2, 0)
+        assert np.hypot(*beyond.T).min() > PLANNER.options.wheel_gap_m - 0.05  # cells of the field of distances
+    turned = np.abs(np.diff(path[:, 2]))
+    moved = np.hypot(*np.diff(path[:, :2], axis=0).T)
+    assert (turned <= PLANNER.options.curvature_1_m * moved * 1.02 + 1e-9).all()  # a chord is shorter than its arc
+
+
+def test_free_ground_is_crossed_straight_and_a_low_rock_straddled():
+    for cells in (blocked(), blocked((3.0, 0.0))):
+        np.testing.assert_allclose(planned(cells)[:, 1], 0.0, atol=1e-9)
+
+
+def test_a_rock_that_the_body_cannot_pass_over_is_gone_round():
+    cells = blocked((3.0, 0.0))
+    assert np.abs(planned(cells, cells)[:, 1]).max() > 0.5
+
+
+def test_a_wall_leaves_no_path():
+    assert planned(np.abs(X - 3.0) < 0.16) is None
+
+
+def test_every_bend_of_the_lattice_ends_at_its_node_and_heading():
+    found = edges(0.9)
+    assert len(found) == 48
+    for edge in found:
+        np.testing.assert_allclose(edge.places[-1, :2], 0.15 * np.array([edge.columns, edge.rows]), atol=1e-12)

@@ -1,0 +1,9 @@
+"""Draw the ways of a rover that decides, and its modes side by side."""
+
+from pathlib import Path
+
+from polarsim.job import job
+from polarsim.report.figures.autonomy import draw_autonomy
+
+with job(snakemake) as call:
+    call(draw_autonomy, folders=[Path(path).parent for path in snakemake.input.drives])
