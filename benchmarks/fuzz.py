@@ -53,7 +53,7 @@ from polarsim.formats import (
     release,
     rigs,
     rle,
-    rock_shifts,
+    rock_translations,
     ros,
     run_files,
     scans,
@@ -538,12 +538,15 @@ CASES: dict[str, list[Case]] = {
             check=lambda found: _shape(found, (10, 10)),
         ),
     ],
-    "formats.rock_shifts.read_translations": [
+    "formats.rock_translations.read_translations": [
         Case(
             the_folder(
-                text(rock_shifts.FILE, ",".join(rock_shifts.COLUMNS) + "\n3,1.5,2,3,4,5,6,7\n4,1.5,2,3,4,5,6,7\n")
+                text(
+                    rock_translations.FILE,
+                    ",".join(rock_translations.COLUMNS) + "\n3,1.5,2,3,4,5,6,7\n4,1.5,2,3,4,5,6,7\n",
+                )
             ),
-            rock_shifts.read_translations,
+            rock_translations.read_translations,
             lambda found: [_shape(one, (3,)) for one in found.values()],
         ),
     ],

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats import lamps, obj, png, rigs, rock_shifts, scene, tables, yolo
+from polarsim.formats import lamps, obj, png, rigs, rock_translations, scene, tables, yolo
 from polarsim.geometry.stereo import stated_rig
 
 
@@ -32,9 +32,9 @@ def test_a_lamp_at_infinity_is_refused(tmp_path):
 
 
 def test_a_shift_without_a_number_is_refused(tmp_path):
-    (tmp_path / rock_shifts.FILE).write_text(",".join(rock_shifts.COLUMNS) + "\n3,,2,3,4,5,6,7\n")
-    with pytest.raises(FormatError, match=r"rock_shifts\.csv: a translation that is not finite"):
-        rock_shifts.read_translations(tmp_path)
+    (tmp_path / rock_translations.FILE).write_text(",".join(rock_translations.COLUMNS) + "\n3,,2,3,4,5,6,7\n")
+    with pytest.raises(FormatError, match=r"rock_translations\.csv: a translation that is not finite"):
+        rock_translations.read_translations(tmp_path)
 
 
 def test_a_mesh_without_its_origin_is_refused(tmp_path):
