@@ -21,6 +21,7 @@ from polarsim.arguments import (
     writes_folder,
 )
 from polarsim.errors import PolarsimError
+from polarsim.photo import USUAL_EXPOSURE_MS
 from polarsim.reporting import reporting
 
 app = typer.Typer(
@@ -581,7 +582,7 @@ def render(
             help="The Sun instead of the lamp: azimuth, deg from +X towards +Y, and elevation, deg above 0 up to 90.",
         ),
     ] = None,
-    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256.0,
+    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = USUAL_EXPOSURE_MS,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
     engine: Annotated[
         Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default is the configuration's.")

@@ -65,12 +65,12 @@ MOVED = {
 
 
 class LabelsSection(LabelsOptions):
-    """Options of the labels stage, and which label files propagation starts from."""
+    """These options are those of the labels stage, and say which label files propagation starts from."""
 
     seeds: SeedChoice = Field(
         SeedOptions(),
-        description="The label files that a person drew and that are propagated; 'none': no file is read, rocks and "
-        "shadows are labelled from scans, light and photos alone.",
+        description="These label files, which a person drew, are propagated; 'none': no file is read, rocks "
+        "and shadows are labelled from scans, light and photos alone.",
     )
 
     @field_validator("seeds", mode="before")
@@ -84,26 +84,55 @@ class LabelsSection(LabelsOptions):
 
 
 class Config(BaseModel, extra="forbid", frozen=True):
-    """One run."""
+    """A configuration describes one run."""
 
-    run: str = Field("demo", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="Name; results go to results/<run>/.")
-    terrains: tuple[int, ...] = Field((1, 3, 6, 11), min_length=1, description="Terrain numbers, 1 to 13.")
-    positions: tuple[str, ...] = Field(("A", "B", "C"), min_length=1, description="Tripod positions, A to G.")
-    source: SourceOptions = Field(description="Where raw data come from.")
-    grid: GridOptions = Field(GridOptions(), description="The part of NASA's photo grid that a run works on.")
-    analog: AnalogOptions = Field(AnalogOptions(), description="The sandbox that is generated with source.kind analog.")
-    cameras: CamerasOptions = Field(CamerasOptions(), description="Where the rigs stood.")
-    rocks: RocksOptions = Field(RocksOptions(), description="Scans to rocks, ground and meshes.")
-    labels: LabelsSection = Field(LabelsSection(), description="Seed labels to labels of every photo.")
-    render: RenderOptions = Field(RenderOptions(), description="Twins of every photo.")
-    detect: DetectOptions = Field(DetectOptions(), description="Detectors, their training and comparison.")
-    gap: GapOptions = Field(GapOptions(), description="Twins with one component replaced: which one causes the gap.")
-    covers: CoversOptions = Field(
-        CoversOptions(), description="Detectors that are trained on strewn scenes and tested on real cover photos."
+    run: str = Field(
+        "demo",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
+        description="The run has this name, and its results go to results/<run>/.",
     )
-    rover: RoverOptions = Field(RoverOptions(), description="Drives over the digitised terrains.")
-    scoring: ScoringOptions = Field(ScoringOptions(), description="How results are scored.")
-    publish: PublishOptions = Field(PublishOptions(), description="Forms in which the run leaves.")
+    terrains: tuple[int, ...] = Field(
+        (1, 3, 6, 11), min_length=1, description="The run works on the terrains with these numbers, 1 to 13."
+    )
+    positions: tuple[str, ...] = Field(
+        ("A", "B", "C"), min_length=1, description="The run works on photos from these tripod positions, A to G."
+    )
+    source: SourceOptions = Field(description="This section says where raw data come from.")
+    grid: GridOptions = Field(
+        GridOptions(), description="This section names the part of NASA's photo grid that a run works on."
+    )
+    analog: AnalogOptions = Field(
+        AnalogOptions(), description="This section describes the sandbox that is generated with source.kind analog."
+    )
+    cameras: CamerasOptions = Field(CamerasOptions(), description="This section says how the rigs are localised.")
+    rocks: RocksOptions = Field(
+        RocksOptions(), description="This section says how scans become rocks, ground and meshes."
+    )
+    labels: LabelsSection = Field(
+        LabelsSection(), description="This section says how seed labels are propagated to every photo."
+    )
+    render: RenderOptions = Field(
+        RenderOptions(), description="This section says how a twin of every photo is rendered."
+    )
+    detect: DetectOptions = Field(
+        DetectOptions(), description="This section says how detectors are trained and compared."
+    )
+    gap: GapOptions = Field(
+        GapOptions(),
+        description="This section names the components of the twin that are replaced, one at a time, to find "
+        "which one causes the gap.",
+    )
+    covers: CoversOptions = Field(
+        CoversOptions(),
+        description="This section says how detectors are trained on strewn scenes and tested on real cover photos.",
+    )
+    rover: RoverOptions = Field(
+        RoverOptions(), description="This section says how a rover drives over the digitised terrains."
+    )
+    scoring: ScoringOptions = Field(ScoringOptions(), description="This section says how results are scored.")
+    publish: PublishOptions = Field(
+        PublishOptions(), description="This section names the forms in which the run is published."
+    )
 
     @field_validator("terrains")
     @classmethod

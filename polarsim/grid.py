@@ -19,7 +19,7 @@ def as_text(value: object) -> object:
 
 
 class GridOptions(BaseModel, extra="forbid", frozen=True):
-    """Which photos of the grid are labelled, rendered and evaluated. The default is all of them."""
+    """These options say which photos of the grid are labelled, rendered and evaluated; the default is all of them."""
 
     lights: tuple[Light, ...] = Field(
         default=LIGHTS,

@@ -1,3 +1,4 @@
+import json
 import re
 import subprocess
 import sys
@@ -75,6 +76,18 @@ def test_every_moved_key_has_a_place_and_none_at_its_old_one():
     for old, points in MOVED.items():
         assert not describes(old)
         assert all(describes(new) for new in points.split(" and "))
+
+
+@pytest.mark.parametrize("name", ["schema.json", "views.schema.json"])
+def test_every_key_and_section_is_described_by_a_sentence(name):
+    schema = json.loads((Path(__file__).parents[1] / "config" / name).read_text())
+    sections = schema["$defs"] | {schema["title"]: schema}
+    texts = {title: section.get("description", "") for title, section in sections.items()}
+    for title, section in sections.items():
+        for key, about in section["properties"].items():
+            of_its_section = texts.get(about.get("$ref", "").split("/")[-1], "")
+            texts[f"{title}.{key}"] = about.get("description", of_its_section)
+    assert [key for key, text in texts.items() if len(text.split()) < 4 or not text.endswith(".")] == []
 
 
 def describes(key):

@@ -16,34 +16,49 @@ Kind = Literal["analog", "release", "polar"]
 
 
 class FetchOptions(BaseModel, extra="forbid", frozen=True):
-    """How archives are downloaded and unpacked."""
+    """These options say how archives are downloaded and unpacked."""
 
     tries: int = Field(
-        default=5, ge=1, le=100, description="Tries of a download before it fails; each goes on where one ended."
+        default=5,
+        ge=1,
+        le=100,
+        description="A download is tried so many times before it fails; each try goes on where the last one ended.",
     )
     backoff_s: float = Field(
-        default=2.0, ge=0, description="Pause before the second try, s; it doubles with every further one."
+        default=2.0,
+        ge=0,
+        description="A download pauses for this long before the second try, s; the pause doubles with every "
+        "further one.",
     )
-    timeout_s: float = Field(default=60.0, gt=0, description="Longest silence of a server, s.")
-    max_file_mb: float = Field(default=4000.0, gt=0, description="Largest file that an archive may unpack to, MB.")
-    max_ratio: float = Field(default=200.0, gt=1, description="Largest ratio of a file's size to its compressed size.")
+    timeout_s: float = Field(
+        default=60.0, gt=0, description="A server may be silent for this long, s, before a try ends."
+    )
+    max_file_mb: float = Field(
+        default=4000.0, gt=0, description="No file of an archive may unpack to more than this, MB."
+    )
+    max_ratio: float = Field(
+        default=200.0, gt=1, description="A file may be at most so many times as large as it is compressed."
+    )
 
 
 class SourceOptions(BaseModel, extra="forbid", frozen=True):
-    """Where the raw data come from."""
+    """The section says where raw data come from."""
 
     kind: Kind = Field(
-        default="analog", description="'analog' (made here), 'release' (published labels) or 'polar' (NASA)."
+        default="analog",
+        description="Raw data are of this kind: 'analog' (made here), 'release' (published labels) or 'polar' (NASA).",
     )
     root: Path = Field(
-        default=Path("data/analog"), description="Folder of the raw data; stated for 'release' and 'polar'."
+        default=Path("data/analog"), description="Raw data lie in this folder; it is stated for 'release' and 'polar'."
     )
     urls: dict[str, str] = Field(
         default_factory=dict,
-        description="Archives to download into the root: file name -> http(s) address. A name that begins with "
-        "TerrainNN is fetched for that terrain alone, every other one for all.",
+        description="These archives are downloaded into the root: file name -> http(s) address. A name that "
+        "begins with TerrainNN is fetched for that terrain alone, every other one for all.",
     )
-    fetch: FetchOptions = Field(default=FetchOptions(), description="Downloads and unpacking.")
+    fetch: FetchOptions = Field(
+        default=FetchOptions(), description="This section says how archives are downloaded and unpacked."
+    )
 
     @field_validator("urls")
     @classmethod
@@ -63,7 +78,7 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class SeedOptions(BaseModel, extra="forbid", frozen=True):
-    """Which label files propagation starts from; no stage but scoring reads any other."""
+    """Propagation starts from these label files; no stage but scoring reads any other."""
 
     root: Path | None = Field(
         default=None,

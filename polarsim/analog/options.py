@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 
 class AnalogOptions(BaseModel, extra="forbid", frozen=True):
-    """The sandbox, its scanner, its photographer and its annotator. Same options and seed, same bytes."""
+    """Sandbox, scanner, photographer and annotator follow these options; the same ones and seed make the same bytes."""
 
     seed: int = Field(
         1,

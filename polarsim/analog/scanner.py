@@ -16,11 +16,14 @@ from polarsim.geometry.poses import Pose
 SCANNED = ("A", "C")  # positions with a scan of their own; B's map is made from these two
 _PAN, _TILT_UP, _TILT_DOWN = np.radians([36.0, 3.0, 48.0])  # the scanner's window about its heading and the horizon
 _REGISTRATION_MM, _REGISTRATION_DEG = 2.0, 0.05  # sd of NASA's registration of a map
-_FARTHEST = 9.0  # metres
+_FARTHEST_M = 9.0  # of the scanner's reach: the far end of the hall returns nothing
 _EDGE = 0.03  # jump of range between neighbours that makes a depth edge, metres
 _GAP = 0.05  # neighbours farther apart than this, and than _GAP_SHARE of the range, are not joined
 _GAP_SHARE = 0.02
-_QUANTUM = 1e-4  # metres
+_STEP_M = 1e-4  # the scanner and NASA's maps state ranges to a tenth of a millimetre, far below the ranges' noise
+_WHITE_AT_M = 3.0  # distance of the scanner at which ...
+_WHITE = 120  # ... a white surface that faces it returns this intensity: about the middle of 0 to 255
+_INTENSITY_SD = 3.0  # of a point's intensity, so that its steps do not show
 
 
 @dataclass(frozen=True)
@@ -59,13 +62,13 @@ def scan(
     facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-12)
     cosine = np.abs(np.einsum("...k,...k->...", facing, directions))
     albedo = scene.albedo_of_face[face]
-    distance = np.where(hit["t_hit"] < _FARTHEST, hit["t_hit"], np.nan).astype(float)
+    distance = np.where(hit["t_hit"] < _FARTHEST_M, hit["t_hit"], np.nan).astype(float)
     distance = _mixed(distance, rng, options.mixed_pixels)
     distance[rng.random(distance.shape) < _lost(cosine, albedo)] = np.nan
     distance += rng.normal(0, options.range_noise_mm / 1000, distance.shape)
-    distance = np.round(distance / _QUANTUM) * _QUANTUM
-    returned = albedo * cosine * (3 / np.nan_to_num(distance, nan=np.inf)) ** 2
-    intensity = np.clip(np.round(120 * returned + rng.normal(0, 3, returned.shape)), 0, 255)
+    distance = np.round(distance / _STEP_M) * _STEP_M
+    returned = albedo * cosine * (_WHITE_AT_M / np.nan_to_num(distance, nan=np.inf)) ** 2
+    intensity = np.clip(np.round(_WHITE * returned + rng.normal(0, _INTENSITY_SD, returned.shape)), 0, 255)
     return Scan(sandbox_from_scanner.translation + distance[..., None] * directions, intensity)
 
 
@@ -109,7 +112,7 @@ def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, thr
     directions = grid.pixel_directions().astype(np.float32)
     hit = Caster(vertices, faces).first_hits(rays_from(np.zeros(3), directions), threads)
     depth = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], np.nan)
-    return np.round(depth[..., None] * directions / np.float32(_QUANTUM)) * np.float32(_QUANTUM)
+    return np.round(depth[..., None] * directions / np.float32(_STEP_M)) * np.float32(_STEP_M)
 
 
 def registration_error(rng: np.random.Generator) -> Pose:

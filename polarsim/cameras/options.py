@@ -6,7 +6,7 @@ from pydantic import BaseModel, Field
 
 
 class LocalisationOptions(BaseModel, extra="forbid", frozen=True):
-    """How rigs are localised by labels and meshes where there are no scans. The defaults fit the real data."""
+    """Rigs are localised by labels and meshes where there are no scans; the defaults fit the real data."""
 
     distance_m: tuple[float, float] = Field(
         (1.0, 7.0),
@@ -36,7 +36,7 @@ class LocalisationOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class RefinementOptions(BaseModel, extra="forbid", frozen=True):
-    """How located rigs are refined on photos, in which shaded meshes are looked for."""
+    """These options say how located rigs are refined on photos, in which shaded meshes are looked for."""
 
     scales: tuple[float, ...] = Field(
         (0.25, 0.5),
@@ -46,9 +46,11 @@ class RefinementOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class CamerasOptions(BaseModel, extra="forbid", frozen=True):
-    """Where the rigs stood."""
+    """The section says how the rigs are localised."""
 
     localisation: LocalisationOptions = Field(
-        LocalisationOptions(), description="How rigs are localised by labels and meshes."
+        LocalisationOptions(), description="This section says how rigs are localised by labels and meshes."
     )
-    refinement: RefinementOptions = Field(RefinementOptions(), description="How rigs are refined on photos.")
+    refinement: RefinementOptions = Field(
+        RefinementOptions(), description="This section says how rigs are refined on photos."
+    )

@@ -14,7 +14,7 @@ Range = tuple[float, float]  # from least to most
 
 
 class ReliefOptions(BaseModel, extra="forbid", frozen=True):
-    """Ranges, from least to most, that every scene draws the relief of its sand from."""
+    """Every scene draws the relief of its sand from these ranges, least to most."""
 
     cell_m: float = Field(
         0.005, gt=0, description="Cells of the ground's mesh have sides of at least this, m; finer ones render slower."
@@ -33,7 +33,7 @@ class ReliefOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class HallOptions(BaseModel, extra="forbid", frozen=True):
-    """Ranges, from least to most; brightness is over that of lit sand."""
+    """Each range goes from least to most; brightness is over that of lit sand."""
 
     brightness: Range = Field(
         (0.0, 0.4), description="What is behind the walls is so bright on average, lit sand being 1."
@@ -55,7 +55,7 @@ class HallOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class SceneOptions(BaseModel, extra="forbid", frozen=True):
-    """Ranges, from least to most, that every strewn scene is drawn from."""
+    """Every strewn scene is drawn from these ranges, least to most."""
 
     number: int = Field(64, ge=1, description="So many scenes are strewn with the rocks of each terrain.")
     lamps: int = Field(
@@ -194,7 +194,7 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class CoversOptions(BaseModel, extra="forbid", frozen=True):
-    """Detectors trained on strewn scenes alone, tested on the published cover photos of terrains left out."""
+    """Detectors are trained on strewn scenes alone and tested on the published cover photos of terrains left out."""
 
     run: bool = Field(
         False, description="The default target trains and tests them too: hours on a CPU, with the published release."

@@ -81,7 +81,11 @@ def _chosen(
 
 
 def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
-    """Each fold's boxes with widths and calibration of all others."""
+    """Each fold's boxes with widths and calibration of all others.
+
+    Widths are chosen anew: `widths.choose_widths` chose those of its table on the boxes that stand on the sand, while a
+    detector that is taken away knows no camera, and keeps all boxes.
+    """
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
     for fold, own in seen.items():

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.covers.widths import truth_of
 from polarsim.detect import bootstrap, metrics
+from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
@@ -52,18 +54,21 @@ def score_covers(
         A file is missing or broken.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    keys = [key for folder in datasets.values() for key in read_pictures(folder, TEST)]
+    folds = {fold: read_pictures(folder, TEST) for fold, folder in datasets.items()}
+    keys = [key for own in folds.values() for key in own]
     pictures = [len(read_pictures(folder, TRAIN)) for folder in datasets.values()]
     parts = []
     for seed, path in sorted(predictions.items()):
         found = tables.read_parquet(path, PREDICTIONS.columns)
+        boxes = calibrated_by_others(truth, found, folds)
         terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
         chosen = {ALL: keys} | {
             f"{terrain:02d}": [key for key in keys if PhotoKey.parse(key).terrain == terrain] for terrain in terrains
         }
         for name, own in chosen.items():
             figures = cover_figures(truth, found, own, seed=options.seed, resamples=options.resamples)
-            parts.append(figures.assign(terrain=name, seed=seed))
+            errors = [_calibration_error(truth, boxes, own, kind) for kind in figures["kind"]]
+            parts.append(figures.assign(terrain=name, seed=seed, calibration_error=errors))
     table = pd.concat(parts, ignore_index=True).assign(
         detector=detector_name(training.model),
         start=start,
@@ -97,6 +102,36 @@ def cover_figures(
         rows.append((kind, len(keys), len(best), whole[0], low, high, whole.mean(), best.mean()))
     names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
     return pd.DataFrame(rows, columns=names)
+
+
+def calibrated_by_others(
+    labels: pd.DataFrame, predictions: pd.DataFrame, folds: Mapping[str, Sequence[str]]
+) -> dict[str, np.ndarray]:
+    """Boxes (n, 6) of every photo, each fold's with confidences that the boxes of all other folds calibrate.
+
+    Empty for one fold alone, which nothing calibrates.
+
+    Parameters
+    ----------
+    folds : mapping of fold to photo keys
+    """
+    keys = [key for own in folds.values() for key in own]
+    table = predictions.assign(kind=predictions["kind"].map(BOX_CLASSES.index))
+    found = dict(zip(keys, _by_photo(table, (*BOX_COLUMNS, "confidence", "kind"), keys), strict=True))
+    boxes: dict[str, np.ndarray] = {}
+    for fold, own in folds.items() if len(folds) > 1 else ():
+        others = [key for other, photos in folds.items() if other != fold for key in photos]
+        calibration = fit_calibration(truth_of(labels, others), [found[key] for key in others])
+        boxes |= {key: calibrated(found[key], calibration) for key in own}
+    return boxes
+
+
+def _calibration_error(labels: pd.DataFrame, boxes: Mapping[str, np.ndarray], keys: Sequence[str], kind: str) -> float:
+    """Expected calibration error of one kind in some photos; NaN without calibrated boxes."""
+    if not boxes:
+        return float("nan")
+    of_kind = [boxes[key][boxes[key][:, 5] == BOX_CLASSES.index(kind)] for key in keys]
+    return calibration_error(truth_of(labels[labels["kind"] == kind], keys), of_kind)
 
 
 def _times(count: int, random: np.random.Generator) -> np.ndarray:

@@ -97,8 +97,8 @@ def choose_widths(
 
 def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions) -> ClassSizes:
     """The widths that the options name, else the best on these photos, else that of the training."""
-    if options.widths:
-        return ClassSizes.same(Sizes(options.widths, options.gates_px))
+    if named := ClassSizes.named(options):
+        return named
     if not others:
         return ClassSizes.same(Sizes((imgsz,)))
     widths = sorted(next(iter(others.values())))

@@ -11,25 +11,28 @@ TWIN = "twin"  # the twin as the run has it, what every component is held agains
 
 
 class Component(BaseModel, extra="forbid", frozen=True):
-    """What differs from the run's twin; what is left out is as in the run. `truth` is known of the analog alone."""
+    """A component differs from the run's twin in what is given here; `truth` is known of the analog alone."""
 
     cameras: Literal["run", "located", "truth"] = Field(
         "run",
-        description="Poses and lenses. located: as scans or labels localise them, without the photos' refinement.",
+        description="Poses and lenses come from here; located: they are as scans or labels localise them, "
+        "without the photos' refinement.",
     )
     lamps: Literal["run", "survey", "truth"] = Field(
-        "run", description="Positions of the Sun lamps. survey: where NASA's survey has them."
+        "run", description="Positions of the Sun lamps come from here; survey: they stand where NASA's survey has them."
     )
     meshes: Literal["run", "thinned", "truth"] = Field(
-        "run", description="Surface of rocks and ground. thinned: rocks with 5 % of their vertices."
+        "run", description="Surfaces of rocks and ground come from here; thinned: rocks have 5 % of their vertices."
     )
     materials: Literal["run", "constant", "fitted"] = Field(
-        "run", description="Reflectance: the options' constants, or fitted to the terrain's photos."
+        "run", description="Reflectance has the options' constants, or is fitted to the terrain's photos."
     )
     labels: Literal["run", "propagated"] = Field(
-        "run", description="Boxes of the twins. propagated: those of the photos, propagated from what people drew."
+        "run",
+        description="Boxes of the twins come from here; propagated: they are those of the photos, propagated "
+        "from what people drew.",
     )
-    render: dict[str, Any] = Field({}, description="Keys of `render` with other values.")
+    render: dict[str, Any] = Field({}, description="These keys of `render` have other values.")
 
     @model_validator(mode="after")
     def _replaces_something(self) -> Self:
@@ -59,14 +62,18 @@ class Component(BaseModel, extra="forbid", frozen=True):
 
 
 class GapOptions(BaseModel, extra="forbid", frozen=True):
-    """Which component of the twin causes the gap. Off unless components are named."""
+    """An ablation tells which component of the twin causes the gap; it is off unless components are named."""
 
-    model: str = Field("hapke", description="The twin's reflectance model, one of `render.models`.")
+    model: str = Field("hapke", description="The twins have this reflectance model, one of `render.models`.")
     trained_on: tuple[str, ...] = Field(
-        (), description="Detectors by what they were trained on; none: one of photos and one of the model's twins."
+        (),
+        description="Detectors that were trained on these domains are evaluated; none: one of photos and one "
+        "of the model's twins are.",
     )
     components: dict[str, Component] = Field(
-        {}, description="What is replaced in each twin of the ablation, by a name of small letters, digits and -."
+        {},
+        description="These components are replaced in the twins of the ablation, each under a name of small "
+        "letters, digits and -.",
     )
 
     @field_validator("components")

@@ -16,15 +16,24 @@ SplitName = Literal["photo", "view", "position", "terrain"]
 
 
 class StereoOptions(BaseModel, extra="forbid", frozen=True):
-    """Depth from pairs of photos, a method that is not trained: OpenCV's semi-global matching."""
+    """Depth comes from pairs of photos by a method that is not trained, OpenCV's semi-global matching."""
 
-    run: bool = Field(False, description="Match all pairs of photos and of twins; costs about a second a pair.")
-    scale: float = Field(0.5, gt=0, le=1, description="Size of the matched pictures, of a photo's.")
-    exposures_ms: tuple[int, ...] = Field((), description="Exposures to match, ms; none: all.")
-    nearest_m: float = Field(1.5, gt=0, description="Nearest depth that is looked for, m.")
-    farthest_m: float = Field(9, gt=0, description="Farthest depth that is looked for, m.")
-    bad_mm: float = Field(20, gt=0, description="Depth error from which a pixel is bad, mm.")
-    bad_percent: float = Field(1, gt=0, description="The same, in percent of the depth.")
+    run: bool = Field(
+        False, description="All pairs of photos and of twins are matched, which costs about a second a pair."
+    )
+    scale: float = Field(
+        0.5,
+        gt=0,
+        le=1,
+        description="Matched pictures have this size over that of a photo; smaller ones are faster and coarser.",
+    )
+    exposures_ms: tuple[int, ...] = Field((), description="Pictures of these exposures are matched, ms; none: of all.")
+    nearest_m: float = Field(1.5, gt=0, description="Depths from this on are looked for, m; a nearer one takes longer.")
+    farthest_m: float = Field(9, gt=0, description="Depths up to this are looked for, m.")
+    bad_mm: float = Field(20, gt=0, description="A pixel beyond this depth error is bad, mm.")
+    bad_percent: float = Field(
+        1, gt=0, description="A pixel beyond this depth error is bad in the relative score, percent of the depth."
+    )
     min_rock_px: int = Field(25, ge=1, description="Rocks with fewer pixels of the matched picture are left out.")
 
     @model_validator(mode="after")
@@ -35,44 +44,57 @@ class StereoOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class SplitOptions(BaseModel, extra="forbid", frozen=True):
-    """Which pictures train, choose weights and test."""
+    """These options say which pictures train, choose weights and test."""
 
-    seed: int = Field(0, ge=0, description="Seed of the splits and of the mixes.")
-    test_share: float = Field(1 / 3, gt=0, lt=1, description="Share of what is drawn that is the test part.")
+    seed: int = Field(0, ge=0, description="Splits and mixes are drawn with this seed.")
+    test_share: float = Field(1 / 3, gt=0, lt=1, description="This share of what is drawn is the test part.")
     test_terrains: tuple[int, ...] = Field(
-        (), description="Terrains of the test part of the split by terrain; where none is named, they are drawn."
+        (), description="The test part of the split by terrain has these terrains; where none is named, they are drawn."
     )
     val_share: float = Field(
         0.1,
         gt=0,
         lt=1,
-        description="Share of what is left that selects weights, drawn like the test (where it is less than half a "
-        "view, position or terrain: by photo).",
+        description="This share of what is left selects weights; it is drawn like the test (where it is less "
+        "than half a view, position or terrain: by photo).",
     )
 
 
 class PicturesOptions(BaseModel, extra="forbid", frozen=True):
-    """How photos and twins become the pictures that detectors are shown."""
+    """These options say how photos and twins become the pictures that detectors are shown."""
 
-    imgsz: int = Field(320, ge=64, multiple_of=32, description="Longer side of the pictures that detectors see, px.")
+    imgsz: int = Field(
+        320,
+        ge=64,
+        multiple_of=32,
+        description="The pictures that detectors see have a longer side of this, px; larger ones show smaller "
+        "rocks and take longer.",
+    )
     tone: Literal["gamma", "percentile", "linear", "fixed"] = Field(
         "gamma",
-        description="Curve from 12 to 8 bits. linear: the full range; percentile: stretched; gamma: stretched, then "
-        "1/2.2; fixed: as if exposed for tone_exposure_ms, then 1/2.2.",
+        description="This curve leads from 12 to 8 bits. linear: the full range; percentile: stretched; "
+        "gamma: stretched, then 1/2.2; fixed: as if exposed for tone_exposure_ms, then 1/2.2.",
     )
     tone_exposure_ms: float = Field(
-        256, gt=0, description="The exposure that curve `fixed` brings all pictures to, ms; what is beyond white clips."
+        256, gt=0, description="Curve `fixed` brings all pictures to this exposure, ms; what is beyond white clips."
     )
-    tone_percentile: float = Field(99.5, gt=50, le=100, description="Percentile of the picture that becomes white.")
-    tone_floor_dn: float = Field(64, gt=0, description="Least white point above black, DN: it keeps dark noise dark.")
+    tone_percentile: float = Field(
+        99.5,
+        gt=50,
+        le=100,
+        description="This percentile of the picture becomes white; a lower one makes brighter pictures.",
+    )
+    tone_floor_dn: float = Field(
+        64, gt=0, description="The white point lies at least this far above black, DN, which keeps dark noise dark."
+    )
     min_mean_dn: float = Field(
         0, ge=0, description="Pictures with a lower mean above black, DN, are left out; 0: none."
     )
     stored_px: int = Field(
         0,
         ge=0,
-        description="Longer side of the stored pictures, px, for trainings that zoom and for detection at several "
-        "widths; 0: imgsz. A full photo has 1936.",
+        description="Stored pictures have a longer side of this, px, for trainings that zoom and for "
+        "detection at several widths; 0: imgsz. A full photo has 1936.",
     )
 
     @property
@@ -82,38 +104,41 @@ class PicturesOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class TrainingOptions(BaseModel, extra="forbid", frozen=True):
-    """How a detector is trained."""
+    """These options say how a detector is trained."""
 
     model: str = Field(
         "yolov5n",
         pattern="^(yolov5[nsmlx]|yolov8[nsmlx]|yolov9[tsmce]|yolov10[nsmblx]|yolo(11|12|26)[nsmlx]|compact(-l)?)$",
-        description="Detector: compact and compact-l are our own (BSD-3-Clause), all others Ultralytics' (AGPL-3.0).",
+        description="This detector is trained: compact and compact-l are our own (BSD-3-Clause), all others "
+        "Ultralytics' (AGPL-3.0).",
     )
     pretrained: Path | Literal["packaged"] | None = Field(
         None,
-        description="Weights to start from (.pt), or `packaged`: those of the detector that comes with polarsim, for "
-        "model compact. None: random weights.",
+        description="Training starts from these weights (.pt); `packaged`: from those of the detector that "
+        "comes with polarsim, for model compact. None: from random weights.",
     )
     pretrained_url: str | None = Field(
         None,
         pattern="^(https|file)://",
-        description="Where to fetch `pretrained` from if it is missing.",
+        description="Weights `pretrained` are fetched from this address if they are missing.",
     )
     pretrained_sha256: str | None = Field(
-        None, pattern="^[0-9a-fA-F]{64}$", description="Checksum of what is fetched; needed for pretrained_url."
+        None,
+        pattern="^[0-9a-fA-F]{64}$",
+        description="What is fetched has this SHA-256 checksum; pretrained_url needs it.",
     )
-    epochs: int = Field(4, ge=1, description="Passes over the training pictures; the paper has 200.")
+    epochs: int = Field(4, ge=1, description="Training passes over its pictures so often; the paper has 200.")
     batch: int = Field(4, ge=1, description="A training step sees so many pictures; more need more memory.")
-    learning_rate: float = Field(0.002, gt=0, description="Largest learning rate of AdamW.")
+    learning_rate: float = Field(0.002, gt=0, description="The learning rate of AdamW rises to this at most.")
     augment: bool = Field(
         False, description="Training pictures are mirrored, moved and scaled at random; pays off in long trainings."
     )
     mosaic: bool = Field(False, description="A training picture is made of four; pays off in long trainings.")
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "auto",
-        description="Numbers in which compact and compact-l compute convolutions while they train. auto: bfloat16 "
-        "where the processor has instructions for it (about 1.7 times as fast), else float32. Weights differ between "
-        "the two by as much as between two machines.",
+        description="The detectors compact and compact-l compute convolutions in such numbers while they "
+        "train. auto: bfloat16 where the processor has instructions for it (about 1.7 times as "
+        "fast), else float32. Weights differ between the two by as much as between two machines.",
     )
 
     @model_validator(mode="after")
@@ -138,24 +163,24 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class PredictionOptions(BaseModel, extra="forbid", frozen=True):
-    """How a detector looks at pictures, those of the test and those that select its weights."""
+    """These options say how a detector looks at pictures, those of the test and those that select its weights."""
 
     device: Literal["auto", "cpu", "cuda"] = Field(
-        "cpu", description="Where detectors run, in training too; auto: cuda where there is one."
+        "cpu", description="Detectors run here, in training too; auto: on cuda where there is one."
     )
-    confidence: float = Field(0.001, gt=0, lt=1, description="Least confidence of a prediction that is written.")
+    confidence: float = Field(0.001, gt=0, lt=1, description="Predictions from this confidence on are written.")
     nms_iou: float = Field(
-        0.6, gt=0, lt=1, description="IoU above which the less confident of two boxes is dropped, as in YOLOv5's val."
+        0.6, gt=0, lt=1, description="Above this IoU the less confident of two boxes is dropped, as in YOLOv5's val."
     )
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
         (),
-        description="Widths of a picture at which detectors look at it, px, ascending: small rocks are found in wide "
-        "pictures, large rocks in narrow ones. None: the width of the training.",
+        description="Detectors look at a picture at these widths, px, ascending: small rocks are found in "
+        "wide pictures, large rocks in narrow ones. None: at the width of the training.",
     )
     gates_px: tuple[Annotated[float, Field(gt=0)], ...] = Field(
         (),
-        description="Between each two widths the longer side of a box, px of a photo 1936 px wide, below which the "
-        "wider picture is asked; descending.",
+        description="Boxes with a longer side below this, px of a photo 1936 px wide, are taken from the "
+        "wider one of two widths; there is one gate between each two widths, descending.",
     )
 
     sand_only: bool = Field(
@@ -174,31 +199,37 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class ComparisonOptions(BaseModel, extra="forbid", frozen=True):
-    """How what detectors found is scored and compared."""
+    """These options say how what detectors found is scored and compared."""
 
     seed: int = Field(0, ge=0, description="The bootstrap of the intervals draws by this seed.")
     iou_confidence: float = Field(
         0.25,
         ge=0,
         lt=1,
-        description="Least confidence of a prediction in IOU_mean, IPD and false positives; the paper states none.",
+        description="Predictions from this confidence on count in IOU_mean, IPD and false positives; the "
+        "paper states none.",
     )
     undetected: Literal["zero", "left_out"] = Field(
-        "zero", description="In IPD, a labelled rock that no prediction overlaps: IoU 0, or left out."
+        "zero", description="In IPD, a labelled rock that no prediction overlaps counts as IoU 0, or is left out."
     )
     unpaired: Literal["left_out", "zero"] = Field(
-        "left_out", description="In IPD, a rock labelled in one domain only: left out, or IoU 0 in the other."
+        "left_out",
+        description="In IPD, a rock that is labelled in one domain only is left out, or counts as IoU 0 in the other.",
     )
     resampled: Literal["view", "photo"] = Field(
         "view",
-        description="What the bootstrap of 95 % intervals draws: views (terrain, position, camera), whose photos show "
-        "the same rocks, or photos.",
+        description="The bootstrap of 95 % intervals draws views (terrain, position, camera), whose photos "
+        "show the same rocks, or photos.",
     )
-    resamples: int = Field(1000, ge=100, description="Bootstrap samples of the 95 % intervals.")
+    resamples: int = Field(
+        1000,
+        ge=100,
+        description="The 95 % intervals have this many bootstrap samples; more take longer and make them steadier.",
+    )
 
 
 class DetectOptions(BaseModel, extra="forbid", frozen=True):
-    """The defaults train small and short, from scratch, as the demo does. The paper: 200 epochs, pre-trained."""
+    """The defaults train small and short, from scratch; the paper trains for 200 epochs from trained weights."""
 
     run: bool = Field(
         True,
@@ -206,31 +237,43 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         "tables and figures.",
     )
     seeds: tuple[int, ...] = Field(
-        (0,), min_length=1, description="Seeds of training: every detector is trained once with each."
+        (0,), min_length=1, description="Every detector is trained once with each of these seeds."
     )
     splits: tuple[SplitName, ...] = Field(
         ("photo",),
         min_length=1,
-        description="What is drawn for the test, each with detectors and rows in the tables of its own. photo: photos, "
-        "as in the paper, so that views lie on both sides; view: terrain, position and camera; position: terrain and "
-        "position, both cameras; terrain: whole terrains.",
+        description="These units are drawn for the test, each with detectors and rows in the tables of its "
+        "own. photo: photos, as in the paper, so that views lie on both sides; view: terrain, "
+        "position and camera; position: terrain and position, both cameras; terrain: whole "
+        "terrains.",
     )
     views: Path | None = Field(
         None,
-        description="Folder that `polarsim render VIEWS.yaml` wrote, without --preview: the training domain `views`.",
+        description="The training domain `views` is read from this folder, which `polarsim render VIEWS.yaml` "
+        "wrote without --preview.",
     )
     mixes: dict[str, dict[str, float]] = Field(
         {},
-        description="Training domains made of others: name -> domain -> weight. 0.5 takes half of the domain's "
-        "pictures, 2 takes each twice.",
+        description="Training domains are made of others: name -> domain -> weight. 0.5 takes half of the "
+        "domain's pictures, 2 takes each twice.",
     )
 
-    split: SplitOptions = Field(SplitOptions(), description="Which pictures train, choose weights and test.")
-    pictures: PicturesOptions = Field(PicturesOptions(), description="The pictures that detectors are shown.")
-    training: TrainingOptions = Field(TrainingOptions(), description="How detectors are trained.")
-    prediction: PredictionOptions = Field(PredictionOptions(), description="How detectors look at pictures.")
-    comparison: ComparisonOptions = Field(ComparisonOptions(), description="How their predictions are compared.")
-    stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second kind of evaluation.")
+    split: SplitOptions = Field(
+        SplitOptions(), description="These options say which pictures train, choose weights and test."
+    )
+    pictures: PicturesOptions = Field(
+        PicturesOptions(), description="This section says which pictures detectors are shown."
+    )
+    training: TrainingOptions = Field(TrainingOptions(), description="This section says how detectors are trained.")
+    prediction: PredictionOptions = Field(
+        PredictionOptions(), description="This section says how detectors look at pictures."
+    )
+    comparison: ComparisonOptions = Field(
+        ComparisonOptions(), description="This section says how their predictions are compared."
+    )
+    stereo: StereoOptions = Field(
+        StereoOptions(), description="This section adds stereo depth as a second kind of evaluation."
+    )
 
     @field_validator("splits", "seeds")
     @classmethod

@@ -79,8 +79,8 @@ def predict(
 
 def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> ClassSizes:
     """The widths that the options name, else those that were chosen for the detector, else that of its training."""
-    if options.widths:
-        return ClassSizes.same(Sizes(options.widths, options.gates_px))
+    if named := ClassSizes.named(options):
+        return named
     if detector.sizes:
         return ClassSizes(tuple(Sizes(tuple(widths), tuple(gates)) for widths, gates in detector.sizes))
     return ClassSizes.same(Sizes((detector.imgsz,)))

@@ -10,6 +10,7 @@ import numpy as np
 
 from polarsim.detect import metrics
 from polarsim.detect.nms import suppress_by_class
+from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES
 
@@ -48,6 +49,11 @@ class ClassSizes:
     def same(cls, sizes: Sizes) -> ClassSizes:
         """The same sizes for all classes."""
         return cls((sizes,) * len(BOX_CLASSES))
+
+    @classmethod
+    def named(cls, options: PredictionOptions) -> ClassSizes | None:
+        """The sizes that the options name for all classes, or None where they name no widths."""
+        return cls.same(Sizes(options.widths, options.gates_px)) if options.widths else None
 
     @property
     def widths(self) -> list[int]:

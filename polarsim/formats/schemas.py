@@ -63,7 +63,7 @@ COVER_FOUND = _schema(
 COVER_SCORES = _schema(
     "covers/scores.parquet",
     "terrain:s kind:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
-    "map50:f map50_low:f map50_high:f map50_95:f iou_mean:f",
+    "map50:f map50_low:f map50_high:f map50_95:f iou_mean:f calibration_error:f",
 )
 OFFSETS = _schema("evaluation/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")
 LABEL_PAIRS = _schema(

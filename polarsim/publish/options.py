@@ -14,15 +14,17 @@ FORM_NAMES = (
 
 
 class PublishOptions(BaseModel, extra="forbid", frozen=True):
-    """The forms in which a run leaves; the target `publish` writes them."""
+    """A run is published in these forms, which the target `publish` writes."""
 
     forms: tuple[str, ...] = Field(
-        ("croissant", "coco"), description=f"Forms that the target `publish` writes: {', '.join(FORM_NAMES)}."
+        ("croissant", "coco"), description=f"The target `publish` writes these forms: {', '.join(FORM_NAMES)}."
     )
     subset: str = Field(
-        "", description="Only pictures with these fields of their keys, such as terrain=1+3,exposure=256; empty: all."
+        "",
+        description="Only pictures with these fields of their keys are published, such as "
+        "terrain=1+3,exposure=256; empty: all are.",
     )
-    max_size: str = Field("", description="Largest size of each form, such as 2GB; empty: none.")
+    max_size: str = Field("", description="Each form has at most this size, such as 2GB; empty: any.")
     photos: bool = Field(False, description="NASA's photos go out too, on NASA's terms; those of the analog always go.")
 
     @field_validator("forms")

@@ -17,12 +17,14 @@ CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct ligh
 
 
 class HapkeParameters(BaseModel, extra="forbid", frozen=True):
-    """Hapke 2012, with macroscopic roughness. The letters are the literature's."""
+    """The model is Hapke's of 2012, with macroscopic roughness; the letters are the literature's."""
 
     w: float = Field(
         ge=0, le=1, description="Grains scatter this share of the light that they meet (single-scattering albedo)."
     )
-    b: float = Field(ge=0, lt=1, description="Width of the phase function's lobes.")
+    b: float = Field(
+        ge=0, lt=1, description="The phase function's lobes have this width; a larger one makes them narrower."
+    )
     c: float = Field(ge=-1, le=1, description="The lobes are weighted by this; above 0 light is scattered backwards.")
     b_s0: float = Field(0, ge=0, description="The shadow-hiding opposition effect has this amplitude.")
     h_s: float = Field(1, gt=0, description="The opposition effect has this angular width, tan(g/2).")
@@ -69,33 +71,43 @@ def hapke_parameters(chosen: HapkeSet | HapkeParameters) -> HapkeParameters:
 
 
 class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
-    """Burley's diffuse lobe and a GGX mirror lobe, as Mitsuba 3 defines them."""
+    """The model has Burley's diffuse lobe and a GGX mirror lobe, as Mitsuba 3 defines them."""
 
     base_color: float = Field(0.2, ge=0, le=1, description="The diffuse lobe has this albedo; more is brighter.")
     roughness: float = Field(
-        0.8, ge=0, le=1, description="The square of it is the alpha of the GGX highlight; 1: wide and faint."
+        0.8, ge=0, le=1, description="The square of this is the alpha of the GGX highlight; at 1 it is wide and faint."
     )
-    specular: float = Field(0.5, ge=0, le=1, description="Strength of the dielectric mirror lobe; 0.5 is index 1.5.")
+    specular: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="The dielectric mirror lobe has this strength; 0.5 is that of a refractive index of 1.5.",
+    )
     metallic: float = Field(
         0, ge=0, le=1, description="This share of the surface reflects as metal does, without a diffuse lobe."
     )
 
 
 class LambertParameters(BaseModel, extra="forbid", frozen=True):
+    """The model is Lambert's: the surface looks as bright from all sides."""
+
     albedo: float = Field(0.2, ge=0, le=1, description="The surface scatters this share of light back.")
 
 
 class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
-    """McEwen's mix of Lommel-Seeliger and Lambert."""
+    """The model is McEwen's mix of Lommel-Seeliger and Lambert."""
 
     albedo: float = Field(
         0.12, ge=0, le=0.6, description="The surface has this albedo, lit and seen from above; more is brighter."
     )
-    weight: Literal["mcewen"] | float = Field("mcewen", description="Share L of Lommel-Seeliger; mcewen: by phase.")
+    weight: Literal["mcewen"] | float = Field(
+        "mcewen",
+        description="Lommel-Seeliger has this share L, the rest is Lambert; mcewen: the share follows the phase angle.",
+    )
 
 
 class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
-    """Chrono::Sensor's Hapke shader of 2025, with its slip: rough slopes are told apart by i <= g, not by i <= e."""
+    """Chrono::Sensor's Hapke shader of 2025 has these; by its slip, i <= g tells rough slopes apart, not i <= e."""
 
     soil: HapkeSet | HapkeParameters = Field(
         "chrono_lunar", description="A parameter set is named, or the parameters are given."
@@ -109,16 +121,24 @@ class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
 
 
 class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
-    """Chrono::Sensor's Principled shader of 2025; f_r is its factor over pi."""
+    """Parameters are those of Chrono::Sensor's Principled shader of 2025; f_r is its factor over pi."""
 
     k_d: float = Field(0.7, ge=0, le=1, description="The diffuse lobe has this albedo; more is brighter.")
-    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour; counts in the specular workflow.")
+    k_s: float = Field(
+        1.0,
+        ge=0,
+        le=1,
+        description="The highlight has this specular colour, which counts in the specular workflow alone; "
+        "more is brighter.",
+    )
     roughness: float = Field(
         0.8, ge=0.001, le=1, description="This is the alpha of the GGX highlight itself; more is wider and weaker."
     )
-    metallic: float = Field(0, ge=0, le=1, description="Share of metal; counts in the metallic workflow.")
+    metallic: float = Field(
+        0, ge=0, le=1, description="This share of the surface is metal, which counts in the metallic workflow alone."
+    )
     workflow: Literal["specular", "metallic"] = Field(
-        "specular", description="What sets the mirror-like share: k_s, or metallic."
+        "specular", description="The mirror-like share is set by k_s (specular) or by metallic."
     )
 
     @property
@@ -147,25 +167,28 @@ Parameters = (
 )
 
 
+_OWN = "The thing has these parameters in this model; none: those of the run."
+
+
 class Material(BaseModel, extra="forbid", frozen=True):
-    """What a thing is made of, where it differs from the run's models. Parameters that are left out are the run's."""
+    """A material says what a thing is made of; parameters that are left out are those of the run's models."""
 
     albedo: PositiveFloat = Field(1, description="The reflectance is multiplied by this factor.")
     hapke: HapkeSet | HapkeParameters | None = Field(
         None, description="A parameter set is named, or the parameters are given."
     )
-    principled: PrincipledParameters | None = None
-    lambert: LambertParameters | None = None
-    lunar_lambert: LunarLambertParameters | None = None
-    hapke_chrono: HapkeChronoParameters | None = None
-    principled_chrono: PrincipledChronoParameters | None = None
+    principled: PrincipledParameters | None = Field(None, description=_OWN)
+    lambert: LambertParameters | None = Field(None, description=_OWN)
+    lunar_lambert: LunarLambertParameters | None = Field(None, description=_OWN)
+    hapke_chrono: HapkeChronoParameters | None = Field(None, description=_OWN)
+    principled_chrono: PrincipledChronoParameters | None = Field(None, description=_OWN)
 
 
 _THINGS = ("ground", "rocks", "walls", "body")
 
 
 class FittingOptions(BaseModel, extra="forbid", frozen=True):
-    """Materials fitted to a terrain's photos."""
+    """Materials are fitted to a terrain's photos."""
 
     parameters: dict[Model, tuple[str, ...]] = Field(
         {
@@ -183,13 +206,13 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
         2,
         ge=1,
         le=16,
-        description="Of the ground every so many-th pixel of a row and of a column counts; of rocks all.",
+        description="Every so many-th pixel of a row and of a column counts on the ground; all pixels count on rocks.",
     )
     border_px: int = Field(3, ge=1, description="Pixels so near to the edge of a thing or of a shadow are left out.")
 
 
 class RenderOptions(SensorOptions):
-    """Twins and rendered ground-truth labels."""
+    """These options say how twins and their rendered ground-truth labels are made."""
 
     models: tuple[Model, ...] = Field(
         ("principled", "hapke"), description="Twins are made in these reflectance models."
@@ -218,14 +241,14 @@ class RenderOptions(SensorOptions):
 
     materials: dict[str, Material] = Field(
         default_factory=dict,
-        description="Materials of `ground`, of all `rocks`, of one rock by its number, of `walls`, and of a rover's "
-        "`body`, or of one part of it: `body0`, `body1`.",
+        description="These are the materials of `ground`, of all `rocks`, of one rock by its number, of "
+        "`walls`, and of a rover's `body`, or of one part of it: `body0`, `body1`.",
     )
     materials_from_photos: bool = Field(
         False,
-        description="Fit albedo, the models' parameters and the lamps' brightness to the terrain's photos; where there "
-        "are none, materials are constant. Fits go before `falloff`, `vignetting` and the models' parameters; a given "
-        "`gain` goes before theirs.",
+        description="Albedo, the models' parameters and the lamps' brightness are fitted to the terrain's "
+        "photos; where there are none, materials are constant. Fits go before `falloff`, "
+        "`vignetting` and the models' parameters; a given `gain` goes before theirs.",
     )
     fitting: FittingOptions = FittingOptions()
 
@@ -253,15 +276,17 @@ class RenderOptions(SensorOptions):
         0.01,
         ge=0,
         le=1,
-        description="Light that walls return from above, over a lamp's irradiance 4 m away; 0: none. Counts while "
-        "`bounces` is 0, which traces this light instead. Chrono's models have none.",
+        description="Light that walls return from above has this irradiance, over a lamp's irradiance 4 m "
+        "away; 0: there is none. It counts while `bounces` is 0; more bounces trace this light "
+        "instead. Chrono's models have none.",
     )
     ambient: float = Field(
         0,
         ge=0,
         le=1,
-        description="Irradiance by even light from all sides, over a lamp's irradiance 4 m away. Nothing shades it "
-        "while `bounces` is 0; else surfaces do, but for the last one of a path. Chrono's models have none.",
+        description="Even light from all sides has this irradiance, over a lamp's irradiance 4 m away. "
+        "Nothing shades it while `bounces` is 0; else surfaces do, but for the last one of a "
+        "path. Chrono's models have none.",
     )
     bounces: int = Field(
         0,
@@ -285,7 +310,7 @@ class RenderOptions(SensorOptions):
         ge=0,
         description="Open feet of rock meshes are drawn out downwards so far, metres: no light beneath them.",
     )
-    rim: bool = Field(True, description="Add the walls of the sandbox: they cast shadows and are seen.")
+    rim: bool = Field(True, description="The sandbox has walls, which cast shadows and are seen.")
     rim_half_width_m: float = Field(2.05, gt=0, description="The sandbox is twice this wide inside, metres.")
     # Low rather than high: shade that no photo has would take away shadows that are there.
     rim_height_m: float = Field(SURELY_WALL, gt=0, description="Walls end so high above the median ground, metres.")

@@ -41,7 +41,9 @@ class SensorOptions(BaseModel, extra="forbid", frozen=True):
         description="The lens scatters this share of a lamp's light over the picture, as one over the square of the"
         " angle from the lamp; only of lamps that the camera sees, or would see if it had a wider view.",
     )
-    vignetting: bool = Field(False, description="Darken by the fourth power of the cosine to the optical axis.")
+    vignetting: bool = Field(
+        False, description="Pictures darken by the fourth power of the cosine to the optical axis."
+    )
 
     noise: bool = Field(False, description="Twins have shot and read noise; noisy ones take 1.5 times the space.")
     electrons_per_grey_value: float = Field(

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 
 class RocksOptions(BaseModel, extra="forbid", frozen=True):
-    """How scans become rocks and ground, and clouds become meshes."""
+    """These options say how scans become rocks and ground, and how clouds become meshes."""
 
     min_size_mm: float = Field(35, gt=0, description="Rocks have a longest horizontal side of at least this, mm.")
     min_height_mm: float = Field(15, gt=0, description="Rocks stand at least so high above the ground, mm.")

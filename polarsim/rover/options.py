@@ -18,23 +18,31 @@ from polarsim.rover.world.options import WorldOptions
 
 
 class RoverOptions(BaseModel, extra="forbid", frozen=True):
-    """Drives over a run's terrains: physics by seed, pictures by view and Sun, what a detector sees on board, bags."""
+    """The rover drives over a run's terrains: physics by seed, pictures by view and Sun, finds on board, bags."""
 
-    run: bool = Field(False, description="Drive: without it the run has no rover, and nothing else of it changes.")
-    seeds: tuple[int, ...] = Field((0,), min_length=1, description="A drive each: start, ground and noise differ.")
+    run: bool = Field(
+        False, description="The rover drives; without it the run has no rover, and nothing else of it changes."
+    )
+    seeds: tuple[int, ...] = Field(
+        (0,), min_length=1, description="There is a drive for each of these seeds; start, ground and noise differ."
+    )
     detector: str | None = Field(
         None,
-        description="Training domain of the run's detector that looks through the front camera; none: truth alone.",
+        description="The run's detector of this training domain looks through the front camera; none: truth "
+        "alone is measured.",
     )
-    bags: bool = Field(True, description="Write an MCAP file of ROS 2 messages for every drive.")
-    world: WorldOptions = Field(WorldOptions(), description="What is driven over.")
-    soil: SoilOptions = Field(SoilOptions(), description="The soil and its law.")
-    drive: DriveOptions = Field(DriveOptions(), description="Where the rover goes and how it is steered.")
+    bags: bool = Field(True, description="Every drive is written as an MCAP file of ROS 2 messages.")
+    world: WorldOptions = Field(WorldOptions(), description="This section describes the ground that is driven over.")
+    soil: SoilOptions = Field(SoilOptions(), description="This section sets the soil and its law.")
+    drive: DriveOptions = Field(
+        DriveOptions(), description="This section says where the rover goes and how it is steered."
+    )
     cameras: CameraSuiteOptions = Field(
-        CameraSuiteOptions(), description="Pictures, and what is made of them on board."
+        CameraSuiteOptions(),
+        description="This section says which pictures are made, and what is made of them on board.",
     )
-    autonomy: AutonomyOptions = Field(AutonomyOptions(), description="Drives in which the rover finds its own way.")
-    bag: BagOptions = Field(BagOptions(), description="What goes into the bags.")
+    autonomy: AutonomyOptions = Field(AutonomyOptions(), description="The rover finds its own way in these drives.")
+    bag: BagOptions = Field(BagOptions(), description="This section says what goes into the bags.")
 
     @field_validator("seeds")
     @classmethod

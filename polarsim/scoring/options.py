@@ -8,14 +8,14 @@ from pydantic import BaseModel, Field
 
 
 class ScoringOptions(BaseModel, extra="forbid", frozen=True):
-    """How results are scored. None of it changes a result, only what is said about it."""
+    """These options say how results are scored; none of them changes a result, only what is said about it."""
 
     annotated_root: Path | None = Field(
         None,
-        description="Folder in the release's layout with labels that people drew, which ours are scored against; null: "
-        "that of the seeds, else the source's.",
+        description="Our labels are scored against those that people drew in this folder, which has the "
+        "release's layout; null: that of the seeds, else the source's.",
     )
-    iou_threshold: float = Field(0.5, gt=0, le=1, description="IoU from which a box counts as found.")
+    iou_threshold: float = Field(0.5, gt=0, le=1, description="A box counts as found from this IoU on.")
     min_visible_px: float = Field(
         12, ge=0, description="True labels with fewer visible pixels are left out, px; people do not draw them."
     )

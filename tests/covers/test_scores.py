@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.covers.scores import cover_figures, score_covers
+from polarsim.covers.scores import calibrated_by_others, cover_figures, score_covers
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.schemas import COVER_SCORES, PREDICTIONS
@@ -87,6 +87,25 @@ def test_every_terrain_has_rows_by_its_own_folds_detector(scored):
     assert (table["folds"] == 2).all()
     assert (table["pictures"] == 2).all()
     assert (table["epochs"] == 7).all()
+
+
+def test_a_fold_is_calibrated_by_the_other_ones_alone(scored):
+    """Boxes of terrain 1 are right, those of terrain 3 wrong: each calibrates the other one away from what is so."""
+    error = tables.read_parquet(scored, COVER_SCORES.columns).set_index(["terrain", "kind"])["calibration_error"]
+    assert error["03", "rock"] > 0.9  # 0.9 uncalibrated: the found rocks of terrain 1 raise it
+    assert error["01", "rock"] > 0.1 + 0.05  # 0.1 uncalibrated
+
+
+def test_folds_that_err_alike_calibrate_each_other():
+    """Half of the boxes with confidence 0.9 are right: an error of 0.4 before."""
+    sides = np.arange(100.0)[:, None] * 30 + [0, 0, 20, 20]
+    half = np.vstack([sides[:50], sides[50:] + np.array([0, 5000, 0, 5000])])
+    labels = pd.concat([labelled(key, sides) for key in "ab"])
+    found = pd.concat([labelled(key, half, confidence=0.9) for key in "ab"])
+    boxes = calibrated_by_others(labels, found, {"1": ["a"], "2": ["b"]})
+    assert [len(boxes[key]) for key in "ab"] == [100, 100]
+    np.testing.assert_allclose(np.concatenate([boxes[key][:, 4] for key in "ab"]), 0.5, atol=0.05)
+    assert calibrated_by_others(labels, found, {"1": ["a", "b"]}) == {}
 
 
 def test_the_table_shows_all_terrains_and_each_with_intervals(scored, tmp_path):

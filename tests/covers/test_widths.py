@@ -112,7 +112,16 @@ def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
         [("all", "rock", 0.41, 0.3, 0.5, 6), ("03", "rock", 0.2, np.nan, np.nan, 2), ("01", "rock", 0.6, 0.5, 0.7, 4)],
         columns=["terrain", "kind", "map50", "map50_low", "map50_high", "labels"],
     ).assign(
-        seed=0, detector="compact", start="carved", epochs=3, folds=3, pictures=9, images=3, map50_95=0.1, iou_mean=0.2
+        seed=0,
+        detector="compact",
+        start="carved",
+        epochs=3,
+        folds=3,
+        pictures=9,
+        images=3,
+        map50_95=0.1,
+        iou_mean=0.2,
+        calibration_error=0.04,
     )
     tables.write_parquet(tmp_path / "scores.parquet", scores[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
     publish_detector(

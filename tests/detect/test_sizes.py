@@ -75,3 +75,9 @@ def test_rocks_and_shadows_have_sizes_of_their_own():
 def test_widths_and_gates_that_do_not_go_together_are_refused(given):
     with pytest.raises(ValueError, match=r"widths|gates_px|multiple"):
         PredictionOptions.model_validate(given)
+
+
+def test_sizes_that_options_name_hold_for_every_class():
+    named = ClassSizes.named(PredictionOptions(widths=[512, 1024], gates_px=[48]))
+    assert named == ClassSizes.same(Sizes((512, 1024), (48.0,)))
+    assert ClassSizes.named(PredictionOptions()) is None

@@ -23,6 +23,7 @@ from polarsim.formats.release import (
     polygon_folder,
 )
 from polarsim.grid import selected_grid
+from polarsim.photo import USUAL_EXPOSURE_MS
 from polarsim.photo import positions as positions_of_terrain
 from polarsim.publish.options import FORM_NAMES
 
@@ -344,6 +345,6 @@ def shown_photo(wildcards):
     """The photo that stands for a position in the report: Sun 30 if there, rover light off, Left, near 256 ms."""
 
     def rank(key):
-        return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / 256))
+        return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS))
 
     return str(min(selected_grid(int(wildcards.terrain), [wildcards.position], CONFIG.grid), key=rank))

@@ -14,7 +14,7 @@ AUTO = "auto"  # exposure: the camera chooses it
 
 
 class MapOptions(BaseModel, extra="forbid", frozen=True):
-    """How looks become a map of hazards."""
+    """These options say how looks become a map of hazards."""
 
     cell_m: PositiveFloat = Field(0.15, description="The map has cells of this side, m.")
     farthest_m: PositiveFloat = Field(5.0, description="Ground farther from the camera than this is not mapped, m.")
@@ -36,7 +36,7 @@ class MapOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class PlannerOptions(BaseModel, extra="forbid", frozen=True):
-    """How a path is found and followed."""
+    """These options say how a path is found and followed."""
 
     wheel_gap_m: PositiveFloat = Field(
         0.15, description="A wheel's centre keeps this far from cells with hazards, m; half its width is 0.1."
@@ -54,9 +54,9 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
-    """Drives in which the rover decides: one of every mode, seed, Sun and exposure."""
+    """The rover decides in these drives, of which there is one of every mode, seed, Sun and exposure."""
 
-    run: bool = Field(False, description="Drive so: without it the run has no such drives.")
+    run: bool = Field(False, description="The rover drives so; without it the run has no such drives.")
     modes: tuple[Mode, ...] = Field(
         ("truth", "detector", "stereo", "both", "blind"),
         min_length=1,
@@ -82,8 +82,8 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
         8.0, description="The strip is this wide in these drives, m: filler ground leaves a way round what is dense."
     )
     longest_s: PositiveFloat = Field(240.0, description="A drive that takes longer is ended, s.")
-    map: MapOptions = Field(MapOptions(), description="How looks become a map of hazards.")
-    planner: PlannerOptions = Field(PlannerOptions(), description="How a path is found and followed.")
+    map: MapOptions = Field(MapOptions(), description="These options say how looks become a map of hazards.")
+    planner: PlannerOptions = Field(PlannerOptions(), description="These options say how a path is found and followed.")
 
     @field_validator("modes", "seeds", "suns", "exposures_ms")
     @classmethod

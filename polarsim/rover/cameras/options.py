@@ -29,7 +29,7 @@ def _utc(moment: datetime) -> datetime:
 
 
 class RealSun(BaseModel, extra="forbid", frozen=True):
-    """The Sun over a site on the Moon at a moment."""
+    """The Sun stands as over a site on the Moon at a moment."""
 
     latitude_deg: float = Field(
         ge=-90, le=90, description="The site's selenographic latitude, degrees; north is positive."
@@ -43,15 +43,19 @@ class RealSun(BaseModel, extra="forbid", frozen=True):
 
 
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
-    """What a detector makes of the front camera's pictures while the rover drives."""
+    """These options say what a detector makes of the front camera's pictures while the rover drives."""
 
     weights: Path | Literal["packaged"] | None = Field(
         None,
-        description="The detector, weights of a run, or `packaged`: the one that comes with polarsim. None: truth "
-        "alone is measured.",
+        description="The detector has these weights of a run; `packaged` is the one that comes with polarsim, "
+        "and with none truth alone is measured.",
     )
-    pictures: PicturesOptions = Field(PicturesOptions(), description="Tone curve of the detector's pictures.")
-    prediction: PredictionOptions = Field(PredictionOptions(), description="How the detector looks at pictures.")
+    pictures: PicturesOptions = Field(
+        PicturesOptions(), description="This section sets the tone curve of the detector's pictures."
+    )
+    prediction: PredictionOptions = Field(
+        PredictionOptions(), description="This section says how the detector looks at pictures."
+    )
     confidence: float = Field(0.25, gt=0, lt=1, description="Detections of less confidence do not count.")
     iou: float = Field(0.5, gt=0, le=1, description="A rock is detected where a predicted rock overlaps it so much.")
     heights_m: tuple[PositiveFloat, ...] = Field(
@@ -64,8 +68,9 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     cell_m: PositiveFloat = Field(0.15, description="The hazard map has cells of this side, m.")
     ground: Literal["surveyed", "plane"] = Field(
         "surveyed",
-        description="What the rover takes for the ground ahead: the heights before the drive, as a survey or stereo "
-        "pictures would give them, or the plane under its wheels, which is all that one camera knows.",
+        description="The rover takes this for the ground ahead: the heights before the drive, as a survey or "
+        "stereo pictures would give them, or the plane under its wheels, which is all that one "
+        "camera knows.",
     )
     resamples: int = Field(
         1000, ge=100, description="The 95 % intervals over drives and lights have this many bootstrap samples."
@@ -78,14 +83,15 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
-    """Pictures of a drive."""
+    """These options say which pictures of a drive are made."""
 
     views: tuple[str, ...] = Field(
         PAPER_VIEWS, min_length=1, description="These cameras of the vehicle's table take pictures."
     )
     suns: tuple[SunName, ...] = Field(
         ("1", "2", "3", "4"),
-        description="The paper's: 1 east, 2 southeast, 3 southwest, 4 west; night: none, the rover's lights alone.",
+        description="Pictures are made under each of the paper's Suns: 1 east, 2 southeast, 3 southwest, 4 "
+        "west; night has none, but the rover's lights alone.",
     )
     sun_elevation_deg: float = Field(
         8.0, gt=0, le=90, description="These Suns stand this high above the horizon, degrees."
@@ -107,14 +113,16 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     )
     far_m: float = Field(80.0, ge=0, description="The ground goes on this far beyond the drive's grid, m.")
     stars: Literal["none", "physical", "bright"] = Field(
-        "physical", description="Physical: sunlit exposures show hardly one; bright: as in the paper's videos."
+        "physical",
+        description="Stars are as bright as they are (physical), so that sunlit exposures show hardly one, or "
+        "as in the paper's videos (bright).",
     )
     ground_albedo: float = Field(
         0.12, gt=0, le=1, description="The soil has this albedo; the body's albedos are told over it."
     )
     render: RenderOptions = Field(
         RenderOptions(rim=False, bounce=0.0, falloff=True, lamp_probe_px=16, lamp_samples=8, calibration_photos=0),
-        description="As in a run's configuration; its `models` and walls do not count.",
+        description="These options are those of a run's configuration; their `models` and walls do not count.",
     )
     onboard: OnboardOptions = OnboardOptions()
     videos: bool = Field(False, description="A video is made of every view, Sun, model and exposure.")

@@ -12,7 +12,7 @@ Point = tuple[float, float]
 
 
 class StartSpread(BaseModel, extra="forbid", frozen=True):
-    """What differs between seeds: drawn evenly within these bounds, ground roughness normally."""
+    """Seeds differ by what is drawn evenly within these bounds, ground roughness normally."""
 
     along_m: float = Field(
         0.10, ge=0, description="A drive starts up to this far before or behind the path's first point, m."
@@ -27,10 +27,11 @@ class StartSpread(BaseModel, extra="forbid", frozen=True):
 
 
 class DriveOptions(BaseModel, extra="forbid", frozen=True):
-    """Where the rover goes and how it is steered."""
+    """The section says where the rover goes and how it is steered."""
 
     vehicle: Path = Field(
-        Path("config/viper.yaml"), description="File with the rover's table: masses, wheels, cameras, lights."
+        Path("config/viper.yaml"),
+        description="The rover's table is read from this file: masses, wheels, cameras, lights.",
     )
     path_m: tuple[Point, ...] | None = Field(
         None,
@@ -53,7 +54,9 @@ class DriveOptions(BaseModel, extra="forbid", frozen=True):
     longest_s: PositiveFloat | None = Field(
         None, description="A drive that takes longer is ended, s; null: four times what it should take."
     )
-    spread: StartSpread = Field(StartSpread(), description="How far starts and grounds of two seeds differ.")
+    spread: StartSpread = Field(
+        StartSpread(), description="This section says how far starts and grounds of two seeds differ."
+    )
 
     @model_validator(mode="after")
     def _rates(self) -> DriveOptions:

@@ -10,9 +10,11 @@ from polarsim.render.options import Model
 
 
 class BagOptions(BaseModel, extra="forbid", frozen=True):
-    """A drive as messages of ROS 2 in an MCAP file."""
+    """These options say how a drive becomes messages of ROS 2 in an MCAP file."""
 
-    start_s: int = Field(1, ge=0, description="Stamp of the drive's first instant, s; 0 means `the latest` to tf2.")
+    start_s: int = Field(
+        1, ge=0, description="The drive's first instant has this time stamp, s; 0 means `the latest` to tf2."
+    )
     state_hz: PositiveFloat = Field(
         50, description="Transforms, odometry, joints and wheels are written at this rate, 1/s."
     )

@@ -14,7 +14,7 @@ _EVERY_S = 0.01  # between two moves of displaced soil
 
 
 class BulldozingOptions(BaseModel, extra="forbid", frozen=True):
-    """Where displaced soil goes."""
+    """These options say where displaced soil goes."""
 
     share: float = Field(
         0.5, ge=0, le=1, description="This share of the pressed volume moves aside; the rest compacts."
@@ -29,11 +29,12 @@ class BulldozingOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class SoilOptions(BaseModel, extra="forbid", frozen=True):
-    """The soil, and how its law is stepped."""
+    """These options set the soil and how its law is stepped."""
 
     soil: str = Field("lunar", description="The soil is the set of this name in the table.")
     table: Path = Field(
-        Path("config/soils.csv"), description="File with sets of constants, each with its source and gravity."
+        Path("config/soils.csv"),
+        description="Sets of constants are read from this file, each with its source and gravity.",
     )
     gravity_m_s2: PositiveFloat = Field(1.62, description="The rover drives under this gravity, m/s2.")
     scale_by_gravity: bool = Field(
@@ -44,16 +45,21 @@ class SoilOptions(BaseModel, extra="forbid", frozen=True):
     )
     slip_sinkage: bool = Field(True, description="A slipping wheel digs itself in (where the set says how much).")
     slip_length_m: float = Field(
-        0.1, ge=0, description="Of the rim's travel in which a change of slip comes to tell on sinkage, m; 0: at once."
+        0.1,
+        ge=0,
+        description="A change of slip comes to tell on sinkage over this length of the rim's travel, m; 0: it "
+        "tells at once.",
     )
-    bulldozing: BulldozingOptions | None = Field(BulldozingOptions(), description="null: displaced soil vanishes.")
+    bulldozing: BulldozingOptions | None = Field(
+        BulldozingOptions(), description="Displaced soil moves by these rules; null: it vanishes."
+    )
     step_s: PositiveFloat = Field(
         0.001,
         le=0.02,
         description="Physics advances by this step, s; one too large for the soil's stiffness is refused.",
     )
     energy_bound: PositiveFloat = Field(
-        0.02, description="Share of energy that may be unaccounted for; more ends a run."
+        0.02, description="This share of energy may be unaccounted for; more ends a run."
     )
 
     @property

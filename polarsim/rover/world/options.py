@@ -8,9 +8,11 @@ from polarsim.photo import TERRAINS
 
 
 class WorldOptions(BaseModel, extra="forbid", frozen=True):
-    """What is driven over."""
+    """The section describes the ground that is driven over."""
 
-    terrains: tuple[int, ...] = Field((4, 1, 11), min_length=1, description="Terrain numbers from east to west.")
+    terrains: tuple[int, ...] = Field(
+        (4, 1, 11), min_length=1, description="The strip has the terrains with these numbers, from east to west."
+    )
     length_m: PositiveFloat = Field(3.5, le=4.0, description="Every terrain takes this length of the strip, m.")
     width_m: PositiveFloat = Field(
         5.0, description="The strip is this wide, m; beside the terrains lies filler ground."
