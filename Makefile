@@ -24,9 +24,13 @@ demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
 	@$(BIN)/polarsim report demo --cores $(CORES)
 	@echo "to look at it in the browser: $(BIN)/polarsim explore demo"
 
+ROVER := rover_autonomy --configfile config/rover.yaml
+
 rover: setup ## a rover that finds its own way over the demo's terrains: config/rover_autonomy.yaml
-	$(RUN) rover_autonomy --configfile config/rover.yaml --configfile config/rover_autonomy.yaml
-	@echo "table: results/demo/tables/rover_autonomy.csv; figure: results/demo/figures/rover_autonomy.png"
+	$(RUN) $(ROVER) --configfile config/rover_autonomy.yaml
+	@$(BIN)/snakemake $(ROVER) config/rover_autonomy.yaml --report results/demo/rover_autonomy.html > /dev/null 2>&1
+	@echo "page: results/demo/rover_autonomy.html"
+	@echo "table: results/demo/tables/rover_autonomy.md, figure: results/demo/figures/rover_autonomy.png"
 
 release: setup ## cameras, labels, twins and tables on the published labels and meshes (POLAR_SIM_ROOT)
 	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(RUN) --configfile config/release.yaml
