@@ -64,7 +64,9 @@ def main() -> None:
     parser.add_argument("--terrains", type=int, nargs="+", default=[3, 1, 11])
     parser.add_argument("--modes", nargs="+", default=["truth"])
     parser.add_argument("--suns", nargs="+", default=["3"])
-    parser.add_argument("--exposures", nargs="+", default=[256.0], type=lambda text: text if text == "auto" else float(text))
+    parser.add_argument(
+        "--exposures", nargs="+", default=[256.0], type=lambda text: text if text == "auto" else float(text)
+    )
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--minutes", type=float, default=60)
     asked = parser.parse_args()
