@@ -7,7 +7,7 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo release accuracy test cluster chaos fuzz lint docs clean lock schema
+.PHONY: help setup demo rover release accuracy test cluster chaos fuzz lint docs clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -23,6 +23,14 @@ demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
 	$(RUN)
 	@$(BIN)/polarsim report demo --cores $(CORES)
 	@echo "to look at it in the browser: $(BIN)/polarsim explore demo"
+
+ROVER := rover_autonomy --configfile config/rover.yaml
+
+rover: setup ## a rover that finds its own way over the demo's terrains: config/rover_autonomy.yaml
+	$(RUN) $(ROVER) --configfile config/rover_autonomy.yaml
+	@$(BIN)/snakemake $(ROVER) config/rover_autonomy.yaml --report results/demo/rover_autonomy.html > /dev/null 2>&1
+	@echo "page: results/demo/rover_autonomy.html"
+	@echo "table: results/demo/tables/rover_autonomy.md, figure: results/demo/figures/rover_autonomy.png"
 
 release: setup ## cameras, labels, twins and tables on the published labels and meshes (POLAR_SIM_ROOT)
 	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(RUN) --configfile config/release.yaml

@@ -44,6 +44,43 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
     assert "train_detector" in jobs if name == "rover" else "train_detector" not in jobs
 
 
+def test_a_drive_of_every_mode_sun_exposure_and_seed_then_a_table_and_a_figure(checkout, snakemake):
+    asked = {"modes": ["truth", "detector", "both", "blind"], "suns": ["1", "3"], "exposures_ms": [64, "auto"]}
+    content = {"rover": {"autonomy": {**asked, "seeds": [0, 5]}}}
+    (checkout / "config/lights.yaml").write_text(yaml.safe_dump(content))
+    files = [f"config/{name}.yaml" for name in ("rover", "rover_autonomy", "lights")]
+    done = snakemake(checkout, "rover_autonomy", "--dry-run", "--configfile", *files)
+    assert done.returncode == 0, done.stdout + done.stderr
+    text = done.stdout + done.stderr
+    jobs = planned(text)
+    lit = {f"{mode}_{sun}_{ms}" for mode in ("detector", "both") for sun in "13" for ms in ("0064", "auto")}
+    cases = {f"{light}_seed{seed}" for light in lit | {"truth_any_any", "blind_any_any"} for seed in (0, 5)}
+    assert set(re.findall(r"output: results/demo/rover/autonomy/(\w+)/figures\.parquet", text)) == cases
+    assert jobs["drive_alone"] == len(cases) == 20
+    assert jobs["summarise_autonomy"] == jobs["tabulate_autonomy"] == jobs["draw_autonomy"] == 1
+    assert "drive_rover" not in jobs
+    assert "train_detector" not in jobs  # the packaged one looks
+    for name in ("tables/rover_autonomy.csv", "figures/rover_autonomy.png"):
+        assert f"results/demo/{name}" in text
+
+
+@pytest.mark.slow
+def test_one_more_seed_leaves_finished_drives_as_they_are(checkout, snakemake):
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    write_meshes(checkout / "results/small/meshes/Terrain03", 3)
+    rules = ("drive_alone", "summarise_autonomy")
+    call = ("results/small/rover/autonomy.parquet", "--configfile", "config/small.yaml", "--allowed-rules", *rules)
+    for seeds, options in (([0], ()), ([0, 1], ("--dry-run",))):
+        autonomy = {"run": True, "modes": ["blind"], "seeds": seeds, "longest_s": 1}
+        content = configured(**SMALL, autonomy=autonomy) | {"run": "small", "terrains": [3]}
+        (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
+        done = snakemake(checkout, *call, *options)
+        assert done.returncode == 0, done.stderr[-3000:]
+    table = pd.read_parquet(checkout / "results/small/rover/autonomy.parquet").set_index("metric")
+    assert table.loc["time", ["mode", "sun", "drives", "value"]].tolist() == ["blind", "any", 1, 1.0]
+    assert planned(done.stdout + done.stderr) == {"drive_alone": 1, "summarise_autonomy": 1, "total": 2}
+
+
 def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout, snakemake):
     content = yaml.safe_load((checkout / "config/rover.yaml").read_text())
     text = {}

@@ -5,6 +5,10 @@ from polarsim.rover.autonomy.table import cases
 AUTONOMY_CASES = cases(ROVER.autonomy) if ROVER.run and ROVER.autonomy.run else []
 
 
+# What a single drive does not depend on: which others there are. More seeds or Suns leave finished drives as they are.
+OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms"}
+
+
 wildcard_constraints:
     case=one_of(AUTONOMY_CASES),
 
@@ -12,6 +16,11 @@ wildcard_constraints:
 def autonomy_of(name):
     """A file of every such drive."""
     return expand("results/{{run}}/rover/autonomy/{case}/{name}", case=AUTONOMY_CASES, name=name)
+
+
+def weights_of_case(wildcards):
+    """The detector, of modes that have one: others do not wait for it."""
+    return weights_on_board(wildcards) if wildcards.case.startswith(("detector", "both")) else []
 
 
 rule rover_autonomy:
@@ -27,7 +36,7 @@ rule drive_alone:
         meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
         vehicle=str(ROVER.drive.vehicle),
         soils=str(ROVER.soil.table),
-        weights=weights_on_board,
+        weights=weights_of_case,
     output:
         figures="results/{run}/rover/autonomy/{case}/figures.parquet",
         trace="results/{run}/rover/autonomy/{case}/trace.parquet",
@@ -44,7 +53,7 @@ rule drive_alone:
         world=options("rover.world"),
         soil=options("rover.soil"),
         drive_options=options("rover.drive"),
-        options=options("rover.autonomy"),
+        options=ROVER.autonomy.model_dump(mode="json", exclude=OTHER_DRIVES),
         onboard=camera_suite_options()["onboard"],
         code=code_of("drive_alone"),
     script:

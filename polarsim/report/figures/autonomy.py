@@ -54,6 +54,7 @@ def draw_autonomy(
                     axis.plot([place, place], [low, high], color=INK, linewidth=1.2)
             axis.set_xticks(range(len(modes)), modes)
             axis.set_xlim(-0.6, len(modes) - 0.4)
+            axis.set_ylim(0, max(1.0, axis.get_ylim()[1]))  # without a collision there is no bar, and no scale
             axis.set_title(text)
 
 

@@ -18,6 +18,7 @@ from polarsim.rover.drive.simulation import Simulation
 _AT_REST_M_S = 0.01
 _LOOKS_AT_REST = 2  # without a path, before the rover backs off: what one look got wrong another may put right
 _KEPT_M = 2.5  # of a plan that is still free: it is kept
+_ROLLS_ON_M = 0.2  # after backing off, until it stands: that must be free too
 _ARRIVED_M = 0.3  # before the goal's line
 
 
@@ -128,7 +129,7 @@ class Pilot(Driver):
         """Backwards on the freest of three arcs."""
         best, limit = -np.inf, 0.5 * self.options.planner.curvature_1_m
         for curvature in (0.0, limit, -limit):
-            steps = -np.linspace(0.1, self.options.planner.back_m, 6)
+            steps = -np.linspace(0.1, self.options.planner.back_m + _ROLLS_ON_M, 6)
             headings = heading + curvature * steps
             places = np.column_stack(
                 [

@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
-from polarsim.rover.autonomy.options import MapOptions, PlannerOptions
+from polarsim.rover.autonomy.options import AutonomyOptions, MapOptions, PlannerOptions
+from polarsim.rover.autonomy.pilot import Pilot
 from polarsim.rover.autonomy.planner import Planner, edges, field_of
 from polarsim.rover.world.surface import bare_world
 
@@ -63,3 +64,13 @@ def test_every_bend_of_the_lattice_ends_at_its_node_and_heading():
     assert len(found) == 48
     for edge in found:
         np.testing.assert_allclose(edge.places[-1, :2], 0.15 * np.array([edge.columns, edge.rows]), atol=1e-12)
+
+
+def test_a_rover_backs_off_only_where_it_also_comes_to_rest_on_the_ground():
+    driver = Pilot.__new__(Pilot)
+    driver.options, driver.planner, driver._wheelbase = AutonomyOptions(), PLANNER, 1.284
+    free = field_of(GRID, blocked(), blocked(), np.ones_like(blocked()))
+    for x, backs in ((0.3, True), (-0.1, False)):  # the ground ends at -2: rear wheels come to -1.14, and to -1.54 m
+        driver._back_to = None
+        driver._back_off(free, x, 0.0, 0.0)
+        assert (driver._back_to == (x, 0.0)) is backs, x
