@@ -229,7 +229,7 @@ def sound_localised(localised: LocalisedRig) -> None:
     sound_rig(localised.rig)
     assert np.allclose(np.linalg.det(localised.sandbox_from_left.rotation), 1)
     assert isinstance(localised.method, str)
-    assert all(isinstance(value, int | float) for value in localised.quality.values())
+    assert all(isinstance(value, int | float) for value in localised.metrics.values())
 
 
 def sound_cloud(points: np.ndarray) -> None:
@@ -701,16 +701,19 @@ class Outcome:
 def check(case: Case, source: Any, harmed: Path, outcome: Outcome) -> None:
     """A damaged file is read as a sound object, or refused in one line that names a file that was read."""
     start = time.perf_counter()
+    refusal: PolarsimError | None = None
     try:
         found = case.read(source)
     except PolarsimError as error:
-        outcome.refused += 1
-        assert len(str(error).splitlines()) == 1, f"several lines: {str(error)!r}"  # noqa: PT017
-        assert not case.named or error.path is not None, f"no file: {error}"  # noqa: PT017
-    else:
+        refusal = error
+    if refusal is None:
         outcome.read += 1
         finite(found, case.missing)
         case.check(found)
+    else:
+        outcome.refused += 1
+        assert len(str(refusal).splitlines()) == 1, f"several lines: {str(refusal)!r}"
+        assert not case.named or refusal.path is not None, f"no file: {refusal}"
     outcome.slowest_s = max(outcome.slowest_s, time.perf_counter() - start)
     assert harmed.exists()
 

@@ -78,6 +78,7 @@ def test_what_is_no_photo_cannot_be_named_as_taken_back():
 def test_undo_names_a_photo_that_nobody_drew_in(polarsim, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text("source: {kind: analog}\n")
+    (tmp_path / "results/demo").mkdir(parents=True)
     done = polarsim("undo", SEED, "--configfile", "config.yaml")
     assert done.returncode == 1
     assert done.stderr.endswith(f"seeds: no seed and no correction of {SEED}\n")

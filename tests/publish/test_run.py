@@ -266,7 +266,7 @@ def test_a_broken_run_is_one_line_with_the_file(tmp_path):
     with pytest.raises(FormatError, match=r"photos.parquet: lists .*01_A_off_30_L_0256.png, which is not there"):
         read_catalogue(run)
     (run / "cameras/Terrain01/PosA.json").write_text("{")
-    with pytest.raises(FormatError, match=r"PosA.json: no readable JSON"):
+    with pytest.raises(FormatError, match=r"PosA.json:1: no readable JSON"):
         read_catalogue(run)
 
 

@@ -47,6 +47,7 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     for terrain in TERRAINS:
         vertices, faces, _ = box(np.zeros(3), np.array([0.2, 0.15, 0.1 * terrain]))
         copies = checkout / f"results/covers/repaired/Terrain{terrain:02d}"
+        (checkout / f"results/covers/cameras/located/Terrain{terrain:02d}").mkdir(parents=True)  # no position is known
         obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
     content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
     content["covers"] |= {"folds": [], "carved_scenes": 2, "carved_epochs": 1, "widths": [96, 128]}

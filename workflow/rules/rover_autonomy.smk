@@ -1,27 +1,5 @@
 """Drives in which the rover finds its own way: one of every mode, Sun, exposure and seed; their table and figure."""
 
-from polarsim.rover.autonomy.table import cases
-
-AUTONOMY_CASES = cases(ROVER.autonomy) if ROVER.run and ROVER.autonomy.run else []
-
-
-# What a single drive does not depend on: which others there are. More seeds or Suns leave finished drives as they are.
-OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms"}
-
-
-wildcard_constraints:
-    case=one_of(AUTONOMY_CASES),
-
-
-def autonomy_of(name):
-    """A file of every such drive."""
-    return expand("results/{{run}}/rover/autonomy/{case}/{name}", case=AUTONOMY_CASES, name=name)
-
-
-def weights_of_case(wildcards):
-    """The detector, of modes that have one: others do not wait for it."""
-    return weights_on_board(wildcards) if wildcards.case.startswith(("detector", "both")) else []
-
 
 rule rover_autonomy:
     """Everything of these drives; nothing where the configuration has none."""
@@ -47,7 +25,7 @@ rule drive_alone:
     benchmark:
         "results/{run}/benchmarks/rover/drive_alone_{case}.tsv"
     resources:
-        mem_mb=3000,
+        mem_mb=growing(3000),
         runtime=60,
     params:
         world=options("rover.world"),
@@ -72,7 +50,7 @@ rule summarise_autonomy:
     benchmark:
         "results/{run}/benchmarks/rover/summarise_autonomy.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=10,
     params:
         code=code_of("summarise_autonomy"),
@@ -97,7 +75,7 @@ rule tabulate_autonomy:
     benchmark:
         "results/{run}/benchmarks/rover/tabulate_autonomy.tsv"
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -118,7 +96,7 @@ rule draw_autonomy:
     benchmark:
         "results/{run}/benchmarks/rover/draw_autonomy.tsv"
     resources:
-        mem_mb=1000,
+        mem_mb=growing(1000),
         runtime=5,
     params:
         origin=ORIGIN,

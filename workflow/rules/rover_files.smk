@@ -1,5 +1,6 @@
 """Files and options of the drives: what each step reads, and which set of pictures figures show."""
 
+from polarsim.rover.autonomy.table import cases
 from polarsim.rover.vehicle.mounts import FRONT
 
 ROVER = CONFIG.rover
@@ -8,11 +9,13 @@ ROVER_TABLES = ["rover", "rover_drives", "rover_soil"]
 ROVER_TABLES += ["rover_onboard"] if ROVER.onboard else []
 ROVER_FIGURES = ["rover_sequence", "rover_drive", "rover_soil"]
 ROVER_FIGURES += ["rover_front"] if ROVER.onboard else []
+AUTONOMY_CASES = cases(ROVER.autonomy) if ROVER.run and ROVER.autonomy.run else []
 VIEWS_DRIVEN, SUNS = list(ROVER.cameras.views), list(ROVER.suns)
 
 
 wildcard_constraints:
     view=one_of(VIEWS_DRIVEN),
+    case=one_of(AUTONOMY_CASES),
 
 
 # What a drive's pictures do not depend on: other views, and what is made of the pictures.
@@ -94,3 +97,17 @@ def detections_of_drive(wildcards):
     if not ROVER.onboard or detector_weights(wildcards.run) is None:
         return []
     return [name.format(run=wildcards.run, seed=wildcards.seed) for name in detections_on_board()]
+
+
+# What a single drive does not depend on: which others there are. More seeds or Suns leave finished drives as they are.
+OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms"}
+
+
+def autonomy_of(name):
+    """A file of every such drive."""
+    return expand("results/{{run}}/rover/autonomy/{case}/{name}", case=AUTONOMY_CASES, name=name)
+
+
+def weights_of_case(wildcards):
+    """The detector, of modes that have one: others do not wait for it."""
+    return weights_on_board(wildcards) if wildcards.case.startswith(("detector", "both")) else []

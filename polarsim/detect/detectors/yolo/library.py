@@ -31,11 +31,13 @@ def ultralytics(folder: Path) -> SimpleNamespace:
     try:
         from ultralytics import YOLO, settings
         from ultralytics.models.yolo.detect import DetectionTrainer, DetectionValidator
+        from ultralytics.nn import tasks
         from ultralytics.nn.tasks import DetectionModel, load_checkpoint
         from ultralytics.utils import LOGGER
         from ultralytics.utils.nms import non_max_suppression
     except ImportError as error:
         raise DetectError(f"Ultralytics cannot be imported ({error}): pip install 'polarsim[detect]'") from error
+    tasks.SAFE_LOAD = True  # whoever imported it first: no code in checkpoints is run
     LOGGER.setLevel(logging.ERROR)  # its progress comes through our log, from callbacks
     if settings["sync"]:
         uses = ("sync", "clearml", "comet", "dvc", "mlflow", "neptune", "raytune", "tensorboard", "wandb")
