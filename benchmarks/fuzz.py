@@ -662,7 +662,7 @@ CASES: dict[str, list[Case]] = {
     "acquire.index.describe_photo": [
         Case(content("a.png", PHOTO), index.describe_photo, lambda found: _is(found["sha256"], str)),
     ],
-    "annotate.import_labels.told_form": [Case(text("a.json", json.dumps(FIFTYONE_2)), import_labels.told_form)],
+    "annotate.import_labels.format_of": [Case(text("a.json", json.dumps(FIFTYONE_2)), import_labels.format_of)],
     "annotate.import_labels.import_labels": [
         Case(file("a.json", coco.write_coco, LABELS), imported, sound_import),
         Case(text("a.xml", CVAT), imported, sound_import),

@@ -423,7 +423,7 @@ def fit_confidence(labels: pd.DataFrame) -> None:
     labels = labels[~(labels["no_lamp"] & (labels["kind"] == ROCK) & (labels["source"] == "fused"))]  # `rover_light`
     rover = labels["no_lamp"] & (labels["kind"] == SHADOW)
     for (kind, source, by_rover), own in labels.groupby(["kind", "source", rover]):
-        share = shares_told(own, kind, source) if not by_rover else np.ones(len(own))
+        share = shares_right(own, kind, source) if not by_rover else np.ones(len(own))
         hit = own["hit"].to_numpy(float)
         terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / USUAL_PX)], axis=1)
         found = logistic(terms, hit)
@@ -431,7 +431,7 @@ def fit_confidence(labels: pd.DataFrame) -> None:
         print(f"    ({name}): {found},  # {len(own)} labels, {hit.mean():.3f} right")
 
 
-def shares_told(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
+def shares_right(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
     """(n,) shares of the azimuths that labels were given, back from their confidences."""
     start, missed, size = COEFFICIENTS[kind, source]
     if not missed:

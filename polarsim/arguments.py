@@ -135,8 +135,8 @@ def call(app: typer.Typer) -> int:
         code = app(prog_name="polarsim", standalone_mode=False)  # which ends with 130 where Ctrl-C was pressed
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
-        told = f" ({context.command_path} --help)" if context else ""
-        sys.stderr.write(f"error: {' '.join(error.format_message().split()).rstrip('.')}{told}\n")
+        hint = f" ({context.command_path} --help)" if context else ""
+        sys.stderr.write(f"error: {' '.join(error.format_message().split()).rstrip('.')}{hint}\n")
         return error.exit_code
     except typer.Abort:
         return 1

@@ -38,12 +38,12 @@ def share_bar(text: str) -> Iterator[Callable[[float], None]]:
             task = bars.add_task(text, total=1.0)
             yield lambda share: bars.update(task, completed=share)
         return
-    told = 0
+    tenths = 0
 
     def tell(share: float) -> None:
-        nonlocal told
-        if int(10 * share) > told:
-            told = int(10 * share)
-            log.info("%s: %d %%", text, 10 * told)
+        nonlocal tenths
+        if int(10 * share) > tenths:
+            tenths = int(10 * share)
+            log.info("%s: %d %%", text, 10 * tenths)
 
     yield tell

@@ -63,7 +63,7 @@ def import_labels(
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError("not empty, and an import overwrites nothing: name a new folder", path=folder)
-    form = told_form(source) if form == AUTO else form
+    form = format_of(source) if form == AUTO else form
     if form not in READERS:
         raise ConfigError(f"format {form!r}, expected {', '.join(READERS)} or {AUTO}")
     photos: dict[PhotoKey, tuple[list[int], list[np.ndarray]]] = {}
@@ -84,7 +84,7 @@ def import_labels(
 
 
 @reader("export of labels", largest_mb=500)
-def told_form(source: Path) -> str:
+def format_of(source: Path) -> str:
     """What a source is, by what it holds.
 
     Raises

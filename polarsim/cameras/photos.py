@@ -179,7 +179,7 @@ def _of_sure_positions(name: str, seen: Mapping[View, Sightings]) -> dict[View, 
     return {view: found for view, found in seen.items() if counts[view[0]] >= MIN_WINDOWS}
 
 
-def _told_off_px(off: np.ndarray, found: Sightings) -> np.ndarray:
+def _offset_px(off: np.ndarray, found: Sightings) -> np.ndarray:
     """(n,) how far windows are off, (n, 2) px, along the direction that each tells best: across its edges."""
     return np.abs(np.einsum("nk,nk->n", np.linalg.eigh(found.whitening)[1][:, :, 1], off))
 
@@ -191,7 +191,7 @@ def _described(
     rig = adjusted.localised[position]
     own = {camera: found for (where, camera), found in seen.items() if where == position}
     before, now = (
-        np.concatenate([_told_off_px(offsets_px(one, camera, found), found) for camera, found in own.items()])
+        np.concatenate([_offset_px(offsets_px(one, camera, found), found) for camera, found in own.items()])
         for one in (located, rig)
     )
     moved = located.sandbox_from_left.inverse() @ rig.sandbox_from_left

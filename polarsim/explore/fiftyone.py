@@ -72,10 +72,10 @@ def _by_key(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _sample(row: dict[Any, Any], name: str) -> dict[str, Any]:
-    told = {name: row[name] for name in PARTS} | {"key": row["key"], "domain": row["domain"]}
+    parts = {name: row[name] for name in PARTS} | {"key": row["key"], "domain": row["domain"]}
     numbers = {name: None if np.isnan(row[name]) else round(float(row[name]), 5) for name in ("score", "confidence")}
     tags = [str(row["defect"])] if row["defect"] else []
-    return {"filepath": name, "tags": tags, "_media_type": "image", "metadata": None, **told, **numbers}
+    return {"filepath": name, "tags": tags, "_media_type": "image", "metadata": None, **parts, **numbers}
 
 
 def _field(name: str) -> str:

@@ -123,8 +123,8 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts
         count = len(annotated.rocks) + (0 if annotated.shadows is None else len(annotated.shadows))
         rank = (is_correction, key.light == "off", count)
         silent = key.exposure_ms < starts.of(key) and (annotated.shadows is None or not len(annotated.shadows))
-        told = replace(annotated, shadows=None) if silent else annotated
-        found.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, told))
+        seed = replace(annotated, shadows=None) if silent else annotated
+        found.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, seed))
     seeds: Seeds = {}
     for (position, drawing), ranked in sorted(found.items(), key=lambda item: item[0]):
         seeds.setdefault(position, {})[drawing] = _best(ranked)

@@ -52,8 +52,8 @@ def tabulate_labels(
     write_blocks(table, with_origin(rows.assign(seeds=seeds), origin), format_labels(rows), notes)
     bins = reliability_table(whole)
     shown = bins.assign(labels=bins["labels"].round().astype("int64"))
-    told = with_origin(bins.assign(seeds=seeds), origin)
-    write_table(reliability, told, RELIABILITY_CAPTION, layout=shown, notes=[started, origin_note(origin)])
+    marked = with_origin(bins.assign(seeds=seeds), origin)
+    write_table(reliability, marked, RELIABILITY_CAPTION, layout=shown, notes=[started, origin_note(origin)])
 
 
 def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
@@ -70,8 +70,8 @@ def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
         of_truth = truth.assign(value=_values(truth, group, "truth_px")).groupby(_CELL)
         of_labels = labels.assign(value=_values(labels, group, "label_px")).groupby(_CELL)
         found = of_truth.agg(truth_boxes=("hit", "size"), found=("hit", "sum"), iou=("iou_best", "sum"))
-        told = of_labels.agg(label_boxes=("hit", "size"), right=("hit", "sum"), told=("confidence", "sum"))
-        parts.append(found.join(told, how="outer").fillna(0).reset_index().assign(group=group))
+        right = of_labels.agg(label_boxes=("hit", "size"), right=("hit", "sum"), confidences=("confidence", "sum"))
+        parts.append(found.join(right, how="outer").fillna(0).reset_index().assign(group=group))
     return _in_order(_metrics(pd.concat(parts, ignore_index=True)))
 
 
@@ -109,7 +109,7 @@ def _metrics(sums: pd.DataFrame) -> pd.DataFrame:
         recall=sums["found"] / truth,
         f1=(sums["found"] + sums["right"]) / (truth + labels),
         miou=sums["iou"] / truth,
-        confidence=sums["told"] / labels,
+        confidence=sums["confidences"] / labels,
     )
 
 

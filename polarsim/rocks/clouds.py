@@ -134,8 +134,8 @@ def settling_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
     for limit in LIMITS:
         normal, right, variance = _equations(parts, trees, moved, limit)
         variances.append(variance)
-        pairs, least_told = np.trace(normal) / 2, np.linalg.eigvalsh(normal)[_FREE]
-        if least_told < LEAST_TOLD * pairs or variance > LARGEST_SD**2 * least_told:
+        pairs, least_eigenvalue = np.trace(normal) / 2, np.linalg.eigvalsh(normal)[_FREE]
+        if least_eigenvalue < LEAST_TOLD * pairs or variance > LARGEST_SD**2 * least_eigenvalue:
             return None
         moved = np.linalg.solve(normal / variance + np.eye(len(normal)) / TRANSLATION_SD**2, right / variance).reshape(
             -1, 3

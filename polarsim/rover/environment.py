@@ -104,7 +104,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._simulation.zero()
         state = self._simulation.state()
         self._locate(state)
-        return self._observed(state), self._told(state)
+        return self._observed(state), self._info(state)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """A tenth of a second under a command."""
@@ -130,7 +130,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             float(reward),
             bool(ended),
             late and not ended,
-            {**self._told(state), "ended": ended},
+            {**self._info(state), "ended": ended},
         )
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
@@ -174,7 +174,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         assert self._simulation is not None
         return self._camera.picture(state, self._simulation.ground.level)
 
-    def _told(self, state: State) -> dict[str, Any]:
+    def _info(self, state: State) -> dict[str, Any]:
         assert self._simulation is not None
         return {
             "slip": dict(zip(WHEELS, map(float, state.wheel("slip")), strict=True)),

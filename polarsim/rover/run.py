@@ -73,5 +73,5 @@ def driven(
 
 def _finished(path: Path, digest: str) -> bool:
     """Whether this very drive was driven; one whose energy did not close is no drive."""
-    told = read_json(path)
-    return bool(told.get("digest") == digest and told.get("ended") != "energy")
+    content = read_json(path)
+    return bool(content.get("digest") == digest and content.get("ended") != "energy")

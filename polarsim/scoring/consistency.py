@@ -76,7 +76,7 @@ def check_consistency(
         metrics += scans_on_meshes(scans, scene)
     metrics += cameras_together(localised, last)
     if (located / "matches.parquet").exists():
-        metrics += boxes_met(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
+        metrics += box_overlaps(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
     both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
     if not both and annotated is not None:
         outlines = outlines_of({rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()})
@@ -132,7 +132,7 @@ def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, Loc
     return metrics
 
 
-def boxes_met(matches: pd.DataFrame) -> list[Metric]:
+def box_overlaps(matches: pd.DataFrame) -> list[Metric]:
     """Mean IoU of projected meshes and the boxes that localised the cameras, by position."""
     return [
         Metric(f"meshes on boxes, position {position}", "boxes_iou", float(part["iou"].mean()), "1", len(part), "own")

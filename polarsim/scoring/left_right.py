@@ -47,11 +47,11 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
                 )
                 for azimuth in azimuths
             ]
-            metrics += ties_met(f"left and right photos, position {position}", rig.rig, ties)
+            metrics += tie_metrics(f"left and right photos, position {position}", rig.rig, ties)
     return metrics
 
 
-def ties_met(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Metric]:
+def tie_metrics(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Metric]:
     """What windows of a position's pairs of photos, shrunk by `SCALE`, say of its rig."""
     tried, found = sum(one.tried for one in ties), sum(len(one.right) for one in ties)
     if tried < LEAST_TRIED:

@@ -26,36 +26,36 @@ _Z = 1.959964  # of the normal distribution, 95 %
 
 
 @dataclass(frozen=True)
-class Told:
-    """What labels say of themselves, and what is true: n labels, copies included."""
+class Confidences:
+    """How sure n labels are, and whether they are right; copies in an exposure bracket are included."""
 
     confidence: np.ndarray  # (n,)
     right: np.ndarray  # (n,) bool
     weight: np.ndarray  # (n,) 1 over the number of copies in the exposure bracket
 
 
-def told_labels(pairs: pd.DataFrame) -> Told:
-    """The labels among rows of `label_pairs`."""
+def label_confidences(pairs: pd.DataFrame) -> Confidences:
+    """Confidences of the labels among rows of `label_pairs`."""
     labels = pairs[pairs["label_px"].notna()]
     copies = labels.groupby(_ONE_BOX)["key"].transform("size").to_numpy(float)
-    return Told(labels["confidence"].to_numpy(float), labels["hit"].to_numpy(bool), 1 / copies)
+    return Confidences(labels["confidence"].to_numpy(float), labels["hit"].to_numpy(bool), 1 / copies)
 
 
-def equal_bins(told: Told) -> np.ndarray:
+def equal_bins(own: Confidences) -> np.ndarray:
     """(n,) bins by confidence, each of about the same weight; labels of one confidence share a bin."""
-    _, index = np.unique(told.confidence, return_inverse=True)
-    weight = np.bincount(index, told.weight)
+    _, index = np.unique(own.confidence, return_inverse=True)
+    weight = np.bincount(index, own.weight)
     total = weight.sum()
     centre = np.cumsum(weight) - weight / 2
     return np.asarray(np.floor(np.clip(total // FEWEST, 1, BINS) * centre / total).astype(int)[index])
 
 
-def reliability_bins(told: Told) -> pd.DataFrame:
+def reliability_bins(own: Confidences) -> pd.DataFrame:
     """A row a bin: lowest, highest and mean confidence, share of right labels with its interval, mean squared error."""
     rows = []
-    bins = equal_bins(told)
+    bins = equal_bins(own)
     for number in np.unique(bins):
-        confidence, right, weight = (part[bins == number] for part in (told.confidence, told.right, told.weight))
+        confidence, right, weight = (part[bins == number] for part in (own.confidence, own.right, own.weight))
         total, share = float(weight.sum()), float(np.average(right, weights=weight))
         low, high = wilson(share, total)
         rows.append(
@@ -76,7 +76,7 @@ def reliability_table(pairs: pd.DataFrame) -> pd.DataFrame:
         of_kind = pairs[(pairs["kind"] == kind) & pairs["label_px"].notna()]
         for source in [ANY_SOURCE, *sorted(set(of_kind["source"]))] if len(of_kind) else []:
             chosen = of_kind if source == ANY_SOURCE else of_kind[of_kind["source"] == source]
-            parts.append(reliability_bins(told_labels(chosen)).assign(kind=kind, label_source=source))
+            parts.append(reliability_bins(label_confidences(chosen)).assign(kind=kind, label_source=source))
     whole = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(COLUMNS))
     return whole.astype(COLUMNS)[list(COLUMNS)]
 

@@ -16,7 +16,7 @@ from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.scoring.complaints import complaints
-from polarsim.scoring.consistency import boxes_met, cameras_together, scans_on_meshes
+from polarsim.scoring.consistency import box_overlaps, cameras_together, scans_on_meshes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import metrics_table
 from polarsim.scoring.score import Labels
@@ -94,7 +94,7 @@ def test_cameras_that_photos_rotated_away_from_the_meshes_are_noticed(world):
 
 def test_meshes_that_miss_their_boxes_are_noticed():
     matches = pd.DataFrame({"position": list("AAC"), "iou": [0.8, 0.7, 0.4]})
-    (sentence,) = said(boxes_met(matches))
+    (sentence,) = said(box_overlaps(matches))
     assert "position C" in sentence
     assert "0.40" in sentence
 

@@ -9,13 +9,13 @@ from polarsim.formats.tables import key_columns
 from polarsim.photo import PhotoKey
 from polarsim.scoring.reliability import (
     COLUMNS,
-    Told,
+    Confidences,
     brier_score,
     calibration_error,
     equal_bins,
+    label_confidences,
     reliability_bins,
     reliability_table,
-    told_labels,
     wilson,
 )
 
@@ -43,16 +43,16 @@ def test_wilsons_interval_is_that_of_the_literature(right, n, low, high):
 
 def test_copies_over_exposures_weigh_as_one_label():
     names = ["03_A_on_30_L_0128", "03_A_on_30_L_0256", "03_A_on_30_L_0512", "03_A_on_30_R_0256"]
-    once = reliability_bins(told_labels(pair_rows((names[0], 0.0, 0.9, True), (names[3], 0.0, 0.9, False))))
+    once = reliability_bins(label_confidences(pair_rows((names[0], 0.0, 0.9, True), (names[3], 0.0, 0.9, False))))
     often = [(name, 0.0, 0.9, True) for name in names[:3]] + [(names[3], 0.0, 0.9, False)]
-    pd.testing.assert_frame_equal(reliability_bins(told_labels(pair_rows(*often))), once)
+    pd.testing.assert_frame_equal(reliability_bins(label_confidences(pair_rows(*often))), once)
     assert once["labels"].tolist() == [2]
     assert once["right"].tolist() == [0.5]
 
 
 def test_a_label_that_is_right_at_some_exposures_is_partly_right():
     partly = pair_rows(("03_A_on_30_L_0064", 0.0, 0.5, False), ("03_A_on_30_L_0128", 0.0, 0.5, True))
-    bins = reliability_bins(told_labels(partly))
+    bins = reliability_bins(label_confidences(partly))
     assert (bins["labels"].tolist(), bins["right"].tolist()) == ([1], [0.5])
 
 
@@ -67,13 +67,13 @@ def test_honest_labels_have_no_calibration_error_and_the_brier_score_of_their_sp
     right = (
         np.tile([True, False, False, False, False], 10).tolist() + np.tile([True, True, True, True, False], 10).tolist()
     )
-    bins = reliability_bins(Told(confidence, np.array(right), np.ones(100)))
+    bins = reliability_bins(Confidences(confidence, np.array(right), np.ones(100)))
     assert calibration_error(bins) == pytest.approx(0)
     assert brier_score(bins) == pytest.approx(0.2 * 0.8)
 
 
 def test_boastful_labels_are_off_by_what_they_boast():
-    bins = reliability_bins(Told(np.full(80, 0.9), np.arange(80) % 2 == 0, np.ones(80)))
+    bins = reliability_bins(Confidences(np.full(80, 0.9), np.arange(80) % 2 == 0, np.ones(80)))
     assert calibration_error(bins) == pytest.approx(0.4)
     assert brier_score(bins) == pytest.approx((0.1**2 + 0.9**2) / 2)
 
@@ -86,8 +86,8 @@ def test_sources_stand_beside_all_together():
     assert table["labels"].tolist() == [40, 20, 20]
 
 
-told = st.lists(st.tuples(st.integers(0, 20), st.booleans(), st.integers(1, 4)), min_size=1, max_size=400).map(
-    lambda rows: Told(
+confidences = st.lists(st.tuples(st.integers(0, 20), st.booleans(), st.integers(1, 4)), min_size=1, max_size=400).map(
+    lambda rows: Confidences(
         np.array([row[0] for row in rows]) / 20,
         np.array([row[1] for row in rows]),
         1 / np.array([row[2] for row in rows]),
@@ -95,24 +95,24 @@ told = st.lists(st.tuples(st.integers(0, 20), st.booleans(), st.integers(1, 4)),
 )
 
 
-@given(told)
-def test_bins_follow_the_confidence_and_lose_nothing(told):
-    bins = equal_bins(told)
-    order = np.argsort(told.confidence, kind="stable")
+@given(confidences)
+def test_bins_follow_the_confidence_and_lose_nothing(confidences):
+    bins = equal_bins(confidences)
+    order = np.argsort(confidences.confidence, kind="stable")
     assert (np.diff(bins[order]) >= 0).all()
-    for confidence in np.unique(told.confidence):
-        assert len(set(bins[told.confidence == confidence])) == 1
-    table = reliability_bins(told)
-    assert table["labels"].sum() == pytest.approx(told.weight.sum())
-    assert (table["labels"] * table["right"]).sum() == pytest.approx((told.weight * told.right).sum())
+    for confidence in np.unique(confidences.confidence):
+        assert len(set(bins[confidences.confidence == confidence])) == 1
+    table = reliability_bins(confidences)
+    assert table["labels"].sum() == pytest.approx(confidences.weight.sum())
+    assert (table["labels"] * table["right"]).sum() == pytest.approx((confidences.weight * confidences.right).sum())
     assert ((table["right_low"] <= table["right"] + 1e-9) & (table["right"] <= table["right_high"] + 1e-9)).all()
-    expected = (told.weight * (told.confidence - told.right) ** 2).sum() / told.weight.sum()
+    expected = (confidences.weight * (confidences.confidence - confidences.right) ** 2).sum() / confidences.weight.sum()
     assert brier_score(table) == pytest.approx(expected)
     assert brier_score(table) >= calibration_error(table) ** 2 - 1e-12  # Jensen
 
 
 def test_many_labels_make_ten_bins_of_equal_size_and_few_make_one():
-    even = Told(np.linspace(0, 1, 1000), np.ones(1000, bool), np.ones(1000))
+    even = Confidences(np.linspace(0, 1, 1000), np.ones(1000, bool), np.ones(1000))
     assert np.bincount(equal_bins(even)).tolist() == [100] * 10
-    few = Told(np.linspace(0, 1, 40), np.ones(40, bool), np.ones(40))
+    few = Confidences(np.linspace(0, 1, 40), np.ones(40, bool), np.ones(40))
     assert set(equal_bins(few)) == {0}

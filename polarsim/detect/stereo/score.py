@@ -19,8 +19,8 @@ def score(depth: np.ndarray, truth: DepthTruth, options: StereoOptions) -> dict[
     depth : (h, w)
         Metres, NaN for none.
     """
-    asked = _asked(truth, options)
-    error, true = np.abs(depth - truth.depth)[asked], truth.depth[asked]
+    evaluated = _evaluated(truth, options)
+    error, true = np.abs(depth - truth.depth)[evaluated], truth.depth[evaluated]
     valid = np.isfinite(error)
     if not len(error):
         return {"pixels": 0} | dict.fromkeys(
@@ -37,9 +37,9 @@ def score(depth: np.ndarray, truth: DepthTruth, options: StereoOptions) -> dict[
 
 def rock_performance(depth: np.ndarray, truth: DepthTruth, options: StereoOptions) -> list[dict[str, float]]:
     """Rock, pixels, and performance of every rock of which enough is seen: the share of its pixels within `bad_mm`."""
-    asked = _asked(truth, options) & (truth.rock != NO_ROCK)
-    rocks, number = np.unique(truth.rock[asked], return_inverse=True)
-    right = np.abs(depth - truth.depth)[asked] <= options.bad_mm / 1000
+    evaluated = _evaluated(truth, options) & (truth.rock != NO_ROCK)
+    rocks, number = np.unique(truth.rock[evaluated], return_inverse=True)
+    right = np.abs(depth - truth.depth)[evaluated] <= options.bad_mm / 1000
     pixels = np.bincount(number, minlength=len(rocks))
     share = np.bincount(number, right, minlength=len(rocks)) / np.maximum(pixels, 1)
     return [
@@ -49,6 +49,6 @@ def rock_performance(depth: np.ndarray, truth: DepthTruth, options: StereoOption
     ]
 
 
-def _asked(truth: DepthTruth, options: StereoOptions) -> np.ndarray:
+def _evaluated(truth: DepthTruth, options: StereoOptions) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         return truth.shared & (truth.depth >= options.nearest_m) & (truth.depth <= options.farthest_m)

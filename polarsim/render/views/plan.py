@@ -85,14 +85,16 @@ def _lunar(section: LunarSuns) -> Iterator[PlannedLamp]:
     sandbox_from_local = _rotation(section.north_deg - 90)  # local: x east, y north, z up
     for number in range(section.number):
         moment = section.start_utc + timedelta(hours=number * section.every_h)
-        told = moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+        moment_text = moment.strftime("%Y-%m-%dT%H:%M:%SZ")
         compass, elevation = sun_over(*site, moment)
         if elevation < -SUN_RADIUS_DEG:
-            log.warning("%s, %s: left out, the Sun is %.1f deg below the horizon", section.name, told, -elevation)
+            log.warning(
+                "%s, %s: left out, the Sun is %.1f deg below the horizon", section.name, moment_text, -elevation
+            )
             continue
         azimuth = (section.north_deg - compass) % 360
         sky = sandbox_from_local @ local_from_celestial(*site, moment)
-        yield Lamp.sun(azimuth, elevation, section.intensity), azimuth, elevation, told, sky
+        yield Lamp.sun(azimuth, elevation, section.intensity), azimuth, elevation, moment_text, sky
 
 
 def _rotation(angle_deg: float) -> np.ndarray:

@@ -145,7 +145,7 @@ def draw_opposition(
         write_json(text, {"shown": False, "text": facts})
         return
     cell = width // len(domains)
-    told = []
+    texts = []
     with page(figure, width, 2 * (cell + _ROW_PX)) as sheet:
         grid = sheet.subplots(2, len(domains), squeeze=False)
         for axes, spot in zip(grid, spots, strict=True):
@@ -154,8 +154,8 @@ def draw_opposition(
             key = min(crops_of, key=lambda key: (_off_grey(crops_of[key]), key))
             crops = crops_of[key]
             _draw_row(axes, crops, domains, spot, key)
-            told.append(_words(crops, domains, spot, key))
-    write_json(text, {"shown": True, "text": " ".join(told).removesuffix(".")})
+            texts.append(_words(crops, domains, spot, key))
+    write_json(text, {"shown": True, "text": " ".join(texts).removesuffix(".")})
 
 
 def _refused(spots: tuple[Spot, Spot] | None) -> str:
@@ -225,8 +225,8 @@ def _words(crops: list[np.ndarray], domains: Sequence[str], spot: Spot, key: Pho
     unclear = [domain for domain, signal in {domains[0]: photo, **signals}.items() if not _is_clear(signal)]
     if unclear:
         return f"{start} the median of {_listed(map(paper.title, unclear))} is clipped or black: no comparison."
-    told = _listed(f"{signal / photo:.2f} ({paper.title(domain)})" for domain, signal in signals.items())
-    return f"{start} the crop's median over that of {paper.title(domains[0])} is {told}."
+    ratios = _listed(f"{signal / photo:.2f} ({paper.title(domain)})" for domain, signal in signals.items())
+    return f"{start} the crop's median over that of {paper.title(domains[0])} is {ratios}."
 
 
 def _listed(text: Iterable[str]) -> str:

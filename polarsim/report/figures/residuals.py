@@ -66,11 +66,11 @@ def draw_residuals(
             _draw_position(axes, f"Terrain {terrain:02d}, {position}", rig, outlines, boxes, backgrounds.get(position))
         looks = ({"color": DRAWN}, {"color": PROJECTED, "linestyle": "--"}, {"color": ARROW})
         lines = [legend_line(linewidth=2.5, **look) for look in looks]
-        told = (
+        labels = (
             "boxes that people agree on", "boxes of projected meshes",
             f"from those to these, drawn {LENGTHENED} times as long",
         )  # fmt: skip
-        sheet.legend(lines, told, loc="outside lower center", ncols=3)
+        sheet.legend(lines, labels, loc="outside lower center", ncols=3)
 
 
 def _backgrounds(seeds: Path, photos: Path, inventory: Path, twins: Path | None) -> dict[str, Path | None]:

@@ -60,8 +60,8 @@ def draw_strip(
             draw_labels(below, own, PANEL_WIDTH, _MARKS),
         )
         if found is not None and str(key) in set(found["key"]):
-            told = f"What the detector trained on {paper.title(trained)} finds, confidence from {CONFIDENCE:g}"
-            panels["detections"] = (told, _with_finds(below, found[found["key"] == str(key)]))
+            label = f"What the detector trained on {paper.title(trained)} finds, confidence from {CONFIDENCE:g}"
+            panels["detections"] = (label, _with_finds(below, found[found["key"] == str(key)]))
     with writing_folder(strip) as folder:
         for name, (_, image) in panels.items():
             png.write(folder / f"{name}.png", image)

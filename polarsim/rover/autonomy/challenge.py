@@ -31,19 +31,19 @@ def points(
     rock: np.ndarray,
     true_height: np.ndarray,
     true_rock: np.ndarray,
-    asked: np.ndarray,
+    counted: np.ndarray,
     seconds: float,
 ) -> Points:
-    """Of a map (rows, columns): heights, m, NaN where unknown, and rock flags; `asked`: the cells that count.
+    """Of a map (rows, columns): heights, m, NaN where unknown, and rock flags; `counted`: the cells that count.
 
     An unknown height is wrong, an unknown rock is none; a cell is mapped where its height is known.
     """
     near = np.abs(np.where(np.isfinite(height), height, np.inf) - true_height) < HEIGHT_M
-    right = int((rock & true_rock & asked).sum())
-    wrong = int(((rock != true_rock) & asked).sum())
-    rate = float((np.isfinite(height) & asked).sum()) / seconds if seconds else 0.0
+    right = int((rock & true_rock & counted).sum())
+    wrong = int(((rock != true_rock) & counted).sum())
+    rate = float((np.isfinite(height) & counted).sum()) / seconds if seconds else 0.0
     return Points(
-        GEOMETRY * float(near[asked].mean()) if asked.any() else 0.0,
-        ROCKS * 2 * right / (2 * right + wrong) if (true_rock & asked).any() else float("nan"),
+        GEOMETRY * float(near[counted].mean()) if counted.any() else 0.0,
+        ROCKS * 2 * right / (2 * right + wrong) if (true_rock & counted).any() else float("nan"),
         PRODUCTIVITY * min(rate / FULL_RATE_1_S, 1.0),
     )

@@ -29,13 +29,13 @@ _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # depths of odometry
 
 def figures(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions, onboard: OnboardOptions) -> pd.DataFrame:
     """Rows of metric, unit and value of a drive."""
-    told, table = outcome.trace.drive, outcome.trace.table
+    drive, table = outcome.trace.drive, outcome.trace.table
     rocks = touches(outcome.trace, vehicle)
     hit = rocks[rocks["gap_m"] <= TOUCH_M]
     high = rocks[rocks["height_m"] > HIGH_M]
     rows: list[tuple[str, str, float]] = [
-        ("success", "", float(told["ended"] == "finished" and not (hit["height_m"] > HIGH_M).any())),
-        ("goal reached", "", float(told["ended"] == "finished")),
+        ("success", "", float(drive["ended"] == "finished" and not (hit["height_m"] > HIGH_M).any())),
+        ("goal reached", "", float(drive["ended"] == "finished")),
         ("collisions", "", float((hit["height_m"] > HIGH_M).sum())),
     ]
     for low, top in CLASSES_M:
@@ -46,10 +46,10 @@ def figures(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions, onboar
     way = table[["x_m", "y_m"]].to_numpy()
     rows += [
         ("closest pass of a rock above 10 cm", "m", float(high["gap_m"].min()) if len(high) else math.nan),
-        ("time", "s", float(told["seconds"])),
+        ("time", "s", float(drive["seconds"])),
         ("path", "m", float(np.hypot(*np.diff(way, axis=0).T).sum())),
-        ("energy", "J", float(told["energy_j"]["motor"])),
-        ("CPU for a second driven", "s", outcome.cpu_s / max(float(told["seconds"]), 1e-9)),
+        ("energy", "J", float(drive["energy_j"]["motor"])),
+        ("CPU for a second driven", "s", outcome.cpu_s / max(float(drive["seconds"]), 1e-9)),
     ]
     if outcome.pilot is not None:
         rows += _of_pilot(outcome, vehicle, options, onboard)
@@ -98,10 +98,10 @@ def points_of(
     ground, start = world.height_at(x, y), line[0]
     length = float(np.hypot(*(line[-1] - start)))
     along, aside = _beside(x, y, start, (line[-1] - start) / length)
-    asked = (along > _BLIND_M) & (along < length) & (np.abs(aside) < _CORRIDOR_M)
-    told = np.where(np.isfinite(grid.ground), grid.ground, np.where(grid.seen, ground, np.nan))
-    told = told + np.where(grid.rock, grid.height, 0.0)
-    return challenge.points(told, grid.rock, ground + true_height, true_rock, asked, seconds)
+    counted = (along > _BLIND_M) & (along < length) & (np.abs(aside) < _CORRIDOR_M)
+    heights = np.where(np.isfinite(grid.ground), grid.ground, np.where(grid.seen, ground, np.nan))
+    heights = heights + np.where(grid.rock, grid.height, 0.0)
+    return challenge.points(heights, grid.rock, ground + true_height, true_rock, counted, seconds)
 
 
 def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> int:

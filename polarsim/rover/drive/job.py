@@ -44,7 +44,7 @@ class Job:
 
     def digest(self) -> str:
         """Of everything here: a saved state of another drive is not gone on with."""
-        told = json.dumps(
+        content = json.dumps(
             [
                 *(part.model_dump(mode="json") for part in (self.vehicle, self.drive, self.physics, self.rocks)),
                 vars(self.soil),
@@ -52,7 +52,7 @@ class Job:
             ],
             sort_keys=True,
         )
-        found = hashlib.sha256(told.encode())
+        found = hashlib.sha256(content.encode())
         for array in (self.world.level, self.world.vertices, self.world.triangles):
             found.update(np.ascontiguousarray(array).tobytes())
         return found.hexdigest()

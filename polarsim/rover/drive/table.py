@@ -40,8 +40,8 @@ def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> Non
 def figures_of(trace: Trace) -> pd.DataFrame:
     """The metrics of one drive's rover, wheels together, `EVERY_DRIVE.columns`."""
     metrics = drive_figures(trace)
-    told = trace.drive
-    own = {"seed": int(told["seed"]), "control": told["options"]["drive"]["control"], "ended": told["ended"]}
+    header = trace.drive
+    own = {"seed": int(header["seed"]), "control": header["options"]["drive"]["control"], "ended": header["ended"]}
     return metrics[metrics["wheel"] == WHOLE].assign(**own)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
 
 

@@ -81,8 +81,8 @@ def _make(
     paths = [pictures / f"{frame:05d}.png" for frame in frames]
     require_pictures(paths)
     note = video.with_suffix(".txt")
-    told = "" if boxes is None else boxes.to_csv()
-    identity = digest(paths, code_digest(__name__), str(rate), told, str(confidence))
+    content = "" if boxes is None else boxes.to_csv()
+    identity = digest(paths, code_digest(__name__), str(rate), content, str(confidence))
     if video.is_file() and note.is_file() and note.read_text(encoding="utf-8") == identity:
         return 0
     write_video(video, _shown(paths, frames, boxes, confidence), rate)
@@ -160,8 +160,8 @@ def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
         colour = _COLOURS.get(str(row["kind"]), _BLUE)
         x0, y0, x1, y1 = (round(float(row[corner])) for corner in BOX)
         cv2.rectangle(picture, (x0, y0), (x1, y1), colour, width)
-        told = f"{row['confidence']:.2f}"
-        cv2.putText(picture, told, (x0, max(y0 - 2 * width, 8)), cv2.FONT_HERSHEY_SIMPLEX, 0.25 * width, colour, 1)
+        content = f"{row['confidence']:.2f}"
+        cv2.putText(picture, content, (x0, max(y0 - 2 * width, 8)), cv2.FONT_HERSHEY_SIMPLEX, 0.25 * width, colour, 1)
     return picture
 
 
