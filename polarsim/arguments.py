@@ -76,13 +76,13 @@ def refuse_existing_folder(path: Path) -> None:
 
 def _refuse_unwritable(folder: Path) -> None:
     """End where a folder is a file, lies below one, or may not be written."""
-    for place in (folder, *folder.parents):
-        if _is_dir(place):
-            if not os.access(place, os.W_OK | os.X_OK):
-                raise typer.BadParameter(f"{place} may not be written")
+    for level in (folder, *folder.parents):
+        if _is_dir(level):
+            if not os.access(level, os.W_OK | os.X_OK):
+                raise typer.BadParameter(f"{level} may not be written")
             return
-        if place.exists():
-            raise typer.BadParameter(f"{place} is a file, expected a folder")
+        if level.exists():
+            raise typer.BadParameter(f"{level} is a file, expected a folder")
 
 
 def _is_dir(path: Path) -> bool:

@@ -325,8 +325,8 @@ def export(
     from polarsim.annotate.export import export as write
     from polarsim.annotate.export import opening
 
-    place = run_folder(results, run)
-    count = write(folder=folder, run=place, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
+    found = run_folder(results, run)
+    count = write(folder=folder, run=found, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
     typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool)}")
 
 

@@ -158,8 +158,8 @@ def _yolo(source: Path) -> Found:
     found = sorted(path for path in source.rglob("*.txt") if _is_key(path.stem))
     stated = _names_in_yaml(source)
     for path in found:
-        lists = [place for place in (path.parent, *path.parents) if (place / yolo.CLASS_FILE).is_file()]
-        inside = [place for place in lists if place == source or source in place.parents]
+        lists = [above for above in (path.parent, *path.parents) if (above / yolo.CLASS_FILE).is_file()]
+        inside = [above for above in lists if above == source or source in above.parents]
         names = dict(enumerate(yolo.class_names(inside[0]))) if inside else stated or dict(enumerate(BOX_CLASSES))
         classes, boxes = yolo.read_boxes_of_any(path)
         for number in classes:

@@ -333,9 +333,9 @@ def _made_on(run: Path, pictures: tuple[Picture, ...]) -> str:
 
 
 def shadow_casters(labels: list[Annotation]) -> list[int]:
-    """Of each label the place of the rock that throws it in the list; -1 of rocks, and where that rock is not seen."""
+    """The index in the list of the rock that casts each label; -1 of rocks, and where that rock is not seen."""
     first: dict[int, int] = {}
-    for place, one in enumerate(labels):
+    for index, one in enumerate(labels):
         if one.kind == "rock" and one.rock != NO_ROCK:
-            first.setdefault(one.rock, place)
+            first.setdefault(one.rock, index)
     return [first.get(one.rock, -1) if one.kind == "shadow" and one.rock != NO_ROCK else -1 for one in labels]

@@ -50,8 +50,8 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
             if left.key.station not in rigs:
                 own = catalogue.terrains[left.key.terrain].rigs[left.key.position].rig
                 rigs = {left.key.station: rectify(own, left.width / own.left.width)}
-            place = (f"{domain}/training", name)
-            _write_pair(catalogue, bundle, place, (left, right), rigs[left.key.station])
+            target = (f"{domain}/training", name)
+            _write_pair(catalogue, bundle, target, (left, right), rigs[left.key.station])
             if meshes := list(catalogue.terrains[left.key.terrain].meshes.values()):
                 for kind in DISPARITIES:
                     file = f"{domain}/training/{kind}/{name}.png"
@@ -95,9 +95,9 @@ def _pairs(catalogue: Catalogue, domain: str) -> list[tuple[Picture, Picture]]:
 
 
 def _write_pair(
-    catalogue: Catalogue, bundle: Bundle, place: tuple[str, str], pair: tuple[Picture, Picture], rig: Rectification
+    catalogue: Catalogue, bundle: Bundle, target: tuple[str, str], pair: tuple[Picture, Picture], rig: Rectification
 ) -> None:
-    (folder, name), (left, right) = place, pair
+    (folder, name), (left, right) = target, pair
     localised, sources = catalogue.terrains[left.key.terrain].rigs[left.key.position], catalogue.sources(left)
     for side, one, maps in (("image_2", left, rig.left_maps), ("image_3", right, rig.right_maps)):
         bundle.png(f"{folder}/{side}/{name}.png", partial(_turned, one, maps), [*sources, one.path])
