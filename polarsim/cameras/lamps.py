@@ -81,7 +81,7 @@ def _across(position: np.ndarray) -> np.ndarray:
 def _responses(lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window) -> tuple[np.ndarray, np.ndarray]:
     """How far windows lie off in the photo, (n, 2), and how they move with the lamp, (n, 2, 2) a metre: whitened."""
     here = shot.seen.under(lamp)
-    usable = shot.seen.met & _on_shadow_edges(here, window)
+    usable = shot.seen.hit & _on_shadow_edges(here, window)
     in_photo = find(here, shot.photo, usable, window)
     nudged = [_moves(find(here, _as_photo(shot.seen.under(lamp + nudge)), usable, window)) for nudge in _NUDGE * across]
     pixels = [tuple(pixel) for pixel in in_photo.pixel.tolist()]

@@ -147,7 +147,7 @@ def _sightings(
     seen = look(surface, rig.camera(camera).scaled(scale))
     points, pixels, whitening = [], [], []
     for azimuth, photo in photos.items():
-        found = find(seen.under(suns[azimuth]), photo, seen.met, WINDOW)
+        found = find(seen.under(suns[azimuth]), photo, seen.hit, WINDOW)
         column, row = found.pixel.astype(int).T
         points.append(seen.points[row, column].astype(float))
         pixels.append(found.seen / scale)

@@ -33,7 +33,7 @@ class Seen:
     normal: np.ndarray  # (n, 3) float32, to the side that is seen
 
     @property
-    def met(self) -> np.ndarray:
+    def hit(self) -> np.ndarray:
         """(h, w) bool: pixels whose rays meet a surface."""
         return np.isfinite(self.points[..., 0])
 
@@ -45,7 +45,7 @@ class Seen:
         lit = np.flatnonzero(light > 0)
         lit = lit[~self.surface.rays.occluded(self.point[lit], to_lamp[lit], 1.0)]
         image = np.zeros(self.points.shape[:2], np.float32)
-        image.ravel()[np.flatnonzero(self.met)[lit]] = light[lit]
+        image.ravel()[np.flatnonzero(self.hit)[lit]] = light[lit]
         return image
 
 
@@ -58,9 +58,9 @@ def look(surface: Surface, camera: Camera) -> Seen:
     pixels = camera.pixel_directions().astype(np.float32)
     directions = pixels.reshape(-1, 3)
     distance, face = surface.rays.nearest(np.broadcast_to(camera.centre, directions.shape), directions)
-    met = np.flatnonzero(np.isfinite(distance))
+    hit = np.flatnonzero(np.isfinite(distance))
     points = np.full(directions.shape, np.nan, np.float32)
-    points[met] = camera.centre + distance[met, None] * directions[met]
-    normal = surface.normals[face[met]]
-    normal = normal * -np.sign(np.einsum("nk,nk->n", normal, directions[met]))[:, None]
-    return Seen(surface, points.reshape(pixels.shape), points[met], normal)
+    points[hit] = camera.centre + distance[hit, None] * directions[hit]
+    normal = surface.normals[face[hit]]
+    normal = normal * -np.sign(np.einsum("nk,nk->n", normal, directions[hit]))[:, None]
+    return Seen(surface, points.reshape(pixels.shape), points[hit], normal)

@@ -71,7 +71,7 @@ def intersect(  # type: ignore[no-untyped-def]
     """
     rays, integers, valid = _packet()
     arguments = COHERENT.copy()
-    met = 0
+    stored = 0
     for first in range(0, len(origins), SIZE):
         count = _fill(rays, integers, valid, origins, directions, first, mask)
         rays[FAR, :] = np.inf
@@ -81,14 +81,14 @@ def intersect(  # type: ignore[no-untyped-def]
         for k in range(count):
             if integers[SHAPE, k] == NOTHING:
                 continue
-            number[met], distance[met] = first + k, rays[FAR, k]
+            number[stored], distance[stored] = first + k, rays[FAR, k]
             part = integers[INSTANCE, k] if integers[INSTANCE, k] != NOTHING else integers[SHAPE, k]
-            face[met] = first_face[part] + integers[FACE, k]
-            weights[met, 0], weights[met, 1] = rays[WEIGHTS, k], rays[WEIGHTS + 1, k]
+            face[stored] = first_face[part] + integers[FACE, k]
+            weights[stored, 0], weights[stored, 1] = rays[WEIGHTS, k], rays[WEIGHTS + 1, k]
             for axis in range(3):
-                normal[met, axis] = rays[NORMAL + axis, k]
-            met += 1
-    return met
+                normal[stored, axis] = rays[NORMAL + axis, k]
+            stored += 1
+    return stored
 
 
 @njit(f"void(intp, uint32, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", nogil=True)

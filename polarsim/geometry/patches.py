@@ -135,8 +135,8 @@ def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> Bot
     lens = rig.left
     directions = sandbox_from_left.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
     distance, _ = rays.nearest(np.broadcast_to(sandbox_from_left.translation, directions.shape), directions)
-    met = np.flatnonzero(np.isfinite(distance))
-    points = sandbox_from_left.translation + distance[met, None] * directions[met]
+    hit = np.flatnonzero(np.isfinite(distance))
+    points = sandbox_from_left.translation + distance[hit, None] * directions[hit]
     eye = (sandbox_from_left @ rig.left_from_right).translation
     points_left = sandbox_from_left.inverse().apply(points)
     pixels = rig.right.project(rig.left_from_right.inverse().apply(points_left))
@@ -145,7 +145,7 @@ def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> Bot
     shown = shown[~rays.occluded(np.broadcast_to(eye, (len(shown), 3)), points[shown] - eye, NEARER)]
     all_points = np.full((lens.height * lens.width, 3), np.nan)
     in_right = np.full((lens.height * lens.width, 2), np.nan, np.float32)
-    all_points[met], in_right[met[shown]] = points_left, pixels[shown]
+    all_points[hit], in_right[hit[shown]] = points_left, pixels[shown]
     return BothSeen(all_points.reshape(*lens.shape, 3), in_right.reshape(*lens.shape, 2))
 
 

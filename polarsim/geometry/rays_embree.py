@@ -38,10 +38,10 @@ class EmbreeCaster:
         self._scene: Castable | None = Scene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        met = self.intersect(origins, directions)
+        hits = self.intersect(origins, directions)
         distance = np.full(len(origins), np.inf)
         face = np.full(len(origins), NO_FACE, np.int64)
-        distance[met.ray], face[met.ray] = met.distance, met.face
+        distance[hits.ray], face[hits.ray] = hits.distance, hits.face
         return distance, face
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
@@ -53,10 +53,12 @@ class EmbreeCaster:
             distance = np.empty(count, np.float32)
             weights, normal = np.empty((count, 2), np.float32), np.empty((count, 3), np.float32)
             lines = _float32(origins[part]), _float32(directions[part])
-            met = embree_kernels.intersect(
+            stored = embree_kernels.intersect(
                 scene, self._first_face, self._mask, *lines, rays, distance, faces, weights, normal
             )
-            return RayHits(rays[:met] + part.start, distance[:met], faces[:met], weights[:met], normal[:met])
+            return RayHits(
+                rays[:stored] + part.start, distance[:stored], faces[:stored], weights[:stored], normal[:stored]
+            )
 
         parts = self._in_strips(cast, len(origins)) or [_no_hits()]
         return RayHits(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(RayHits)))

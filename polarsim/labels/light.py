@@ -26,7 +26,7 @@ KEPT = 2  # views in memory: 5 MB for each of their lamps
 class Seen:
     """What the pixels of a view that meet the terrain show: (h, w) bool; points and unit normals (n, 3)."""
 
-    met: np.ndarray
+    hit: np.ndarray
     points: np.ndarray
     normals: np.ndarray
 
@@ -50,7 +50,7 @@ class OlatLight:
         olat_images = [self._olat_image(position, camera, azimuth)] if azimuth != "no" else []
         if light == "on":
             olat_images.append(ROVER_LIGHT_SHARE * self._olat_image(position, camera, "no"))
-        rate = sum(olat_images, np.zeros(self._seen(position, camera).met.shape, np.float32))
+        rate = sum(olat_images, np.zeros(self._seen(position, camera).hit.shape, np.float32))
         return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
 
     def _look(self, position: str, camera: CameraSide) -> Seen:
@@ -58,11 +58,11 @@ class OlatLight:
         width, height = view.size
         columns, rows = (np.arange(STEP_PX / 2, length, STEP_PX) for length in (width, height))
         seen = sightlines(world, view, rows, columns)
-        met, directions = seen.met, seen.directions[seen.met]
-        normals = self._normals[seen.face[met]]
+        hit, directions = seen.hit, seen.directions[seen.hit]
+        normals = self._normals[seen.face[hit]]
         away = (normals * directions).sum(axis=1) > 0
-        points = view.centre + seen.distance[met, None] * directions
-        return Seen(met.reshape(len(rows), len(columns)), points, np.where(away[:, None], -normals, normals))
+        points = view.centre + seen.distance[hit, None] * directions
+        return Seen(hit.reshape(len(rows), len(columns)), points, np.where(away[:, None], -normals, normals))
 
     def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
         """(h, w) float32 grey values a millisecond under a Sun lamp, or under a rover light as strong as one."""
@@ -76,8 +76,8 @@ class OlatLight:
             lit = lit[~world.walls.occluded(seen.points[lit], to_lamp[lit], 1.0)]
         light = STRAY / 2 * (1 + seen.normals[:, 2])
         light[lit] += cosine[lit]
-        olat_image = np.zeros(seen.met.shape, np.float32)
-        olat_image[seen.met] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
+        olat_image = np.zeros(seen.hit.shape, np.float32)
+        olat_image[seen.hit] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
         return olat_image
 
     @cached_property

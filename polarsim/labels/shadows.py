@@ -56,7 +56,7 @@ class Sightlines:
     wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf where it hides none
 
     @property
-    def met(self) -> np.ndarray:
+    def hit(self) -> np.ndarray:
         """(n,) bool: ground or rock is seen."""
         return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
 
@@ -70,8 +70,8 @@ def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray
     distance, face = world.everything.nearer(ground, ground_face, origins, directions)
     wall = np.full(len(directions), np.inf)
     if world.walls is not None:
-        met = np.flatnonzero(np.isfinite(distance))
-        wall[met] = world.walls.nearest(origins[met], directions[met])[0]
+        hit = np.flatnonzero(np.isfinite(distance))
+        wall[hit] = world.walls.nearest(origins[hit], directions[hit])[0]
     return Sightlines(directions, distance, face, ground, wall)
 
 
@@ -90,7 +90,7 @@ class Ids:
     def __init__(self, world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> None:
         seen = sightlines(world, view, rows, columns)
         self.shape = (len(rows), len(columns))
-        self.hit = seen.met.reshape(self.shape)
+        self.hit = seen.hit.reshape(self.shape)
         self.rock = np.where(self.hit, world.rock_of_face[seen.face].reshape(self.shape), NO_ROCK)
         on_ground = np.isfinite(seen.ground) & (seen.ground < seen.wall)
         self.ground = on_ground.reshape(self.shape)

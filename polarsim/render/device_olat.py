@@ -166,10 +166,10 @@ def _see(
     """
     for n in slot:
         along = rotation @ directions[n]
-        met = walk(boxes, children, corners, origin, along, 0.0, FAR, 0)
-        slot[n] = met.slot
-        if met.slot >= 0:
-            s, w = met.slot, ti.math.vec3(1 - met.weights.sum(), met.weights)
+        first = walk(boxes, children, corners, origin, along, 0.0, FAR, 0)
+        slot[n] = first.slot
+        if first.slot >= 0:
+            s, w = first.slot, ti.math.vec3(1 - first.weights.sum(), first.weights)
             back = _unit(-along)
             flat = _unit((corners[s, 1] - corners[s, 0]).cross(corners[s, 2] - corners[s, 0]))
             side = 1.0
@@ -181,7 +181,7 @@ def _see(
                 smooth = _unit(smooth) * side
             if smooth.dot(back) < LEAST_SLOPE:  # or they cancel out
                 smooth = flat
-            weights[n], point[n], to_viewer[n] = met.weights, origin + met.distance * along, back
+            weights[n], point[n], to_viewer[n] = first.weights, origin + first.distance * along, back
             normal[n], plane[n] = smooth, flat
             upward[n] += share * (1 + smooth[2]) / 2
             seen[n] += share

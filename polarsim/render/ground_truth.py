@@ -171,9 +171,9 @@ def hidden_parts(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict[in
     row, column = np.divmod(pixels, camera.lens.width)
     directions = camera.directions(np.stack([column, row], axis=1) + HALF_PIXEL)
     hidden: dict[int, list[np.ndarray]] = {rock: [] for rock in windows}
-    for rays, met in _rocks_along(surfaces, camera.centre, directions):
-        for rock in np.intersect1d(met, list(windows)):
-            behind = pixels[rays[met == rock]]
+    for rays, rock_of_ray in _rocks_along(surfaces, camera.centre, directions):
+        for rock in np.intersect1d(rock_of_ray, list(windows)):
+            behind = pixels[rays[rock_of_ray == rock]]
             hidden[rock].append(behind[ids.reshape(-1)[behind] != ROCK_IDS + rock])
     return {
         rock: np.unique(np.concatenate(parts)) if parts else np.zeros(0, np.int64) for rock, parts in hidden.items()

@@ -67,27 +67,27 @@ def intersect(
 
     Origins are (3,), the same for all, or (n, 3).
     """
-    met = surfaces.all.intersect(np.broadcast_to(origins, directions.shape), directions)
-    directions = directions.take(met.ray, axis=0)
+    hits = surfaces.all.intersect(np.broadcast_to(origins, directions.shape), directions)
+    directions = directions.take(hits.ray, axis=0)
     if origins.ndim > 1:
-        origins = origins.take(met.ray, axis=0)
-    point = moved(origins, directions, met.distance).astype(np.float32)
+        origins = origins.take(hits.ray, axis=0)
+    point = moved(origins, directions, hits.distance).astype(np.float32)
     to_viewer = unit(-directions.astype(np.float32))
-    plane = unit(met.normal.astype(np.float32))
+    plane = unit(hits.normal.astype(np.float32))
     behind = dot(plane, to_viewer) < 0  # open meshes may be seen from inside
     side = np.where(behind, np.float32(-1), np.float32(1))
     normal = plane = scaled(plane, side)
     if smooth:
-        normal = scaled(_smooth_normals(surfaces, met), side)
+        normal = scaled(_smooth_normals(surfaces, hits), side)
         away = np.flatnonzero(dot(normal, to_viewer) < LEAST_SLOPE)
         normal[away] = plane[away]
-    return Hits(rows, met.ray, met.face, point, to_viewer, normal, plane, met.weights)
+    return Hits(rows, hits.ray, hits.face, point, to_viewer, normal, plane, hits.weights)
 
 
-def _smooth_normals(surfaces: Surfaces, met: RayHits) -> np.ndarray:
+def _smooth_normals(surfaces: Surfaces, hits: RayHits) -> np.ndarray:
     """(m, 3) unit normals between those of the corners; zero where these cancel out."""
-    corners = surfaces.corner_normals.take(met.face, axis=0)  # (m, 3, 3)
-    second, third = (met.weights[:, number].astype(np.float32) for number in range(2))
+    corners = surfaces.corner_normals.take(hits.face, axis=0)  # (m, 3, 3)
+    second, third = (hits.weights[:, number].astype(np.float32) for number in range(2))
     first = 1 - second - third
     normal = np.empty((len(first), 3), np.float32)
     for axis in range(3):

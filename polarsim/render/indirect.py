@@ -97,15 +97,15 @@ class Paths:
         for number in range(self._options.bounces):
             point, plane = start.point.take(going, axis=0), start.plane.take(going, axis=0)
             origins = point + np.float32(START_OFFSET) * plane
-            met = intersect(self._surfaces, start.rows, origins, direction.take(going, axis=0))
+            next_hits = intersect(self._surfaces, start.rows, origins, direction.take(going, axis=0))
             if self._options.ambient:
-                lost = np.delete(np.arange(len(path)), met.pixel)
+                lost = np.delete(np.arange(len(path)), next_hits.pixel)
                 radiance[:, :, path[lost]] += carried[:, None, lost] * self._ambient
-            path, carried = path[met.pixel], carried[:, met.pixel]
+            path, carried = path[next_hits.pixel], carried[:, next_hits.pixel]
             if not number and not self._options.ambient:
                 lit = path
-            self._add_lamps(radiance, met, path, carried)
-            start = met
+            self._add_lamps(radiance, next_hits, path, carried)
+            start = next_hits
             if number + 1 < self._options.bounces:
                 direction, weight = scattered(start, rng.random((len(path), 2), np.float32))
                 going = np.flatnonzero(weight)
@@ -118,10 +118,10 @@ class Paths:
             radiance[:, :, path] += (carried * albedo)[:, None] * self._ambient
         return lit, radiance[:, :, lit]
 
-    def _add_lamps(self, radiance: np.ndarray, met: Hits, path: np.ndarray, carried: np.ndarray) -> None:
+    def _add_lamps(self, radiance: np.ndarray, hits: Hits, path: np.ndarray, carried: np.ndarray) -> None:
         for number, lamp in enumerate(self._lamps):
-            lit, to_lamp, irradiance = lighting(self._surfaces, met, lamp, falloff=self._options.falloff)
-            radiance[:, number, path[lit]] += carried[:, lit] * irradiance * self._scattered(met, lit, to_lamp)
+            lit, to_lamp, irradiance = lighting(self._surfaces, hits, lamp, falloff=self._options.falloff)
+            radiance[:, number, path[lit]] += carried[:, lit] * irradiance * self._scattered(hits, lit, to_lamp)
 
     def _scattered(self, hits: Hits, chosen: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
         """(models, m) f_r of chosen hits (m,) for light from unit vectors (m, 3)."""

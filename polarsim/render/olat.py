@@ -210,10 +210,10 @@ def identify(
     `lit`: by lamp, bool for every pixel of the strip: its samples are all lit, and so is what lies between them.
     `shares`: by lamp, how much of its disc the hits see, where that is known.
     """
-    met = surfaces.id_of_face.take(hits.face)
+    surface_ids = surfaces.id_of_face.take(hits.face)
     for name, picture in pictures.items():
         if name == NO_LAMP:
-            picture[hits.pixel] = met
+            picture[hits.pixel] = surface_ids
             continue
         if not lamps[name].radius_m:
             dark = ~lit[name].take(hits.pixel)
@@ -222,7 +222,7 @@ def identify(
         else:
             flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
             dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < options.shadow_below
-        picture[hits.pixel] = ground_shadows(surfaces, hits, met, lamps[name], dark, options.lamp_samples)
+        picture[hits.pixel] = ground_shadows(surfaces, hits, surface_ids, lamps[name], dark, options.lamp_samples)
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:

@@ -127,7 +127,7 @@ def _first(rays: Caster, id_of_face: np.ndarray, point: np.ndarray, towards: np.
     far = length(towards)
     along = scaled(towards, 1 / far)
     distance, face = rays.nearest(moved(point, along, np.float32(START_OFFSET)), along)
-    met = distance < far
+    hit = distance < far
     first = np.full(len(point), NOBODY, np.int32)
-    first[met] = id_of_face[face[met]]
+    first[hit] = id_of_face[face[hit]]
     return first

@@ -34,8 +34,8 @@ def test_the_sand_that_is_seen_is_that_which_rays_meet(x, height, pitch):
     points = level_sand(camera, chosen)
     surfaces = level(2.0, chosen)
     hits = cast_strip(surfaces, camera, slice(0, 38), smooth=False)
-    met = hits.point[surfaces.id_of_face.take(hits.face) == 1][:, :2]
-    assert len(points) == pytest.approx(len(met), rel=0.06)  # the wall's thickness hides a little more
+    hit = hits.point[surfaces.id_of_face.take(hits.face) == 1][:, :2]
+    assert len(points) == pytest.approx(len(hit), rel=0.06)  # the wall's thickness hides a little more
     assert np.abs(points).max() <= 2.0
 
 

@@ -63,23 +63,23 @@ def test_the_nearer_of_two_triangles_wins(engine):
 def test_a_meeting_tells_the_point_on_the_triangle(rng, engine):
     vertices, faces, origins, directions = random_scene(rng)
     cast = caster(vertices, faces, engine=engine)
-    met = cast.intersect(origins, directions)
+    hit = cast.intersect(origins, directions)
     distance, face = cast.nearest(origins, directions)
-    np.testing.assert_array_equal(met.ray, np.flatnonzero(face >= 0))
-    np.testing.assert_array_equal(met.face, face[met.ray])
-    corners = vertices[faces[met.face]]
-    first = 1 - met.weights.sum(axis=1)
-    position = np.einsum("nk,nkx->nx", np.column_stack([first, met.weights]), corners)
-    np.testing.assert_allclose(position, origins[met.ray] + distance[met.ray, None] * directions[met.ray], atol=1e-4)
+    np.testing.assert_array_equal(hit.ray, np.flatnonzero(face >= 0))
+    np.testing.assert_array_equal(hit.face, face[hit.ray])
+    corners = vertices[faces[hit.face]]
+    first = 1 - hit.weights.sum(axis=1)
+    position = np.einsum("nk,nkx->nx", np.column_stack([first, hit.weights]), corners)
+    np.testing.assert_allclose(position, origins[hit.ray] + distance[hit.ray, None] * directions[hit.ray], atol=1e-4)
     exact = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    np.testing.assert_allclose(met.normal, exact, atol=1e-4)
+    np.testing.assert_allclose(hit.normal, exact, atol=1e-4)
 
 
 @engines
 def test_no_triangle_is_met_by_nothing(engine):
-    met = caster(np.zeros((0, 3)), np.zeros((0, 3), int), engine=engine).intersect(np.zeros((2, 3)), np.ones((2, 3)))
-    assert len(met.ray) == len(met.face) == 0
-    assert met.weights.shape == (0, 2)
+    hit = caster(np.zeros((0, 3)), np.zeros((0, 3), int), engine=engine).intersect(np.zeros((2, 3)), np.ones((2, 3)))
+    assert len(hit.ray) == len(hit.face) == 0
+    assert hit.weights.shape == (0, 2)
 
 
 @engines

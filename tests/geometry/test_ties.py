@@ -37,10 +37,10 @@ def ground():
     def photo(lens, pose):
         directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3)
         distance, _ = rays.nearest(np.broadcast_to(pose.translation, directions.shape), directions)
-        met = np.isfinite(distance)
-        position = (pose.translation + distance[met, None] * directions[met])[:, :2]
+        hit = np.isfinite(distance)
+        position = (pose.translation + distance[hit, None] * directions[hit])[:, :2]
         grey = np.zeros(len(directions))
-        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((position[:, ::-1] + 2) / 4 * 1199).T, order=1)
+        grey[hit] = 1000 + 15000 * map_coordinates(pattern, ((position[:, ::-1] + 2) / 4 * 1199).T, order=1)
         return (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.shape).astype(np.float32)
 
     return rays, photo(RIG.left, POSE), photo(RIG.right, POSE @ RIG.left_from_right)

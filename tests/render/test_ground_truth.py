@@ -99,13 +99,13 @@ def test_threads_do_not_change_an_id(surfaces, camera, lens, ids_of):
 def test_rays_that_lit_the_twin_need_not_be_cast_again_for_its_shadows(blocks, camera, lens, plain):
     surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
     hits = cast_strip(surfaces, Camera(camera, lens), slice(0, lens.height))
-    met = surfaces.id_of_face[hits.face]
+    surface_ids = surfaces.id_of_face[hits.face]
     lit = lighting(surfaces, hits, SUN, falloff=True)[0]
-    assert 0 < len(lit) < len(met)
-    dark, unknown = np.ones((2, len(met)), bool)
+    assert 0 < len(lit) < len(surface_ids)
+    dark, unknown = np.ones((2, len(surface_ids)), bool)
     dark[lit] = False
     np.testing.assert_array_equal(
-        *(ground_shadows(surfaces, hits, met, SUN, asked, samples=1) for asked in (dark, unknown))
+        *(ground_shadows(surfaces, hits, surface_ids, SUN, asked, samples=1) for asked in (dark, unknown))
     )
 
 

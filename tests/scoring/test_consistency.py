@@ -120,10 +120,10 @@ def stereo(wavy, tmp_path_factory):
         pose, lens = STANDING.sandbox_from(camera), STANDING.rig.lens(camera)
         directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
         distance, _ = rays.nearest(np.broadcast_to(pose.translation, directions.shape), directions)
-        met = np.isfinite(distance)
-        position = (pose.translation + distance[met, None] * directions[met])[:, :2]
+        hit = np.isfinite(distance)
+        position = (pose.translation + distance[hit, None] * directions[hit])[:, :2]
         grey = np.zeros(len(directions))
-        grey[met] = 1000 + 15000 * map_coordinates(pattern, ((position[:, ::-1] + 2) / 4 * 1199).T, order=1)
+        grey[hit] = 1000 + 15000 * map_coordinates(pattern, ((position[:, ::-1] + 2) / 4 * 1199).T, order=1)
         photo = (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.shape).astype(np.uint16)
         for azimuth in ("30", "270"):
             path = folder / f"03_A_off_{azimuth}_{camera}_0256.png"

@@ -29,15 +29,15 @@ def depth_truth(mesh: TerrainMesh, caster: Caster, localised: LocalisedRig, rig:
     directions = sandbox_from_rectified.rotate(rig.lens.pixel_directions().reshape(-1, 3))
     origins = np.broadcast_to(sandbox_from_rectified.translation, directions.shape)
     depth, face = caster.nearest(origins, directions)  # in units of directions, whose z is 1
-    met = np.flatnonzero(np.isfinite(depth))
-    points = origins[met] + depth[met, None] * directions[met]
+    hit = np.flatnonzero(np.isfinite(depth))
+    points = origins[hit] + depth[hit, None] * directions[hit]
     shared = np.zeros(len(depth), bool)
     pixels = localised.project("R", points)
     size = np.array([localised.rig.right.width, localised.rig.right.height])
     inside = (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)  # NaN behind the camera is not
     back = localised.sandbox_from("R").translation - points
-    shared[met] = inside & ~caster.occluded(points, back, 1.0)
+    shared[hit] = inside & ~caster.occluded(points, back, 1.0)
     rock = np.full(len(depth), NO_ROCK)
-    rock[met] = mesh.rock_of_face[face[met]]
+    rock[hit] = mesh.rock_of_face[face[hit]]
     depth = np.where(np.isfinite(depth), depth, np.nan)
     return DepthTruth(depth.reshape(shape), rock.reshape(shape), shared.reshape(shape))

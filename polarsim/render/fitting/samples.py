@@ -110,18 +110,18 @@ def samples_of_view(
     """
     lens, size, fit = camera.lens, camera.lens.shape, options.fitting
     surfaces.prepare(shadows=False)
-    met = np.zeros(size, np.int32)
+    ids = np.zeros(size, np.int32)
     lit = {name: np.zeros(size, bool) for name in photos}
     darkening = vignette(lens)
     found: dict[tuple[str, int], tuple[np.ndarray, Samples]] = {}
 
     def work(rows: slice) -> None:
         hits = cast_strip(surfaces, camera, rows)
-        met[rows].reshape(-1)[hits.pixel] = surfaces.id_of_face.take(hits.face)
+        ids[rows].reshape(-1)[hits.pixel] = surfaces.id_of_face.take(hits.face)
         pixel = hits.pixel + rows.start * lens.width
         row, column = np.divmod(pixel, lens.width)
         on_grid = (row % fit.step_px == 0) & (column % fit.step_px == 0)
-        on_grid |= met[rows].reshape(-1)[hits.pixel] >= ROCK_IDS  # rocks are small
+        on_grid |= ids[rows].reshape(-1)[hits.pixel] >= ROCK_IDS  # rocks are small
         on_grid &= clear_of_rim(hits.point, camera.centre, surfaces, options)
         for name in photos:
             lamp = lamps[name]
@@ -149,7 +149,7 @@ def samples_of_view(
 
     for_strips(lens.height, threads, work)
     window = 2 * fit.border_px + 1
-    inside = (ndimage.minimum_filter(met, window) == ndimage.maximum_filter(met, window)) & (met >= GROUND)
+    inside = (ndimage.minimum_filter(ids, window) == ndimage.maximum_filter(ids, window)) & (ids >= GROUND)
     parts = []
     for name, start in sorted(found, key=lambda key: (names.index(key[0]), key[1])):
         at, samples = found[name, start]
