@@ -28,7 +28,7 @@ ROVER := rover_autonomy --configfile config/rover.yaml
 
 rover: setup ## a rover that finds its own way over the demo's terrains: config/rover_autonomy.yaml
 	$(RUN) $(ROVER) --configfile config/rover_autonomy.yaml
-	@$(BIN)/snakemake $(ROVER) config/rover_autonomy.yaml --report results/demo/rover_autonomy.html > /dev/null 2>&1
+	@$(BIN)/snakemake $(ROVER) config/rover_autonomy.yaml --quiet all --report results/demo/rover_autonomy.html
 	@echo "page: results/demo/rover_autonomy.html"
 	@echo "table: results/demo/tables/rover_autonomy.md, figure: results/demo/figures/rover_autonomy.png"
 
