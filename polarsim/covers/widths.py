@@ -58,6 +58,7 @@ def choose_widths(
     imgsz: int,
     options: PredictionOptions,
     cameras: Sequence[Path] = (),
+    meshes: Sequence[Path] = (),
 ) -> None:
     """Write one prediction table of all cover photos, and the widths and gates of every fold.
 
@@ -76,11 +77,11 @@ def choose_widths(
         CSV to write: fold, kind, widths, gates_px (spaces between numbers), width_of_training.
     imgsz : int
         Width of the training's pictures, px.
-    cameras : sequence of Path
-        Folders of poses, one a terrain: boxes off the sand are left out there, before widths are chosen.
+    cameras, meshes : sequence of Path
+        Folders of poses, and of meshes, one a terrain: boxes off the sand are left out there, before widths are chosen.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    sand = Sand.read(cameras)
+    sand = Sand.read(cameras, meshes)
     seen = {fold: kept_on_sand(own, sand) for fold, own in read_folds(found, datasets).items()}
     parts, rows = [], []
     for fold, own in seen.items():

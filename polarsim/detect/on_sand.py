@@ -3,59 +3,67 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.errors import DetectError
-from polarsim.formats.rigs import LocalisedRig, lift_of, read_all_localised
+from polarsim.formats import obj
+from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.geometry import boxes
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BOX_CLASSES, PhotoKey
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 
-MARGIN_M = 0.05  # boxes and poses err by centimetres where the walls are
+
+@dataclass(frozen=True)
+class Sandbox:
+    """What says where a terrain's sand lies in photos."""
+
+    rigs: Mapping[str, LocalisedRig]  # by position
+    level_m: float  # height of the sand in the sandbox frame: frames of published meshes have it at -0.15 to 0.18 m
 
 
 class Sand:
     """Where the sand lies in the photos of some terrains.
 
-    Parameters
-    ----------
-    terrains : mapping of int to mapping of str to LocalisedRig
-        The rigs of a terrain's positions. Photos of other terrains and positions keep all their boxes, and so do those
-        of rigs that only the survey localises: its poses are up to 0.2 m off.
+    Photos of other terrains and positions keep all their boxes, and so do those of rigs that only the survey localises:
+    its poses are up to 0.2 m off.
     """
 
-    def __init__(self, terrains: Mapping[int, Mapping[str, LocalisedRig]]) -> None:
+    def __init__(self, terrains: Mapping[int, Sandbox]) -> None:
         self._terrains = terrains
 
     @classmethod
-    def read(cls, folders: Iterable[str | Path]) -> Sand:
-        """The sand in photos of terrains whose folders of poses, `TerrainTT`, are these.
+    def read(cls, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> Sand:
+        """The sand in photos of the terrains whose folders `TerrainTT` of poses, and of meshes, these are.
 
         Raises
         ------
         PolarsimError
-            A folder of another name, or a broken file in it.
+            A folder of another name, without a ground, or with a broken file.
         """
-        return cls({_terrain_of(Path(folder)): read_all_localised(folder) for folder in folders})
+        grounds = {_terrain_of(Path(folder)): _level_of(Path(folder)) for folder in meshes}
+        rigs = {_terrain_of(Path(folder)): read_all_localised(folder) for folder in cameras}
+        return cls({terrain: Sandbox(own, grounds[terrain]) for terrain, own in rigs.items() if terrain in grounds})
 
     def keep(self, key: str, found: np.ndarray) -> np.ndarray:
         """Those of the boxes (n, 6) of a photo (x0, y0, x1, y1, confidence, class) that stand on the sand."""
         photo = PhotoKey.parse(key)
-        rigs = self._terrains.get(photo.terrain, {})
-        rig = rigs.get(photo.position)
-        if rig is None or rig.surveyed or not len(found):
+        sandbox = self._terrains.get(photo.terrain)
+        rig = sandbox.rigs.get(photo.position) if sandbox else None
+        if sandbox is None or rig is None or rig.surveyed or not len(found):
             return found
-        return found[on_sand(found, rig.camera(photo.camera), lift_of(rigs))]
+        return found[on_sand(found, rig.camera(photo.camera), sandbox.level_m)]
 
 
 def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
-    """(n,) bool: whether the foot of each of the boxes (n, 6) of a photo lies on the sand.
+    """(n,) bool: whether the foot of each of the boxes (n, 6) of a photo lies on the sand that the camera sees.
 
-    A rock stands on the middle of its box's lower side, a shadow lies about the centre of its box.
+    A rock stands on the middle of its box's lower side, a shadow lies about the centre of its box. A camera outside the
+    sandbox sees no sand behind the wall before it.
 
     Parameters
     ----------
@@ -67,15 +75,27 @@ def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
     feet = boxes.centres(found[:, :4])
     rocks = found[:, 5] == BOX_CLASSES.index("rock")
     feet[rocks, 1] = found[rocks, 3]
-    rays = camera.directions(feet)
+    rays, start = camera.directions(feet), camera.centre
     with np.errstate(divide="ignore", invalid="ignore"):
-        depths = (level_m - camera.centre[2]) / rays[:, 2]
-        points = camera.centre[:2] + depths[:, None] * rays[:, :2]
-    inside = np.abs(points).max(axis=1) <= SANDBOX_HALF_WIDTH + MARGIN_M
-    return np.asarray(inside & (depths > 0))  # above the horizon rays meet the sand's plane behind the camera
+        depths = (level_m - start[2]) / rays[:, 2]
+        points = start[:2] + depths[:, None] * rays[:, :2]
+        entered = ((np.sign(start[:2]) * SANDBOX_HALF_WIDTH - start[:2]) / rays[:, :2]).T
+    outside = np.abs(start[:2]) > SANDBOX_HALF_WIDTH
+    entry_heights = start[2] + np.max(entered[outside], axis=0, initial=0) * rays[:, 2]
+    inside = np.abs(points).max(axis=1) <= SANDBOX_HALF_WIDTH
+    # Above the horizon rays meet the sand's plane behind the camera.
+    return np.asarray(inside & (depths > 0) & (entry_heights >= level_m + SURELY_WALL))
 
 
 def _terrain_of(folder: Path) -> int:
     if not (name := re.fullmatch(r"Terrain(\d\d)", folder.name)):
-        raise DetectError("not named TerrainTT, as folders of a terrain's poses are", path=folder)
+        raise DetectError("not named TerrainTT, as folders of a terrain's poses and meshes are", path=folder)
     return int(name[1])
+
+
+def _level_of(folder: Path) -> float:
+    """Height of the sand: the median of the ground's, for craters and heaps are less than half of it."""
+    ground = next(iter(folder.glob(obj.GROUND_PATTERN)), None)
+    if ground is None:
+        raise DetectError(f"no ground mesh {obj.GROUND_PATTERN}", path=folder)
+    return float(np.median(obj.read(ground).vertices[:, 2]))

@@ -19,6 +19,7 @@ from polarsim.detect.sizes import ClassSizes, Sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
+from polarsim.formats import obj
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
@@ -36,6 +37,7 @@ def predict(
     options: PredictionOptions,
     threads: int,
     cameras: Sequence[Path] = (),
+    meshes: Sequence[Path] = (),
 ) -> None:
     """Write what a detector sees in the test part of a data set, boxes in pixels of the full photo.
 
@@ -43,8 +45,8 @@ def predict(
 
     Parameters
     ----------
-    cameras : sequence of Path
-        Folders of poses, one a terrain: boxes off the sand are left out there.
+    cameras, meshes : sequence of Path
+        Folders of poses, and of meshes, one a terrain: boxes off the sand are left out there.
 
     Raises
     ------
@@ -58,7 +60,7 @@ def predict(
     with about(weights):
         loaded = detectors.load_detector(detector, predictions.parent, options, threads)
     paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
-    sand = Sand.read(cameras)
+    sand = Sand.read(cameras, meshes)
 
     def see(some: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
@@ -72,8 +74,9 @@ def predict(
             ]
         return _table(rows)
 
-    poses = [path for folder in cameras for path in sorted(Path(folder).glob("Pos?.json"))]
-    identity = digest([weights, *paths.values(), *poses], code_digest(__name__), options.model_dump_json())
+    poses = [path for folder in cameras for path in sorted(folder.glob("Pos?.json"))]
+    grounds = [path for folder in meshes for path in sorted(folder.glob(obj.GROUND_PATTERN))]
+    identity = digest([weights, *paths.values(), *poses, *grounds], code_digest(__name__), options.model_dump_json())
     write_in_parts(predictions, keys, see, PART, identity)
 
 

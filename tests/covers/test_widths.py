@@ -10,9 +10,10 @@ from polarsim.detect import detectors
 from polarsim.detect.detectors.compact.weights import network
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
-from polarsim.formats import png, tables
+from polarsim.formats import obj, png, tables
 from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from tests.covers.test_scores import label_rows_of
@@ -73,7 +74,10 @@ def test_what_is_found_off_the_sand_is_left_out_before_widths_are_chosen(folds, 
     """Fold 03's camera looks at the ceiling: nothing it shows stands on the sand, and it chooses nothing."""
     up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
     write_localised(tmp_path / "Terrain03/PosA.json", up)
-    widths, found = choose(folds | {"cameras": [tmp_path / "Terrain03"]}, tmp_path)
+    triangle = Mesh(np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    obj.write(tmp_path / "Terrain03/terrain03_ground.obj", triangle, "ground")
+    folders = [tmp_path / "Terrain03"]
+    widths, found = choose(folds | {"cameras": folders, "meshes": folders}, tmp_path)
     assert set(found["key"]) == {KEYS["01"], KEYS["04"]}
     assert widths["04"] == "512 1024"
 

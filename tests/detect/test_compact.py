@@ -18,8 +18,9 @@ from polarsim.detect.predict import predict
 from polarsim.detect.split import split_photos
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
-from polarsim.formats import tables
+from polarsim.formats import obj, tables
 from polarsim.formats.rigs import LocalisedRig, write_localised
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
@@ -172,17 +173,19 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
 def test_finds_off_the_sand_are_left_out_where_poses_are_known(dataset, matched, tmp_path):
     """A camera that looks at the ceiling sees no sand, whatever a detector finds."""
     up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
-    (tmp_path / "Terrain01").mkdir()
+    triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
+    obj.write(tmp_path / "Terrain01/terrain01_ground.obj", Mesh(triangle, np.array([[0, 1, 2]])), "ground")
     for position in "ABCDEFG":
         write_localised(tmp_path / f"Terrain01/Pos{position}.json", up)
-    for cameras, name in (([], "all"), ([tmp_path / "Terrain01"], "on_sand")):
+    for folders, name in (([], "all"), ([tmp_path / "Terrain01"], "on_sand")):
         predict(
             weights=matched / "real.pt",
             dataset=dataset,
             predictions=tmp_path / f"{name}.parquet",
             options=PREDICTION,
             threads=1,
-            cameras=cameras,
+            cameras=folders,
+            meshes=folders,
         )
     found, kept = (tables.read_parquet(tmp_path / f"{name}.parquet") for name in ("all", "on_sand"))
     elsewhere = found[~found["key"].str.startswith("01")].reset_index(drop=True)

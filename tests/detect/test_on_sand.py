@@ -7,12 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.detect.on_sand import MARGIN_M, Sand, on_sand
+from polarsim.detect.on_sand import Sand, on_sand
 from polarsim.errors import DetectError
+from polarsim.formats import obj
 from polarsim.formats.rigs import LocalisedRig, write_localised
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 
 KEY = "01_A_off_30_L_0256"
 RIG = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0.0, 1.0]), 0.0, np.radians(12)), "labels")
@@ -27,11 +30,15 @@ def standing_at(x, y, kind=0):
     return np.array([[u - SIDE_PX / 2, low - SIDE_PX, u + SIDE_PX / 2, low, 0.9, kind]])
 
 
+def write_ground(folder, level=0.0):
+    corners = np.array([[-2.0, -2, level], [2, -2, level], [2, 2, level], [-2, 2, level]])
+    obj.write(folder / "terrain01_ground.obj", Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+
+
 @given(st.floats(-1.1, 4), st.floats(-1, 1), st.sampled_from([0, 1]))
 def test_a_box_is_on_the_sand_where_its_foot_is(x, y, kind):
-    edge = SANDBOX_HALF_WIDTH + MARGIN_M
-    if abs(x - edge) > 1e-6:
-        assert on_sand(standing_at(x, y, kind), CAMERA, 0.0).tolist() == [x < edge]
+    if abs(x - SANDBOX_HALF_WIDTH) > 1e-6:
+        assert on_sand(standing_at(x, y, kind), CAMERA, 0.0).tolist() == [x < SANDBOX_HALF_WIDTH]
 
 
 def test_nothing_above_the_horizon_is_on_the_sand():
@@ -46,21 +53,46 @@ def test_higher_sand_reaches_less_far_up_in_the_photo():
     assert on_sand(wall, CAMERA, 0.2)[0]
 
 
+@given(st.floats(-1.95, -0.8))
+def test_the_wall_before_the_camera_hides_sand(x):
+    """A ray to the sand passes the wall, at 1.2 m, as high as the triangle of camera, wall and sand has it."""
+    above = 1.0 * (x + 2.0) / (x + 3.2)
+    if abs(above - SURELY_WALL) > 1e-6:
+        steep = Camera(looking(np.array([-3.2, 0.0, 1.0]), 0.0, np.radians(30)), CAMERA.lens)
+        u, v = steep.project(np.array([x, 0.0, 0.0]))
+        rock = np.array([[u - 20, v - 40, u + 20, v, 0.9, 0]])
+        assert on_sand(rock, steep, 0.0)[0] == (above > SURELY_WALL)
+
+
 @pytest.mark.parametrize(
     ("rigs", "kept"),
     [({"A": RIG}, 1), ({"B": RIG}, 2), ({"A": replace(RIG, method="survey")}, 2), ({}, 2)],
     ids=["known", "other position", "surveyed alone", "none"],
 )
 def test_photos_without_a_pose_keep_all(rigs, kept, tmp_path):
-    folder = tmp_path / "Terrain01"
-    folder.mkdir()
+    cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
+    cameras.mkdir(parents=True)
+    write_ground(meshes)
     for position, rig in rigs.items():
-        write_localised(folder / f"Pos{position}.json", rig)
+        write_localised(cameras / f"Pos{position}.json", rig)
     found = np.concatenate([standing_at(0, 0), standing_at(3, 0)])
-    assert len(Sand.read([folder]).keep(KEY, found)) == kept
-    assert len(Sand.read([folder]).keep("03" + KEY[2:], found)) == 2
+    sand = Sand.read([cameras], [meshes])
+    assert len(sand.keep(KEY, found)) == kept
+    assert len(sand.keep("03" + KEY[2:], found)) == 2
 
 
-def test_a_folder_of_another_name_is_refused(tmp_path):
+def test_the_ground_says_how_high_the_sand_lies(tmp_path):
+    """Frames of published meshes have it where their makers put it."""
+    cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
+    write_localised(cameras / "PosA.json", RIG)
+    for level, kept in ((0.0, 0), (0.2, 1)):
+        write_ground(meshes, level)
+        assert len(Sand.read([cameras], [meshes]).keep(KEY, standing_at(2.3, 0.0))) == kept
+
+
+def test_folders_of_another_name_or_without_a_ground_are_refused(tmp_path):
     with pytest.raises(DetectError, match="not named TerrainTT"):
-        Sand.read([tmp_path])
+        Sand.read([], [tmp_path])
+    (tmp_path / "Terrain01").mkdir()
+    with pytest.raises(DetectError, match="no ground mesh"):
+        Sand.read([], [tmp_path / "Terrain01"])

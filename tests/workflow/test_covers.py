@@ -48,6 +48,8 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
         vertices, faces, _ = box(np.zeros(3), np.array([0.2, 0.15, 0.1 * terrain]))
         copies = checkout / f"results/covers/repaired/Terrain{terrain:02d}"
         (checkout / f"results/covers/cameras/located/Terrain{terrain:02d}").mkdir(parents=True)  # no position is known
+        ground = checkout / f"results/covers/meshes/Terrain{terrain:02d}/terrain{terrain:02d}_ground.obj"
+        obj.write(ground, Mesh(vertices, faces), "ground")
         obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
     content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
     content["covers"] |= {"folds": [], "carved_scenes": 2, "carved_epochs": 1, "widths": [96, 128]}

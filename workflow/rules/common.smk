@@ -192,9 +192,10 @@ def pictures_behind(domains):
     return expand("results/{{run}}/detect/pictures/{domain}", domain=sorted(single))
 
 
-def sand_poses(terrains=TERRAINS, poses="results/{run}/cameras/Terrain{terrain}"):
-    """Poses that say where the sand lies in the photos of terrains; none where finds off it are kept."""
-    return of_run(poses, terrain=terrains) if CONFIG.detect.prediction.sand_only else []
+def sand_in(stage, terrains=TERRAINS):
+    """Poses or meshes that say where the sand lies in the photos of terrains; none where finds off it are kept."""
+    folders = f"results/{{run}}/{stage}/Terrain{{terrain}}"
+    return of_run(folders, terrain=terrains) if CONFIG.detect.prediction.sand_only else []
 
 
 def pictures_behind_training(wildcards):

@@ -156,7 +156,8 @@ rule choose_cover_widths:
         labels="results/{run}/covers/labels.parquet",
         found=of_folds("found.parquet"),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
-        cameras=sand_poses([f"{t:02d}" for t in COVER_TERRAINS], "results/{run}/cameras/located/Terrain{terrain}"),
+        cameras=sand_in("cameras/located", [f"{t:02d}" for t in COVER_TERRAINS]),
+        meshes=sand_in("meshes", [f"{t:02d}" for t in COVER_TERRAINS]),
     output:
         predictions="results/{run}/covers/seed{seed}/predictions.parquet",
         sizes="results/{run}/covers/seed{seed}/sizes.csv",

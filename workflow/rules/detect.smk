@@ -150,7 +150,8 @@ rule predict:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
         pictures=pictures_behind(DOMAINS),
-        cameras=sand_poses(),
+        cameras=sand_in("cameras"),
+        meshes=sand_in("meshes"),
     output:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",

@@ -128,7 +128,8 @@ use rule predict as predict_component with:
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=["results/{run}/gap/{split}/datasets/{component}"],
-        cameras=sand_poses(),
+        cameras=sand_in("cameras"),
+        meshes=sand_in("meshes"),
     output:
         predictions=["results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{component}.parquet"],
     log:
