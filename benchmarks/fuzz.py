@@ -31,6 +31,7 @@ from hypothesis import strategies as st
 
 from polarsim.acquire import archives, fetch, index
 from polarsim.annotate import import_labels
+from polarsim.detect import find
 from polarsim.detect.detectors import files as detectors
 from polarsim.errors import PolarsimError
 from polarsim.formats import (
@@ -291,6 +292,10 @@ STUDIO = [{"data": {"image": f"/data/1a2b-{KEY}.png"}, "annotations": [{"result"
 DETECTIONS = {"_cls": "Detections", "detections": [{"label": "rock", "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}
 FIFTYONE = {"samples": [{"filepath": f"data/{KEY}.png", "ground_truth": DETECTIONS}]}
 FIFTYONE_2 = {"classes": ["rock"], "labels": {str(KEY): [{"label": 0, "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}}
+
+
+def flat_or_coloured(picture: np.ndarray) -> None:
+    assert picture.ndim == 2 or picture.shape[2] == 3, f"{picture.shape}, expected grey or three colours"
 
 
 def make_zip(folder: Path) -> Path:
@@ -676,6 +681,7 @@ CASES: dict[str, list[Case]] = {
             "export/*",
         ),
     ],
+    "detect.find.read_any": [Case(file("a.png", png.write, PIXELS), find.read_any, flat_or_coloured)],
     "detect.detectors.files.read_detector": [Case(make_detector, detectors.read_detector, sound_detector)],
     "detect.detectors.files.load": [Case(make_detector, detectors.load)],
 }

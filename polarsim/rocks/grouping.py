@@ -15,6 +15,7 @@ from polarsim.geometry.boxes import iou
 from polarsim.rocks.evidence import PEN_IOU
 
 PRICE = 0.06  # of IoU a position that a rock costs: two are not taken where one explains the boxes as well
+TIE = 1e-9  # of IoU: rounding
 MOST_PIECES = 12  # of a rock that is looked at in all ways to cut it in two; from larger ones single pieces are cut
 Group = frozenset[int]  # numbers of pieces
 Grouping = frozenset[Group]
@@ -86,10 +87,15 @@ class _Cluster:
         worth = self._worth(grouping)
         while True:
             tried = [(self._worth(other), other) for other in self._changed(grouping)]
-            best, changed = max(tried, key=lambda one: one[0], default=(worth, grouping))
+            best = max((one for one, _ in tried), default=worth)
             if best < worth + PEN_IOU * len(self.annotated):
                 return grouping
-            worth, grouping = best, changed
+            worth, grouping = best, min((other for one, other in tried if one > best - TIE), key=self._outline)
+
+    def _outline(self, grouping: Grouping) -> list[list[list[float]]]:
+        """What tells groupings that fit alike apart, whatever numbers their pieces have: where these lie in photos."""
+        pieces = np.nan_to_num(np.concatenate([self.boxes[position] for position in sorted(self.boxes)], axis=1))
+        return sorted(sorted(pieces[piece].tolist() for piece in group) for group in grouping)
 
     def _worth(self, grouping: Grouping) -> float:
         """Sum over positions of the IoU of groups with the boxes that are theirs, less what the groups cost."""
