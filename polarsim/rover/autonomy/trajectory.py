@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from polarsim.errors import RoverError
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.poses import Pose, angle_between
 
 
 def absolute_error(estimated: np.ndarray, true: np.ndarray, *, align: bool = True) -> float:
@@ -45,13 +45,14 @@ def relative_error(estimated: Sequence[Pose], true: Sequence[Pose]) -> tuple[flo
     moved, turned = [], []
     for k in range(len(true) - 1):
         step = true[k].inverse() @ true[k + 1]
-        error = step.inverse() @ (estimated[k].inverse() @ estimated[k + 1])
-        moved.append(float(np.linalg.norm(error.translation)))
-        turned.append(float(np.arccos(np.clip((np.trace(error.rotation) - 1) / 2, -1, 1))))
+        guess = estimated[k].inverse() @ estimated[k + 1]
+        moved.append(float(np.linalg.norm((step.inverse() @ guess).translation)))
+        turned.append(angle_between(step, guess))
     return float(np.sqrt(np.mean(np.square(moved)))), float(np.sqrt(np.mean(np.square(turned))))
 
 
 def _alignment(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `fit_pose`, which warns of positions on a line: drives are nearly straight, any rotation about it serves."""
     first, second = estimated.mean(axis=0), true.mean(axis=0)
     u, _, v = np.linalg.svd((true - second).T @ (estimated - first))
     sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(v))])
