@@ -87,14 +87,9 @@ def die_with_parent() -> None:
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def _children() -> list[int]:
-    """Children of this process, adopted ones too."""
-    own, found = os.getpid(), []
-    for pid in _others():
-        stat = _read(pid, "stat").rpartition(b")")[2].split()
-        if len(stat) > 1 and int(stat[1]) == own:
-            found.append(pid)
-    return found
+def children(parent: int) -> list[int]:
+    """Children of a process, adopted ones too."""
+    return [pid for pid in _others() if _parent(pid) == parent]
 
 
 def _gone(folder: Path, seconds: float) -> bool:
@@ -115,7 +110,7 @@ def send(pids: Iterable[int], number: int) -> None:
 
 def end_adopted(own: int) -> None:
     """Kill what a killed process left to this one: all children but the one that it started."""
-    for pid in _children():
+    for pid in children(os.getpid()):
         if pid != own:
             send([pid], signal.SIGKILL)
             with suppress(ChildProcessError):
@@ -128,11 +123,16 @@ def _others() -> Iterator[int]:
     pid = os.getpid()
     while pid > 0 and pid not in above:
         above.add(pid)
-        stat = _read(pid, "stat").rpartition(b")")[2].split()
-        pid = int(stat[1]) if len(stat) > 1 else 0
+        pid = _parent(pid)
     for path in _PROC.iterdir():
         if path.name.isdigit() and int(path.name) not in above:
             yield int(path.name)
+
+
+def _parent(pid: int) -> int:
+    """The parent of a process; 0 where it is gone or has none."""
+    stat = _read(pid, "stat").rpartition(b")")[2].split()
+    return int(stat[1]) if len(stat) > 1 else 0
 
 
 def _read(pid: int, name: str) -> bytes:

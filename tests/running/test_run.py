@@ -41,12 +41,15 @@ def ended(process: subprocess.Popen) -> tuple[int, str]:
 
 
 def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[int, list[int]]:
-    """Snakemake's pid and those of its jobs, as soon as there is a job."""
+    """Snakemake's pid and those of its jobs, as soon as there is a job.
+
+    Snakemake is the child of `polarsim run`: a child of its own looks the same until it runs another program.
+    """
     for _ in range(2000):
         found = {pid: Path(f"/proc/{pid}/cmdline") for pid in processes.marked(folder)}
         scripts = [pid for pid, path in found.items() if path.exists() and b"/.snakemake/scripts/" in path.read_bytes()]
         if scripts:
-            (snakemake,) = set(found) - set(scripts)
+            (snakemake,) = set(processes.children(process.pid)) & set(found)
             return snakemake, scripts
         assert process.poll() is None, process.communicate()[0]
         time.sleep(0.03)
