@@ -23,11 +23,11 @@ def njit(*signatures: str, **options: Any) -> Callable[[Callable[..., Any]], Any
     """A decorator like Numba's, always cached; NUMBA_CACHE_DIR names another folder than the library's own."""
 
     def compiled(function: Callable[..., Any]) -> Any:
-        asked = config.CACHE_DIR
-        config.CACHE_DIR = str(Path(asked or _BESIDE_THE_CODE) / f"kernels-{code_digest(function.__module__)}")
+        former = config.CACHE_DIR
+        config.CACHE_DIR = str(Path(former or _BESIDE_THE_CODE) / f"kernels-{code_digest(function.__module__)}")
         try:  # Numba chooses the folder while it decorates
             return numba.njit(*signatures, cache=True, **options)(function)
         finally:
-            config.CACHE_DIR = asked
+            config.CACHE_DIR = former
 
     return compiled

@@ -81,9 +81,9 @@ def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.n
     precision = np.full((len(drawn), len(levels)), np.nan)
     known = np.flatnonzero(labels)
     for chunk in np.array_split(known, max(1, len(known) * len(owner) // _CHUNK)):
-        asked = drawn[chunk][:, owner].cumsum(axis=1)
+        predicted = drawn[chunk][:, owner].cumsum(axis=1)
         for number, level in enumerate(levels):
-            precision[chunk, number] = level.precision(drawn[chunk], asked, labels[chunk])
+            precision[chunk, number] = level.precision(drawn[chunk], predicted, labels[chunk])
     return precision
 
 
@@ -103,17 +103,17 @@ class _Level:
         self._owner, self._owner_passed = owner[self._indices], owner[passed]
         self._passed_before = np.searchsorted(passed, self._indices)
 
-    def precision(self, drawn: np.ndarray, asked: np.ndarray, labels: np.ndarray) -> np.ndarray:
-        """(r,) average precision of draws (r, units); `asked` (r, n) counts predictions so far, `labels` (r,) all."""
+    def precision(self, drawn: np.ndarray, predicted: np.ndarray, labels: np.ndarray) -> np.ndarray:
+        """(r,) average precision of draws (r, units), of predictions so far (r, n) and all labels (r,)."""
         if not len(self._indices):
             return np.zeros(len(drawn))
-        so_far = asked[:, self._indices]
+        so_far = predicted[:, self._indices]
         if len(self._owner_passed):
             passed = np.zeros((len(drawn), len(self._owner_passed) + 1))
             passed[:, 1:] = drawn[:, self._owner_passed].cumsum(axis=1)
             so_far -= passed[:, self._passed_before]
         right = drawn[:, self._owner].cumsum(axis=1)
-        best = right / np.maximum(so_far, 1)  # nothing was asked yet where all weights are 0
+        best = right / np.maximum(so_far, 1)  # nothing was predicted yet where all weights are 0
         np.maximum.accumulate(best[:, ::-1], axis=1, out=best[:, ::-1])
         recall = right / labels[:, None]
         reached = (recall * (len(RECALLS) - 1) + 1e-6).astype(int)

@@ -67,7 +67,7 @@ def _precision(
     passed, first_passed
         The same for those that are neither right nor wrong.
     """
-    asked = np.empty(len(owner))
+    predicted = np.empty(len(owner))
     longest = 0
     for level in range(len(first_index) - 1):
         longest = max(longest, first_index[level + 1] - first_index[level])
@@ -80,7 +80,7 @@ def _precision(
         total = 0.0
         for n in range(len(owner)):
             total += weight[owner[n]]
-            asked[n] = total
+            predicted[n] = total
         for level in range(len(first_index) - 1):
             start, count = first_index[level], first_index[level + 1] - first_index[level]
             skip, last_skip = first_passed[level], first_passed[level + 1]
@@ -91,8 +91,8 @@ def _precision(
                 while skip < last_skip and passed[skip] < index:
                     skipped += weight[owner[passed[skip]]]
                     skip += 1
-                so_far = asked[index] - skipped
-                best[k] = found / max(so_far, 1.0)  # nothing was asked yet where all weights are 0
+                so_far = predicted[index] - skipped
+                best[k] = found / max(so_far, 1.0)  # nothing was predicted yet where all weights are 0
                 while next_recall < len(recalls) and found / labels[row] >= recalls[next_recall]:
                     reached[next_recall] = k
                     next_recall += 1

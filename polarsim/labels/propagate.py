@@ -170,9 +170,9 @@ def grid_labels(
     there. A photo that was annotated itself keeps its boxes as they are; others may be added, but not to a correction.
     """
     by_people = options.visibility == "annotator"
-    asked = None if by_people else photos
+    readable = None if by_people else photos
     olat_images = None if by_people else OlatLight(known)
-    positions = {position: PositionLabels(known, position, options, asked) for position in known.localised}
+    positions = {position: PositionLabels(known, position, options, readable) for position in known.localised}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
     for position in known.apart:
@@ -186,7 +186,7 @@ def grid_labels(
     for bracket, members in sorted(sets.items(), key=lambda item: item[0]):
         position, camera, light, azimuth = bracket
         shared = positions[position].labels(camera, light, azimuth)
-        brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else asked, olat_images)
+        brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else readable, olat_images)
         for key in members:
             if key in corrections:
                 labels[key] = as_annotated(corrections[key], shared)

@@ -1,8 +1,8 @@
-"""The errata of a published set as one page: each defect with its picture, drawn from the label files alone."""
+"""The errata of a published set as one page: each defect drawn over the twin of its photo, where there is one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import FormatError
-from polarsim.formats import release, tables, yolo
+from polarsim.formats import release, tables, thumbnails, yolo
 from polarsim.formats.files import write_text
 from polarsim.lint.findings import Finding, Report
 from polarsim.lint.folders import lint_release
@@ -31,8 +31,13 @@ table { border-collapse: collapse; } td, th { padding: 0.15rem 0.8rem 0.15rem 0;
 """
 
 
-def lint_and_draw(*, root: Path, page: Path, table: Path, workers: int) -> None:
+def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path, workers: int) -> None:
     """Look through a folder in the published layout; write all findings as a table, errors and warnings as a page.
+
+    Parameters
+    ----------
+    twins : sequence of Path
+        Folders with twins, KEY.png; a defect whose photo has none is drawn on plain ground.
 
     Raises
     ------
@@ -43,10 +48,11 @@ def lint_and_draw(*, root: Path, page: Path, table: Path, workers: int) -> None:
     columns = ["code", "severity", "defect", "file", "line", "detail"]
     rows = [(one.code, one.severity, one.defect, one.file, one.line, one.detail) for one in report.findings]
     tables.write_csv(table, pd.DataFrame(rows, columns=columns))
-    write_errata(report.chosen(chosen(("error", "warning"), ())), root, page)
+    pictures = {path.stem: path for folder in twins for path in folder.glob("*.png")}
+    write_errata(report.chosen(chosen(("error", "warning"), ())), root, pictures, page)
 
 
-def write_errata(report: Report, root: Path, page: Path) -> None:
+def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Path) -> None:
     """Write a page with the findings in a folder of the published layout, by rule; files alike share a picture."""
     counts = report.counts
     order = sorted(counts, key=lambda name: RULES[name].code)
@@ -59,7 +65,9 @@ def write_errata(report: Report, root: Path, page: Path) -> None:
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Errata</title>',
         f"<style>{_STYLE}</style><h1>Errata of the labels</h1>",
         f'<p class="about">{len(report.findings)} findings in {len({one.file for one in report.findings})} files. '
-        "Rocks are red, shadows blue; what a finding names is filled yellow, what ought to be there dashed. "
+        "Rocks are red, shadows blue; what a finding names is filled yellow, what ought to be there dashed. Behind "
+        "them stands the twin of the photo, where this run made one: rendered from the published meshes, by cameras "
+        "found from the labels. "
         "Files of one content share a picture.",
         f"<table><tr><th>code<th>rule<th>severity<th>files<th>meaning</tr>{rows}</table>",
     ]
@@ -67,12 +75,12 @@ def write_errata(report: Report, root: Path, page: Path) -> None:
         parts.append(
             f'<h2 id="{name}">{RULES[name].code} {name} <span>{escape(RULES[name].meaning)}</span></h2><section>'
         )
-        parts += _figures((one for one in report.findings if one.defect == name), root)
+        parts += _figures((one for one in report.findings if one.defect == name), root, twins)
         parts.append("</section>")
     write_text(page, "\n".join([*parts, "</html>\n"]))
 
 
-def _figures(findings: Iterable[Finding], root: Path) -> Iterator[str]:
+def _figures(findings: Iterable[Finding], root: Path, twins: Mapping[str, Path]) -> Iterator[str]:
     groups: dict[tuple[object, ...], list[Finding]] = {}
     for finding in findings:
         path = root / finding.file
@@ -81,7 +89,8 @@ def _figures(findings: Iterable[Finding], root: Path) -> Iterator[str]:
         files = [finding.file for finding in alike]
         more = f" and {len(files) - _SHOWN} more" if len(files) > _SHOWN else ""
         text = f"{', '.join(files[:_SHOWN])}{more}" + (f": {alike[0].detail}" if alike[0].detail else "")
-        yield f"<figure>{_picture(root / files[0], alike[0])}<figcaption>{escape(text)}</figcaption></figure>"
+        picture = _picture(root / files[0], alike[0], twins)
+        yield f"<figure>{picture}<figcaption>{escape(text)}</figcaption></figure>"
 
 
 def _content(path: Path) -> object:
@@ -89,7 +98,7 @@ def _content(path: Path) -> object:
     return path.read_bytes() if path.suffix == ".txt" and path.is_file() else path.suffix
 
 
-def _picture(path: Path, finding: Finding) -> str:
+def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
     """The boxes or polygons of a file as SVG, those that are wrong on top; nothing for files that hold none."""
     wrong = set(finding.rows)
     try:
@@ -104,7 +113,16 @@ def _picture(path: Path, finding: Finding) -> str:
         for row in order
     )
     drawn += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.lacking)
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{drawn}</svg>'
+    behind = _twin(path, twins)
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{behind}{drawn}</svg>'
+
+
+def _twin(path: Path, twins: Mapping[str, Path]) -> str:
+    """The twin of a label file's photo, as the picture behind its labels."""
+    twin = twins.get(path.stem)
+    if twin is None:
+        return ""
+    return f'<image href="{thumbnails.of_photo(twin, WIDTH_PX)}" width="{WIDTH}" height="{HEIGHT}"/>'
 
 
 def _shapes(path: Path) -> Iterator[tuple[str, np.ndarray]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from markdown_it import MarkdownIt
 from markupsafe import Markup
 
 from polarsim import __version__
+from polarsim.formats import thumbnails
 from polarsim.formats.files import read_json, relative_to, write_text
 from polarsim.formats.run_files import STRIP_TEXT
 from polarsim.formats.tables import read_parquet
@@ -23,7 +22,6 @@ from polarsim.report.headlines import headlines
 from polarsim.report.layout import markdown
 
 _TEMPLATE = Path(__file__).with_name("results_page.html.jinja")
-_QUALITY = 82  # of WebP: lines and digits stay sharp
 WIDE, PANEL, THUMBNAIL = 1100, 480, 320  # px: of figures in the text, of a strip's panels, of the list of all figures
 _FORMS = (".csv", ".parquet", ".md", ".tex")
 PARTS = ("train", "val", "test")
@@ -135,7 +133,7 @@ class _Run:
             return Markup()
         form = Markup('<figure id="{}"><a href="{}"><img alt="{}" src="{}"></a><figcaption>{}</figcaption></figure>')
         path = self._figures[name]
-        return form.format(name, self._link(path), name.replace("_", " "), _embedded(path, WIDE), caption)
+        return form.format(name, self._link(path), name.replace("_", " "), thumbnails.of_picture(path, WIDE), caption)
 
     def figures_of_detectors(self, name: str, caption: str) -> Markup:
         """Each detector's own; `{}` in the caption becomes the domain that it was trained on."""
@@ -145,13 +143,13 @@ class _Run:
 
     def strip(self, folder: Path) -> dict[str, Any]:
         """The key of a strip, and its panels: link, thumbnail, name, caption."""
-        told = read_json(folder / STRIP_TEXT)
+        strip = read_json(folder / STRIP_TEXT)
         panels = [
-            (self._link(path), _embedded(path, PANEL), name, caption)
-            for name, caption in told["panels"]
+            (self._link(path), thumbnails.of_picture(path, PANEL), name, caption)
+            for name, caption in strip["panels"]
             if (path := folder / f"{name}.png")
         ]
-        return {"key": told["key"], "panels": panels}
+        return {"key": strip["key"], "panels": panels}
 
     def all_tables(self) -> list[dict[str, Any]]:
         """Every table: its name, its links by form, itself."""
@@ -169,7 +167,7 @@ class _Run:
             kind, of_terrain, where = name.partition("_Terrain")
             title = f"Terrain {where.replace('_Pos', ', position ')}" if of_terrain else name.replace("_", " ")
             group = kind.replace("_", " ") if of_terrain else "of the whole run"
-            groups.setdefault(group, []).append((self._link(path), _embedded(path, THUMBNAIL), title))
+            groups.setdefault(group, []).append((self._link(path), thumbnails.of_picture(path, THUMBNAIL), title))
         return groups
 
     def _link(self, path: Path) -> str:
@@ -186,15 +184,3 @@ def _opposition(phases: Path) -> str:
     """What the figure shows; empty where no photo shows the effect."""
     content = read_json(phases)
     return f"{content['text']}." if content["shown"] else ""
-
-
-def _embedded(path: Path, width: int) -> str:
-    """A PNG as a data URI: WebP, at most `width` pixels wide."""
-    from PIL import Image
-
-    coded = io.BytesIO()
-    with Image.open(path) as picture:
-        small = picture.convert("RGB")
-        small.thumbnail((width, 4 * width), Image.Resampling.LANCZOS)
-        small.save(coded, "WEBP", quality=_QUALITY, method=4)
-    return f"data:image/webp;base64,{base64.b64encode(coded.getvalue()).decode('ascii')}"

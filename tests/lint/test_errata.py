@@ -1,8 +1,11 @@
 from html.parser import HTMLParser
 
-from polarsim.formats import tables, yolo
+import numpy as np
+
+from polarsim.formats import png, tables, yolo
 from polarsim.lint.errata import lint_and_draw
-from tests.lint.conftest import BOXES, CLASSES, path
+from polarsim.photo import HEIGHT, WIDTH
+from tests.lint.conftest import BOXES, CLASSES, KEY, path
 
 
 class Counted(HTMLParser):
@@ -17,8 +20,8 @@ class Counted(HTMLParser):
             self.seen[name] = self.seen.get(name, 0) + 1
 
 
-def annotated(root, tmp_path):
-    lint_and_draw(root=root, page=tmp_path / "errata.html", table=tmp_path / "defects.csv", workers=1)
+def annotated(root, tmp_path, twins=()):
+    lint_and_draw(root=root, twins=twins, page=tmp_path / "errata.html", table=tmp_path / "defects.csv", workers=1)
     page = Counted()
     page.feed((tmp_path / "errata.html").read_text())
     return page.seen, tables.read_csv(tmp_path / "defects.csv", ["code", "severity", "file", "line"])
@@ -31,6 +34,16 @@ def test_each_defect_has_its_picture_with_what_is_wrong_and_what_lacks(root, tmp
     assert sorted(table["code"]) == ["B201", "E301", "E305"]
     assert (seen["svg"], seen["lacking"], seen["wrong"]) == (3, 1, 2)
     assert seen["shape"] == 5 + 6 + 6
+
+
+def test_a_defect_stands_on_the_twin_of_its_own_photo_alone(root, tmp_path):
+    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])
+    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])
+    twins = tmp_path / "twins"
+    twins.mkdir()
+    png.write(twins / f"{KEY.with_exposure(512)}.png", np.full((HEIGHT, WIDTH), 900, np.uint16))
+    seen, _ = annotated(root, tmp_path, [twins])
+    assert (seen["svg"], seen["image"]) == (3, 2)  # both findings of 512 ms, not that of 1,024
 
 
 def test_a_sound_set_has_an_empty_page(root, tmp_path):

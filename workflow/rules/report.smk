@@ -463,6 +463,7 @@ if KIND == "release":
                 for terrain in CONFIG.terrains
                 for path in raw_inputs(terrain, CONFIG.source, CONFIG.labels.seeds)
             ],
+            twins=expand("results/{{run}}/renders/{model}/Terrain{terrain}", model=MODELS[:1], terrain=TERRAINS),
         output:
             page=shown("results/{run}/errata.html", "Labels"),
             table="results/{run}/tables/defects.csv",

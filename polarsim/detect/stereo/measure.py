@@ -69,12 +69,12 @@ def measure_stereo(
     import cv2
 
     cv2.setNumThreads(threads)
-    asked = [key for key in sorted(keys) if not options.exposures_ms or key.exposure_ms in options.exposures_ms]
+    chosen = [key for key in sorted(keys) if not options.exposures_ms or key.exposure_ms in options.exposures_ms]
     localised, mesh = read_all_localised(cameras), read_terrain(meshes, terrain)
     surfaces = caster(mesh.vertices, mesh.faces, threads=threads)
-    by_domain = {domain: picture_paths(folder, asked) for domain, folder in pictures.items()}
+    by_domain = {domain: picture_paths(folder, chosen) for domain, folder in pictures.items()}
     pair_rows, rock_rows = [], []
-    for position in sorted(set(localised) & {key.position for key in asked}):
+    for position in sorted(set(localised) & {key.position for key in chosen}):
         with about(cameras / f"Pos{position}.json"):
             rig = rectify(localised[position].rig, options.scale)
         truth = depth_truth(mesh, surfaces, localised[position], rig)

@@ -207,13 +207,13 @@ def _draw_stops(axes: Any, stops: Mapping[str, np.ndarray]) -> None:
     """A line a model: share of the compared pixels by stops."""
     bins = np.linspace(-2 * STOPS, 2 * STOPS, 81)
     for number, (model, values) in enumerate(stops.items()):
-        told = f"{model}: none compared"
+        label = f"{model}: none compared"
         if len(values):
             share = np.histogram(values.clip(bins[0], bins[-1]), bins)[0] / len(values)
-            told = f"{model}: median {np.median(values):+.2f}, off by {np.median(np.abs(values)):.2f} (median)"
-            axes.stairs(100 * share, bins, color=SERIES[number % len(SERIES)], linewidth=2, label=told)
+            label = f"{model}: median {np.median(values):+.2f}, off by {np.median(np.abs(values)):.2f} (median)"
+            axes.stairs(100 * share, bins, color=SERIES[number % len(SERIES)], linewidth=2, label=label)
         else:
-            axes.plot([], [], label=told)
+            axes.plot([], [], label=label)
     axes.axvline(0, color=FAINT, linewidth=0.8)
     axes.set(xlabel="log2 of twin over photo, stops", ylabel="share of compared pixels, %", ylim=(0, None))
     axes.legend(loc="upper left", fontsize="small")

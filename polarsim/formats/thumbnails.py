@@ -1,0 +1,48 @@
+"""Pictures small enough to stand inside a page, as data URIs."""
+
+from __future__ import annotations
+
+import base64
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from polarsim.formats import png
+from polarsim.formats.tone import to_8bit
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+_QUALITY = 82  # of WebP: lines and digits stay sharp
+
+
+def of_picture(path: Path, width: int) -> str:
+    """A picture of eight bits as a data URI: WebP, at most `width` pixels wide."""
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        return _data_uri(picture.convert("RGB"), width)
+
+
+def of_photo(path: Path, width: int) -> str:
+    """A photo or twin of 12 bits as a data URI, toned by its own brightness: WebP, at most `width` pixels wide.
+
+    Raises
+    ------
+    FormatError
+        The file is missing, cut, or no picture.
+    """
+    from PIL import Image
+
+    return _data_uri(Image.fromarray(np.ascontiguousarray(to_8bit(png.read(path)))), width)
+
+
+def _data_uri(picture: Image.Image, width: int) -> str:
+    from PIL import Image
+
+    coded = io.BytesIO()
+    picture.thumbnail((width, 4 * width), Image.Resampling.LANCZOS)
+    picture.save(coded, "WEBP", quality=_QUALITY, method=4)
+    return f"data:image/webp;base64,{base64.b64encode(coded.getvalue()).decode('ascii')}"
