@@ -7,7 +7,7 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo rover release accuracy test cluster chaos fuzz lint docs clean lock schema
+.PHONY: help setup demo rover release accuracy test cluster chaos fuzz lint docs picture clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -67,6 +67,9 @@ lint: setup
 
 docs: setup ## the manual as a site, build/site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/site
+
+picture: setup ## the README's picture from a finished demo, docs/comparison.jpg
+	$(BIN)/python docs/readme_picture.py results/demo/figures/strip docs/comparison.jpg
 
 clean: ## remove results, the site, and what the analog generated
 	rm -rf results/demo results/release results/accuracy* data/analog* build/site .snakemake .pytest

@@ -19,6 +19,8 @@ SURVEYED_LEFT = {
     "B": np.array([6.100, -0.403, 1.345 + HEIGHT_OFFSET]),
     "C": np.array([0.81, -3.675, 1.325 + HEIGHT_OFFSET]),
 }
+# Terrain 13 is another, small box: seven positions within decimetres of each other, which nobody surveyed.
+UNSURVEYED_TERRAINS = (13,)
 NOMINAL_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 103.0}  # heading of the optical axis, from +X towards +Y
 NOMINAL_PITCH_DEG = 25.0  # downwards
 

@@ -19,7 +19,7 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import register_scans
-from polarsim.cameras.surveyed import pose_beside, surveyed_pose
+from polarsim.cameras.surveyed import pose_beside, stations
 from polarsim.cameras.translations import translation_table
 from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
@@ -35,6 +35,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
 
+_NOTHING = "no scan, no labels and meshes that localise it, and no survey"
 log = logging.getLogger("polarsim")
 
 
@@ -83,7 +84,7 @@ def locate_cameras(
             located = _locate_by_scans(known, scanned, rig)
         else:
             located = _locate_by_labels(known, positions, rig, seeds, options)
-        localised = _completed(located.localised, positions, rig)
+        localised = _completed(located.localised, positions, rig, stations(known.terrain))
     with writing_folder(cameras) as folder:
         for position in sorted(localised):
             write_localised(folder / f"Pos{position}.json", localised[position])
@@ -95,17 +96,23 @@ def locate_cameras(
 
 def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> Located:
     scans = {position: read_scan(known, position, rig) for position in positions}
-    network = register_scans(scans)
+    surveyed = stations(known.terrain)
+    network = register_scans(scans, surveyed)
     for reason in network.refused:
         log.warning("%s; the scan is left out", reason)
-    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left)
+    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
     if not frame.walls:
-        log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
+        whose = "the survey's" if surveyed else "arbitrary, for nobody surveyed this terrain"
+        log.warning("no two walls of the box are seen in the scans: origin and heading are %s", whose)
     localised = {}
     for position, level_from_left in network.level_from_left.items():
         pose = frame.sandbox_from_level @ level_from_left
         mine = [pair for pair in network.pairs if position in (pair.fixed, pair.moving)]
-        metrics = {"walls": float(frame.walls), "points": float(len(scans[position])), **_off_survey(position, pose)}
+        metrics = {
+            "walls": float(frame.walls),
+            "points": float(len(scans[position])),
+            **_off_survey(position, pose, surveyed),
+        }
         if mine:
             metrics |= {
                 "fitness": max(pair.alignment.fitness for pair in mine),
@@ -153,7 +160,10 @@ def _locate_by_labels(
     localised, rows = {}, []
     for position, localisation in sorted(found.localised.items()):
         pose = localisation.fit.sandbox_from_left
-        metrics = {**_label_metrics(localisation, len(outlines)), **_off_survey(position, pose)}
+        metrics = {
+            **_label_metrics(localisation, len(outlines)),
+            **_off_survey(position, pose, stations(known.terrain)),
+        }
         localised[position] = _localised(rig, pose, "labels", metrics)
         rows += _match_rows(position, localisation, outlines.rocks)
     rows.sort(key=itemgetter(0, 1))
@@ -207,20 +217,26 @@ def _offsets(localisation: LabelLocalisation) -> np.ndarray:
     return np.asarray((mesh[:, :2] + mesh[:, 2:] - seed[:, :2] - seed[:, 2:]) / 2)
 
 
-def _completed(localised: dict[str, LocalisedRig], positions: Sequence[str], rig: StereoRig) -> dict[str, LocalisedRig]:
-    """Positions that neither scans nor labels localise stand where the survey has them, moved as the others are."""
+def _completed(
+    localised: dict[str, LocalisedRig], positions: Sequence[str], rig: StereoRig, surveyed: Mapping[str, Pose]
+) -> dict[str, LocalisedRig]:
+    """Positions that neither scans nor labels localise stand where the survey has them, moved as the others are.
+
+    Those of terrain 13 are in no survey: they are left to the photos, unless no position has a pose then.
+    """
     complete = dict(localised)
     poses = {position: one.sandbox_from_left for position, one in localised.items()}
     for position in positions:
         if position in localised:
             continue
-        pose = pose_beside(position, poses)
+        pose = pose_beside(position, poses) if position in surveyed else None
         if pose is None:
-            raise RegistrationError(
-                f"position {position} has no scan, no labels and meshes that localise it, and no survey"
-            )
+            log.warning("position %s: %s; photos may localise it", position, _NOTHING)
+            continue
         log.warning("position %s has neither a scan nor labels and meshes that localise it: the survey does", position)
-        complete[position] = _localised(rig, pose, SURVEYED, _off_survey(position, pose))
+        complete[position] = _localised(rig, pose, SURVEYED, _off_survey(position, pose, surveyed))
+    if not complete:
+        raise RegistrationError(f"positions {', '.join(positions)}: {_NOTHING}")
     return complete
 
 
@@ -228,13 +244,12 @@ def _localised(rig: StereoRig, pose: Pose, method: str, metrics: Mapping[str, fl
     return LocalisedRig(rig, rounded(pose), method, rounded_metrics(dict(metrics)))
 
 
-def _off_survey(position: str, pose: Pose) -> dict[str, float]:
+def _off_survey(position: str, pose: Pose, surveyed: Mapping[str, Pose]) -> dict[str, float]:
     """How far a tripod stands from its surveyed position, and its heading from the nominal one."""
-    surveyed = surveyed_pose(position)
-    if surveyed is None:
+    if position not in surveyed:
         return {}
-    yaw = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed)[0])
+    yaw = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed[position])[0])
     return {
-        "off_survey_m": float(np.linalg.norm(pose.translation - surveyed.translation)),
+        "off_survey_m": float(np.linalg.norm(pose.translation - surveyed[position].translation)),
         "off_survey_deg": float((yaw + 180) % 360 - 180),
     }

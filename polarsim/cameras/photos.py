@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.cameras.adjust import Adjusted, Priors, Sightings, adjust, offsets_px
+from polarsim.cameras.features import localise_by_features
 from polarsim.cameras.lamps import Shot, refine_lamp, shots_of
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
@@ -70,15 +71,17 @@ def refine_cameras(
     localised = start = read_all_localised(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
-    if found := {view for view in pictures if view[0] in localised and not localised[view[0]].surveyed}:
+    if any(view[0] in localised and not localised[view[0]].surveyed for view in pictures):
         name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
-        localised, suns = _refined(name, localised, surface, {view: pictures[view] for view in found}, options)
+        localised = _with_features(name, localised, surface, pictures)
+        shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].surveyed}
+        localised, suns = _refined(name, localised, surface, shown, options)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():
                 shutil.copyfile(path, folder / path.name)
         for position, rig in localised.items():
-            if rig is not start[position]:
+            if rig is not start.get(position):
                 write_localised(folder / f"Pos{position}.json", rig)
         if suns:
             lamps.write_suns(folder, suns)
@@ -99,6 +102,15 @@ def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
 def model_points(vertices: np.ndarray) -> np.ndarray:
     """At most `_MODEL_POINTS` of the vertices (n, 3), evenly through their list."""
     return np.asarray(vertices[:: max(1, math.ceil(len(vertices) / _MODEL_POINTS))], float)
+
+
+def _with_features(
+    name: str, located: dict[str, LocalisedRig], surface: Surface, pictures: Pictures
+) -> dict[str, LocalisedRig]:
+    """The rigs, and those of further positions whose photos share enough with theirs."""
+    sure = {position: one for position, one in located.items() if not one.surveyed}
+    unsure = {view[0] for view in pictures} - set(sure)
+    return located | (localise_by_features(name, unsure, sure, surface, pictures) if unsure else {})
 
 
 def _refined(

@@ -16,7 +16,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.cameras.heightmaps import height_map
-from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
@@ -46,13 +45,19 @@ class SandboxFrame:
 
 
 def find_sandbox_frame(
-    points: Mapping[str, np.ndarray], normals: Mapping[str, np.ndarray], level_from_left: Mapping[str, Pose]
+    points: Mapping[str, np.ndarray],
+    normals: Mapping[str, np.ndarray],
+    level_from_left: Mapping[str, Pose],
+    stations: Mapping[str, Pose],
 ) -> SandboxFrame:
-    """The sandbox frame from scans (n, 3) and their normals (n, 3) in one nearly level frame near it."""
+    """The sandbox frame from scans (n, 3) and their normals (n, 3) in one nearly level frame near it.
+
+    `stations` are `sandbox_from_left` as surveyed, by position; none: origin and heading stay, unless walls tell them.
+    """
     all_points = np.concatenate([points[position] for position in sorted(points)])
     all_normals = np.concatenate([normals[position] for position in sorted(points)])
     upright = level_from(_ground(all_points))
-    settled = _from_survey({position: upright @ pose for position, pose in level_from_left.items()}) @ upright
+    settled = _from_survey({position: upright @ pose for position, pose in level_from_left.items()}, stations) @ upright
     rotated = settled.apply(all_points)
     walls = _walls(rotated, settled.rotate(all_normals))
     if len({wall.axis for wall in walls}) == 2:
@@ -141,9 +146,10 @@ def _from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
     return _flat(found.x)
 
 
-def _from_survey(level_from_left: Mapping[str, Pose]) -> Pose:
-    known = {position: surveyed_pose(position) for position in sorted(level_from_left)}
-    pairs = [(level_from_left[position], pose) for position, pose in known.items() if pose is not None]
+def _from_survey(level_from_left: Mapping[str, Pose], stations: Mapping[str, Pose]) -> Pose:
+    pairs = [
+        (level_from_left[position], stations[position]) for position in sorted(set(level_from_left) & set(stations))
+    ]
     if not pairs:
         return Pose.identity()
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from polarsim.cameras import icp
 from polarsim.cameras.heightmaps import agreement, relief_correlation, rotated_and_translated
-from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, looking
@@ -75,13 +74,15 @@ class _Levelled:
         return self.fine.select(inside | level)
 
 
-def register_scans(scans: Mapping[str, np.ndarray]) -> Network:
+def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]) -> Network:
     """Lay the scans of a terrain on each other, without those that show no sand or another terrain than most.
 
     Parameters
     ----------
     scans : position -> (n, 3) float
         Points in the left camera's frame of their position, metres.
+    stations : position -> Pose
+        `sandbox_from_left` as surveyed; positions without one are taken to stand alike, before the terrain.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def register_scans(scans: Mapping[str, np.ndarray]) -> Network:
     for one, other in combinations(sorted(scans), 2):
         if np.array_equal(scans[one], scans[other]):
             raise RegistrationError(f"the scans of positions {one} and {other} are copies: the same points in both")
-    levelled, sandless = _all_levelled(scans)
+    levelled, sandless = _all_levelled(scans, stations)
     reference, start, strange = _majority(levelled)
     levelled = {position: scan for position, scan in levelled.items() if position in start}
     sands = {position: scan.sand() for position, scan in levelled.items()}
@@ -110,12 +111,14 @@ def register_scans(scans: Mapping[str, np.ndarray]) -> Network:
     )
 
 
-def _all_levelled(scans: Mapping[str, np.ndarray]) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
+def _all_levelled(
+    scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
+) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
     """The scans that show sand, and why others do not."""
     levelled, refused = {}, []
     for position, points in sorted(scans.items()):
         try:
-            levelled[position] = _levelled(position, points)
+            levelled[position] = _levelled(position, points, stations)
         except RegistrationError as reason:
             refused.append(reason)
     if not levelled:
@@ -144,9 +147,9 @@ def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], 
     raise first
 
 
-def level_pose(position: str, points: np.ndarray) -> Pose:
+def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> Pose:
     """Near-sandbox frame from a scan's left frame: survey for position and heading, the sand for tilt and height."""
-    guess = surveyed_pose(position) or looking(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
+    guess = stations.get(position) or looking(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
     seen = guess.apply(points)
     sand = seen[(np.abs(seen[:, :2]) < SAND_REACH).all(axis=1)]
     if len(sand) < MIN_SAND_POINTS:
@@ -155,8 +158,8 @@ def level_pose(position: str, points: np.ndarray) -> Pose:
     return level_from(tracked_plane(thin, np.array([0, 0, np.median(thin[:, 2])]), SAND_SCALES)) @ guess
 
 
-def _levelled(position: str, points: np.ndarray) -> _Levelled:
-    level_from_left = level_pose(position, points)
+def _levelled(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> _Levelled:
+    level_from_left = level_pose(position, points, stations)
     near = level_from_left.apply(points)
     reach = [SCAN_RADIUS, SCAN_RADIUS, HEIGHT_REACH]
     near = near[(np.abs(near) < reach).all(axis=1)]

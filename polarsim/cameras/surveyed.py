@@ -10,6 +10,13 @@ from polarsim import survey
 from polarsim.geometry.poses import Pose, looking
 
 
+def stations(terrain: int) -> dict[str, Pose]:
+    """`sandbox_from_left` of the nominal stations of a terrain by position; none where nobody surveyed them."""
+    if terrain in survey.UNSURVEYED_TERRAINS:
+        return {}
+    return {position: pose for position in survey.SURVEYED_LEFT if (pose := surveyed_pose(position)) is not None}
+
+
 def surveyed_pose(position: str) -> Pose | None:
     """`sandbox_from_left` of a position's nominal station; None for positions that the survey does not have."""
     if position not in survey.SURVEYED_LEFT:

@@ -20,6 +20,7 @@ from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
 MOST_PX = 1 << 16  # width or height of a photo
 SURVEYED = "survey"  # method of a rig that nothing else localises
+FEATURES = "features"  # of one that photos from localised positions localise
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class LocalisedRig:
 
     rig: StereoRig
     sandbox_from_left: Pose
-    method: str = ""  # "scans", "labels" or "survey", ", photos" behind it: what the pose rests on
+    method: str = ""  # "scans", "labels", FEATURES or SURVEYED, ", photos" behind it: what the pose rests on
     metrics: dict[str, float] = field(default_factory=dict)  # metrics of the fit; keys carry their units
 
     @property

@@ -145,10 +145,15 @@ def test_labels_and_meshes_localise_rigs(tmp_path, annotated, true_poses, labell
 
 
 def test_nothing_known_of_a_position_is_an_error_and_leaves_nothing(tmp_path):
-    with pytest.raises(RegistrationError, match="Terrain13: position F has no scan, no labels"):
-        locate(tmp_path, Inventory(terrain=13, kind="release"), stated_rig(), "AF")
+    with pytest.raises(RegistrationError, match="Terrain13: positions F, G: no scan, no labels"):
+        locate(tmp_path, Inventory(terrain=13, kind="release"), stated_rig(), "FG")
     assert not (tmp_path / "cameras").exists()
     assert not list(tmp_path.glob(".cameras*"))
+
+
+def test_a_position_without_a_survey_waits_for_photos_where_others_are_localised(tmp_path, caplog):
+    assert set(locate(tmp_path, Inventory(terrain=6, kind="release"), stated_rig(), "AF")) == {"A"}
+    assert "position F: no scan, no labels" in caplog.text
 
 
 def test_a_terrain_without_rocks_or_scans_stands_as_surveyed(tmp_path):

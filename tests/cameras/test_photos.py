@@ -16,7 +16,7 @@ from polarsim.cameras.shading import look, surface_of
 from polarsim.formats import obj, png
 from polarsim.formats.colmap import read_model
 from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
-from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
+from polarsim.formats.rigs import SURVEYED, LocalisedRig, read_all_localised, write_localised
 from polarsim.formats.scene import read_terrain
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, angle_between, looking
@@ -42,23 +42,27 @@ def rough_ground(cells=260):
     return Mesh(np.stack([x, y, height], axis=-1).reshape(-1, 3), np.concatenate([np.stack(f, axis=1) for f in faces]))
 
 
+def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES):
+    """Photos from a position, as rows of `photos.parquet`."""
+    surface, rng, rows = surface_of(read_terrain(folder / "meshes", 1)), np.random.default_rng(2), []
+    for camera in "LR":
+        seen = look(surface, rig.camera(camera))
+        for azimuth, off in suns.items():
+            image = seen.under(lamp_position(azimuth) + off)
+            for ms, share in exposures.items():
+                grey = share * 2500 * image / np.percentile(image, 98)
+                grey = BLACK_LEVEL + grey + rng.normal(0, 2 + 0.5 * np.sqrt(grey))
+                path = folder / "photos" / f"01_{position}_off_{azimuth}_{camera}_{ms:04d}.png"
+                png.write(path, np.clip(np.rint(grey), 0, WHITE_LEVEL).astype(np.uint16))
+                rows.append({"key": path.stem, "path": str(path)})
+    return rows
+
+
 @pytest.fixture(scope="module")
 def photographed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("photographed")
     obj.write(folder / "meshes" / obj.ground_name(1), rough_ground(), "ground")
-    surface = surface_of(read_terrain(folder / "meshes", 1))
-    rows = []
-    rng = np.random.default_rng(2)
-    for camera in "LR":
-        seen = look(surface, TRUE.camera(camera))
-        for azimuth, off in SUNS.items():
-            image = seen.under(lamp_position(azimuth) + off)
-            for ms, share in EXPOSURES.items():
-                grey = share * 2500 * image / np.percentile(image, 98)
-                grey = BLACK_LEVEL + grey + rng.normal(0, 2 + 0.5 * np.sqrt(grey))
-                path = folder / "photos" / f"01_A_off_{azimuth}_{camera}_{ms:04d}.png"
-                png.write(path, np.clip(np.rint(grey), 0, WHITE_LEVEL).astype(np.uint16))
-                rows.append({"key": path.stem, "path": str(path)})
+    rows = photograph(folder, "A", TRUE)
     broken = folder / "photos" / "01_A_off_180_L_0256.png"
     broken.write_bytes(b"no picture")
     rows.append({"key": broken.stem, "path": str(broken)})
@@ -176,3 +180,30 @@ def test_photos_of_another_position_move_nothing(photographed, tmp_path, caplog)
     assert_same_files(tmp_path)
     assert "photos do not match the meshes" in caplog.text
     assert "01_A_off_180_L_0256.png" in caplog.text  # the broken photo
+
+
+def test_a_position_that_nothing_localised_is_by_what_its_photos_share_with_others(photographed, tmp_path, caplog):
+    """As positions D to G of terrain 13: no scan, no survey, photos from nearly the same place."""
+    one = {"suns": {"30": SUNS["30"]}, "exposures": {256: 1.0}}
+    near = replace(TRUE, sandbox_from_left=looking(np.array([3.7, -0.25, 1.42]), np.pi + 0.02, np.radians(26)))
+    far = replace(TRUE, sandbox_from_left=looking(np.array([0.6, -3.6, 1.5]), np.radians(100), np.radians(26)))
+    rows = [*photograph(photographed, "D", near, **one), *photograph(photographed, "E", far, **one)]
+    known = pd.read_parquet(photographed / "photos.parquet")
+    pd.concat([known, pd.DataFrame(rows)]).to_parquet(tmp_path / "photos.parquet")
+    localised = refine(photographed, tmp_path, {"A": LOCATED}, photos=tmp_path / "photos.parquet")
+    assert sorted(localised) == ["A", "D"]
+    found, true = localised["D"].sandbox_from_left, near.sandbox_from_left
+    assert np.linalg.norm(found.translation - true.translation) < 0.002
+    assert np.degrees(angle_between(found, true)) < 0.03
+    assert localised["D"].method == "features, photos"
+    assert "position E: its photos share too little" in caplog.text
+
+
+def test_a_surveyed_position_is_localised_by_its_photos_where_they_say_so(photographed, tmp_path):
+    near = replace(TRUE, sandbox_from_left=looking(np.array([3.7, -0.25, 1.42]), np.pi + 0.02, np.radians(26)))
+    rows = photograph(photographed, "D", near, {"30": SUNS["30"]}, {256: 1.0})
+    pd.concat([pd.read_parquet(photographed / "photos.parquet"), pd.DataFrame(rows)]).to_parquet(tmp_path / "p.parquet")
+    guessed = replace(near, sandbox_from_left=looking(np.array([3.0, 0.5, 1.5]), np.pi, 0.4), method=SURVEYED)
+    localised = refine(photographed, tmp_path, {"A": LOCATED, "D": guessed}, photos=tmp_path / "p.parquet")
+    off = localised["D"].sandbox_from_left.translation - near.sandbox_from_left.translation
+    assert np.linalg.norm(off) < 0.002

@@ -9,11 +9,14 @@ from polarsim.cameras.heightmaps import agreement, height_map, relief_correlatio
 from polarsim.cameras.icp import Surface, align_jointly, covariances, measure, surface
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import level_pose, register_scans
+from polarsim.cameras.surveyed import stations
 from polarsim.errors import RegistrationError
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.geometry.stereo import rectified_left
 
 from .conftest import make_sandbox
+
+STATIONS = stations(1)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -33,7 +36,7 @@ def quicker(monkeypatch):
 
 @pytest.fixture(scope="module")
 def network(scans):
-    return register_scans(scans)
+    return register_scans(scans, STATIONS)
 
 
 def relative(poses, first, second):
@@ -49,7 +52,7 @@ def test_scans_come_to_lie_as_their_tripods_stood(network, true_poses):
 
 
 def test_the_walls_give_origin_and_heading(network, true_poses):
-    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left)
+    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left, STATIONS)
     assert frame.walls >= 3
     for position, pose in network.level_from_left.items():
         found = frame.sandbox_from_level @ pose
@@ -63,6 +66,7 @@ def test_walls_are_found_though_the_scans_common_frame_lies_far_off(network, tru
         {position: level_from_far.apply(points) for position, points in network.points.items()},
         {position: level_from_far.rotate(normals) for position, normals in network.normals.items()},
         {position: level_from_far @ pose for position, pose in network.level_from_left.items()},
+        STATIONS,
     )
     assert frame.walls >= 3
     for position, pose in network.level_from_left.items():
@@ -73,7 +77,7 @@ def test_walls_are_found_though_the_scans_common_frame_lies_far_off(network, tru
 def test_without_walls_the_tripods_go_to_their_surveyed_positions(network, true_poses):
     low = {p: points[points[:, 2] < 0.05] for p, points in network.points.items()}
     normals = {p: network.normals[p][network.points[p][:, 2] < 0.05] for p in low}
-    frame = find_sandbox_frame(low, normals, network.level_from_left)
+    frame = find_sandbox_frame(low, normals, network.level_from_left, STATIONS)
     assert frame.walls == 0
     for position, pose in network.level_from_left.items():
         found = frame.sandbox_from_level @ pose
@@ -82,18 +86,28 @@ def test_without_walls_the_tripods_go_to_their_surveyed_positions(network, true_
 
 
 @pytest.mark.usefixtures("quicker")
+def test_positions_that_nobody_surveyed_start_beside_each_other(scans, rng):
+    """As on terrain 13, where B and C stand within decimetres of A: by their stations they were laid metres off."""
+    a_from_b = Pose.from_rotvec(np.array([0.02, -0.03, 0.05]), np.array([0.15, -0.1, 0.05]))
+    beside = a_from_b.inverse().apply(scans["A"]) + rng.normal(0, 0.001, scans["A"].shape)
+    found = relative(register_scans({"A": scans["A"], "B": beside}, stations(13)).level_from_left, "A", "B")
+    assert np.linalg.norm(found.translation - a_from_b.translation) < 0.002
+    assert np.degrees(angle_between(found, a_from_b)) < 0.03
+
+
+@pytest.mark.usefixtures("quicker")
 def test_scans_of_two_terrains_are_refused_by_name(scans):
     # Another relief in the same box: bumps of 10 cm that only C shows.
-    level = level_pose("C", scans["C"])
+    level = level_pose("C", scans["C"], STATIONS)
     bumpy = level.apply(scans["C"])
     bumpy[:, 2] += 0.1 * np.sin(9 * bumpy[:, 0]) * np.sin(11 * bumpy[:, 1])
     with pytest.raises(RegistrationError, match=r"the scans of positions [AC] and [AC] agree on 0"):
-        register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)})
+        register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)}, STATIONS)
 
 
 def test_copies_of_one_scan_are_refused_by_name(scans):
     with pytest.raises(RegistrationError, match="the scans of positions A and C are copies"):
-        register_scans({"A": scans["A"], "C": scans["A"].copy()})
+        register_scans({"A": scans["A"], "C": scans["A"].copy()}, STATIONS)
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +123,7 @@ def foreign(true_poses):
 def test_scans_of_two_terrains_with_like_relief_are_refused_by_name(scans, foreign):
     """70 % of their cells agree to 15 mm, for sand is flat; what stands on it does not."""
     with pytest.raises(RegistrationError, match=r"positions [AC] and [AC] show different terrains: .* by -?0\.[01]\d,"):
-        register_scans({"A": scans["A"], "C": foreign["C"]})
+        register_scans({"A": scans["A"], "C": foreign["C"]}, STATIONS)
 
 
 def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans, foreign):
@@ -119,7 +133,7 @@ def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans,
     third = sandbox.scan(beside, np.random.default_rng(2), 0.002)
     third = left_from_rectified.apply(third[np.isfinite(third).all(axis=-1)])
     for odd in "AC":
-        network = register_scans({**scans, "D": third, odd: foreign[odd]})
+        network = register_scans({**scans, "D": third, odd: foreign[odd]}, STATIONS)
         assert set(network.level_from_left) == set("ACD") - {odd}
         assert len(network.refused) == 1
         assert f" {odd} " in str(network.refused[0])
@@ -129,7 +143,7 @@ def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans,
 
 def test_a_scan_that_is_rotated_by_half_a_circle_is_left_out_by_name(scans):
     backwards = scans["C"] * np.array([-1, 1, -1])  # by 180 degrees about the camera's vertical
-    network = register_scans({"A": scans["A"], "C": backwards})
+    network = register_scans({"A": scans["A"], "C": backwards}, STATIONS)
     assert list(network.level_from_left) == ["A"]
     (reason,) = network.refused
     assert re.fullmatch(r"the scan of position C has \d+ points where the sand should be", str(reason))
@@ -142,7 +156,7 @@ def wall(distance=2.8):
 
 
 def test_a_scan_of_a_wall_is_left_out_by_name_and_what_it_shows(scans):
-    network = register_scans({"A": wall(), "C": scans["C"]})
+    network = register_scans({"A": wall(), "C": scans["C"]}, STATIONS)
     assert list(network.level_from_left) == ["C"]
     (reason,) = network.refused
     assert re.search(
@@ -152,16 +166,16 @@ def test_a_scan_of_a_wall_is_left_out_by_name_and_what_it_shows(scans):
 
 def test_walls_alone_localise_no_terrain():
     with pytest.raises(RegistrationError, match="the scan of position A shows 0"):
-        register_scans({"A": wall(), "C": wall(2.7)})
+        register_scans({"A": wall(), "C": wall(2.7)}, STATIONS)
 
 
 def test_a_scan_that_shows_no_sand_is_refused_by_name():
     with pytest.raises(RegistrationError, match="position A has 0 points where the sand should be"):
-        level_pose("A", np.full((50_000, 3), [0.0, 0.0, 30.0]))
+        level_pose("A", np.full((50_000, 3), [0.0, 0.0, 30.0]), STATIONS)
 
 
 def test_levelling_finds_the_tilt_and_height_of_a_tripod(scans, true_poses):
-    found, true = level_pose("A", scans["A"]), true_poses["A"]
+    found, true = level_pose("A", scans["A"], STATIONS), true_poses["A"]
     assert found.translation[2] == pytest.approx(true.translation[2], abs=0.02)
     up_found, up_true = found.rotation[2], true.rotation[2]
     assert np.degrees(np.arccos(np.clip(up_found @ up_true, -1, 1))) < 0.6
