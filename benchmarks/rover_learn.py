@@ -2,7 +2,7 @@
 
 `python benchmarks/rover_learn.py [--seeds 10] [--policies random straight planner] [--meshes MESHES --terrains 3 1 11]`
 
-Without meshes every seed has a made-up ground of 12 x 8 m with 24 rocks, 8 m to the goal. Returns are not discounted.
+Without meshes every seed has a made-up ground of 12 x 8 m with 40 rocks, 8 m to the goal. Returns are not discounted.
 """
 
 from __future__ import annotations
