@@ -1,6 +1,6 @@
 """What policies earn in the environment for learners, over seeds, and what a step costs.
 
-`python benchmarks/rover_learn.py [--seeds 10] [--policies random straight planner] [--meshes MESHES --terrains 3 1 11]`
+`python benchmarks/rover_learn.py [--seeds 10] [--first 0] [--policies random straight planner] [--meshes MESHES --terrains 3 1 11]`
 
 Without meshes every seed has a made-up ground of 12 x 8 m with 40 rocks, 8 m to the goal. Returns are not discounted.
 """
@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.learn.baselines import BASELINES, returns
@@ -41,6 +42,7 @@ def interval(values: np.ndarray) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--policies", nargs="+", choices=list(BASELINES), default=list(BASELINES))
     parser.add_argument("--meshes", type=Path)
     parser.add_argument("--terrains", type=int, nargs="+", default=[3, 1, 11])
@@ -49,10 +51,11 @@ def main() -> None:
     environment = made(asked)
     environment.reset(seed=0)  # compiles
     for name in asked.policies:
-        begun = time.process_time()
-        found = returns(environment, BASELINES[name], range(asked.seeds))
-        spent = time.process_time() - begun
-        print(found.to_string(index=False, float_format="%.3f"))
+        begun, rows = time.process_time(), []
+        for seed in range(asked.first, asked.first + asked.seeds):
+            rows.append(returns(environment, BASELINES[name], [seed]))
+            print(name, rows[-1].to_string(index=False, header=False, float_format="%.3f"), flush=True)
+        found, spent = pd.concat(rows), time.process_time() - begun
         ended = ", ".join(f"{count} {how}" for how, count in found["ended"].value_counts().items())
         earned, hits = (interval(found[column].to_numpy(float)) for column in ("return", "collisions"))
         print(

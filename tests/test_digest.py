@@ -111,6 +111,7 @@ ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself,
     {"cameras"},
     {"onboard", "exchange"},
     {"autonomy"},
+    {"learn"},
     {"options", "run", "environment"},  # no rooms: where the command line, the configuration and learners come in
 )
 ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive needs neither pictures nor detectors
