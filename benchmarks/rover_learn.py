@@ -1,6 +1,6 @@
 """What policies earn in the environment for learners, over seeds, and what a step costs.
 
-`python benchmarks/rover_learn.py [--seeds 10] [--first 0] [--policies random straight planner] [--meshes MESHES --terrains 3 1 11]`
+`python benchmarks/rover_learn.py [--seeds 10] [--first 0] [--policies planner] [--meshes MESHES --terrains 3 1 11]`
 
 Without meshes every seed has a made-up ground of 12 x 8 m with 40 rocks, 8 m to the goal. Returns are not discounted.
 """

@@ -21,7 +21,8 @@ from polarsim.rover.world.surface import World
 
 _MARGIN_M = 2.0  # from the world's ends to start and goal
 DRIVE, SOIL, STRIP, LOOKS = DriveOptions(), SoilOptions(), WorldOptions(), AutonomyOptions()
-MADE_UP = PracticeGround(length_m=12.0, width_m=8.0, rocks=40, smallest_m=0.15, largest_m=0.4)
+# Its camera first sees ground 2.2 m ahead: no rock lies nearer to the start.
+MADE_UP = PracticeGround(length_m=12.0, width_m=8.0, rocks=40, smallest_m=0.15, largest_m=0.4, clear_m=2.5)
 
 
 class Course(Protocol):

@@ -4,12 +4,14 @@ import math
 import warnings
 from dataclasses import replace
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
+pytest.importorskip("gymnasium", reason="gymnasium is not installed")
 pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+import gymnasium
+from gymnasium.utils.env_checker import check_env
 
 from polarsim.errors import ConfigError, RoverError
 from polarsim.rover.autonomy.options import AutonomyOptions
