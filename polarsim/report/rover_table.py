@@ -28,7 +28,7 @@ AUTONOMY_CAPTION = (
 SOIL_CAPTION = "Driven wheels against the limit of fine cells, small steps and stiff soil; normal of the contact."
 CHECKS_CAPTION = (
     "The soil beside what others measured or published, in their units, and beside what must hold of any soil. "
-    "`ex1-silica-5`, `trec-grc3` and `mgru3-tilt-bed` were fitted to their source, other soils were not."
+    "The soils ex1-silica-5, trec-grc3 and mgru3-tilt-bed were fitted to their source, others were not."
 )
 
 
