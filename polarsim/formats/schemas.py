@@ -94,9 +94,13 @@ SOIL_LIMIT = _schema(
     "torque_n_m:f:Nm torque_limit_n_m:f:Nm",
 )
 SOIL_MEASURED = _schema("rover/soil_measured.parquet", "rig:s soil:s slip:f slope_deg:f:degrees model_deg:f:degrees")
+SOIL_CHECKS = _schema(
+    "rover/soil_checks.parquet", "source:s quantity:s unit:s soil:s condition:s at:f expected:f model:f"
+)
 SCHEMAS = (
     PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_FOUND, COVER_SCORES, OFFSETS,
     LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, EVERY_AUTONOMY, AUTONOMY, SOIL_LIMIT, SOIL_MEASURED,
+    SOIL_CHECKS,
 )  # fmt: skip
 
 

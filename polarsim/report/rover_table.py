@@ -1,4 +1,4 @@
-"""The rover's tables: drives together and one by one, the soil against its limit, what a detector sees on board."""
+"""The rover's tables: drives together and one by one, the soil's checks, what a detector sees on board."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.formats.schemas import AUTONOMY, DRIVES, EVERY_DRIVE, ONBOARD, SOIL_LIMIT
+from polarsim.formats.schemas import AUTONOMY, DRIVES, EVERY_DRIVE, ONBOARD, SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
 
@@ -26,12 +26,26 @@ AUTONOMY_CAPTION = (
     "or blind along the straight line. Sun and exposure `any`: no pictures are taken; `all`: over all of them."
 )
 SOIL_CAPTION = "Driven wheels against the limit of fine cells, small steps and stiff soil; normal of the contact."
+CHECKS_CAPTION = (
+    "The soil beside what others measured or published, in their units, and beside what must hold of any soil. "
+    "The soils ex1-silica-5, trec-grc3 and mgru3-tilt-bed were fitted to their source, others were not."
+)
 
 
 def tabulate_rover(
-    *, drives: Path, each: Path, soil: Path, stem: Path, each_stem: Path, soil_stem: Path, origin: Mapping[str, str]
+    *,
+    drives: Path,
+    each: Path,
+    soil: Path,
+    measured: Path,
+    checks: Path,
+    stem: Path,
+    each_stem: Path,
+    soil_stem: Path,
+    checks_stem: Path,
+    origin: Mapping[str, str],
 ) -> None:
-    """Write the tables of all drives, of each drive, and of the soil against its limit, each in four forms.
+    """Write the tables of all drives, of each drive, and of the soil's checks, each in four forms.
 
     Raises
     ------
@@ -43,6 +57,8 @@ def tabulate_rover(
     _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, how)
     _write(each_stem, wide, EACH_CAPTION, origin)
     _write(soil_stem, with_errors(read_parquet(soil, SOIL_LIMIT.columns)), SOIL_CAPTION, origin)
+    all_checks = with_slopes(read_parquet(checks, SOIL_CHECKS.columns), read_parquet(measured, SOIL_MEASURED.columns))
+    _write(checks_stem, all_checks, CHECKS_CAPTION, origin)
 
 
 def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) -> None:
@@ -91,6 +107,24 @@ def with_errors(soil: pd.DataFrame) -> pd.DataFrame:
         table[f"{name.split('_')[0]}_error_percent"] = 100 * (table[name] / limit - 1)
     table["pull_error_n"] = table["pull_n"] - table["pull_limit_n"]
     return table
+
+
+def with_slopes(checks: pd.DataFrame, measured: pd.DataFrame) -> pd.DataFrame:
+    """NASA's slopes in the form of the other checks, before them, and how far the model lies from each."""
+    slopes = pd.DataFrame(
+        {
+            "source": "NASA, " + measured["rig"],
+            "quantity": "slope",
+            "unit": "degrees",
+            "soil": measured["soil"],
+            "condition": "slip",
+            "at": measured["slip"],
+            "expected": measured["slope_deg"],
+            "model": measured["model_deg"],
+        }
+    )
+    table = pd.concat([slopes, checks], ignore_index=True)
+    return table.assign(difference=table["model"] - table["expected"]).rename(columns={"source": "by"})
 
 
 def _ends(drives: pd.DataFrame) -> str:

@@ -21,7 +21,7 @@ from polarsim.errors import RoverError
 from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
 from polarsim.rover.drive.control import Command, Driver, Path, SteeringLaw
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import Start, State
+from polarsim.rover.drive.state import Start, State, tilt_of, upside_down
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
@@ -121,7 +121,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._locate(state)
         if not ended and self._driver.finished:
             ended = "finished"
-        if not ended and _upside_down(state):
+        if not ended and upside_down(state.rotation):
             ended = "upside down"
         reward = self._driver.done - before - self._offset_cost * abs(self._driver.offset) / ACTION_HZ
         late = self._simulation.time >= self._seconds - 1e-9
@@ -154,7 +154,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._driver.command(float(state.position[0]), float(state.position[1]), state.heading)
 
     def _observed(self, state: State) -> dict[str, np.ndarray]:
-        driver, (roll, pitch) = self._driver, _tilt(state.rotation)
+        driver, (roll, pitch) = self._driver, tilt_of(state.rotation)
         heading = state.heading
         forward = state.velocity[0] * math.cos(heading) + state.velocity[1] * math.sin(heading)
         weight = self.vehicle.mass * self.options.gravity_m_s2
@@ -192,17 +192,6 @@ def _centre(world: World) -> list[tuple[float, float]]:
     y = float(world.y.mean())
     margin = min(2.0, 0.25 * float(np.ptp(world.x)))
     return [(float(world.x[-1]) - margin, y), (float(world.x[0]) + margin, y)]
-
-
-def _tilt(rotation: np.ndarray) -> tuple[float, float]:
-    """Roll of the left side upwards and pitch downwards, rad, of a quaternion w x y z."""
-    w, x, y, z = rotation
-    return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(np.clip(2 * (w * y - z * x), -1, 1))
-
-
-def _upside_down(state: State) -> bool:
-    _, x, y, _ = state.rotation
-    return 1 - 2 * (x * x + y * y) < 0
 
 
 gymnasium.register(id="polarsim/Drive-v0", entry_point="polarsim.rover.environment:DriveEnvironment")

@@ -14,7 +14,7 @@ from polarsim.rover.drive.job import job_of
 from polarsim.rover.drive.ride import drive_to_end
 from polarsim.rover.drive.table import figures_of
 from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
-from polarsim.rover.exchange.bag import write_bag
+from polarsim.rover.exchange.bag import write_changed_bag
 from polarsim.rover.exchange.urdf import write_urdf
 from polarsim.rover.exchange.video import make_videos
 from polarsim.rover.onboard.detections import detect_drive
@@ -57,7 +57,7 @@ def run_all(
         if suite.videos:
             make_videos(folder, vehicle, suite, seed, threads)
     if options.bags:
-        write_bag(folder, folder / BAG, vehicle, options.bag, seed)
+        write_changed_bag(folder, folder / BAG, vehicle, options.bag, seed)
     return figures_of(trace)
 
 

@@ -38,7 +38,14 @@ def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, t
     again = call(tmp_path, drive=short)
     assert again.stdout == done.stdout
     assert (folder / "trace.parquet").stat().st_mtime_ns == before["trace.parquet"][0]  # not driven again
-    assert (folder / "drive.mcap").read_bytes() == before["drive.mcap"][1]
+    assert (folder / "drive.mcap").stat().st_mtime_ns == before["drive.mcap"][0]  # nor written
+    call(tmp_path, drive=short, bag={**SMALL["bag"], "start_s": 5})
+    changed = folder / "drive.mcap"
+    assert changed.read_bytes() != before["drive.mcap"][1]
+    changed.unlink()
+    (folder / "bag.json").write_text("broken")
+    call(tmp_path, drive=short)
+    assert changed.read_bytes() == before["drive.mcap"][1]
 
 
 def test_another_seed_is_another_drive(call, tmp_path):

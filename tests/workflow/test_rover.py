@@ -135,7 +135,7 @@ def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snak
     assert each["duration s"].item() == 5
     assert each["energy missing %"].item() < 2
     assert each["ended"].item() == "out of time"  # its time was over before the path
-    for name in ("rover", "rover_drives", "rover_soil", "rover_onboard"):
+    for name in ("rover", "rover_drives", "rover_soil", "rover_soil_checks", "rover_onboard"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
     for name in ("rover_sequence", "rover_front", "rover_drive", "rover_soil"):

@@ -179,12 +179,13 @@ rule write_urdf:
 
 
 rule check_soil:
-    """Wheels driven on the soil beside the limit that they must meet, and soils beside wheels that NASA measured."""
+    """Wheels driven on the soil beside the limit that they must meet, and soils beside what others measured."""
     input:
         soils=str(ROVER.soil.table),
     output:
         limit="results/{run}/rover/soil_limit.parquet",
         measured_slopes="results/{run}/rover/soil_measured.parquet",
+        checks="results/{run}/rover/soil_checks.parquet",
     log:
         "results/{run}/logs/rover/check_soil.log",
     benchmark:
@@ -240,20 +241,25 @@ rule summarise_onboard:
 
 
 rule tabulate_rover:
-    """Drives together and one by one, and the soil against its limit."""
+    """Drives together and one by one, the soil against its limit and against what others measured."""
     input:
         drives="results/{run}/rover/drives.parquet",
         each="results/{run}/rover/every_drive.parquet",
         soil="results/{run}/rover/soil_limit.parquet",
+        measured="results/{run}/rover/soil_measured.parquet",
+        checks="results/{run}/rover/soil_checks.parquet",
     output:
         table=shown("results/{run}/tables/rover.csv", "Rover", picture="drives"),
         each_table=shown(
             "results/{run}/tables/rover_drives.csv", "Rover", caption="tables/rover", picture="every drive"
         ),
         soil_table=shown("results/{run}/tables/rover_soil.csv", "Rover", picture="soil against its limit"),
+        checks_table=shown(
+            "results/{run}/tables/rover_soil_checks.csv", "Rover", picture="soil against what others published"
+        ),
         others=expand(
             "results/{{run}}/tables/{name}.{form}",
-            name=["rover", "rover_drives", "rover_soil"],
+            name=["rover", "rover_drives", "rover_soil", "rover_soil_checks"],
             form=["md", "tex", "parquet"],
         ),
     log:

@@ -1,4 +1,4 @@
-"""Tabulate drives and the soil's check."""
+"""Tabulate drives and the soil's checks."""
 
 from polarsim.job import job
 from polarsim.report.rover_table import tabulate_rover
@@ -9,4 +9,5 @@ with job(snakemake) as call:
         stem=snakemake.output.table.removesuffix(".csv"),
         each_stem=snakemake.output.each_table.removesuffix(".csv"),
         soil_stem=snakemake.output.soil_table.removesuffix(".csv"),
+        checks_stem=snakemake.output.checks_table.removesuffix(".csv"),
     )

@@ -22,7 +22,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, WHITE_LEVEL
+from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.render.gain import default_gain
 from polarsim.render.ground_truth import boxes_of
 from polarsim.render.lamps import Lamp
@@ -32,7 +32,7 @@ from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
 from polarsim.rover.autonomy.looks import SURE, look_of_boxes, look_of_depth
 from polarsim.rover.autonomy.options import AUTO, AutonomyOptions, Mode
 from polarsim.rover.cameras.lights import headlights
-from polarsim.rover.cameras.live_camera import LiveScene
+from polarsim.rover.cameras.live_camera import LiveScene, auto_exposure_ms, light_of
 from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, OnboardOptions
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
@@ -44,7 +44,6 @@ from polarsim.rover.world.surface import World
 SUN = "sun"
 T = TypeVar("T")
 _BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
-_CLIPPED_PERCENT = 99.0  # auto exposure puts this percentile of the light at the sensor's white
 _NEAREST_M = 1.5  # depth that stereo looks for
 
 
@@ -143,16 +142,12 @@ class Eyes:
     def _picture(self, camera: Camera, lamps: dict[str, Lamp], which: int) -> tuple[np.ndarray, float]:
         """(h, w) 12-bit grey values, and their exposure, ms."""
         model, render = self.options.model, self._scene.render
-        light = np.zeros(camera.lens.shape, np.float32)
-        if lamps:
-            found = render_view(self._scene.surfaces, camera, lamps, (model,), None, render, 1)
-            light = np.sum(list(found.olat_images.values()), axis=0)
+        light = light_of(self._scene.surfaces, camera, lamps, model, render)
         gain = render.gain.get(model, default_gain(model, render))
         exposure = self.light.exposure_ms
         if not isinstance(exposure, int | float):
             assert exposure == AUTO
-            bright = float(np.percentile(light, _CLIPPED_PERCENT))
-            exposure = float(np.clip((WHITE_LEVEL - BLACK_LEVEL) / max(bright * gain, 1e-9), 1.0, 10_000.0))
+            exposure = auto_exposure_ms(light, gain)
         name = ("autonomy", self.seed, self._glances, which, self.light.sun, self.light.exposure_ms)
         return expose(light, exposure * gain, render, noise_of(render, *name)), float(exposure)
 

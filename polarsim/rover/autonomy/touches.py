@@ -17,7 +17,7 @@ from polarsim.rover.world.surface import World
 TOUCH_M = 0.01  # physics meets hulls, which stand so far off rocks at most where these are hollow (`world.hulls`)
 _SAMPLE_M = 0.03  # between points of a rock's surface
 _EVERY_S = 0.2
-_REACH_M = 1.3  # from base_link's origin to the farthest part of the rover, and some more
+REACH_M = 1.3  # from base_link's origin to the farthest part of the rover, and some more
 _BODY_BELOW_M = 1.0  # of base_link: parts above meet no rock
 TOUCH_COLUMNS = ("rock", "height_m", "gap_m", "part", "time_s")
 
@@ -34,12 +34,11 @@ def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
     found = []
     for rock in world.rocks.to_dict("records"):
         distance = np.hypot(*(way - [rock["x_m"], rock["y_m"]]).T)
-        near = rows[distance < rock["radius_m"] + _REACH_M]
+        near = rows[distance < rock["radius_m"] + REACH_M]
         if not len(near):
             continue
         points = surface_points(world, int(rock["rock"]))
-        gaps = [*_wheel_gaps(table, vehicle, points, near), *_body_gaps(table, vehicle, points, near)]
-        part, gap, row = min(gaps, key=lambda one: one[1])
+        part, gap, row = least_gap(table, vehicle, points, near)
         found.append((int(rock["rock"]), float(rock["height_m"]), gap, part, float(times[row])))
     return pd.DataFrame(found, columns=list(TOUCH_COLUMNS))
 
@@ -74,7 +73,13 @@ def box_gap(points: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0))
 
 
-Gap = tuple[str, float, int]
+Gap = tuple[str, float, int]  # part of the rover, gap, m, row of the table
+
+
+def least_gap(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> Gap:
+    """Of a rock's points (n, 3) to the rover in rows of a trace's table."""
+    gaps = [*_wheel_gaps(table, vehicle, points, rows), *_body_gaps(table, vehicle, points, rows)]
+    return min(gaps, key=lambda one: one[1])
 
 
 def _wheel_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[Gap]:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import to_8_bits
+from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
-from polarsim.photo import USUAL_EXPOSURE_MS
+from polarsim.photo import BLACK_LEVEL, USUAL_EXPOSURE_MS, WHITE_LEVEL
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
-from polarsim.render.options import Model
+from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.rover.cameras.bodywork import body_of, links_at
+from polarsim.rover.cameras.lights import headlights
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import MovingSurfaces, RenderScene, options_of, rocks_of
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
@@ -26,6 +30,8 @@ from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.surface import World
 
 SUN = "sun"
+_CLIPPED_PERCENT = 99.0  # auto exposure puts this percentile of the light at the sensor's white
+_EXPOSURES_MS = (1.0, 10_000.0)  # within which it chooses
 BESIDE_M = 1.5  # from the path: farther away the ground is drawn as it was before the drive
 
 
@@ -35,10 +41,11 @@ class LiveCameraOptions:
 
     camera: str = FRONT
     scale: float = 1 / 16
-    sun_azimuth_deg: float = 225.0  # from east to north
+    sun_azimuth_deg: float | None = 225.0  # from east to north; none: night
     sun_elevation_deg: float = 8.0
     model: Model = "hapke"
-    exposure_ms: float = USUAL_EXPOSURE_MS
+    exposure_ms: float | Literal["auto"] = USUAL_EXPOSURE_MS
+    lights: tuple[str, ...] = ()  # of the vehicle's table, that are on
 
     def size(self, vehicle: Vehicle) -> tuple[int, int]:
         """Width and height of its pictures, px."""
@@ -85,17 +92,36 @@ class LiveCamera:
         self._options = options
         self._mount = mount_of(vehicle.camera(options.camera), options.scale)
         self._scene = LiveScene(world, vehicle, path, options.model)
-        self._lamps = {SUN: Lamp.sun(options.sun_azimuth_deg, options.sun_elevation_deg)}
+        azimuth = options.sun_azimuth_deg
+        self._suns = {} if azimuth is None else {SUN: Lamp.sun(azimuth, options.sun_elevation_deg)}
+        self._lights = [vehicle.light(name) for name in options.lights]
 
     def picture(self, state: State, level: np.ndarray) -> np.ndarray:
         """(h, w, 1) uint8 of the rover's state and the ground's levels; by the detectors' tone curve `gamma`."""
-        base, _ = self._scene.show(state, level)
-        options, render = self._options, self._scene.render
-        models: tuple[Model, ...] = (options.model,)
-        found = render_view(self._scene.surfaces, self._mount.at(base), self._lamps, models, [SUN], render, 1)
+        base, links = self._scene.show(state, level)
+        lamps = self._suns | {f"light {name}": spot for name, spot in headlights(self._lights, links).items()}
+        options, render, camera = self._options, self._scene.render, self._mount.at(base)
         gain = render.gain.get(options.model, default_gain(options.model, render))
-        grey = expose(found.olat_images[options.model, SUN], options.exposure_ms * gain, render, None)
+        light = light_of(self._scene.surfaces, camera, lamps, options.model, render)
+        exposure = auto_exposure_ms(light, gain) if options.exposure_ms == "auto" else options.exposure_ms
+        grey = expose(light, exposure * gain, render, None)
         return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
+
+
+def light_of(
+    surfaces: MovingSurfaces, camera: Camera, lamps: Mapping[str, Lamp], model: Model, render: RenderOptions
+) -> np.ndarray:
+    """(h, w) light that a camera gets from all lamps together; without lamps there is none."""
+    if not lamps:
+        return np.zeros(camera.lens.shape, np.float32)
+    found = render_view(surfaces, camera, dict(lamps), (model,), None, render, 1)
+    return np.asarray(np.sum(list(found.olat_images.values()), axis=0))
+
+
+def auto_exposure_ms(light: np.ndarray, gain: float) -> float:
+    """The exposure that puts the brightest percent of the light (h, w) at the sensor's white or above."""
+    bright = float(np.percentile(light, _CLIPPED_PERCENT))
+    return float(np.clip((WHITE_LEVEL - BLACK_LEVEL) / max(bright * gain, 1e-9), *_EXPOSURES_MS))
 
 
 def _near(world: World, path: Path, beside_m: float) -> np.ndarray:

@@ -67,3 +67,15 @@ def heading_of(rotation: np.ndarray) -> float:
     """From x towards y, of a quaternion w x y z."""
     w, x, y, z = rotation
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def tilt_of(rotation: np.ndarray) -> tuple[float, float]:
+    """Roll of the left side upwards and pitch downwards, rad, of a quaternion w x y z."""
+    w, x, y, z = rotation
+    return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(np.clip(2 * (w * y - z * x), -1, 1))
+
+
+def upside_down(rotation: np.ndarray) -> bool:
+    """Whether base_link's up points downwards, of a quaternion w x y z."""
+    _, x, y, _ = rotation
+    return bool(1 - 2 * (x * x + y * y) < 0)

@@ -32,6 +32,17 @@ class PictureTopics:
         """In the order of the vehicle's table."""
         return [self._stream(camera) for camera in self._vehicle.cameras if self._pictures(camera.name).is_dir()]
 
+    def files(self) -> list[Path]:
+        """All files that the streams read."""
+        found: list[Path] = []
+        for camera in self._vehicle.cameras:
+            view = self._folder / camera.name
+            pictures = sorted(self._pictures(camera.name).glob("*.*"))
+            found += (
+                [*pictures, view / f"{self._options.sun}_truth.parquet", view / "poses.parquet"] if pictures else []
+            )
+        return [path for path in found if path.is_file()]
+
     def _pictures(self, view: str) -> Path:
         return self._folder / view / self._set
 

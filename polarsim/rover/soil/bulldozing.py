@@ -17,6 +17,7 @@ from polarsim.rover.soil.shapes import Bodies, half_extent, intersect
 
 TAPS = 5.0  # the spread is followed so many times as far as it is wide
 MOVED = 0.2  # of the excess height between two neighbours in one sweep; 0.25 is where sweeps start to swing
+SQRT2 = math.sqrt(2.0)
 DISTURBED = 1e-5  # m: ground that no wheel changed does not slide
 
 
@@ -53,33 +54,49 @@ def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
             slide(ground, outer, climb)
 
 
-def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200) -> None:
-    """Let disturbed ground everywhere slide until it rests, for pictures: a wheel's own sweeps stop half-way."""
+def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
+    """Let disturbed ground everywhere slide until it rests, for pictures: a wheel's own sweeps stop half-way.
+
+    It rests when no sweep moves a level by more than `still_m`: a long slope creeps on at a rate far below its excess.
+    Soil slides across corners too, so no slope in any of eight directions stays steeper; between them the gradient is
+    up to 1 / cos(22.5 degrees) of the tangent.
+    """
     everywhere = slice(0, ground.owner.shape[0]), slice(0, ground.owner.shape[1])
     for _ in range(sweeps):
-        if not slide(ground, everywhere, ground.cell * math.tan(math.radians(angle_deg))):
+        if slide(ground, everywhere, ground.cell * math.tan(math.radians(angle_deg)), corners=True) <= still_m:
             return
 
 
-def slide(ground: Ground, part: tuple[slice, slice], climb: float) -> bool:
-    """One sweep over a part of the grid: neighbours whose levels differ by more than `climb` exchange soil."""
+def slide(ground: Ground, part: tuple[slice, slice], climb: float, corners: bool = False) -> float:
+    """One sweep over a part of the grid: neighbours whose levels differ by more than `climb` exchange soil.
+
+    With `corners` nodes across a corner are neighbours too, sqrt(2) as far away. Returns the largest change of a level,
+    m.
+    """
     state, owner = ground.state[part], ground.owner[part]
     level = state[..., LEVEL]
     disturbed = np.abs(level - state[..., ORIGINAL]) > DISTURBED
     free = owner == FREE
     change = np.zeros_like(level)
-    for one, two in (
-        ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
-        ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
-    ):
+    every, but_last, but_first = slice(None), slice(None, -1), slice(1, None)
+    pairs = [
+        ((every, but_last), (every, but_first), climb, MOVED),
+        ((but_last, every), (but_first, every), climb, MOVED),
+    ]
+    if corners:
+        pairs += [
+            ((but_last, but_last), (but_first, but_first), SQRT2 * climb, MOVED / 2),
+            ((but_last, but_first), (but_first, but_last), SQRT2 * climb, MOVED / 2),
+        ]
+    for one, two, rests, share in pairs:
         step = level[two] - level[one]
         may = free[one] & free[two] & (disturbed[one] | disturbed[two])
-        moved = np.where(may, MOVED * np.sign(step) * np.maximum(np.abs(step) - climb, 0.0), 0.0)
+        moved = np.where(may, share * np.sign(step) * np.maximum(np.abs(step) - rests, 0.0), 0.0)
         change[one] += moved
         change[two] -= moved
     state[..., LEVEL] += change
     state[..., START] += change
-    return bool((np.abs(change) > DISTURBED).any())
+    return float(np.abs(change).max())
 
 
 def _push(

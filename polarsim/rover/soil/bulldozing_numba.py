@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from polarsim.kernels import njit
-from polarsim.rover.soil.bulldozing import DISTURBED, MOVED, Bulldozing, taps
+from polarsim.rover.soil.bulldozing import DISTURBED, MOVED, SQRT2, Bulldozing, taps
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
 from polarsim.rover.soil.shapes import Bodies
 from polarsim.rover.soil.shapes_numba import clear, intersect, window
@@ -23,9 +23,9 @@ def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
     )  # fmt: skip
 
 
-def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200) -> None:
+def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
     """`bulldozing.settle`: let disturbed ground everywhere slide until it rests."""
-    _slide(ground.state, ground.owner, ground.cell * math.tan(math.radians(angle_deg)), sweeps, DISTURBED)
+    _slide(ground.state, ground.owner, ground.cell * math.tan(math.radians(angle_deg)), sweeps, still_m, True)
 
 
 @njit()
@@ -48,7 +48,7 @@ def _bulldoze(  # type: ignore[no-untyped-def]
             part, slopes, owners, shapes[body], centres[body, 2], rotations[body], dx, dy, cell,
             weights, share, headroom,
         )  # fmt: skip
-        _slide(part, owners, climb, sweeps, 0.0)
+        _slide(part, owners, climb, sweeps, 0.0, False)
 
 
 @njit()
@@ -148,7 +148,7 @@ def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def _slide(part, owners, climb, sweeps, still):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
+def _slide(part, owners, climb, sweeps, still, corners):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
     """All sweeps, or until none moves a level by more than `still`, metres.
 
     On copies that lie close together, for a node's state is spread over a cache line of its own.
@@ -161,16 +161,18 @@ def _slide(part, owners, climb, sweeps, still):  # type: ignore[no-untyped-def] 
             start[row, column] = part[row, column, START]
             original[row, column] = part[row, column, ORIGINAL]
     change = np.zeros((rows, columns))
+    sides = 4 if corners else 2
     for _ in range(sweeps):
         most = 0.0
         for row in range(rows):
             for column in range(columns):
-                for side in range(2):
-                    to_row, to_column = row + side, column + 1 - side
-                    if to_row == rows or to_column == columns:
+                for side in range(sides):
+                    # To the right, below, below to the right, below to the left.
+                    to_row, to_column = row + min(side, 1), column + (1, 0, 1, -1)[side]
+                    if to_row == rows or to_column == columns or to_column < 0:
                         continue
                     one, two = level[row, column], level[to_row, to_column]
-                    excess = abs(two - one) - climb
+                    excess = abs(two - one) - (climb if side < 2 else SQRT2 * climb)
                     if (
                         excess > 0  # first, for it is rare
                         and owners[row, column] == FREE
@@ -180,7 +182,7 @@ def _slide(part, owners, climb, sweeps, still):  # type: ignore[no-untyped-def] 
                             or abs(two - original[to_row, to_column]) > DISTURBED
                         )
                     ):
-                        moved = MOVED * excess if two > one else -MOVED * excess
+                        moved = (MOVED if side < 2 else MOVED / 2) * (excess if two > one else -excess)
                         change[row, column] += moved
                         change[to_row, to_column] -= moved
         for row in range(rows):

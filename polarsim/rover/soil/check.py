@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import RoverError
-from polarsim.formats import tables
 from polarsim.formats.schemas import SOIL_LIMIT, SOIL_MEASURED
 from polarsim.rover.soil import contact_numba
+from polarsim.rover.soil.bulldozing import Bulldozing
+from polarsim.rover.soil.bulldozing_numba import bulldoze
 from polarsim.rover.soil.contact import Rule, Wrenches
 from polarsim.rover.soil.law import ContactLaw, read_soils
 from polarsim.rover.soil.limit import steady_wheel
@@ -88,9 +89,20 @@ CURVES = {"trec-grc3": TREC, "mgru3-tilt-bed": TILT_BED}  # by the soil that eac
 
 
 def drive(
-    wheel: Wheel, law: ContactLaw, load: float, slip: float, cell: float, rig: Rig, rule: Rule, press: Press
+    wheel: Wheel,
+    law: ContactLaw,
+    load: float,
+    slip: float,
+    cell: float,
+    rig: Rig,
+    rule: Rule,
+    press: Press,
+    bulldozing: Bulldozing | None = None,
 ) -> Driven:
-    """Drive over fresh level ground at one slip; forward is +x, and the wheel starts on the surface."""
+    """Drive over fresh level ground at one slip; forward is +x, and the wheel starts on the surface.
+
+    With `bulldozing` soil moves aside while it drives, and the wheel is lifted off at the end for what is under it.
+    """
     if not slip < 1:
         raise RoverError(f"slip {slip:g}, a wheel that moves has less than 1")
     length = rig.run_in + rig.run + 2 * wheel.reach + 2 * rig.margin
@@ -105,12 +117,18 @@ def drive(
         velocity = np.array([speed, 0.0, sinking])
         bodies = Bodies(numbers, centre[None], _rolled(rolled)[None], velocity[None], np.array([[0.0, spin, 0.0]]))
         loads = press(ground, bodies, law, rule, rig.dt)
+        if bulldozing and (step + 1) % bulldozing.every == 0:
+            bulldoze(ground, bodies, bulldozing)
         force = loads.forces[0]
         seen[step] = -(centre[2] - wheel.radius), force[0], -loads.torques[0, 1], force[2]
         # The damper is taken at the end of the step, so that it cannot overshoot.
         sinking = (sinking + rig.dt * (force[2] - load) / rig.mass) / (1 + rig.dt * rig.damper / rig.mass)
         centre = centre + rig.dt * np.array([speed, 0.0, sinking])
         rolled += rig.dt * spin
+    if bulldozing:
+        lifted = replace(bodies, centres=centre[None] + [0.0, 0.0, wheel.reach])
+        press(ground, lifted, law, rule, rig.dt)  # what gave way elastically comes back
+        bulldoze(ground, lifted, bulldozing)
     kept = seen[steps - math.floor(rig.run / (speed * rig.dt)) :]
     sinkage, pull, torque, borne = kept.mean(axis=0)
     return Driven(slip, sinkage, pull, torque, float(kept[:, 3].std() / borne), ground)
@@ -120,18 +138,6 @@ def _rolled(angle: float) -> np.ndarray:
     """A wheel's frame after it rolled forward by an angle, about +y."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-
-
-def check_soil(*, soils: Path, limit: Path, measured_slopes: Path) -> None:
-    """Write both tables: wheels against the limit, and soils against what NASA measured.
-
-    Raises
-    ------
-    PolarsimError
-        The table of soils is broken, or lacks a soil of the check.
-    """
-    tables.write_parquet(limit, against_limit(soils))
-    tables.write_parquet(measured_slopes, against_measured(soils))
 
 
 def against_limit(soils: Path) -> pd.DataFrame:

@@ -15,7 +15,6 @@ from polarsim.rover.world.surface import ROCK_COLUMNS, World, bare_world
 
 CORNERS = 24  # points whose hull a rock is
 BURIED = 0.25  # share of a rock's height below the ground, as in POLAR's sandbox
-CLEAR_M = 1.3  # round the position where the rover is put down no rock lies
 
 
 @dataclass(frozen=True)
@@ -30,6 +29,7 @@ class PracticeGround:
     rocks: int = 12
     smallest_m: float = 0.06
     largest_m: float = 0.25
+    clear_m: float = 1.3  # round the position where the rover is put down no rock lies
 
 
 def practice_world(options: PracticeGround, seed: int) -> World:
@@ -58,7 +58,7 @@ def _with_rocks(bare: World, options: PracticeGround, seed: int) -> World:
         x, y = rng.uniform([0.5, bare.y[0] + 0.5], [options.length_m - 0.5, bare.y[-1] - 0.5])
         size = options.smallest_m * (options.largest_m / options.smallest_m) ** rng.random()
         shape = _rock(rng, size)
-        if np.hypot(x - (options.length_m - 2.0), y) < CLEAR_M:
+        if np.hypot(x - (options.length_m - 2.0), y) < options.clear_m:
             continue
         top, bottom = shape[0][:, 2].max(), shape[0][:, 2].min()
         ground = float(bare.height_at(x, y))

@@ -1,0 +1,249 @@
+"""The rover's way over terrains as a Gymnasium environment: ten times a second a speed and a steering angle.
+
+    import gymnasium
+    import polarsim.rover.learn.environment  # registers polarsim/Traverse-v0
+    env = gymnasium.make("polarsim/Traverse-v0")
+
+The rover looks and maps as in drives that decide (`polarsim.rover.autonomy`), and the learner steers. The same seed,
+options and actions are the same episode.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from pydantic import ValidationError
+
+from polarsim.errors import RoverError
+from polarsim.formats.yaml_files import describe_error
+from polarsim.rover.autonomy.eyes import Eyes, Light
+from polarsim.rover.autonomy.hazard_grid import HazardGrid
+from polarsim.rover.autonomy.options import AutonomyOptions, Mode
+from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
+from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, OnboardOptions
+from polarsim.rover.drive.control import Command, Path
+from polarsim.rover.drive.energy import EnergyError
+from polarsim.rover.drive.job import start_of
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.drive.state import OffGridError, State, upside_down
+from polarsim.rover.learn.collisions import Collisions
+from polarsim.rover.learn.courses import Course, MadeUpCourse
+from polarsim.rover.learn.observation import STATE, crop, numbers
+from polarsim.rover.learn.options import TaskOptions
+
+ACTION_HZ = 10
+ARRIVED_M = 0.3  # before the goal's line, as for drives that decide
+LIGHT = {"sun": "suns", "exposure_ms": "exposures_ms", "lights": "lights"}  # of a reset, and of the options
+_QUARTER = 0.25  # of the camera's size: what looks and pictures take at this size costs half as much as at 0.5
+_PICTURE_SCALE = 1 / 16
+
+
+class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
+    """Drive from the first point of a straight line to its last, round the rocks.
+
+    Action, (2,) within -1 and 1: speed over `task.top_speed_m_s`, steering to the left over `task.top_steer_deg`.
+    Observation: `hazards` and `state`, see `observation`; where it is asked for `image`, (h, w, 1) grey. Reward:
+    `task.reward`. An episode is terminated at the goal's line, off the grid or upside down, and truncated after
+    `options.longest_s`. `info`: `ended`, why; `along_m`, `energy_j`, `collisions` so far, `light`.
+
+    `reset(options=...)` takes `sun`, `exposure_ms` and `lights`, named as in the configuration; what is not given is
+    drawn by the seed from `suns` and `exposures_ms`, or as `options.lights` says.
+
+    Parameters
+    ----------
+    course : where episodes take place; none: a made-up ground for every seed.
+    mode : what the map is made of; `blind` has an empty one.
+    options : how the rover looks and maps, under which Suns; speeds and planning are the learner's.
+    onboard : the detector, for modes that have one.
+    image : show the front camera's picture as well, in every observation.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": ACTION_HZ}  # noqa: RUF012
+
+    def __init__(
+        self,
+        course: Course | None = None,
+        *,
+        mode: Mode = "truth",
+        options: AutonomyOptions | None = None,
+        onboard: OnboardOptions | None = None,
+        task: TaskOptions | None = None,
+        image: bool = False,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise RoverError(f"render mode {render_mode!r}, expected 'rgb_array' or none")
+        self.render_mode, self.course, self.mode = render_mode, course or MadeUpCourse(), mode
+        self.options = options or AutonomyOptions(scale=_QUARTER, suns=("1", "2", "3", "4"), longest_s=120.0)
+        self.onboard, self.task, self._image = onboard or OnboardOptions(), task or TaskOptions(), image
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        bounds, cells = np.array(list(STATE.values()), np.float32), self.task.crop.cells
+        found: dict[str, spaces.Space[Any]] = {
+            "hazards": spaces.Box(0, 255, (3, cells, cells), np.uint8),
+            "state": spaces.Box(-bounds, bounds, dtype=np.float32),
+        }
+        if image:
+            width, height = LiveCameraOptions(scale=_PICTURE_SCALE).size(self.course.vehicle)
+            found["image"] = spaces.Box(0, 255, (height, width, 1), np.uint8)
+        self.observation_space: Any = spaces.Dict(found)
+        self._simulation: Simulation | None = None
+
+    @property
+    def simulation(self) -> Simulation:
+        """The physics of the episode.
+
+        Raises
+        ------
+        RoverError
+            No episode has begun.
+        """
+        if self._simulation is None:
+            raise RoverError("step before reset")
+        return self._simulation
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Put the rover down at the line's first point, a little off it, let it settle, and look once.
+
+        Raises
+        ------
+        PolarsimError
+            An option that a reset does not have, an unknown Sun or light, meshes or a detector that are missing.
+        """
+        super().reset(seed=seed, options=options)
+        own = int(self.np_random.integers(2**31))
+        lit = self._lit(options or {})
+        self.light = Light(lit.suns[0], lit.exposures_ms[0])
+        job = self.course.job(own)
+        self.line = Path(np.array(job.drive.path_m, float))
+        self.vehicle = job.vehicle
+        self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.line))
+        self.map = HazardGrid(job.world, self.options.map)
+        self._eyes = None
+        if self.mode != "blind":
+            self._eyes = Eyes(job.world, job.vehicle, self.line, self.mode, self.light, lit, self.onboard, own)
+        self._collisions, self._hits = Collisions(job.world, job.vehicle), 0
+        self._camera = self._camera_of(lit) if self._image or self.render_mode else None
+        if self.task.settle_s:
+            self._simulation.advance(self.task.settle_s)
+        self._simulation.zero()
+        self._next_look = self._looked = 0.0
+        state = self._simulation.state()
+        self._collisions.update(state)
+        self._look(state)
+        return self._observed(state), self._info(state)
+
+    def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        """A tenth of a second under a command."""
+        simulation, task, before = self.simulation, self.task, self.simulation.state()
+        speed, steer = np.clip(np.asarray(action, float), -1.0, 1.0).tolist()
+        simulation.apply(Command(speed * task.top_speed_m_s, steer * math.radians(task.top_steer_deg)))
+        spent, ended = simulation.account.motor, ""
+        try:
+            simulation.advance(1 / ACTION_HZ)
+        except OffGridError:
+            ended = "off the grid"
+        except EnergyError:
+            ended = "energy"
+        state = simulation.state()
+        if not ended and upside_down(state.rotation):
+            ended = "upside down"
+        failed = bool(ended)
+        new = () if failed else self._collisions.update(state)
+        self._hits += len(new)
+        if not failed and self._along(state) >= self.line.length - ARRIVED_M:
+            ended = "finished"
+        if not ended:
+            self._look(state)
+        worth = task.reward
+        reward = (
+            worth.progress_1_m * (self._along(state) - self._along(before))
+            + worth.collision * len(new)
+            + worth.energy_1_j * (simulation.account.motor - spent)
+            + worth.failure * failed
+        )
+        late = simulation.time >= self.options.longest_s - 1e-9
+        truncated = late and not ended
+        info = {**self._info(state), "ended": ended or ("out of time" if truncated else "")}
+        return self._observed(state), float(np.nan_to_num(reward)), bool(ended), truncated, info
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """The front camera's picture, (h, w, 3) grey."""
+        if self.render_mode is None or self._simulation is None:
+            return None
+        return np.repeat(self._picture(self._simulation.state()), 3, axis=2)
+
+    def _lit(self, given: dict[str, Any]) -> AutonomyOptions:
+        """The options under one Sun, with one exposure."""
+        unknown = set(given) - set(LIGHT)
+        if unknown:
+            raise RoverError(f"reset option {min(unknown)!r}, expected {', '.join(LIGHT)}")
+        drawn = {
+            name: getattr(self.options, many)[int(self.np_random.integers(len(getattr(self.options, many))))]
+            for name, many in (("sun", "suns"), ("exposure_ms", "exposures_ms"))
+        }
+        chosen = drawn | given
+        named = {"suns": (chosen["sun"],), "exposures_ms": (chosen["exposure_ms"],)}
+        if "lights" in given:
+            named["lights"] = tuple(given["lights"])
+        try:
+            return AutonomyOptions.model_validate(self.options.model_dump() | named)
+        except ValidationError as error:
+            raise RoverError(f"reset options: {describe_error(error, 'options')}") from error
+
+    def _look(self, state: State) -> None:
+        """Bring the map up to this moment, where a look is due."""
+        now = self.simulation.time
+        if now < self._next_look - 1e-9:
+            return
+        self._next_look += 1 / self.options.rate_hz
+        self._looked = now
+        self.map.fade(now)
+        if self._eyes is None:
+            return
+        for look in self._eyes.look(state, self.simulation.ground.level, self.map).looks:
+            self.map.add(look)
+
+    def _along(self, state: State) -> float:
+        return self.line.beside(float(state.position[0]), float(state.position[1]), 0)[0]
+
+    def _observed(self, state: State) -> dict[str, np.ndarray]:
+        found = {
+            "hazards": crop(self.map, state, self.task.crop),
+            "state": numbers(state, self.line, self.simulation.time - self._looked),
+        }
+        if self._image:
+            found["image"] = self._picture(state)
+        return found
+
+    def _camera_of(self, lit: AutonomyOptions) -> LiveCamera:
+        options = LiveCameraOptions(
+            scale=_PICTURE_SCALE,
+            sun_azimuth_deg=SUN_AZIMUTHS_DEG.get(self.light.sun),  # none at night
+            sun_elevation_deg=lit.sun_elevation_deg,
+            model=lit.model,
+            exposure_ms=lit.exposures_ms[0],
+            lights=lit.lights,
+        )
+        return LiveCamera(self.simulation.world, self.vehicle, self.line, options)
+
+    def _picture(self, state: State) -> np.ndarray:
+        assert self._camera is not None
+        return self._camera.picture(state, self.simulation.ground.level)
+
+    def _info(self, state: State) -> dict[str, Any]:
+        return {
+            "along_m": self._along(state),
+            "energy_j": self.simulation.account.motor,
+            "collisions": self._hits,
+            "light": {"sun": self.light.sun, "exposure_ms": self.light.exposure_ms},
+            "ended": "",
+        }
+
+
+gymnasium.register(id="polarsim/Traverse-v0", entry_point="polarsim.rover.learn.environment:TraverseEnvironment")

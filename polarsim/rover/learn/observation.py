@@ -1,0 +1,62 @@
+"""What a learner is shown: the map around the rover, and where the rover stands and heads.
+
+`hazards` is (3, n, n) uint8, ahead is up: how likely a cell is rock, how high that rock is, and whether it was seen.
+`state` holds `STATE`, each within its bounds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from polarsim.rover.autonomy.hazard_grid import HazardGrid
+from polarsim.rover.drive.control import Path, wrapped
+from polarsim.rover.drive.state import State, tilt_of
+from polarsim.rover.learn.options import CropOptions
+from polarsim.rover.vehicle.table import WHEELS
+
+HIGHEST_M = 0.5  # of a rock: full scale
+# What `state` holds, and its bounds either way: metres, radians, seconds.
+STATE: dict[str, float] = {
+    "goal_distance": 1000.0, "sin_goal_bearing": 1.0, "cos_goal_bearing": 1.0,  # bearing from ahead to the left
+    "to_go": 1000.0, "offset": 1000.0,  # along the straight line, and to its left
+    "sin_heading_error": 1.0, "cos_heading_error": 1.0,
+    "speed": 5.0, "yaw_rate": 10.0, "roll": math.pi, "pitch": math.pi,
+    "command_speed": 2.0, "command_steer": math.pi / 2,
+    **{f"{code}_slip": 10.0 for code in WHEELS},
+    "look_age": 1000.0,  # since the map was last looked at
+}  # fmt: skip
+
+
+def crop(grid: HazardGrid, state: State, options: CropOptions) -> np.ndarray:
+    """(3, n, n) uint8 of the map's cells nearest to the crop's; beyond the map there is the highest rock."""
+    cell = grid.options.cell_m
+    ahead = options.ahead_m - cell * (np.arange(options.cells) + 0.5)
+    left = cell * (options.cells / 2 - 0.5 - np.arange(options.cells))
+    u, v = ahead[:, None], left[None, :]
+    cos, sin = math.cos(state.heading), math.sin(state.heading)
+    column = np.floor((state.position[0] + cos * u - sin * v - grid.x[0]) / cell + 0.5).astype(int)
+    row = np.floor((state.position[1] + sin * u + cos * v - grid.y[0]) / cell + 0.5).astype(int)
+    on = (column >= 0) & (column < len(grid.x)) & (row >= 0) & (row < len(grid.y))
+    at = row.clip(0, len(grid.y) - 1), column.clip(0, len(grid.x) - 1)
+    layers = 1 / (1 + np.exp(-grid.log_odds)), grid.height / HIGHEST_M, grid.seen
+    shown = [np.where(on, np.asarray(layer, float)[at], 1.0) for layer in layers]
+    return np.rint(255 * np.clip(shown, 0.0, 1.0)).astype(np.uint8)
+
+
+def numbers(state: State, line: Path, look_age_s: float) -> np.ndarray:
+    """(len(STATE),) float32 of a moment on the way along a straight line."""
+    x, y, heading = float(state.position[0]), float(state.position[1]), state.heading
+    along, offset = line.beside(x, y, 0)
+    dx, dy = (line.points[-1] - (x, y)).tolist()
+    bearing, error = math.atan2(dy, dx) - heading, wrapped(heading - line.headings[0])
+    roll, pitch = tilt_of(state.rotation)
+    values = [
+        math.hypot(dx, dy), math.sin(bearing), math.cos(bearing), line.length - along, offset,
+        math.sin(error), math.cos(error),
+        state.velocity[0] * math.cos(heading) + state.velocity[1] * math.sin(heading), state.spin[2], roll, pitch,
+        state.command.speed_m_s, state.command.steer_rad, *state.wheel("slip"), look_age_s,
+    ]  # fmt: skip
+    bounds = np.array(list(STATE.values()))
+    return np.clip(np.nan_to_num(values), -bounds, bounds).astype(np.float32)

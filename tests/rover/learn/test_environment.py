@@ -1,0 +1,203 @@
+"""The task for learners: Gymnasium's own checks, the same episode from the same seed, and what is rewarded."""
+
+import math
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="gymnasium is not installed")
+pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+import gymnasium
+from gymnasium.utils.env_checker import check_env
+
+from polarsim.errors import ConfigError, RoverError
+from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.learn.baselines import planner_policy, random_policy, returns
+from polarsim.rover.learn.courses import MadeUpCourse, WorldCourse
+from polarsim.rover.learn.environment import TraverseEnvironment
+from polarsim.rover.learn.observation import STATE
+from polarsim.rover.learn.options import RewardOptions, TaskOptions
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.world.practice import PracticeGround, practice_world
+
+GROUND = PracticeGround(length_m=7.0, width_m=5.0, cell_m=0.04, rocks=6, smallest_m=0.15)
+FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
+COARSE = AutonomyOptions(scale=0.1, suns=("1", "3"), longest_s=30)
+AHEAD, STAY = np.float32([0.5, 0.0]), np.zeros(2, np.float32)
+
+
+def made(**options) -> TraverseEnvironment:
+    return TraverseEnvironment(**{"course": MadeUpCourse(GROUND, soil=FIRM), "options": COARSE} | options)
+
+
+def episode(environment, seed: int, steps: int, **lit) -> list:
+    """Observations, rewards and ends of a drive straight ahead, as bytes that can be compared."""
+    observed, _ = environment.reset(seed=seed, options=lit)
+    found = [*(values.tobytes() for values in observed.values())]
+    for _ in range(steps):
+        observed, *rest = environment.step(AHEAD)
+        found += [*(values.tobytes() for values in observed.values()), rest]
+    return found
+
+
+@pytest.mark.parametrize("image", [False, True])
+def test_gymnasium_finds_nothing_to_complain_about(image):
+    environment = gymnasium.make(
+        "polarsim/Traverse-v0", image=image, course=MadeUpCourse(GROUND, soil=FIRM), options=COARSE,
+        render_mode="rgb_array", disable_env_checker=True,
+    )  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(environment.unwrapped)
+
+
+def test_the_same_seed_is_the_same_episode_and_another_is_another():
+    once = episode(made(image=True), 7, 12)
+    assert once == episode(made(image=True), 7, 12)
+    assert once != episode(made(image=True), 8, 12)
+
+
+def test_the_light_is_drawn_by_the_seed_or_given():
+    environment = made(image=True)
+    suns = {environment.reset(seed=seed)[1]["light"]["sun"] for seed in range(8)}
+    assert suns == {"1", "3"}
+    pictures = [
+        environment.reset(seed=1, options=lit)[0]["image"]
+        for lit in (
+            {"sun": "1"}, {"sun": "3"}, {"sun": "night"},
+            {"sun": "night", "lights": ("navlight_left",), "exposure_ms": "auto"},
+        )
+    ]  # fmt: skip
+    assert not np.array_equal(pictures[0], pictures[1])
+    assert np.ptp(pictures[2]) == 0
+    assert pictures[3].std() > 5
+
+
+@pytest.mark.parametrize(
+    ("lit", "error", "reason"),
+    [
+        ({"moon": 1}, RoverError, "reset option 'moon', expected sun, exposure_ms, lights"),
+        ({"sun": "7"}, RoverError, "reset options: .*suns"),
+        ({"exposure_ms": -3}, RoverError, "reset options: .*exposures_ms"),
+        ({"sun": "night", "lights": ("torch",)}, ConfigError, "no light 'torch'"),
+    ],
+)
+def test_a_light_that_there_is_not_is_refused_in_one_line(lit, error, reason):
+    with pytest.raises(error, match=reason) as refused:
+        made(image=True).reset(seed=0, options=lit)
+    assert "\n" not in str(refused.value)
+
+
+def test_metres_gained_are_earned_and_joules_are_paid_for():
+    worth = RewardOptions(progress_1_m=2.0, energy_1_j=-0.01, collision=0.0)
+    environment = made(course=MadeUpCourse(replace(GROUND, rocks=0), soil=FIRM), task=TaskOptions(reward=worth))
+    observed, before = environment.reset(seed=1)
+    to_go = [float(observed["state"][list(STATE).index("to_go")])]
+    total = 0.0
+    for _ in range(30):
+        observed, reward, *_, info = environment.step(AHEAD)
+        total += reward
+        to_go.append(float(observed["state"][list(STATE).index("to_go")]))
+    gained = info["along_m"] - before["along_m"]
+    assert 0.3 < gained < 0.6
+    assert to_go[0] - to_go[-1] == pytest.approx(gained, abs=1e-4)
+    assert info["energy_j"] > 10
+    assert total == pytest.approx(2 * gained - 0.01 * info["energy_j"], abs=1e-6)
+
+
+def wall_ahead() -> WorldCourse:
+    """A course whose only rocks above 10 cm lie in the way of the wheels."""
+    world = practice_world(replace(GROUND, rocks=2, smallest_m=0.3, largest_m=0.3), 3)
+    rocks = world.rocks.copy()
+    vertices = world.vertices.copy()
+    for number, (x, y) in enumerate(((3.2, 0.6), (3.2, -0.6))):
+        used = np.unique(world.triangles[rocks["first_face"][number] :][: rocks["faces"][number]])
+        vertices[used, 0] += x - rocks["x_m"][number]
+        vertices[used, 1] += y - rocks["y_m"][number]
+        rocks.loc[number, ["x_m", "y_m"]] = x, y
+    return WorldCourse(replace(world, rocks=rocks, vertices=vertices), soil=FIRM)
+
+
+def test_a_rock_costs_once_when_it_is_touched_and_shows_before():
+    environment = made(course=wall_ahead(), task=TaskOptions(reward=RewardOptions(progress_1_m=0, energy_1_j=0)))
+    observed, _ = environment.reset(seed=0)
+    assert observed["hazards"][0, :36].max() > 128  # ahead
+    rewards = []
+    for _ in range(80):
+        *_, reward, terminated, truncated, info = environment.step(AHEAD)
+        rewards.append(reward)
+        if info["collisions"] >= 2 or terminated or truncated:
+            break
+    assert info["collisions"] >= 2
+    assert sum(rewards) == -5.0 * info["collisions"]
+    assert environment.simulation.data.qpos[0] > 3.2  # not before the wheels are there
+
+
+def test_an_episode_ends_at_the_goal_off_the_grid_and_when_its_time_is_over():
+    short = made(options=COARSE.model_copy(update={"longest_s": 0.3}))
+    short.reset(seed=0)
+    assert [short.step(STAY)[2:4] for _ in range(3)] == [(False, False), (False, False), (False, True)]
+    bare = MadeUpCourse(replace(GROUND, length_m=5.0, rocks=0), soil=FIRM)
+    for action, ended, reward in ((AHEAD * 2, "finished", None), (-AHEAD * 2, "off the grid", -10.0)):
+        environment = made(course=bare)
+        environment.reset(seed=0)
+        for _ in range(100):
+            *_, last, terminated, _, info = environment.step(action)
+            if terminated:
+                break
+        assert info["ended"] == ended
+        assert reward is None or last == pytest.approx(reward, abs=0.2)
+
+
+def test_the_crop_turns_with_the_rover():
+    """A map with one rock cell: it is shown where it lies from the rover, ahead up and left at the left."""
+    environment = made(mode="blind", course=WorldCourse(practice_world(replace(GROUND, rocks=0), 0), soil=FIRM))
+    environment.reset(seed=0)
+    grid, state = environment.map, environment.simulation.state()
+    ahead, left = 2.0, 1.0
+    x = state.position[0] + ahead * math.cos(state.heading) - left * math.sin(state.heading)
+    y = state.position[1] + ahead * math.sin(state.heading) + left * math.cos(state.heading)
+    grid.log_odds[np.abs(grid.y - y).argmin(), np.abs(grid.x - x).argmin()] = 4.0
+    shown = environment.step(STAY)[0]["hazards"][0]
+    inside = np.argwhere((shown > 240) & (shown < 255))
+    crop, cell = environment.task.crop, environment.options.map.cell_m
+    assert len(inside) in (1, 2)  # nearest cells: a turned crop may show one twice
+    row, column = inside.mean(axis=0)
+    assert crop.ahead_m - cell * (row + 0.5) == pytest.approx(ahead, abs=cell)
+    assert cell * (crop.cells / 2 - 0.5 - column) == pytest.approx(left, abs=cell)
+
+
+@pytest.mark.slow
+def test_the_planner_goes_round_what_going_straight_hits():
+    environment = made(course=wall_ahead())
+    (planned,) = returns(environment, planner_policy, [0]).to_dict("records")
+    assert planned["ended"] == "finished"
+    assert planned["collisions"] == 0
+    (drawn,) = returns(environment, random_policy, [0]).to_dict("records")
+    assert planned["return"] > drawn["return"] + 1.0
+
+
+@pytest.mark.slow
+def test_episodes_in_processes_are_those_of_one():
+    """Two seeds in two processes, the same as in this one; the name brings its module along."""
+    name = "polarsim.rover.learn.environment:polarsim/Traverse-v0"
+
+    def make():
+        return gymnasium.make(name, course=MadeUpCourse(GROUND, soil=FIRM), options=COARSE)
+
+    alone = [episode(made(), seed, 3) for seed in (3, 4)]
+    together = gymnasium.vector.AsyncVectorEnv([make, make], context="spawn")
+    try:
+        observed, _ = together.reset(seed=[3, 4])
+        found = [[values[k].tobytes() for values in observed.values()] for k in range(2)]
+        for _ in range(3):
+            observed, rewards, ended, cut, _ = together.step(np.tile(AHEAD, (2, 1)))
+            for k in range(2):
+                found[k] += [*(values[k].tobytes() for values in observed.values())]
+                found[k].append([float(rewards[k]), bool(ended[k]), bool(cut[k])])
+    finally:
+        together.close()
+    assert found == [[part if isinstance(part, bytes) else part[:3] for part in one] for one in alone]
