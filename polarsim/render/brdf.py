@@ -1,4 +1,4 @@
-"""Reflectance models, f_r = L_out / (J cos i) in 1/sr, in NumPy: the reference, and the faster engine on a CPU.
+"""Reflectance models, f_r = L_out / (J cos i) in 1/sr, in NumPy: the reference.
 
 `reflectance` takes unit vectors (n, 3) along the surface's normal, to the lamp and to the viewer, and returns (n,)
 values, 0 where lamp or viewer lies below the surface. It computes in the vectors' precision; the arrangement stays
