@@ -21,7 +21,7 @@ from typer.models import ArgumentInfo, OptionInfo
 
 _MARK = re.compile(r"^<!-- generated: (\w+)(?: ([\w.]+))? -->$", re.MULTILINE)
 _CODE = re.compile(r"(``?[^`]+``?)")
-_ENGINE = re.compile(r"embree|taichi|device")  # the fast ways of what another module defines
+_ENGINE = re.compile(r"embree|taichi|numba|kernels|float_mode|device")  # the fast ways of what another module defines
 _BOUNDS = (("exclusiveMinimum", "> "), ("minimum", "≥ "), ("exclusiveMaximum", "< "), ("maximum", "≤ "))
 
 Schema = dict[str, Any]

@@ -1,7 +1,7 @@
 """Loops over rays that call Embree, compiled by Numba: a call from Python for every ray would take longer than the ray.
 
-Rays go in packets, for neighbours share most of their way through Embree's tree. A packet is Embree's RTCRayHit8
-(embree4/rtcore_ray.h): 24 rows of eight numbers of four bytes, aligned to 32 bytes.
+Rays go in packets, for neighbours share most of their way through Embree's tree. A packet is Embree's RTCRayHit8 or
+RTCRayHit16 (embree4/rtcore_ray.h): 24 rows of so many numbers of four bytes, aligned to as many times four bytes.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numba as nb
 import numpy as np
 
 from polarsim.geometry.embree_library import embree
+from polarsim.geometry.float_mode import denormals_as_zero, restore
 from polarsim.kernels import njit
 
-SIZE = 8  # rays of a packet
 ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, NUMBER, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # rows of a packet
 NORMAL, WEIGHTS, FACE, SHAPE, INSTANCE, ROWS = 12, 15, 17, 18, 19, 24
 NOTHING = np.uint32(0xFFFFFFFF)  # RTC_INVALID_GEOMETRY_ID
@@ -29,55 +29,59 @@ def _embree(name: str) -> nb.types.ExternalFunction:
     return nb.types.ExternalFunction(f"polarsim_{name}", nb.types.void(*[nb.types.intp] * 4))
 
 
-_intersect, _occluded = _embree("rtcIntersect8"), _embree("rtcOccluded8")
-_RAYS = "float32[:, ::1]"
+_intersect8, _occluded8 = _embree("rtcIntersect8"), _embree("rtcOccluded8")
+_intersect16, _occluded16 = _embree("rtcIntersect16"), _embree("rtcOccluded16")
 
 
 @njit(nogil=True, inline="always")
-def _packet():  # type: ignore[no-untyped-def]
+def _packet(size):  # type: ignore[no-untyped-def]
     """Room for a packet, as floats and as integers, and for which of its rays count."""
-    room = np.zeros(ROWS * SIZE + SIZE, np.float32)
-    start = (-(room.ctypes.data // 4)) % SIZE
-    rays = room[start : start + ROWS * SIZE].reshape(ROWS, SIZE)
-    valid = np.zeros(2 * SIZE, np.int32)
-    start = (-(valid.ctypes.data // 4)) % SIZE
-    return rays, rays.view(np.uint32), valid[start : start + SIZE]
+    room = np.zeros(ROWS * size + size, np.float32)
+    start = (-(room.ctypes.data // 4)) % size
+    rays = room[start : start + ROWS * size].reshape(ROWS, size)
+    valid = np.zeros(2 * size, np.int32)
+    start = (-(valid.ctypes.data // 4)) % size
+    return rays, rays.view(np.uint32), valid[start : start + size]
 
 
 @njit(nogil=True, inline="always")
 def _fill(rays, integers, valid, origins, directions, first, mask):  # type: ignore[no-untyped-def]
     """Put the rays from number `first` on into the packet; how many these are."""
-    count = min(SIZE, len(origins) - first)
-    for k in range(SIZE):
+    size = len(valid)
+    count = min(size, len(directions) - first)
+    each = 1 if len(origins) == len(directions) else 0  # else one origin for all
+    for k in range(size):
         valid[k] = -1 if k < count else 0
-    for axis in range(3):
-        for k in range(count):
-            rays[ORIGIN + axis, k] = origins[first + k, axis]
+    for k in range(count):
+        for axis in range(3):
+            rays[ORIGIN + axis, k] = origins[each * (first + k), axis]
             rays[DIRECTION + axis, k] = directions[first + k, axis]
     integers[MASK, :] = mask
     return count
 
 
-@njit(
-    f"int64(intp, int64[::1], uint32, {_RAYS}, {_RAYS}, int64[::1], float32[::1], int64[::1], {_RAYS}, {_RAYS})",
-    nogil=True,
-)
+@njit(nogil=True)
 def intersect(  # type: ignore[no-untyped-def]
-    scene, first_face, mask, origins, directions, number, distance, face, weights, normal
+    size, scene, first_face, mask, origins, directions, number, distance, face, weights, normal
 ):
     """Write what rays meet to the front of the arrays, in the order of rays; how many do.
 
-    `first_face`: number of the first face of each of the scene's parts. `mask`: bits of the parts that count.
+    `size`: rays of a packet, 8 or 16. `first_face`: number of the first face of each of the scene's parts. `mask`: bits
+    of the parts that count. `origins` (n, 3) or (1, 3), `directions` (n, 3).
     """
-    rays, integers, valid = _packet()
+    rays, integers, valid = _packet(size)
     arguments = COHERENT.copy()
     stored = 0
-    for first in range(0, len(origins), SIZE):
+    mode = denormals_as_zero()
+    for first in range(0, len(directions), size):
         count = _fill(rays, integers, valid, origins, directions, first, mask)
         rays[FAR, :] = np.inf
         integers[SHAPE, :] = NOTHING
         integers[INSTANCE, :] = NOTHING
-        _intersect(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        if size == 16:
+            _intersect16(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        else:
+            _intersect8(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
         for k in range(count):
             if integers[SHAPE, k] == NOTHING:
                 continue
@@ -88,22 +92,29 @@ def intersect(  # type: ignore[no-untyped-def]
             for axis in range(3):
                 normal[stored, axis] = rays[NORMAL + axis, k]
             stored += 1
+    restore(mode)
     return stored
 
 
-@njit(f"void(intp, uint32, {_RAYS}, {_RAYS}, float32[::1], float32, boolean[::1])", nogil=True)
-def occluded(scene, mask, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
-    """Whether a triangle lies between `near_metres` and `far` (n,), in units of the direction's length."""
-    rays, integers, valid = _packet()
+@njit(nogil=True)
+def occluded(size, scene, mask, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
+    """Whether a triangle lies between `near_metres` and `far` (n,) or (1,), in units of the direction's length."""
+    rays, integers, valid = _packet(size)
     arguments = COHERENT.copy()
-    for first in range(0, len(origins), SIZE):
+    each = 1 if len(far) == len(directions) else 0
+    mode = denormals_as_zero()
+    for first in range(0, len(directions), size):
         count = _fill(rays, integers, valid, origins, directions, first, mask)
         for k in range(count):
             x, y, z = rays[DIRECTION, k], rays[DIRECTION + 1, k], rays[DIRECTION + 2, k]
             rays[NEAR, k] = near_metres / np.sqrt(x * x + y * y + z * z)
-            rays[FAR, k] = far[first + k]
+            rays[FAR, k] = far[each * (first + k)]
             if rays[NEAR, k] >= rays[FAR, k]:
                 valid[k] = 0
-        _occluded(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        if size == 16:
+            _occluded16(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
+        else:
+            _occluded8(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
         for k in range(count):
             hit[first + k] = valid[k] != 0 and rays[FAR, k] < 0  # Embree's mark of a ray that met something
+    restore(mode)

@@ -14,7 +14,18 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from polarsim.geometry.embree_library import ROBUST, Scene, attach, attach_scene, check, device, embree, padded, updated
+from polarsim.geometry.embree_library import (
+    ROBUST,
+    Scene,
+    attach,
+    attach_scene,
+    check,
+    device,
+    embree,
+    packet_size,
+    padded,
+    updated,
+)
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, RayHits
 
 T = TypeVar("T")
@@ -52,26 +63,28 @@ class EmbreeCaster:
             rays, faces = np.empty(count, np.int64), np.empty(count, np.int64)
             distance = np.empty(count, np.float32)
             weights, normal = np.empty((count, 2), np.float32), np.empty((count, 3), np.float32)
-            lines = _float32(origins[part]), _float32(directions[part])
+            lines = _lines(origins, directions, part)
             stored = embree_kernels.intersect(
-                scene, self._first_face, self._mask, *lines, rays, distance, faces, weights, normal
+                packet_size(), scene, self._first_face, self._mask, *lines, rays, distance, faces, weights, normal
             )
             return RayHits(
                 rays[:stored] + part.start, distance[:stored], faces[:stored], weights[:stored], normal[:stored]
             )
 
         parts = self._in_strips(cast, len(origins)) or [_no_hits()]
+        if len(parts) == 1:
+            return parts[0]
         return RayHits(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(RayHits)))
 
     def occluded(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
-        far = np.broadcast_to(np.asarray(far), len(origins))
+        far = np.atleast_1d(far)
         hit = np.zeros(len(origins), bool)
 
         def cast(scene: int, part: slice) -> None:
             from polarsim.geometry import embree_kernels
 
-            lines = _float32(origins[part]), _float32(directions[part])
-            embree_kernels.occluded(scene, self._mask, *lines, _float32(far[part]), np.float32(START_OFFSET), hit[part])
+            lines, ends = _lines(origins, directions, part), _float32(far[part] if len(far) > 1 else far)
+            embree_kernels.occluded(packet_size(), scene, self._mask, *lines, ends, np.float32(START_OFFSET), hit[part])
 
         self._in_strips(cast, len(origins))
         return hit
@@ -91,6 +104,12 @@ class EmbreeCaster:
 def _no_hits() -> RayHits:
     none = np.zeros(0, np.int64)
     return RayHits(none, np.zeros(0, np.float32), none, np.zeros((0, 2), np.float32), np.zeros((0, 3), np.float32))
+
+
+def _lines(origins: np.ndarray, directions: np.ndarray, part: slice) -> tuple[np.ndarray, np.ndarray]:
+    """A part's origins and directions, float32; one origin (1, 3), where all rays have the same."""
+    same = origins.strides[0] == 0
+    return _float32(origins[:1] if same else origins[part]), _float32(directions[part])
 
 
 def _float32(values: np.ndarray) -> np.ndarray:

@@ -44,11 +44,3 @@ def moved(origins: np.ndarray, directions: np.ndarray, distance: np.ndarray | np
     for axis in range(3):
         out[:, axis] = origins[..., axis] + distance * directions[:, axis]
     return out
-
-
-def rotated(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) @ vectors (n, 3); BLAS would wake its threads for these thin arrays, and take longer."""
-    out = np.empty_like(vectors)
-    for axis, row in enumerate(rotation):
-        out[:, axis] = row[0] * vectors[:, 0] + row[1] * vectors[:, 1] + row[2] * vectors[:, 2]
-    return out

@@ -1,4 +1,4 @@
-"""Reflectance models, f_r = L_out / (J cos i) in 1/sr, in NumPy: the reference, and the faster engine on a CPU.
+"""Reflectance models, f_r = L_out / (J cos i) in 1/sr, in NumPy: the reference.
 
 `reflectance` takes unit vectors (n, 3) along the surface's normal, to the lamp and to the viewer, and returns (n,)
 values, 0 where lamp or viewer lies below the surface. It computes in the vectors' precision; the arrangement stays
@@ -25,11 +25,11 @@ from polarsim.render.options import (
 GRAZING = 1e-6  # cosines below this count as 0: the models have no value where both are
 _TINY = 1e-12
 _CHUNK = 1 << 14  # points computed at once: their arrays stay in the processor's cache
-_ARCTAN = np.array(
+ARCTAN = np.array(
     [1, -0.3333314528, 0.1999355085, -0.1420889944, 0.1065626393, -0.0752896400, 0.0429096138, -0.0161657367,
      0.0028662257], np.float32,
 )  # fmt: skip
-_SMOOTH = 1e-6  # radians of roughness below which the smooth form is used
+SMOOTH = 1e-6  # radians of roughness below which the smooth form is used
 
 
 def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
@@ -127,12 +127,11 @@ def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper=Non
     """
     p = parameters
     lamp_steeper = cos_i >= cos_e if lamp_steeper is None else lamp_steeper  # i <= e
-    u = 1.209 * p.filling ** (2 / 3)
-    porosity = -math.log1p(-u) / u if u > 0 else 1.0
+    porosity = porosity_factor(p)
     tan_half = _tan_half_phase(to_lamp, to_viewer)
     cos_g = _dot(to_lamp, to_viewer)
     theta_bar = math.radians(p.theta_bar_deg)
-    if theta_bar > _SMOOTH:
+    if theta_bar > SMOOTH:
         eff_i, eff_e, shading = _roughness(math.tan(theta_bar), normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper)
     else:
         eff_i, eff_e, shading = cos_i, cos_e, 1 / cos_i
@@ -144,6 +143,12 @@ def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper=Non
     if p.b_c0:
         value = value * (1 + p.b_c0 * _coherent(tan_half / p.h_c))
     return value
+
+
+def porosity_factor(p: HapkeParameters) -> float:
+    """K of Hapke, Icarus 195 (2008) 918."""
+    u = 1.209 * p.filling ** (2 / 3)
+    return -math.log1p(-u) / u if u > 0 else 1.0
 
 
 def _phase(cos_g: np.ndarray, b: float, c: float) -> np.ndarray:
@@ -224,8 +229,8 @@ def _angle(across: np.ndarray, along: np.ndarray) -> np.ndarray:
     size = np.abs(along)
     ratio = np.minimum(size, across) / np.maximum(size, across)
     square = ratio * ratio
-    angle = np.full_like(ratio, _ARCTAN[-1])
-    for term in _ARCTAN[-2::-1]:
+    angle = np.full_like(ratio, ARCTAN[-1])
+    for term in ARCTAN[-2::-1]:
         angle = angle * square + term
     angle = ratio * angle
     angle = np.where(across > size, np.float32(np.pi / 2) - angle, angle)

@@ -17,8 +17,8 @@ from threadpoolctl import ThreadpoolController
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import pixel_directions
-from polarsim.geometry.rays import RayHits
-from polarsim.geometry.vectors import dot, moved, rotated, scaled, unit
+from polarsim.geometry.vectors import dot
+from polarsim.render import hit_kernels
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import Surfaces
 
@@ -55,8 +55,9 @@ def cast_strip(
     smooth: bool = True,
 ) -> Hits:
     """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
-    directions = pixel_directions(camera.lens, rows, offset).reshape(-1, 3)
-    directions = rotated(camera.world_from_camera.rotation, directions)
+    through = pixel_directions(camera.lens, rows, offset).reshape(-1, 3)
+    directions = np.empty_like(through)
+    hit_kernels.rotated(camera.world_from_camera.rotation.reshape(-1), through.reshape(-1), directions.reshape(-1))
     return intersect(surfaces, rows, camera.centre, directions, smooth=smooth)
 
 
@@ -68,31 +69,17 @@ def intersect(
     Origins are (3,), the same for all, or (n, 3).
     """
     hits = surfaces.all.intersect(np.broadcast_to(origins, directions.shape), directions)
-    directions = directions.take(hits.ray, axis=0)
-    if origins.ndim > 1:
-        origins = origins.take(hits.ray, axis=0)
-    point = moved(origins, directions, hits.distance).astype(np.float32)
-    to_viewer = unit(-directions.astype(np.float32))
-    plane = unit(hits.normal.astype(np.float32))
-    behind = dot(plane, to_viewer) < 0  # open meshes may be seen from inside
-    side = np.where(behind, np.float32(-1), np.float32(1))
-    normal = plane = scaled(plane, side)
+    count = len(hits.ray)
+    point, to_viewer, plane, normal = np.empty((4, 3 * count), np.float32)
+    side = np.empty(count, np.float32)
+    hit_kernels.points(hits.ray, hits.distance, origins.reshape(-1), directions.reshape(-1), point, to_viewer)
+    hit_kernels.planes(hits.normal.reshape(-1), to_viewer, plane, side)  # open meshes may be seen from inside
     if smooth:
-        normal = scaled(_smooth_normals(surfaces, hits), side)
-        away = np.flatnonzero(dot(normal, to_viewer) < LEAST_SLOPE)
-        normal[away] = plane[away]
-    return Hits(rows, hits.ray, hits.face, point, to_viewer, normal, plane, hits.weights)
-
-
-def _smooth_normals(surfaces: Surfaces, hits: RayHits) -> np.ndarray:
-    """(m, 3) unit normals between those of the corners; zero where these cancel out."""
-    corners = surfaces.corner_normals.take(hits.face, axis=0)  # (m, 3, 3)
-    second, third = (hits.weights[:, number].astype(np.float32) for number in range(2))
-    first = 1 - second - third
-    normal = np.empty((len(first), 3), np.float32)
-    for axis in range(3):
-        normal[:, axis] = corners[:, 0, axis] * first + corners[:, 1, axis] * second + corners[:, 2, axis] * third
-    return scaled(unit(normal), (dot(normal, normal) > NO_NORMAL).astype(np.float32))
+        corners, limits = surfaces.corner_normals.reshape(-1), (np.float32(NO_NORMAL), np.float32(LEAST_SLOPE))
+        weights = hits.weights.reshape(-1)
+        hit_kernels.smooth_normals(hits.face, weights, corners, side, plane, to_viewer, *limits, normal)
+    point, to_viewer, plane, normal = (array.reshape(-1, 3) for array in (point, to_viewer, plane, normal))
+    return Hits(rows, hits.ray, hits.face, point, to_viewer, normal if smooth else plane, plane, hits.weights)
 
 
 def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.vectors import cross, dot, length, scaled, unit
+from polarsim.geometry.vectors import cross, dot, scaled, unit
+from polarsim.render import hit_kernels
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
@@ -140,9 +141,10 @@ def lighting(
     where `disc_share` has told it already.
     """
     to_lamp, irradiance = lamp.light_at(hits.point, falloff=falloff)
+    vectors = [array.reshape(-1) for array in (hits.plane, hits.normal, to_lamp)]
+    lit = np.empty(len(irradiance), np.int64)
     # A flat face that looks away gets no light, whatever its smooth normal says: else light leaks past the terminator.
-    along_normal = dot(hits.normal, to_lamp)
-    lit = np.flatnonzero((dot(hits.plane, to_lamp) > 0) & (along_normal > 0) & (irradiance > 0))
+    lit = lit[: hit_kernels.facing(*vectors, irradiance, lit)]
     if share is not None:
         irradiance *= share
         lit = lit[share[lit] > 0]
@@ -153,10 +155,11 @@ def lighting(
         irradiance[lit] *= seen
         lit = lit[seen > 0]
     else:
-        lit = lit[~surfaces.all.occluded(hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0), 1.0)]
-    to_lamp = to_lamp.take(lit, axis=0)
-    nearness = 1 / length(to_lamp)
-    return lit, scaled(to_lamp, nearness), irradiance.take(lit) * along_normal.take(lit) * nearness
+        hidden = surfaces.all.occluded(hit_kernels.rows(hits.point, lit), hit_kernels.rows(to_lamp, lit), 1.0)
+        lit = lit[: hit_kernels.kept(lit, hidden)]
+    direction, received = np.empty((len(lit), 3), to_lamp.dtype), np.empty(len(lit), irradiance.dtype)
+    hit_kernels.beams(lit, *vectors[1:], irradiance, direction.reshape(-1), received)
+    return lit, direction, received
 
 
 def disc_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int, every: int = 1) -> np.ndarray:

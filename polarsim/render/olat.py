@@ -13,7 +13,7 @@ import numpy as np
 
 from polarsim.errors import RenderError
 from polarsim.geometry.camera import Camera
-from polarsim.render import brdf
+from polarsim.render import brdf, hit_kernels
 from polarsim.render.hits import Hits, cast_strip, for_strips, sample_offsets
 from polarsim.render.indirect import indirect_olat_images
 from polarsim.render.lamps import Lamp
@@ -166,11 +166,11 @@ def render_view(
                 pixel, share = hits.pixel.take(lit), irradiance / np.float32(len(offsets))
                 if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
                     samples_lit[name][rows].reshape(-1)[pixel] += 1
-                normal, to_viewer = hits.normal.take(lit, axis=0), hits.to_viewer.take(lit, axis=0)
+                normal, to_viewer = hit_kernels.rows(hits.normal, lit), hit_kernels.rows(hits.to_viewer, lit)
                 for model in models:
                     strip = olat_images[model, name][rows].reshape(-1)  # a view: rows are whole
                     value = materials.reflectance(model, hits, lit, normal, to_lamp, to_viewer)
-                    strip[pixel] += value * share
+                    hit_kernels.add(strip, pixel, value, share)
         if not ids:
             return
         if offset != _CENTRE:
@@ -242,4 +242,8 @@ def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:
         except ImportError as error:
             raise RenderError(f"render: 'taichi' cannot be loaded ({error}); install taichi") from error
         taichi_device.start(threads, options.device)
+    if options.engine == "numba":
+        from polarsim.render import brdf_numba
+
+        return brdf_numba.reflectance
     return brdf_taichi.reflectance if options.engine == "taichi" else brdf.reflectance

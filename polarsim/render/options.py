@@ -217,8 +217,10 @@ class RenderOptions(SensorOptions):
     models: tuple[Model, ...] = Field(
         ("principled", "hapke"), description="Twins are made in these reflectance models."
     )
-    engine: Literal["numpy", "taichi"] = Field(
-        "numpy", description="Reflectance is evaluated by this; both compute in float32."
+    engine: Literal["numba", "numpy", "taichi"] = Field(
+        "numba",
+        description="Reflectance is evaluated by this, in float32: numba is the fastest on a CPU, taichi is for GPUs,"
+        " numpy defines the result.",
     )
     rays: RayEngine = Field(
         "embree",

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import PolarsimError
+from polarsim.geometry import rays_embree
 from polarsim.geometry.casters import caster
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, Joined
 
@@ -174,6 +175,29 @@ def test_fast_engines_give_the_same_with_one_and_two_threads(engine, rng):
         found.append((*cast.nearest(origins, directions), cast.occluded(origins, directions, 1.0)))
     for first, second in zip(*found, strict=True):
         np.testing.assert_array_equal(first, second)
+
+
+def test_packets_of_8_and_16_rays_give_the_same_bits(monkeypatch, rng):
+    vertices, faces = closed_grid()
+    targets = np.stack([*rng.uniform(-2.2, 2.2, (2, 100_003)), np.zeros(100_003)], axis=1)
+    origins = np.tile([3.6, -0.4, 0.6], (len(targets), 1))
+    cast, found = caster(vertices, faces), []
+    for size in (8, 16):
+        monkeypatch.setattr(rays_embree, "packet_size", lambda size=size: size)
+        hits, occluded = cast.intersect(origins, targets - origins), cast.occluded(origins, targets - origins, 0.99)
+        assert 0.05 < occluded.mean() < 0.95
+        found.append((hits.ray, hits.distance, hits.face, hits.weights, hits.normal, occluded))
+    for first, second in zip(*found, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_one_origin_of_all_rays_is_that_of_each(rng):
+    vertices, faces, _, directions = random_scene(rng)
+    cast, origin = caster(vertices, faces), np.array([0.1, 0.2, 3.0])
+    same, each = np.broadcast_to(origin, directions.shape), np.tile(origin, (len(directions), 1))
+    for mine, expected in zip(cast.nearest(same, directions), cast.nearest(each, directions), strict=True):
+        np.testing.assert_array_equal(mine, expected)
+    np.testing.assert_array_equal(cast.occluded(same, directions, 2.0), cast.occluded(each, directions, 2.0))
 
 
 @engines

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.render import brdf, goniometer
+from polarsim.render import brdf, brdf_numba, goniometer
 from polarsim.render.options import (
     HAPKE_SETS,
     HapkeChronoParameters,
@@ -161,8 +161,10 @@ def test_the_opposition_surge_of_lunar_soil_is_there(name):
     assert 1.38 < value[0] / value[1] < 1.75
 
 
-@pytest.fixture(scope="module")
-def brdf_taichi():
+@pytest.fixture(scope="module", params=["numba", "taichi"])
+def engine(request):
+    if request.param == "numba":
+        return brdf_numba
     from polarsim.geometry import taichi_device
     from polarsim.render import brdf_taichi
 
@@ -171,25 +173,32 @@ def brdf_taichi():
 
 
 @pytest.mark.parametrize("parameters", SAMPLES)
-def test_taichi_obeys_the_reference(brdf_taichi, parameters, rng):
+def test_engines_obey_the_reference(engine, parameters, rng):
     for widest_deg, tolerance in ((88, 2e-5), (89.9, 1e-3)):
         vectors = random_directions(rng, 20_000, widest_deg)
         vectors = [v[off_the_step(*vectors)].astype(np.float32) for v in vectors]
         expected = brdf.reflectance(parameters, *(v.astype(float) for v in vectors))
-        np.testing.assert_allclose(brdf_taichi.reflectance(parameters, *vectors), expected, rtol=tolerance)
+        np.testing.assert_allclose(engine.reflectance(parameters, *vectors), expected, rtol=tolerance)
 
 
-def test_taichi_meets_the_pinned_values_in_float32(brdf_taichi):
+@pytest.mark.parametrize("parameters", [one for one in SAMPLES if not hasattr(one, "w") and not hasattr(one, "soil")])
+def test_numba_gives_the_references_bits_where_no_function_is_called(parameters, rng):
+    vectors = [v.astype(np.float32) for v in random_directions(rng, 20_000, 89.9)]
+    expected = brdf.reflectance(parameters, *vectors)
+    np.testing.assert_array_equal(brdf_numba.reflectance(parameters, *vectors), expected)
+
+
+def test_engines_meet_the_pinned_values_in_float32(engine):
     for _, row in PINNED.iterrows():
         vectors = directions(row.incidence_deg, row.emergence_deg, row.azimuth_deg)
-        value = brdf_taichi.reflectance(parameters_of(row), *vectors)[0]
+        value = engine.reflectance(parameters_of(row), *vectors)[0]
         assert value == pytest.approx(pinned_value(row), rel=1e-3), (row.model, row.set, tuple(row[-6:-2]))
 
 
 @pytest.mark.parametrize("parameters", SAMPLES)
-def test_taichi_is_finite_where_the_reference_is(brdf_taichi, parameters):
+def test_engines_are_finite_where_the_reference_is(engine, parameters):
     angles = np.array([(0, 0, 0), (0, 40, 0), (30, 30, 0), (89, 89, 180), (30, 30, 180), (90, 90, 180), (120, 30, 0)])
-    value = brdf_taichi.reflectance(parameters, *directions(*angles.T))
+    value = engine.reflectance(parameters, *directions(*angles.T))
     assert np.isfinite(value).all()
     assert (value[:5] > 0).all()
     assert not value[5:].any()

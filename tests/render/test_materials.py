@@ -37,7 +37,7 @@ def with_(options, **changed):
     return RenderOptions.model_validate(options.model_dump() | changed)
 
 
-@pytest.mark.parametrize("engine", ["numpy", "taichi"])
+@pytest.mark.parametrize("engine", ["numba", "numpy", "taichi"])
 @pytest.mark.parametrize("surround", [{}, {"bounce": 0.05}, {"ambient": 0.05}])
 @pytest.mark.parametrize(
     ("name", "shown"), [("ground", [GROUND]), ("rocks", [ROCK_IDS + 1, ROCK_IDS + 2]), ("2", [ROCK_IDS + 2])]
@@ -62,7 +62,7 @@ def test_walls_are_a_thing_too(mesh, camera, lens, plain):
     np.testing.assert_array_equal(darker[~walls], plainly[~walls])
 
 
-@pytest.mark.parametrize("engine", ["numpy", "taichi"])
+@pytest.mark.parametrize("engine", ["numba", "numpy", "taichi"])
 def test_a_rock_scatters_by_its_own_parameters_and_the_others_by_theirs(mesh, camera, lens, plain, engine):
     options = with_(plain, engine=engine)
     rocky = {"rocks": Material(hapke="sato_mare_643"), "2": Material(hapke="sato_highlands_643")}
@@ -101,7 +101,7 @@ def test_materials_that_say_what_was_so_anyway_change_no_bit(mesh, camera, lens,
     )
 
 
-@pytest.mark.parametrize("engine", ["numpy", "taichi"])
+@pytest.mark.parametrize("engine", ["numba", "numpy", "taichi"])
 def test_albedo_of_vertices_is_linear_between_them(mesh, camera, lens, plain, engine):
     options = with_(plain, engine=engine, bounce=0.02)
     plainly, ids = olat_image(mesh, camera, lens, options)

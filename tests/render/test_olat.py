@@ -86,10 +86,14 @@ def test_every_model_lights_what_lambert_lights_and_is_finite(surfaces, camera, 
     np.testing.assert_array_equal(image > 0, olat_image(surfaces, camera, lens, LAMP, plain) > 0)
 
 
+@pytest.mark.parametrize("engine", ["numba", "taichi"])
 @pytest.mark.parametrize("model", ["principled", "hapke"])
-def test_taichi_and_numpy_make_the_same_olat_image(surfaces, camera, lens, plain, model):
-    taichi = olat_image(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": "taichi"}), model)
-    np.testing.assert_allclose(taichi, olat_image(surfaces, camera, lens, LAMP, plain, model), rtol=1e-4)
+def test_engines_and_numpy_make_the_same_olat_image(surfaces, camera, lens, plain, model, engine):
+    fast, slow = (
+        olat_image(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": name}), model)
+        for name in (engine, "numpy")
+    )
+    np.testing.assert_allclose(fast, slow, rtol=1e-4)
 
 
 def test_embree_and_numpy_rays_make_the_same_olat_image(blocks, surfaces, camera, lens, plain):

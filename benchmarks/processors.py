@@ -1,0 +1,89 @@
+"""Which pixels of a view depend on the processor: `python benchmarks/processors.py [--cells 300] [--engine numba]`.
+
+One view of three lamps, 4 rays a pixel, is rendered twice, each time by a process of its own: with all that this
+processor has, and as one without AVX-512 would. For that NumPy, OpenBLAS, Numba and Embree are told to leave AVX-512
+alone. Printed for every OLAT image, its photo at 256 ms and every picture of ids: pixels that differ, and by how much.
+Bytes of PNG files are not compared: they are made by ISA-L, which cannot be told; what they hold is.
+
+Last figures: see "Renderer" in docs/notes/render.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from made_terrain import made_terrain, surveyed_rig
+
+from polarsim.geometry import embree_library
+from polarsim.geometry.camera import Camera
+from polarsim.render.gain import default_gain
+from polarsim.render.lamps import lamps_of
+from polarsim.render.olat import render_view
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.sensor import expose
+from polarsim.render.surfaces import surfaces_of
+from polarsim.survey import SUN_LAMPS
+
+LAMPS, EXPOSURE_MS = ("30", "180", "rover"), 256
+MODELS: tuple[Model, ...] = ("principled", "hapke")
+WITHOUT_AVX512 = {
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+    "OPENBLAS_CORETYPE": "Haswell",
+    "NUMBA_CPU_NAME": "haswell",
+    "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,+f16c,+popcnt,+sse4.2",
+}
+
+
+def render(out: Path, cells: int, options: RenderOptions) -> None:
+    """Write all pictures of the view to an NPZ file."""
+    rig = surveyed_rig()
+    camera = Camera(rig.sandbox_from_left, rig.rig.left)
+    lamps = {name: lamp for name, lamp in lamps_of(SUN_LAMPS, rig).items() if name in LAMPS}
+    view = render_view(surfaces_of(made_terrain(cells), options), camera, lamps, MODELS, LAMPS[:2], options)
+    pictures = {f"ids {name}": ids for name, ids in view.ids.items()}
+    for (model, name), image in view.olat_images.items():
+        pictures[f"OLAT {model} {name}"] = image
+        pictures[f"photo {model} {name}"] = expose(image, EXPOSURE_MS * default_gain(model, options), options)
+    np.savez(out, **pictures)  # type: ignore[arg-type]
+
+
+def difference(name: str, here: np.ndarray, there: np.ndarray) -> str:
+    """One line of the table."""
+    differ = here != there
+    apart = np.abs(here[differ].astype(float) - there[differ])
+    largest = np.maximum(here[differ], there[differ]).astype(float)
+    most = f"at most {apart.max():.3g}, {(apart / largest).max():.2g} of the value" if len(apart) else ""
+    return f"{name:24s} {differ.sum():8d} of {differ.size} pixels differ {most}"
+
+
+def main() -> None:
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--cells", type=int, default=300, help="cells along a side of the ground")
+    asked.add_argument("--engine", default="numba", help="what evaluates reflectance")
+    asked.add_argument("--out", type=Path, help=argparse.SUPPRESS)
+    asked.add_argument("--isa", help=argparse.SUPPRESS)
+    args = asked.parse_args()
+    if args.out:
+        if args.isa:
+            embree_library._ONE_THREAD += f",max_isa={args.isa}".encode()
+        render(args.out, args.cells, RenderOptions(samples=4, falloff=True, engine=args.engine))
+        print(f"Embree in packets of {embree_library.packet_size()}")
+        return
+    again = [sys.executable, __file__, "--cells", str(args.cells), "--engine", args.engine, "--out"]
+    with tempfile.TemporaryDirectory() as folder:
+        here, there = Path(folder) / "here.npz", Path(folder) / "there.npz"
+        subprocess.run([*again, str(here)], check=True)
+        subprocess.run([*again, str(there), "--isa", "avx2"], check=True, env=os.environ | WITHOUT_AVX512)
+        first, second = np.load(here), np.load(there)
+        for name in first.files:
+            print(difference(name, first[name], second[name]))
+
+
+if __name__ == "__main__":
+    main()
