@@ -19,7 +19,6 @@ from polarsim.detect.sizes import ClassSizes, Sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
-from polarsim.formats import obj
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
@@ -74,9 +73,7 @@ def predict(
             ]
         return _table(rows)
 
-    poses = [path for folder in cameras for path in sorted(folder.glob("Pos?.json"))]
-    grounds = [path for folder in meshes for path in sorted(folder.glob(obj.GROUND_PATTERN))]
-    identity = digest([weights, *paths.values(), *poses, *grounds], code_digest(__name__), options.model_dump_json())
+    identity = digest([weights, *paths.values(), *sand.files], code_digest(__name__), options.model_dump_json())
     write_in_parts(predictions, keys, see, PART, identity)
 
 
