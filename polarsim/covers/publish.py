@@ -18,7 +18,7 @@ from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
-from polarsim.formats.schemas import COVER_SCORES
+from polarsim.formats.schemas import COVER_SCORES, ONE
 from polarsim.photo import BOX_CLASSES
 
 
@@ -69,7 +69,8 @@ def publish_detector(
     sizes, calibration = _chosen(truth, together(seen), trained.imgsz, options)
     whole = replace(trained, sizes=tuple((own.widths, own.gates_px) for own in sizes.by_class), calibration=calibration)
     detectors.write_detector(detector, whole)
-    write_text(card, _card(whole, tables.read_parquet(scores, COVER_SCORES.columns), check))
+    figures = tables.read_parquet(scores, COVER_SCORES.columns)
+    write_text(card, _card(whole, figures[figures["detectors"] == ONE], check))  # it is one detector itself
 
 
 def _chosen(

@@ -116,6 +116,7 @@ def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
         [("all", "rock", 0.41, 0.3, 0.5, 6), ("03", "rock", 0.2, np.nan, np.nan, 2), ("01", "rock", 0.6, 0.5, 0.7, 4)],
         columns=["terrain", "kind", "map50", "map50_low", "map50_high", "labels"],
     ).assign(
+        detectors="one",
         seed=0,
         detector="compact",
         start="carved",

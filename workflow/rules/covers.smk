@@ -177,11 +177,32 @@ rule choose_cover_widths:
         "../scripts/choose_cover_widths.py"
 
 
+rule merge_cover_detectors:
+    """What each fold's detectors of all seeds see in its photos, merged."""
+    input:
+        predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS),
+    output:
+        merged="results/{run}/covers/merged/predictions.parquet",
+    log:
+        "results/{run}/logs/covers/merge_cover_detectors.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/merge_cover_detectors.tsv"
+    resources:
+        mem_mb=growing(500),
+        runtime=5,
+    params:
+        options=options("detect.prediction"),
+        code=code_of("merge_cover_detectors"),
+    script:
+        "../scripts/merge_cover_detectors.py"
+
+
 rule score_covers:
-    """Average precision over all cover photos and on each terrain, with intervals."""
+    """Average precision over all cover photos and on each terrain, with intervals: of every seed, and of all merged."""
     input:
         labels="results/{run}/covers/labels.parquet",
         predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS),
+        merged=MERGED_PREDICTIONS,
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
         pictures="results/{run}/covers/photos",
     output:
@@ -256,7 +277,7 @@ rule draw_covers:
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
-        predictions=f"results/{{run}}/covers/seed{SEEDS[0]}/predictions.parquet",
+        predictions=MERGED_PREDICTIONS or f"results/{{run}}/covers/seed{SEEDS[0]}/predictions.parquet",
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     log:

@@ -13,6 +13,8 @@ COVER_FOLDS = {
 CARVED_ROCKS = 300
 # Beside the folds two more detectors: of carved rocks alone, from which all start, and of all terrains, to take away.
 NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
+# What the detectors of several seeds see, merged.
+MERGED_PREDICTIONS = "results/{run}/covers/merged/predictions.parquet" if len(SEEDS) > 1 else []
 
 
 wildcard_constraints:
