@@ -728,8 +728,8 @@ def detect(
     weights: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Detector (.pt) that a run trained; default: the one that comes with polarsim. Named more than once: what "
-            "they find is merged, and a box that one of two finds alone has half of its confidence."
+            help="Detector (.pt) that a run trained; default: the one that comes with polarsim. Of several, each named "
+            "by its own --weights, what they find is merged; a box that one of two finds alone has half its confidence."
         ),
     ] = None,
     confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Least confidence of a box.")] = 0.25,

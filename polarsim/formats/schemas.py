@@ -60,7 +60,7 @@ COVER_FOUND = _schema(
     "covers/folds/FOLD/seedN/found.parquet",
     "key:s width:i:px kind:s confidence:f x0:f:px y0:f:px x1:f:px y1:f:px",
 )
-# Whose figures a row of cover scores has: one training's, the mean of all, those of all merged; the last two have no seed.
+# Whose figures a row of cover scores has: one training's, the mean of all, those of all merged. These two have no seed.
 ONE, MEAN, MERGED = "one", "mean", "merged"
 NO_SEED = -1
 COVER_SCORES = _schema(

@@ -87,7 +87,9 @@ def test_what_several_detectors_find_is_merged(weights, tmp_path, monkeypatch):
     """The second one finds the block two pixels of its own further right, and something that nobody else sees."""
 
     def shifted(pictures):
-        return [np.vstack([row + [2, 0, 2, 0, 0, 0], [10, 10, 40, 40, 0.8, 0]]) for row in brightest(pictures)]
+        return [
+            np.vstack([row + np.array([2, 0, 2, 0, 0, 0]), [10, 10, 40, 40, 0.8, 0]]) for row in brightest(pictures)
+        ]
 
     finders = iter([brightest, shifted])
 
@@ -182,7 +184,9 @@ def test_our_detectors_compute_in_bfloat16_where_the_processor_can(
     monkeypatch.setattr("polarsim.detect.find.detectors.load_detector", load)
     cv2.imwrite(str(tmp_path / "one.png"), picture())
     options = PredictionOptions(device="cpu")
-    find_in_pictures(pictures=[tmp_path / "one.png"], weights=[weights], out=tmp_path / "out", options=options, threads=1)
+    find_in_pictures(
+        pictures=[tmp_path / "one.png"], weights=[weights], out=tmp_path / "out", options=options, threads=1
+    )
     assert seen == [fast]
 
 

@@ -18,10 +18,10 @@ def one(x0, confidence, kind=0, side=100.0):
 
 
 @st.composite
-def finds(draw, crowded=st.booleans()):
+def finds(draw):
     """Boxes (n, 6) that a detector may find: many of them over each other, some with one confidence."""
     count = draw(st.integers(0, 12))
-    reach = 60.0 if draw(crowded) else 2000.0
+    reach = 60.0 if draw(st.booleans()) else 2000.0
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     low = random.uniform(0, reach, (count, 2))
     sure = random.integers(1, 10, count) / 10 if draw(st.booleans()) else random.uniform(0.01, 1, count)
