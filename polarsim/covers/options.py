@@ -234,7 +234,7 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         "that it is trained on, as large as a photo; none: photos are looked at as wide as the training's pictures.",
     )
     width_scenes: int = Field(
-        16,
+        8,
         ge=1,
         description="With `widths_chosen_on: scenes` so many scenes of each terrain's rocks are rendered for that "
         "choice alone; more make it steadier and take longer.",
