@@ -43,7 +43,7 @@ def main() -> None:
         for name, some in (("first", paths[:1]), ("all", paths)):
             start = time.perf_counter(), time.process_time()
             find_in_pictures(
-                pictures=some, weights=given.weights, out=root / name, options=options, threads=given.threads,
+                pictures=some, weights=[given.weights], out=root / name, options=options, threads=given.threads,
                 draw=given.draw,
             )  # fmt: skip
             spent.append((time.perf_counter() - start[0], time.process_time() - start[1]))

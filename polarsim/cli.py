@@ -726,7 +726,11 @@ def detect(
     ],
     out: Annotated[Path, typer.Option(callback=writes_folder, help="New folder to write.")],
     weights: Annotated[
-        Path | None, typer.Option(help="Detector (.pt) that a run trained; default: the one that comes with polarsim.")
+        list[Path] | None,
+        typer.Option(
+            help="Detector (.pt) that a run trained; default: the one that comes with polarsim. Of several, each named "
+            "by its own --weights, what they find is merged; a box that one of two finds alone has half its confidence."
+        ),
     ] = None,
     confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Least confidence of a box.")] = 0.25,
     widths: Annotated[
@@ -745,7 +749,7 @@ def detect(
 
     options = prediction_options(_listed(widths), _listed(gates), device)
     found = find_in_pictures(
-        pictures=pictures, weights=weights or PACKAGED, out=out, options=options, threads=threads,
+        pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
         confidence=confidence, draw=draw,
     )  # fmt: skip
     counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
@@ -11,6 +11,7 @@ from polarsim.render.options import Model
 
 CARVED = 0  # stands for a terrain where rocks are not scanned but carved by the analog's generator
 Range = tuple[float, float]  # from least to most
+ChosenOn = Literal["photos", "scenes", "none"]
 
 
 class ReliefOptions(BaseModel, extra="forbid", frozen=True):
@@ -223,8 +224,20 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
     carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
         (512, 640, 768, 896, 1024, 1280, 1536, 1792),
-        description="These widths of a picture, px, are tried. Those at which a fold's detector looks at its photos "
-        "are chosen on the photos of all other folds, unless `detect.prediction.widths` names them.",
+        description="These widths of a picture, px, are tried, unless `detect.prediction.widths` names those at which "
+        "detectors look at the photos.",
+    )
+    widths_chosen_on: ChosenOn = Field(
+        "photos",
+        description="Each fold's widths, and the gates between them, are chosen without its terrains. photos: on the "
+        "cover photos of all other folds, as their own detectors see them; scenes: on further scenes of the terrains "
+        "that it is trained on, as large as a photo; none: photos are looked at as wide as the training's pictures.",
+    )
+    width_scenes: int = Field(
+        8,
+        ge=1,
+        description="With `widths_chosen_on: scenes` so many scenes of each terrain's rocks are rendered for that "
+        "choice alone; more make it steadier and take longer.",
     )
     publish: bool = Field(
         False, description="A detector of the rocks of all terrains is trained too, to take away: `covers/detector.pt`."

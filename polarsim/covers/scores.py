@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,31 +12,41 @@ import pandas as pd
 from polarsim.covers.widths import truth_of
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
-from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
+from polarsim.detect.dataset import BOX_COLUMNS, read_parts
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.split import TEST, TRAIN
 from polarsim.formats import tables
-from polarsim.formats.schemas import COVER_SCORES, PREDICTIONS
+from polarsim.formats.schemas import COVER_SCORES, MEAN, MERGED, NO_SEED, ONE, PREDICTIONS
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
 
 ALL = "all"  # terrains together
 
 
+@dataclass(frozen=True)
+class _Seen:
+    """What was seen in all cover photos."""
+
+    predictions: pd.DataFrame
+    calibrated: dict[str, np.ndarray]  # as `calibrated_by_others` gives it
+
+
 def score_covers(
     *,
     labels: Path,
     predictions: Mapping[int, Path],
+    merged: Path | None = None,
     datasets: Mapping[str, Path],
     scores: Path,
     training: TrainingOptions,
     start: str,
     options: ComparisonOptions,
 ) -> None:
-    """Write the figures of every seed of training: over all cover photos, and of each terrain.
+    """Write the figures of every seed of training, their mean, and those of the merged detectors.
 
-    Each photo's predictions are those of the fold that has not seen its terrain.
+    Over all cover photos, and of each terrain. Each photo's predictions are those of the fold that has not seen its
+    terrain. One seed alone has no mean.
 
     Parameters
     ----------
@@ -43,6 +54,8 @@ def score_covers(
         Label table that `read_covers` wrote.
     predictions : mapping of seed to Path
         What the folds' detectors see in all cover photos, each in those of its own test part.
+    merged : Path, optional
+        The same of every fold's detectors of all seeds, merged.
     datasets : mapping of fold to Path
         Their data sets.
     start : str
@@ -54,36 +67,58 @@ def score_covers(
         A file is missing or broken.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    folds = {fold: read_pictures(folder, TEST) for fold, folder in datasets.items()}
-    keys = [key for own in folds.values() for key in own]
-    pictures = [len(read_pictures(folder, TRAIN)) for folder in datasets.values()]
-    parts = []
-    for seed, path in sorted(predictions.items()):
-        found = tables.read_parquet(path, PREDICTIONS.columns)
-        boxes = calibrated_by_others(truth, found, folds)
-        terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
-        chosen = {ALL: keys} | {
-            f"{terrain:02d}": [key for key in keys if PhotoKey.parse(key).terrain == terrain] for terrain in terrains
-        }
-        for name, own in chosen.items():
-            figures = cover_figures(truth, found, own, seed=options.seed, resamples=options.resamples)
-            errors = [_calibration_error(truth, boxes, own, kind) for kind in figures["kind"]]
-            parts.append(figures.assign(terrain=name, seed=seed, calibration_error=errors))
-    table = pd.concat(parts, ignore_index=True).assign(
+    parts = {fold: read_parts(folder) for fold, folder in datasets.items()}
+    folds = {fold: own[TEST] for fold, own in parts.items()}
+    of_seed = {seed: _read(path, truth, folds) for seed, path in sorted(predictions.items())}
+    rows = [(ONE, seed, [seen]) for seed, seen in of_seed.items()]
+    rows += [(MEAN, NO_SEED, list(of_seed.values()))] if len(of_seed) > 1 else []
+    rows += [(MERGED, NO_SEED, [_read(merged, truth, folds)])] if merged else []
+    found = [
+        _figures(truth, seen, keys, options).assign(terrain=name, detectors=detectors, seed=seed)
+        for detectors, seed, seen in rows
+        for name, keys in _by_terrain([key for own in folds.values() for key in own]).items()
+    ]
+    table = pd.concat(found, ignore_index=True).assign(
         detector=detector_name(training.model),
         start=start,
         epochs=training.epochs,
         folds=len(datasets),
-        pictures=round(float(np.mean(pictures))),
+        pictures=round(float(np.mean([len(own[TRAIN]) for own in parts.values()]))),
     )
     tables.write_parquet(scores, table[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
 
 
+def _read(path: Path, labels: pd.DataFrame, folds: Mapping[str, Sequence[str]]) -> _Seen:
+    predictions = tables.read_parquet(path, PREDICTIONS.columns)
+    return _Seen(predictions, calibrated_by_others(labels, predictions, folds))
+
+
+def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
+    """Photo keys of all terrains, and of each."""
+    chosen = {ALL: list(keys)}
+    for terrain in sorted({PhotoKey.parse(key).terrain for key in keys}):
+        chosen[f"{terrain:02d}"] = [key for key in keys if PhotoKey.parse(key).terrain == terrain]
+    return chosen
+
+
+def _figures(
+    labels: pd.DataFrame, seen: Sequence[_Seen], keys: Sequence[str], options: ComparisonOptions
+) -> pd.DataFrame:
+    """What `cover_figures` gives, with the calibration error."""
+    predictions = [one.predictions for one in seen]
+    figures = cover_figures(labels, predictions, keys, seed=options.seed, resamples=options.resamples)
+    errors = [
+        np.mean([_calibration_error(labels, one.calibrated, keys, kind) for one in seen]) for kind in figures["kind"]
+    ]
+    return figures.assign(calibration_error=errors)
+
+
 def cover_figures(
-    labels: pd.DataFrame, predictions: pd.DataFrame, keys: Sequence[str], *, seed: int, resamples: int
+    labels: pd.DataFrame, predictions: Sequence[pd.DataFrame], keys: Sequence[str], *, seed: int, resamples: int
 ) -> pd.DataFrame:
     """Average precision of each labelled kind, photos pooled, with 95 % intervals of a bootstrap over the photos.
 
+    Of several tables of predictions the mean, and its interval: each is scored alone, on the same drawn photos.
     Columns: kind, images, labels, map50, map50_low, map50_high, map50_95, iou_mean (every prediction counts). One photo
     has no interval.
     """
@@ -91,17 +126,25 @@ def cover_figures(
     labels = labels[labels["key"].isin(keys)]
     for kind in (kind for kind in BOX_CLASSES if (labels["kind"] == kind).any()):
         truth = _by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
-        found = _by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
-        ranked = metrics.rank(truth, [rows[:, :4] for rows in found], [rows[:, 4] for rows in found])
-        whole = metrics.precision_at_recalls(ranked).mean(axis=1)
         random = generator(seed, "covers", "bootstrap", kind)
         drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
-        precision = bootstrap.resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
+        each = [_precision(truth, table[table["kind"] == kind], keys, drawn) for table in predictions]
+        whole, precision, best = (np.mean(values, axis=0) for values in zip(*each, strict=True))
         low, high = bootstrap.interval(precision, len(keys))
-        best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, found, strict=True)])
-        rows.append((kind, len(keys), len(best), whole[0], low, high, whole.mean(), best.mean()))
+        rows.append((kind, len(keys), sum(map(len, truth)), whole[0], low, high, whole.mean(), best))
     names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
     return pd.DataFrame(rows, columns=names)
+
+
+def _precision(
+    truth: Sequence[np.ndarray], predictions: pd.DataFrame, keys: Sequence[str], drawn: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Of one kind: average precision by IoU (t,), at 0.5 on drawn photos (resamples,), and mean largest IoU."""
+    found = _by_photo(predictions, (*BOX_COLUMNS, "confidence"), keys)
+    ranked = metrics.rank(truth, [rows[:, :4] for rows in found], [rows[:, 4] for rows in found])
+    resampled = bootstrap.resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
+    best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, found, strict=True)])
+    return metrics.precision_at_recalls(ranked).mean(axis=1), resampled, float(best.mean())
 
 
 def calibrated_by_others(

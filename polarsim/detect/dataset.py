@@ -129,10 +129,15 @@ def mix_datasets(
         write_dataset(domain, dataset, entries, made, {"weights": dict(weights)}, left_out, (TRAIN, VAL))
 
 
-def read_pictures(dataset: Path, part: str) -> list[str]:
-    """Names of the pictures that a part of a data set really has, sorted; those of photos and twins are keys."""
+def read_parts(dataset: Path) -> dict[str, list[str]]:
+    """Names of the pictures that each part of a data set really has, sorted; those of photos and twins are keys."""
     table = tables.read_csv(dataset / "pictures.csv", PICTURE_COLUMNS)
-    return sorted(table.loc[table["part"] == part, "key"].astype(str))
+    return {part: sorted(table.loc[table["part"] == part, "key"].astype(str)) for part in PARTS}
+
+
+def read_pictures(dataset: Path, part: str) -> list[str]:
+    """Those of one part."""
+    return read_parts(dataset)[part]
 
 
 def count_left_out(dataset: Path, parts: Sequence[str]) -> int:

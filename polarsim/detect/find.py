@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, load_torch
+from polarsim.detect.fusion import fuse
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
@@ -34,7 +35,7 @@ log = logging.getLogger("polarsim")
 def find_in_pictures(
     *,
     pictures: Sequence[Path],
-    weights: Path,
+    weights: Sequence[Path],
     out: Path,
     options: PredictionOptions,
     threads: int,
@@ -47,6 +48,8 @@ def find_in_pictures(
     ----------
     pictures
         Pictures, and folders of which all pictures are taken. One that cannot be read is named and left out.
+    weights
+        A detector, or several whose finds are merged: see `fusion.fuse`.
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
         and, where asked, `pictures/NAME.jpg` with the boxes drawn.
@@ -56,24 +59,22 @@ def find_in_pictures(
     Raises
     ------
     PolarsimError
-        No picture can be read, two have one name, the weights are no detector of ours, or `out` exists.
+        No picture can be read, two have one name, weights are no detector of ours, or `out` exists.
     """
     paths = _listed(pictures)
     if out.exists():
         raise DetectError("is there already: name a new folder", path=out)
-    detector = detectors.read_detector(weights)
-    sizes = sizes_of(detector, options)
+    trained = {path: detectors.read_detector(path) for path in weights}
     rows: list[tuple[object, ...]] = []
     annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
     with writing_folder(out) as folder:
         (folder / "labels").mkdir()
         if draw:
             (folder / "pictures").mkdir()
-        with about(weights):
-            loaded = _fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
+        looks = [_look(path, detector, folder, options, threads) for path, detector in trained.items()]
         for path, pixels in _read_ahead(paths):
             height, width = pixels.shape[:2]
-            found = see(loaded, pixels, sizes, options.nms_iou)
+            found = _merged([look(pixels) for look in looks], options.nms_iou)
             found = found[found[:, 4] >= confidence]
             rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
             yolo.write_boxes(
@@ -88,8 +89,22 @@ def find_in_pictures(
             raise DetectError(f"none of {len(paths)} pictures can be read", path=pictures[0])
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
         tables.write_csv(folder / "detections.csv", table)
-        coco.write_pictures(folder / "coco.json", annotated, f"Found by {weights.name}")
+        coco.write_pictures(folder / "coco.json", annotated, f"Found by {', '.join(path.name for path in trained)}")
     return table
+
+
+def _look(
+    path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions, threads: int
+) -> Callable[[np.ndarray], np.ndarray]:
+    """What a detector of a file sees in a picture, see `see`, at its own widths where the options name none."""
+    sizes = sizes_of(detector, options)
+    with about(path):
+        loaded = _fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
+    return lambda pixels: see(loaded, pixels, sizes, options.nms_iou)
+
+
+def _merged(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
+    return fuse(found, nms_iou, detectors.MAX_BOXES) if len(found) > 1 else found[0]
 
 
 def prediction_options(widths: Sequence[str], gates_px: Sequence[str], device: str) -> PredictionOptions:

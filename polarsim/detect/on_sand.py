@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,11 @@ import numpy as np
 
 from polarsim.errors import DetectError
 from polarsim.formats import obj
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
+from polarsim.formats.rigs import LocalisedRig, localised_files, read_all_localised
+from polarsim.formats.scene import mesh_files, terrain_in
 from polarsim.geometry import boxes
 from polarsim.geometry.camera import Camera
-from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
 from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 
 
@@ -33,21 +33,28 @@ class Sand:
     its poses are up to 0.2 m off.
     """
 
-    def __init__(self, terrains: Mapping[int, Sandbox]) -> None:
+    def __init__(self, terrains: Mapping[int, Sandbox], files: Sequence[Path]) -> None:
         self._terrains = terrains
+        self.files = tuple(files)  # that say so
 
     @classmethod
     def read(cls, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> Sand:
-        """The sand in photos of the terrains whose folders `TerrainTT` of poses, and of meshes, these are.
+        """The sand in photos of some terrains, from their folders of poses, and of meshes: two of a name are a pair.
 
         Raises
         ------
         PolarsimError
-            A folder of another name, without a ground, or with a broken file.
+            A folder without its other half, without the ground of one terrain, or with a broken file.
         """
-        grounds = {_terrain_of(Path(folder)): _level_of(Path(folder)) for folder in meshes}
-        rigs = {_terrain_of(Path(folder)): read_all_localised(folder) for folder in cameras}
-        return cls({terrain: Sandbox(own, grounds[terrain]) for terrain, own in rigs.items() if terrain in grounds})
+        grounds = {Path(folder).name: _ground_in(Path(folder)) for folder in meshes}
+        terrains, files = {}, []
+        for folder in map(Path, cameras):
+            if folder.name not in grounds:
+                raise DetectError("poses of a terrain without a folder of meshes that has the same name", path=folder)
+            terrain, ground = grounds[folder.name]
+            terrains[terrain] = Sandbox(read_all_localised(folder), _level_of(ground))
+            files += [*localised_files(folder).values(), ground]
+        return cls(terrains, files)
 
     def keep(self, key: str, found: np.ndarray) -> np.ndarray:
         """Those of the boxes (n, 6) of a photo (x0, y0, x1, y1, confidence, class) that stand on the sand."""
@@ -87,15 +94,12 @@ def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
     return np.asarray(inside & (depths > 0) & (entry_heights >= level_m + SURELY_WALL))
 
 
-def _terrain_of(folder: Path) -> int:
-    if not (name := re.fullmatch(r"Terrain(\d\d)", folder.name)):
-        raise DetectError("not named TerrainTT, as folders of a terrain's poses and meshes are", path=folder)
-    return int(name[1])
+def _ground_in(folder: Path) -> tuple[int, Path]:
+    """The terrain whose meshes a folder holds, and the file of its ground."""
+    terrain = terrain_in(folder)
+    return terrain, mesh_files(folder, terrain)[NO_ROCK]
 
 
-def _level_of(folder: Path) -> float:
+def _level_of(ground: Path) -> float:
     """Height of the sand: the median of the ground's, for craters and heaps are less than half of it."""
-    ground = next(iter(folder.glob(obj.GROUND_PATTERN)), None)
-    if ground is None:
-        raise DetectError(f"no ground mesh {obj.GROUND_PATTERN}", path=folder)
     return float(np.median(obj.read(ground).vertices[:, 2]))

@@ -19,7 +19,6 @@ from polarsim.detect.sizes import ClassSizes, Sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
-from polarsim.formats import obj
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
@@ -72,11 +71,9 @@ def predict(
                 for key, result in zip(group, results, strict=True)
                 for found in sand.keep(key, result)
             ]
-        return _table(rows)
+        return prediction_table(rows)
 
-    poses = [path for folder in cameras for path in sorted(folder.glob("Pos?.json"))]
-    grounds = [path for folder in meshes for path in sorted(folder.glob(obj.GROUND_PATTERN))]
-    identity = digest([weights, *paths.values(), *poses, *grounds], code_digest(__name__), options.model_dump_json())
+    identity = digest([weights, *paths.values(), *sand.files], code_digest(__name__), options.model_dump_json())
     write_in_parts(predictions, keys, see, PART, identity)
 
 
@@ -125,9 +122,9 @@ def _detect_at(
     return kept
 
 
-def _table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
-    """Rounded and ordered: by photo and kind, the surest first."""
-    table = pd.DataFrame(rows, columns=list(PREDICTION_COLUMNS)).astype(PREDICTIONS.dtypes)
+def prediction_table(rows: Sequence[tuple[Any, ...]]) -> pd.DataFrame:
+    """Rows of `PREDICTION_COLUMNS` as a table, rounded and ordered: by photo and kind, the surest first."""
+    table = pd.DataFrame(list(rows), columns=list(PREDICTION_COLUMNS)).astype(PREDICTIONS.dtypes)
     table = table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)})
     order = [True, True, False, *[True] * 4]
     return table.sort_values(list(PREDICTION_COLUMNS), ascending=order, kind="stable", ignore_index=True)

@@ -103,9 +103,14 @@ def read_localised(path: str | Path) -> LocalisedRig:
 
 
 @reader("rig poses")
-def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
+def localised_files(folder: str | Path) -> dict[str, Path]:
     """Every `PosX.json` of a terrain's folder, by position."""
-    return {path.stem.removeprefix("Pos"): read_localised(path) for path in sorted(Path(folder).glob("Pos?.json"))}
+    return {path.stem.removeprefix("Pos"): path for path in sorted(Path(folder).glob("Pos?.json"))}
+
+
+def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
+    """What `localised_files` hold, by position."""
+    return {position: read_localised(path) for position, path in localised_files(folder).items()}
 
 
 def lift_of(localised: Mapping[str, LocalisedRig]) -> float:

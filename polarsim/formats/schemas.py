@@ -60,9 +60,12 @@ COVER_FOUND = _schema(
     "covers/folds/FOLD/seedN/found.parquet",
     "key:s width:i:px kind:s confidence:f x0:f:px y0:f:px x1:f:px y1:f:px",
 )
+# Whose figures a row of cover scores has: one training's, the mean of all, those of all merged. These two have no seed.
+ONE, MEAN, MERGED = "one", "mean", "merged"
+NO_SEED = -1
 COVER_SCORES = _schema(
     "covers/scores.parquet",
-    "terrain:s kind:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
+    "terrain:s kind:s detectors:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
     "map50:f map50_low:f map50_high:f map50_95:f iou_mean:f calibration_error:f",
 )
 OFFSETS = _schema("evaluation/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")

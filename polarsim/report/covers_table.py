@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.formats.schemas import COVER_SCORES
+from polarsim.formats.schemas import COVER_SCORES, MEAN, MERGED, ONE
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.report.seeds import seed_notes, shown
+from polarsim.report.seeds import with_interval
 
 CAPTION = (
     "Detectors trained on strewn scenes alone, on real cover photos of terrains left out. Each cell: value [95 %]."
@@ -22,6 +22,11 @@ NOTES = (
     "each fold's boxes calibrated by those of all other folds.",
     "Intervals: bootstrap over photos. They hold neither for other trainings nor for other machines.",
 )
+SEVERAL = (
+    "Mean: of the figures of all seeds. Merged: of every fold's detectors of all seeds as one detector, by weighted "
+    "boxes fusion: boxes that overlap become one, and one that only one of n detectors finds has an n-th of its "
+    "confidence."
+)
 
 
 def tabulate_covers(*, scores: Path, stem: Path, origin: dict[str, str]) -> None:
@@ -32,21 +37,35 @@ def tabulate_covers(*, scores: Path, stem: Path, origin: dict[str, str]) -> None
         f"Detector {first['detector']} from {first['start']}, {first['epochs']} epochs of {first['pictures']} pictures "
         f"of scenes, {first['folds']} folds."
     )
-    notes = [*NOTES, trained, *seed_notes(table), origin_note(origin)]
+    notes = [*NOTES, trained, *([SEVERAL] if _are_several(table) else []), origin_note(origin)]
     write_table(stem, with_origin(table, origin), CAPTION, layout=tidy_covers(table), notes=notes)
 
 
 def tidy_covers(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for all cover photos and one a terrain; over seeds mean and deviation, of one seed its intervals."""
-    rows = []
-    for terrain, part in table.groupby("terrain", sort=False):
-        row: dict[str, object] = {"terrain": terrain, "photos": int(part["images"].iloc[0])}
-        for kind in BOX_CLASSES:
-            own = part[part["kind"] == kind]
-            row[f"{kind}s"] = int(own["labels"].iloc[0]) if len(own) else 0
-            row[f"{kind}s, mAP@0.5"] = shown(own, "map50") if len(own) else ""
-        rocks = part[part["kind"] == BOX_CLASSES[0]]
-        row["rocks, IOU_mean"] = float(rocks["iou_mean"].mean())
-        row["rocks, calibration error"] = float(rocks["calibration_error"].mean())
-        rows.append(row)
+    """A row for all cover photos and one a terrain; of several seeds one for each, their mean and all merged."""
+    rows = [
+        _row(part, several=_are_several(table))
+        for _, of_terrain in table.groupby("terrain", sort=False)
+        for _, part in of_terrain.groupby(["detectors", "seed"], sort=False)
+    ]
     return pd.DataFrame(rows)
+
+
+def _row(part: pd.DataFrame, several: bool) -> dict[str, object]:
+    first = part.iloc[0]
+    row: dict[str, object] = {"terrain": first["terrain"]}
+    if several:
+        row["detectors"] = {ONE: f"seed {first['seed']}", MEAN: "mean", MERGED: "merged"}[first["detectors"]]
+    row["photos"] = int(first["images"])
+    for kind in BOX_CLASSES:
+        own = part[part["kind"] == kind]
+        row[f"{kind}s"] = int(own["labels"].iloc[0]) if len(own) else 0
+        row[f"{kind}s, mAP@0.5"] = with_interval(own.iloc[0], "map50") if len(own) else ""
+    rocks = part[part["kind"] == BOX_CLASSES[0]]
+    row["rocks, IOU_mean"] = float(rocks["iou_mean"].mean())
+    row["rocks, calibration error"] = float(rocks["calibration_error"].mean())
+    return row
+
+
+def _are_several(table: pd.DataFrame) -> bool:
+    return bool((table["detectors"] != ONE).any())

@@ -61,7 +61,7 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     (folder / "empty.jpg").touch()
     (folder / "broken.png").write_bytes((folder / "whole.png").read_bytes()[:200])
     found = find_in_pictures(
-        pictures=[folder], weights=weights, out=tmp_path / "out", options=PredictionOptions(), threads=1
+        pictures=[folder], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1
     )
     assert found["picture"].tolist() == [
         "colour.jpg",
@@ -83,9 +83,53 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     assert cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).shape == (400, 640, 3)
 
 
+def test_what_several_detectors_find_is_merged(weights, tmp_path, monkeypatch):
+    """The second one finds the block two pixels of its own further right, and something that nobody else sees."""
+
+    def shifted(pictures):
+        return [
+            np.vstack([row + np.array([2, 0, 2, 0, 0, 0]), [10, 10, 40, 40, 0.8, 0]]) for row in brightest(pictures)
+        ]
+
+    finders = iter([brightest, shifted])
+
+    class Family:
+        load = staticmethod(lambda *_: next(finders))
+
+    monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
+    other = weights.with_name("other.pt")
+    other.write_bytes(weights.read_bytes())
+    cv2.imwrite(str(tmp_path / "one.png"), picture())
+    found = find_in_pictures(
+        pictures=[tmp_path / "one.png"], weights=[weights, other], out=tmp_path / "out", options=PredictionOptions(),
+        threads=1,
+    )  # fmt: skip
+    assert found["confidence"].tolist() == [0.9, 0.4]
+    np.testing.assert_allclose(found.loc[0, ["x0", "x1"]].astype(float), BOX[[0, 2]] + 2, atol=2.5)  # 4 px of 640 apart
+    assert "blocks.pt, other.pt" in (tmp_path / "out/coco.json").read_text()
+
+
+def test_a_detector_merged_with_itself_finds_what_it_finds_alone(rng, tmp_path):
+    """The packaged detector, whose confidences are calibrated."""
+    pixels = rng.normal(110, 6, (400, 640))
+    pixels[180:230, 300:360], pixels[195:230, 360:460] = 220, 8
+    cv2.imwrite(str(tmp_path / "one.png"), pixels.astype(np.uint8))
+    copy = tmp_path / "copy.pt"
+    copy.write_bytes(PACKAGED.read_bytes())
+    alone, twice = (
+        find_in_pictures(
+            pictures=[tmp_path / "one.png"], weights=weights, out=tmp_path / str(len(weights)),
+            options=prediction_options(["640"], [], "cpu"), threads=1, confidence=0.05,
+        )
+        for weights in ([PACKAGED], [PACKAGED, copy])
+    )  # fmt: skip
+    assert len(alone)
+    pd.testing.assert_frame_equal(alone, twice)
+
+
 def test_what_cannot_be_looked_at_is_one_line_and_nothing_is_written(weights, tmp_path):
     def run(*pictures, out=tmp_path / "out"):
-        find_in_pictures(pictures=pictures, weights=weights, out=out, options=PredictionOptions(), threads=1)
+        find_in_pictures(pictures=pictures, weights=[weights], out=out, options=PredictionOptions(), threads=1)
 
     (tmp_path / "text.png").write_text("no picture")
     (tmp_path / "empty").mkdir()
@@ -140,7 +184,9 @@ def test_our_detectors_compute_in_bfloat16_where_the_processor_can(
     monkeypatch.setattr("polarsim.detect.find.detectors.load_detector", load)
     cv2.imwrite(str(tmp_path / "one.png"), picture())
     options = PredictionOptions(device="cpu")
-    find_in_pictures(pictures=[tmp_path / "one.png"], weights=weights, out=tmp_path / "out", options=options, threads=1)
+    find_in_pictures(
+        pictures=[tmp_path / "one.png"], weights=[weights], out=tmp_path / "out", options=options, threads=1
+    )
     assert seen == [fast]
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.detect.on_sand import Sand, on_sand
-from polarsim.errors import DetectError
+from polarsim.errors import DetectError, FormatError
 from polarsim.formats import obj
 from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.geometry.camera import Camera
@@ -90,9 +90,19 @@ def test_the_ground_says_how_high_the_sand_lies(tmp_path):
         assert len(Sand.read([cameras], [meshes]).keep(KEY, standing_at(2.3, 0.0))) == kept
 
 
-def test_folders_of_another_name_or_without_a_ground_are_refused(tmp_path):
-    with pytest.raises(DetectError, match="not named TerrainTT"):
-        Sand.read([], [tmp_path])
-    (tmp_path / "Terrain01").mkdir()
-    with pytest.raises(DetectError, match="no ground mesh"):
-        Sand.read([], [tmp_path / "Terrain01"])
+def test_folders_without_their_other_half_or_a_ground_are_refused(tmp_path):
+    cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
+    with pytest.raises(FormatError, match=r"Terrain01: expected the ground of one terrain.*found none"):
+        Sand.read([cameras], [meshes])
+    write_ground(meshes)
+    with pytest.raises(DetectError, match=r"Terrain03: poses .* without a folder of meshes"):
+        Sand.read([tmp_path / "cameras/Terrain03"], [meshes])
+
+
+def test_what_says_where_the_sand_lies_is_named(tmp_path):
+    """A prediction that was stopped is not continued with other poses or another ground."""
+    cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
+    write_ground(meshes)
+    write_localised(cameras / "PosA.json", RIG)
+    assert Sand.read([cameras], [meshes]).files == (cameras / "PosA.json", meshes / "terrain01_ground.obj")
+    assert Sand.read([], []).files == ()

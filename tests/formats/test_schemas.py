@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from polarsim.acquire.index import photo_table
-from polarsim.detect.predict import _table as prediction_table
+from polarsim.detect.predict import prediction_table
 from polarsim.formats.schemas import LABELS, PHOTOS, PREDICTIONS, ROCKS, SCHEMAS, markdown
 from polarsim.formats.tables import label_table
 from polarsim.rocks.table import rock_table

@@ -16,7 +16,7 @@ ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
 RULES = (
     "real", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
-    "look_at_covers", "choose_cover_widths", "score_covers", "publish_detector",
+    "look_at_covers", "choose_cover_widths", "merge_cover_detectors", "score_covers", "publish_detector",
     "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page",
 )  # fmt: skip
 
@@ -55,7 +55,8 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     content["covers"] |= {"folds": [], "carved_scenes": 2, "carved_epochs": 1, "widths": [96, 128]}
     content["covers"]["scenes"] = {"number": 4, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
     content["detect"] = {
-        "training": {"model": "compact", "epochs": 2}, "pictures": {"imgsz": 96}, "comparison": {"resamples": 100},
+        "seeds": [0, 1], "training": {"model": "compact", "epochs": 2}, "pictures": {"imgsz": 96},
+        "comparison": {"resamples": 100},
     }  # fmt: skip
     (checkout / "small.yaml").write_text(yaml.safe_dump(content))
     done = snakemake(
@@ -65,7 +66,11 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert done.returncode == 0, done.stdout + done.stderr
     run = checkout / "results/covers"
     table = pd.read_csv(run / "tables/covers.csv", dtype={"terrain": str})
-    assert table.loc[table["kind"] == "rock", "terrain"].tolist() == ["all", "01", "03"]
+    shown = table[(table["kind"] == "rock") & (table["detectors"] == "merged")]
+    assert shown["terrain"].tolist() == ["all", "01", "03"]
+    assert set(zip(table["detectors"], table["seed"], strict=True)) == {
+        ("one", 0), ("one", 1), ("mean", -1), ("merged", -1)
+    }  # fmt: skip
     assert (table.loc[table["terrain"] == "all", "labels"] == 2).all()
     detector = read_detector(run / "covers/detector.pt")
     assert detector.start == "detector.pt"  # of carved rocks

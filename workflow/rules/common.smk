@@ -23,7 +23,7 @@ from polarsim.formats.release import (
     polygon_folder,
 )
 from polarsim.grid import selected_grid
-from polarsim.photo import USUAL_EXPOSURE_MS
+from polarsim.photo import USUAL_EXPOSURE_MS, WIDTH
 from polarsim.photo import positions as positions_of_terrain
 from polarsim.publish.options import FORM_NAMES
 

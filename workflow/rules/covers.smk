@@ -150,12 +150,50 @@ rule look_at_covers:
         "../scripts/look_at_covers.py"
 
 
+use rule render_scenes as render_large_scenes with:
+    """Scenes at the size of a photo that no detector is trained on, to choose widths by."""
+    output:
+        pictures=directory("results/{run}/covers/large_scenes/Terrain{terrain}"),
+    log:
+        "results/{run}/logs/covers/render_large_scenes_{terrain}.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/render_large_scenes_{terrain}.tsv"
+    params:
+        number=CONFIG.covers.width_scenes,
+        stored_px=WIDTH,
+        options=large_scenes(),
+        code=code_of("render_scenes"),
+
+
+rule choose_widths_on_scenes:
+    """A detector with the widths at which it finds most in scenes that it has not seen."""
+    input:
+        weights="results/{run}/covers/folds/{fold}/seed{seed}/detector.pt",
+        scenes=large_scenes_of_fold,
+    output:
+        sized="results/{run}/covers/folds/{fold}/seed{seed}/sized.pt",
+    log:
+        "results/{run}/logs/covers/choose_widths_on_scenes_{fold}_seed{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/choose_widths_on_scenes_{fold}_seed{seed}.tsv"
+    resources:
+        mem_mb=growing(2000),
+        runtime=60,
+    params:
+        widths=CONFIG.covers.widths,
+        options=options("detect.prediction"),
+        code=code_of("choose_widths_on_scenes"),
+    script:
+        "../scripts/choose_widths_on_scenes.py"
+
+
 rule choose_cover_widths:
-    """At which widths each fold's detector looks at its photos, by the photos of the other folds."""
+    """At which widths each fold's detector looks at its photos, chosen without them, and what it sees there."""
     input:
         labels="results/{run}/covers/labels.parquet",
         found=of_folds("found.parquet"),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
+        sized=of_folds("sized.pt") if SIZED else [],
         cameras=sand_in("cameras/located", [f"{t:02d}" for t in COVER_TERRAINS]),
         meshes=sand_in("meshes", [f"{t:02d}" for t in COVER_TERRAINS]),
     output:
@@ -171,17 +209,38 @@ rule choose_cover_widths:
     params:
         folds=list(COVER_FOLDS),
         imgsz=CONFIG.detect.pictures.imgsz,
-        options=options("detect.prediction"),
+        options=cover_prediction(),
         code=code_of("choose_cover_widths"),
     script:
         "../scripts/choose_cover_widths.py"
 
 
+rule merge_cover_detectors:
+    """What each fold's detectors of all seeds see in its photos, merged."""
+    input:
+        predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS),
+    output:
+        merged="results/{run}/covers/merged/predictions.parquet",
+    log:
+        "results/{run}/logs/covers/merge_cover_detectors.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/merge_cover_detectors.tsv"
+    resources:
+        mem_mb=growing(500),
+        runtime=5,
+    params:
+        options=options("detect.prediction"),
+        code=code_of("merge_cover_detectors"),
+    script:
+        "../scripts/merge_cover_detectors.py"
+
+
 rule score_covers:
-    """Average precision over all cover photos and on each terrain, with intervals."""
+    """Average precision over all cover photos and on each terrain, with intervals: of every seed, and of all merged."""
     input:
         labels="results/{run}/covers/labels.parquet",
         predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS),
+        merged=MERGED_PREDICTIONS,
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
         pictures="results/{run}/covers/photos",
     output:
@@ -207,10 +266,15 @@ rule score_covers:
 rule publish_detector:
     """A detector of the rocks of all terrains to take away, its widths, its calibration, and its card."""
     input:
-        weights=f"results/{{run}}/covers/folds/all/seed{SEEDS[0]}/detector.pt",
+        weights=weights_to_take_away(),
         labels="results/{run}/covers/labels.parquet",
         found=expand("results/{{run}}/covers/folds/{fold}/seed{seed}/found.parquet", fold=COVER_FOLDS, seed=SEEDS[0]),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
+        sized=(
+            expand("results/{{run}}/covers/folds/{fold}/seed{seed}/sized.pt", fold=COVER_FOLDS, seed=SEEDS[0])
+            if SIZED
+            else []
+        ),
         scores="results/{run}/covers/scores.parquet",
     output:
         detector="results/{run}/covers/detector.pt",
@@ -224,7 +288,7 @@ rule publish_detector:
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
-        options=options("detect.prediction"),
+        options=cover_prediction(),
         code=code_of("publish_detector"),
     script:
         "../scripts/publish_detector.py"
@@ -256,7 +320,7 @@ rule draw_covers:
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
-        predictions=f"results/{{run}}/covers/seed{SEEDS[0]}/predictions.parquet",
+        predictions=MERGED_PREDICTIONS or f"results/{{run}}/covers/seed{SEEDS[0]}/predictions.parquet",
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     log:

@@ -13,6 +13,10 @@ COVER_FOLDS = {
 CARVED_ROCKS = 300
 # Beside the folds two more detectors: of carved rocks alone, from which all start, and of all terrains, to take away.
 NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
+# Detectors have widths of their own where these are chosen on scenes.
+SIZED = CONFIG.covers.widths_chosen_on == "scenes" and not CONFIG.detect.prediction.widths
+# What the detectors of several seeds see, merged.
+MERGED_PREDICTIONS = "results/{run}/covers/merged/predictions.parquet" if len(SEEDS) > 1 else []
 
 
 wildcard_constraints:
@@ -77,6 +81,33 @@ def scenes_of_fold(wildcards):
         "results/{run}/covers/scenes/Terrain{terrain}",
         terrain=[f"{terrain:02d}" for terrain in trained_in(wildcards)],
     )
+
+
+def large_scenes_of_fold(wildcards):
+    """Scenes by which a fold's widths are chosen, of the terrains that it is trained on."""
+    return of_run(
+        "results/{run}/covers/large_scenes/Terrain{terrain}",
+        terrain=[f"{terrain:02d}" for terrain in trained_in(wildcards)],
+    )
+
+
+def large_scenes():
+    """How these are drawn: other ones than those of the training, as large as a photo."""
+    chosen = options("covers.scenes")
+    return chosen | {"scale": 1.0, "lamps": 2, "seed": chosen["seed"] + 1}
+
+
+def cover_prediction():
+    """How detectors look at cover photos; widths that nobody chooses are those of the training's pictures."""
+    chosen = options("detect.prediction")
+    if CONFIG.covers.widths_chosen_on == "none" and not chosen["widths"]:
+        chosen["widths"] = [CONFIG.detect.pictures.imgsz]
+    return chosen
+
+
+def weights_to_take_away():
+    """The detector of all terrains of the first seed."""
+    return f"results/{{run}}/covers/folds/all/seed{SEEDS[0]}/{'sized' if SIZED else 'detector'}.pt"
 
 
 def scenes_behind(wildcards):

@@ -9,4 +9,5 @@ with job(snakemake) as call:
         publish_detector,
         found=dict(zip(folds, snakemake.input.found, strict=True)),
         datasets=dict(zip(folds, snakemake.input.datasets, strict=True)),
+        sized=dict(zip(folds, snakemake.input.sized, strict=False)),  # none where widths are chosen on photos
     )
