@@ -70,7 +70,7 @@ def find_in_pictures(
         if draw:
             (folder / "pictures").mkdir()
         with about(weights):
-            loaded = _fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
+            loaded = fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
         for path, pixels in _read_ahead(paths):
             height, width = pixels.shape[:2]
             found = see(loaded, pixels, sizes, options.nms_iou)
@@ -116,7 +116,7 @@ def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes,
     return found
 
 
-def _fast(loaded: detectors.LoadedDetector, detector: detectors.Detector, device: str) -> detectors.LoadedDetector:
+def fast(loaded: detectors.LoadedDetector, detector: detectors.Detector, device: str) -> detectors.LoadedDetector:
     """A detector that computes convolutions in bfloat16 where the processor has instructions for it: half the time.
 
     Ultralytics' detectors choose their own precision.
