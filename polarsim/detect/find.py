@@ -99,7 +99,7 @@ def _look(
     """What a detector of a file sees in a picture, see `see`, at its own widths where the options name none."""
     sizes = sizes_of(detector, options)
     with about(path):
-        loaded = _fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
+        loaded = fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
     return lambda pixels: see(loaded, pixels, sizes, options.nms_iou)
 
 
@@ -131,7 +131,7 @@ def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes,
     return found
 
 
-def _fast(loaded: detectors.LoadedDetector, detector: detectors.Detector, device: str) -> detectors.LoadedDetector:
+def fast(loaded: detectors.LoadedDetector, detector: detectors.Detector, device: str) -> detectors.LoadedDetector:
     """A detector that computes convolutions in bfloat16 where the processor has instructions for it: half the time.
 
     Ultralytics' detectors choose their own precision.

@@ -33,6 +33,12 @@ class Sizes:
         """The same with gates in pixels of a picture that has `factor` times the width of a photo."""
         return Sizes(self.widths, tuple(factor * gate for gate in self.gates_px))
 
+    def within(self, widest: int) -> Sizes:
+        """The same with `widest` in place of all wider ones: no more can be seen of a picture than it has."""
+        fewer = sum(width < widest for width in self.widths)
+        widths = (*self.widths[:fewer], widest) if fewer < len(self.widths) else self.widths
+        return Sizes(widths, self.gates_px[: len(widths) - 1])
+
     def ranges_px(self) -> list[tuple[float, float]]:
         """Least and largest longer side of the boxes that are taken at each width."""
         edges = [np.inf, *self.gates_px, 0.0]

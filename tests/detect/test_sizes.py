@@ -81,3 +81,11 @@ def test_sizes_that_options_name_hold_for_every_class():
     named = ClassSizes.named(PredictionOptions(widths=[512, 1024], gates_px=[48]))
     assert named == ClassSizes.same(Sizes((512, 1024), (48.0,)))
     assert ClassSizes.named(PredictionOptions()) is None
+
+
+def test_a_picture_is_not_looked_at_wider_than_it_is():
+    sizes = Sizes((640, 1024, 1792), (128.0, 64.0))
+    assert sizes.within(960) == Sizes((640, 960), (128.0,))
+    assert sizes.within(1024) == Sizes((640, 1024), (128.0,))
+    assert sizes.within(320) == Sizes((320,))
+    assert sizes.within(1920) == sizes

@@ -227,3 +227,16 @@ def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):
             curve=PicturesOptions(),
             threads=1,
         )
+
+
+def test_nothing_is_matched_beyond_the_right_pictures_edge(scene):
+    """Black there to the rim, as in shadow: the picture's edge, drawn out, would fit anything."""
+    _, rig, _, left, right = scene
+    left, right = left.copy(), right.copy()
+    left[:, :60], right[:, :20] = 1, 1
+    left[40:60, 5:30] = 90
+    right[:, 0] = 90
+    depth = match(left, right, rig, OPTIONS)
+    row, column = np.nonzero(np.isfinite(depth))
+    assert len(row)
+    assert (rig.disparity(depth[row, column]) <= column + 1e-3).all()

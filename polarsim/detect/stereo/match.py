@@ -52,5 +52,6 @@ def match(left: np.ndarray, right: np.ndarray, rig: Rectification, options: Ster
     disparity = matcher.compute(first, second)[:, margin:].astype(np.float32) / _STEP
     depth = np.full(disparity.shape, np.nan, np.float32)
     matched = disparity > max(least - 1, 0)
+    matched &= disparity <= np.arange(disparity.shape[1])  # else it lies beyond the right picture's edge
     depth[matched] = rig.lens.fx * rig.baseline / disparity[matched]
     return depth

@@ -1,8 +1,9 @@
 """A drive's map by the rules of NASA's Lunar Autonomy Challenge (2025), as its public leaderboard code has them.
 
-The challenge scores the whole of its square of 15 cm cells; here it is the corridor along the straight line. Its 150
-points of localisation say only that no fiducials were used, as here: what odometry is worth, errors of its trajectory
-tell. Of 1000 points, 300 go to heights, 300 to rocks, 250 to productivity.
+A cell's height is the mean of what 16 rays from above meet in it, ground or rock; it is a rock cell where any of them
+meets a rock. The challenge scores the whole of its square of 15 cm cells; here it is the corridor along the straight
+line. Its 150 points of localisation say only that no fiducials were used, as here: what odometry is worth, errors of
+its trajectory tell. Of 1000 points, 300 go to heights, 300 to rocks, 250 to productivity.
 """
 
 from __future__ import annotations
@@ -11,9 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polarsim.geometry.casters import caster
+from polarsim.rover.world.surface import World
+
 GEOMETRY, ROCKS, PRODUCTIVITY, LOCALISATION = 300.0, 300.0, 250.0, 150.0
 HEIGHT_M = 0.05
 FULL_RATE_1_S = 180 * 180 / (24 * 3600)  # cells a second for all points of productivity: its square in its mission time
+_RAYS = 4  # along a side of a cell
+_ABOVE_M = 1.0  # the highest rock, where rays begin
 
 
 @dataclass(frozen=True)
@@ -24,6 +30,23 @@ class Points:
     rocks: float
     productivity: float
     localisation: float = LOCALISATION
+
+
+def true_cells(world: World, x: np.ndarray, y: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """(rows, columns) heights, m, and rock flags of a world's cells with centres at x (columns,) and y (rows,)."""
+    offsets = cell_m * ((np.arange(_RAYS) + 0.5) / _RAYS - 0.5)
+    across, along = ((values[:, None] + offsets).ravel() for values in (x, y))
+    gx, gy = np.meshgrid(across, along)
+    level = world.height_at(gx, gy)
+    top = float(max(world.vertices[:, 2].max(initial=-np.inf), level.max())) + _ABOVE_M
+    distance = np.full(gx.size, np.inf)
+    if len(world.triangles):
+        origins = np.stack([gx.ravel(), gy.ravel(), np.full(gx.size, top)], axis=1)
+        distance, _ = caster(world.vertices, world.triangles).nearest(origins, np.tile([0.0, 0, -1], (gx.size, 1)))
+    rock = top - np.reshape(distance, gx.shape)
+    shape = len(y), _RAYS, len(x), _RAYS
+    meets_rock = np.asarray((rock > level).reshape(shape).any(axis=(1, 3)))
+    return np.asarray(np.maximum(rock, level).reshape(shape).mean(axis=(1, 3))), meets_rock
 
 
 def points(

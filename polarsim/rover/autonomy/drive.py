@@ -81,7 +81,7 @@ def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
     write_trace(folder, outcome.trace)
     write_arrays(
         folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
-        ground_m=grid.ground,
+        surface_m=grid.surface_of_cells(),
     )  # fmt: skip
 
 

@@ -1,4 +1,7 @@
-"""What the rover's front camera, and a second one beside it, show it at a moment, as its mode takes it."""
+"""What the rover's cameras show it at a moment, as its mode takes it.
+
+Detector and stereo have the front camera and a second one beside it. Labels are taken all round.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +13,29 @@ from pathlib import Path as FilePath
 from typing import TypeVar
 
 import numpy as np
+from scipy import ndimage
 
 from polarsim.detect import detectors, tone
+from polarsim.detect.find import fast
+from polarsim.detect.frame import STRIDE
 from polarsim.detect.options import PicturesOptions, StereoOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.errors import RoverError, about
+from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.render.gain import default_gain
-from polarsim.render.ground_truth import boxes_of
+from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
-from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.sensor import expose, noise_of
 from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
-from polarsim.rover.autonomy.looks import SURE, look_of_boxes, look_of_depth
+from polarsim.rover.autonomy.looks import look_of_boxes, look_of_depth, look_of_pixels
 from polarsim.rover.autonomy.options import AUTO, AutonomyOptions, Mode
 from polarsim.rover.cameras.lights import headlights
 from polarsim.rover.cameras.live_camera import LiveScene, auto_exposure_ms, light_of
@@ -45,6 +51,8 @@ SUN = "sun"
 T = TypeVar("T")
 _BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
 _NEAREST_M = 1.5  # depth that stereo looks for
+# Grey values of 255: what is darker, or more even over so many pixels, such as shadow, stereo matches with anything.
+_DARK, _EVEN, _EVEN_PX = 12, 1.5, 5
 
 
 @dataclass(frozen=True)
@@ -87,6 +95,8 @@ class Eyes:
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
         self.options, self.onboard, self.seed = options, onboard, seed
         self.mount = mount_of(vehicle.camera(FRONT), options.scale)
+        self._small = mount_of(vehicle.camera(FRONT), options.scale * options.stereo_scale)
+        self._round = [mount_of(vehicle.camera(name), options.around_scale) for name in (FRONT, *options.around)]
         self._scene = LiveScene(world, vehicle, path, options.model, _BESIDE_M)
         self._suns = (
             {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
@@ -113,11 +123,15 @@ class Eyes:
         camera = self.mount.at(base)
         ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
         if self.mode == "truth":
-            boxes = self._timed("pictures", lambda: self._labels(camera))
-            look = self._timed("map", lambda: look_of_boxes(boxes, np.full(len(boxes), SURE), camera, ground, grid))
-            return Glance([look], camera)
+            cameras = [mount.at(base) for mount in self._round]
+            shown = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
+            points, rock = (np.concatenate(parts) for parts in zip(*shown, strict=True))
+            return Glance([self._timed("map", lambda: look_of_pixels(points, rock, camera, ground, grid))], camera)
         lamps = self._suns | {f"light {name}": spot for name, spot in headlights(self._lights, links).items()}
-        cameras = [camera, right_of(camera, self.options.stereo_base_m)][: 2 if self.pairs else 1]
+        # Stereo matches small pictures, so the second camera, and without a detector the first, takes no larger ones.
+        cameras = [camera if self._detects else self._small.at(base)]
+        if self.pairs:
+            cameras.append(right_of(self._small.at(base), self.options.stereo_base_m))
         taken = self._timed("pictures", lambda: [self._picture(one, lamps, k) for k, one in enumerate(cameras)])
         self._glances += 1
         looks, pair = [], None
@@ -133,11 +147,13 @@ class Eyes:
             looks.append(self._timed("map", lambda: look_of_depth(points, camera, grid)))
         return Glance(looks, camera, pair)
 
-    def _labels(self, camera: Camera) -> np.ndarray:
-        """(n, 4) boxes of the rocks that the renderer sees: no light is needed for that."""
-        found = render_view(self._scene.surfaces, camera, {}, (), [], self._scene.render, 1)
-        boxes = [box for kind, _, box in boxes_of(found.ids[NO_LAMP], self._scene.render) if kind == ROCK]
-        return np.array(boxes, float).reshape(-1, 4)
+    def _shown(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 3) of the world that pixels show, and (n,) rocks' numbers, 0 on the ground: no light is needed."""
+        surfaces = self._scene.surfaces
+        hits = cast_strip(surfaces, camera, slice(0, camera.lens.height), smooth=False)
+        ids = surfaces.id_of_face.take(hits.face)
+        kept = (ids == GROUND) | (ids >= ROCK_IDS)  # and not the rover's own body
+        return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
 
     def _picture(self, camera: Camera, lamps: dict[str, Lamp], which: int) -> tuple[np.ndarray, float]:
         """(h, w) 12-bit grey values, and their exposure, ms."""
@@ -162,15 +178,16 @@ class Eyes:
         return np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
 
     def _pair(self, taken: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Both pictures by one curve: matching compares their grey values."""
         size = max(self.rectification.lens.width, self.rectification.lens.height)
-        curve = PicturesOptions(tone="gamma")
-        left, right = (tone.to_8_bits(tone.shrink(grey, size), curve) for grey, _ in taken)
+        both = np.stack([tone.shrink(grey, size) for grey, _ in taken])
+        left, right = tone.to_8_bits(both, PicturesOptions(tone="gamma"))
         return left, right
 
     def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, camera: Camera) -> np.ndarray:
         assert pair is not None
         options = StereoOptions(nearest_m=_NEAREST_M, farthest_m=2 * self.options.map.farthest_m)
-        depth = match(*pair, self.rectification, options)
+        depth = np.where(has_texture(pair[0]), match(*pair, self.rectification, options), np.nan)
         left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
         points = left * depth[..., None]
         return camera.world_from_camera.apply(points.reshape(-1, 3))
@@ -182,13 +199,23 @@ class Eyes:
         detector = detectors.read_detector(weights)
         with about(weights):
             loaded = detectors.load_detector(detector, FilePath.cwd(), self.onboard.prediction, 1)
-        return loaded, sizes_of(detector, self.onboard.prediction)
+            loaded = fast(loaded, detector, self.onboard.prediction.device)
+        sizes = sizes_of(detector, self.onboard.prediction).by_class[BOX_CLASSES.index(ROCK)]
+        widest = max(self.mount.lens.width // STRIDE, 1) * STRIDE
+        return loaded, ClassSizes.same(sizes.within(widest))  # shadows are not looked for
 
     def _timed(self, part: str, work: Callable[[], T]) -> T:
         begun = time.process_time()
         found = work()
         self.seconds[part] += time.process_time() - begun
         return found
+
+
+def has_texture(grey: np.ndarray) -> np.ndarray:
+    """(h, w) bool of a picture (h, w) uint8: lit, and not all alike around."""
+    values = grey.astype(np.float32)
+    mean, square = (ndimage.uniform_filter(some, _EVEN_PX) for some in (values, values**2))
+    return np.asarray((grey > _DARK) & (square - mean**2 > _EVEN**2))
 
 
 def right_of(camera: Camera, base_m: float) -> Camera:

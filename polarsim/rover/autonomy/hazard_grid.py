@@ -2,6 +2,9 @@
 
 Log-odds add up over looks that are independent (Moravec & Elfes, ICRA 1985); bounds keep a cell open to a change of
 mind, and fading (exponential, `decay_s`) makes an old look worth less than a new one.
+
+Beside that, the height of the surface, rocks and all, by parts of cells: the mean of what was seen, nearer looks
+counting more. Gaps that nothing was seen of are filled from around them when the map is read.
 """
 
 from __future__ import annotations
@@ -10,9 +13,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
+from scipy.interpolate import LinearNDInterpolator
 
 from polarsim.rover.autonomy.options import MapOptions
 from polarsim.rover.world.surface import World
+
+PARTS = 4  # along a side of a cell, by which the surface's heights are kept
 
 
 @dataclass(frozen=True)
@@ -22,7 +29,7 @@ class Look:
     weight: np.ndarray  # 0 where it says nothing, 1 in full
     rock: np.ndarray  # log-odds of a rock that a look in full adds; 0: it shows none
     height: np.ndarray  # m, of the rock; NaN where there is none
-    ground: np.ndarray  # m, of the ground in the world; NaN where it is not measured
+    surface: np.ndarray  # (rows PARTS, columns PARTS) m, of what is seen in the world; NaN where nothing is
 
 
 class HazardGrid:
@@ -37,8 +44,10 @@ class HazardGrid:
         )
         shape = len(self.y), len(self.x)
         self.log_odds, self.seen = np.zeros(shape), np.zeros(shape, bool)
-        self.ground = np.full(shape, np.nan)
-        self._height_sum, self._height_weight, self._ground_weight = (np.zeros(shape) for _ in range(3))
+        fine = PARTS * shape[0], PARTS * shape[1]
+        self.surface = np.full(fine, np.nan)
+        self._surface_weight = np.zeros(fine)
+        self._height_sum, self._height_weight = (np.zeros(shape) for _ in range(2))
         self._time = 0.0
 
     def fade(self, time_s: float) -> None:
@@ -55,13 +64,12 @@ class HazardGrid:
         weight = look.weight * rock
         self._height_sum += np.where(weight > 0, weight * np.nan_to_num(look.height), 0.0)
         self._height_weight += weight
-        known = np.isfinite(look.ground) & (look.weight > 0)
-        total = self._ground_weight + look.weight
-        before = np.nan_to_num(self.ground)
-        with np.errstate(invalid="ignore"):
-            mean = before + (look.ground - before) * look.weight / np.where(known, total, 1.0)
-        self.ground = np.where(known, mean, self.ground)
-        self._ground_weight = np.where(known, total, self._ground_weight)
+        fine = np.where(np.isfinite(look.surface), by_part(look.weight), 0.0)
+        total = self._surface_weight + fine
+        mean = np.nan_to_num(self.surface)
+        mean += np.divide(fine, total, out=np.zeros(fine.shape), where=fine > 0) * (np.nan_to_num(look.surface) - mean)
+        self.surface = np.where(total > 0, mean, np.nan)
+        self._surface_weight = total
 
     @property
     def rock(self) -> np.ndarray:
@@ -78,3 +86,37 @@ class HazardGrid:
     def hazards(self, height_m: float) -> np.ndarray:
         """Cells with a rock of this height or more."""
         return self.rock & (self.height >= height_m)
+
+    def surface_of_cells(self) -> np.ndarray:
+        """(rows, columns) m, mean height of the surface; NaN where nothing was seen within `fill_m`."""
+        filled = without_gaps(self.surface, self.options.fill_m * PARTS / self.options.cell_m)
+        return np.asarray(of_parts(filled, "mean"))
+
+
+def by_part(cells: np.ndarray) -> np.ndarray:
+    """(rows PARTS, columns PARTS) values of cells (rows, columns)."""
+    return np.repeat(np.repeat(cells, PARTS, axis=0), PARTS, axis=1)
+
+
+def of_parts(parts: np.ndarray, how: str) -> np.ndarray:
+    """(rows, columns) from parts of cells (rows PARTS, columns PARTS), by an array's method: mean, max ..."""
+    rows, columns = parts.shape
+    return np.asarray(getattr(parts.reshape(rows // PARTS, PARTS, columns // PARTS, PARTS), how)(axis=(1, 3)))
+
+
+def without_gaps(values: np.ndarray, reach: float) -> np.ndarray:
+    """Values (rows, columns) with NaN filled linearly between what is known, no farther from it than `reach` elements.
+
+    Linear over Delaunay's triangles of the gaps' rims; outside of all of them, the nearest known value.
+    """
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return values
+    away, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
+    gap = ~known & (away <= reach)
+    rim = known & ndimage.binary_dilation(~known)
+    filled = np.where(known | gap, values[tuple(nearest)], np.nan)
+    if gap.any() and rim.sum() > 3:
+        between = LinearNDInterpolator(np.argwhere(rim), values[rim])(np.argwhere(gap))
+        filled[gap] = np.where(np.isfinite(between), between, filled[gap])
+    return filled

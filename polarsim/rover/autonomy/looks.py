@@ -1,4 +1,4 @@
-"""From what the cameras give, boxes or depths, to what one look says of the map's cells."""
+"""From what the cameras give, boxes, depths or what every pixel shows, to what one look says of the map's cells."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.geometry.camera import Camera
-from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
+from polarsim.rover.autonomy.hazard_grid import PARTS, HazardGrid, Look, of_parts
 from polarsim.rover.autonomy.options import MapOptions
 from polarsim.rover.onboard.ground_view import Heights, estimate
 
-_PARTS = 5  # points along a side of a cell
 _RIM_PX = 2.0  # boxes so near to the picture's rim are cut: what they show is not known
 _LEAST_SHARE = 0.5  # of a cell's points that must be in the picture
 _MOST_SURE = 0.95  # confidence of a detection that counts no more than this
 _POINTS = 12  # of depth in a cell, which say something of it
 _TOP_PERCENT, _FOOT_PERCENT = 90, 25
 _AROUND = 9  # cells whose median is the ground around
+_ROCK_SHARE = 0.5  # of a part's pixels
 SURE = 1.0  # confidence of labels
 _STEREO_SURE = 0.4  # of stereo: a look that shows a rock counts about as much as one that shows none
 
@@ -26,7 +26,7 @@ _STEREO_SURE = 0.4  # of stereo: a look that shows a rock counts about as much a
 def look_of_boxes(boxes: np.ndarray, confidence: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:
     """From rocks' boxes (n, 4) in a picture and their confidences (n,); ground in view without one is no rock.
 
-    A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its points.
+    A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts.
     """
     options = grid.options
     x, y = (_parts(values, options.cell_m) for values in (grid.x, grid.y))
@@ -41,7 +41,7 @@ def look_of_boxes(boxes: np.ndarray, confidence: np.ndarray, camera: Camera, gro
     for box in boxes[cut]:
         inside &= ~((pixel > box[:2]) & (pixel < box[2:])).all(axis=-1)
     rocks = estimate(boxes[~cut], camera, ground)
-    height, odds = np.zeros(gx.shape), np.zeros(gx.shape)
+    height, odds, rise = (np.zeros(gx.shape) for _ in range(3))
     for centre, width, high, sure in zip(rocks.centre, rocks.width, rocks.height, confidence[~cut], strict=True):
         if not (np.isfinite(centre).all() and width > 0):
             continue
@@ -49,28 +49,65 @@ def look_of_boxes(boxes: np.ndarray, confidence: np.ndarray, camera: Camera, gro
         own = np.where(squared < 1, high, 0.0)  # a hazard is as high as the rock that it is a part of
         odds = np.where(own > height, _log_odds(float(sure)), odds)
         height = np.maximum(height, own)
-    shape = len(grid.y), len(grid.x)
-    full = [np.zeros((shape[0] * _PARTS, shape[1] * _PARTS)) for _ in range(4)]
+        rise = np.maximum(rise, own * np.sqrt(np.maximum(1 - squared, 0)))
+    surface = np.where(inside, points[..., 2] + rise, np.nan)
+    full = [np.zeros(grid.surface.shape) for _ in range(4)] + [np.full(grid.surface.shape, np.nan)]
     for into, values in zip(
-        full, (inside, np.where(inside, height, 0), np.where(inside, odds, 0), distance), strict=True
+        full, (inside, np.where(inside, height, 0), np.where(inside, odds, 0), distance, surface), strict=True
     ):
         into[rows, columns] = values
     share, top, sure, far = (
-        _cells(values, how) for values, how in zip(full, ("mean", "max", "max", "max"), strict=True)
+        of_parts(values, how) for values, how in zip(full[:4], ("mean", "max", "max", "max"), strict=True)
     )
     weight = np.where(share >= _LEAST_SHARE, _weight(far, options), 0.0)
-    return Look(weight, sure, np.where(sure > 0, top, np.nan), np.full(shape, np.nan))
+    return Look(weight, sure, np.where(sure > 0, top, np.nan), full[4])
+
+
+def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:
+    """From what pixels show: points (n, 3) of the world, and (n,) the number of the rock that each is on, 0 for none.
+
+    A part of a cell is rock where half or more of its pixels are, or of those near its centre where there are any: of
+    a rock's steep side there are many. A cell is rock where any part is. A rock is as high as its highest pixel over
+    the ground there.
+    """
+    options, shape = grid.options, grid.surface.shape
+    part = _numbers(points, grid, PARTS)
+    kept = (part >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= options.farthest_m)
+    points, rock, part = points[kept], rock[kept], part[kept]
+    size = shape[0] * shape[1]
+    count = np.bincount(part, minlength=size)
+    shares = []
+    for chosen in (np.ones(len(part), bool), _central(points, grid)):
+        pixels, rocky = (np.bincount(part[some], minlength=size) for some in (chosen, chosen & (rock > 0)))
+        shares.append(np.divide(rocky, pixels, out=np.full(size, np.nan), where=pixels > 0))
+    is_rock = np.where(np.isfinite(shares[1]), shares[1], np.nan_to_num(shares[0])) >= _ROCK_SHARE
+    total = np.bincount(part, points[:, 2], size)
+    surface = np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
+    top = np.full(size, -np.inf)
+    np.maximum.at(top, part, points[:, 2])
+    surface = np.where(is_rock, top, surface)  # of a rock's steep side pixels show more than of its top
+    heights = np.zeros(int(rock.max(initial=0)) + 1)
+    stands = rock > 0
+    np.maximum.at(heights, rock[stands], points[stands, 2] - ground(*points[stands, :2].T))
+    height = np.zeros(size)
+    np.maximum.at(height, part[stands], heights[rock[stands]])
+    share = of_parts((count > 0).reshape(shape), "mean")
+    found = of_parts(is_rock.reshape(shape), "any")
+    gx, gy = np.meshgrid(grid.x, grid.y)
+    weight = np.where(share > 0, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1]), options), 0.0)
+    weight *= np.where(found, 1.0, share)  # what is not seen of a cell may be rock
+    tall = of_parts(np.where(is_rock, height, 0.0).reshape(shape), "max")
+    return Look(weight, np.where(found, _log_odds(SURE), 0.0), np.where(found, tall, np.nan), surface.reshape(shape))
 
 
 def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
     """From points (n, 3) of the world that stereo sees: cells that stand above the ground around are rock."""
     options, shape = grid.options, (len(grid.y), len(grid.x))
     points = points[np.isfinite(points).all(axis=1)]
-    distance = np.hypot(*(points[:, :2] - camera.centre[:2]).T)
-    column = np.floor((points[:, 0] - grid.x[0]) / options.cell_m + 0.5).astype(int)
-    row = np.floor((points[:, 1] - grid.y[0]) / options.cell_m + 0.5).astype(int)
-    kept = (distance <= options.farthest_m) & (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
-    cell, z = (row * shape[1] + column)[kept], points[kept, 2]
+    number = _numbers(points, grid)
+    kept = (number >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= options.farthest_m)
+    points = points[kept]
+    cell, z = number[kept], points[:, 2]
     order = np.lexsort((z, cell))
     cell, z = cell[order], z[order]
     numbers, first, count = np.unique(cell, return_index=True, return_counts=True)
@@ -81,7 +118,7 @@ def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
         into.ravel()[numbers] = z[first + (count - 1) * percent // 100]
     seen = np.isfinite(foot)
     if not seen.any():
-        return Look(np.zeros(shape), np.zeros(shape), top, foot)
+        return Look(np.zeros(shape), np.zeros(shape), top, np.full(grid.surface.shape, np.nan))
     nearest = ndimage.distance_transform_edt(~seen, return_distances=False, return_indices=True)
     around = ndimage.median_filter(foot[tuple(nearest)], _AROUND)
     height = np.where(seen, top - around, np.nan)
@@ -92,8 +129,35 @@ def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
         weight,
         np.where(rock, _log_odds(_STEREO_SURE), 0.0),
         np.where(rock, height, np.nan),
-        np.where(rock, around, foot),
+        _surface(points, grid),
     )
+
+
+def _surface(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
+    """Mean height of points (n, 3) of the grid by parts of cells; NaN without one."""
+    part, size = _numbers(points, grid, PARTS), grid.surface.size
+    count, total = np.bincount(part, minlength=size), np.bincount(part, points[:, 2], size)
+    return np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(grid.surface.shape)
+
+
+def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
+    """(n,) bool: points (n, 3) no farther from the centre of their part of a cell than half way to its side."""
+    central = np.ones(len(points), bool)
+    for axis, centres in ((0, grid.x), (1, grid.y)):
+        part = ((points[:, axis] - centres[0]) / grid.options.cell_m + 0.5) * PARTS
+        central &= np.abs(part - np.floor(part) - 0.5) < 0.25
+    return central
+
+
+def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray:
+    """(n,) flat numbers of the cells, or of their parts along a side, that points (n, 3) lie in; -1 beyond the grid."""
+    shape = parts * len(grid.y), parts * len(grid.x)
+    column, row = (
+        np.floor(((points[:, axis] - centres[0]) / grid.options.cell_m + 0.5) * parts).astype(int)
+        for axis, centres in ((0, grid.x), (1, grid.y))
+    )
+    inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+    return np.where(inside, row * shape[1] + column, -1)
 
 
 def _log_odds(confidence: float) -> float:
@@ -107,15 +171,9 @@ def _weight(distance: np.ndarray, options: MapOptions) -> np.ndarray:
 
 
 def _parts(centres: np.ndarray, cell: float) -> np.ndarray:
-    offsets = (np.arange(_PARTS) + 0.5) / _PARTS - 0.5
+    offsets = (np.arange(PARTS) + 0.5) / PARTS - 0.5
     return np.asarray((centres[:, None] + cell * offsets).ravel())
 
 
 def _near(values: np.ndarray, eye: float, options: MapOptions) -> slice:
     return slice(*np.searchsorted(values, [eye - options.farthest_m, eye + options.farthest_m]).tolist())
-
-
-def _cells(values: np.ndarray, how: str) -> np.ndarray:
-    rows, columns = values.shape
-    parts = values.reshape(rows // _PARTS, _PARTS, columns // _PARTS, _PARTS)
-    return np.asarray(getattr(parts, how)(axis=(1, 3)))

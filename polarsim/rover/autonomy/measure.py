@@ -15,8 +15,6 @@ from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.planner import Planner, field_of
 from polarsim.rover.autonomy.touches import TOUCH_M, touches
 from polarsim.rover.autonomy.trajectory import absolute_error, relative_error
-from polarsim.rover.cameras.options import OnboardOptions
-from polarsim.rover.onboard.hazard_map import grid_over, true_map
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 
@@ -27,7 +25,7 @@ _BLIND_M = 2.2  # before base_link at the start, which the camera does not see
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # depths of odometry
 
 
-def figures(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions, onboard: OnboardOptions) -> pd.DataFrame:
+def figures(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
     """Rows of metric, unit and value of a drive."""
     drive, table = outcome.trace.drive, outcome.trace.table
     rocks = touches(outcome.trace, vehicle)
@@ -52,18 +50,15 @@ def figures(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions, onboar
         ("CPU for a second driven", "s", outcome.cpu_s / max(float(drive["seconds"]), 1e-9)),
     ]
     if outcome.pilot is not None:
-        rows += _of_pilot(outcome, vehicle, options, onboard)
+        rows += _of_pilot(outcome, vehicle, options)
     return pd.DataFrame(rows, columns=["metric", "unit", "value"])
 
 
-def _of_pilot(
-    outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions, onboard: OnboardOptions
-) -> list[tuple[str, str, float]]:
+def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> list[tuple[str, str, float]]:
     pilot, world, seconds = outcome.pilot, outcome.trace.world, float(outcome.trace.drive["seconds"])
     assert pilot is not None
     assert pilot.eyes is not None
-    true = true_map(world, grid_over(world, onboard.model_copy(update={"cell_m": options.map.cell_m})))
-    found = points_of(pilot.grid, world, true.rock, true.height, pilot.path.points, seconds)
+    found = points_of(pilot.grid, world, pilot.path.points, seconds)
     rows = [
         ("stops", "", float(len(pilot.stops))),
         ("stops that nothing justified", "", float(unjustified(outcome, vehicle, options))),
@@ -90,18 +85,18 @@ def _of_pilot(
     return rows
 
 
-def points_of(
-    grid: HazardGrid, world: World, true_rock: np.ndarray, true_height: np.ndarray, line: np.ndarray, seconds: float
-) -> challenge.Points:
+def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> challenge.Points:
     """The challenge's points of a map over the corridor along a line (2, 2), from where the camera sees ground."""
+    height, rock = challenge.true_cells(world, grid.x, grid.y, grid.options.cell_m)
+    return challenge.points(grid.surface_of_cells(), grid.rock, height, rock, corridor(grid, line), seconds)
+
+
+def corridor(grid: HazardGrid, line: np.ndarray) -> np.ndarray:
+    """(rows, columns) bool: cells beside a line (2, 2) that count."""
     x, y = np.meshgrid(grid.x, grid.y)
-    ground, start = world.height_at(x, y), line[0]
-    length = float(np.hypot(*(line[-1] - start)))
-    along, aside = _beside(x, y, start, (line[-1] - start) / length)
-    counted = (along > _BLIND_M) & (along < length) & (np.abs(aside) < _CORRIDOR_M)
-    heights = np.where(np.isfinite(grid.ground), grid.ground, np.where(grid.seen, ground, np.nan))
-    heights = heights + np.where(grid.rock, grid.height, 0.0)
-    return challenge.points(heights, grid.rock, ground + true_height, true_rock, counted, seconds)
+    length = float(np.hypot(*(line[-1] - line[0])))
+    along, aside = _beside(x, y, line[0], (line[-1] - line[0]) / length)
+    return np.asarray((along > _BLIND_M) & (along < length) & (np.abs(aside) < _CORRIDOR_M))
 
 
 def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> int:

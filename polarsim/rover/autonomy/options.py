@@ -33,6 +33,12 @@ class MapOptions(BaseModel, extra="forbid", frozen=True):
         0.05, description="Stereo takes a cell for rock where it stands this high above the ground around, m."
     )
     hazard_m: PositiveFloat = Field(0.07, description="Rocks that are taken for this high or more are hazards, m.")
+    fill_m: float = Field(
+        0.6,
+        ge=0,
+        description="Heights of ground that nothing shows are interpolated from what lies around, if that is no "
+        "farther than this, m.",
+    )
 
 
 class PlannerOptions(BaseModel, extra="forbid", frozen=True):
@@ -71,6 +77,11 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     lights: tuple[str, ...] = Field((), description="These lights of the vehicle's table are on.")
     model: Model = Field("hapke", description="Pictures are made in this reflectance model.")
     scale: float = Field(0.5, gt=0, le=1, description="Pictures have this size over that of the camera.")
+    around: tuple[str, ...] = Field(
+        ("ncl", "acl", "hfp", "hfs", "hap", "has"),
+        description="By labels the rover also looks through these cameras of the vehicle's table.",
+    )
+    around_scale: float = Field(0.125, gt=0, le=1, description="They have this size over that of the cameras.")
     rate_hz: PositiveFloat = Field(1.0, description="The rover looks so many times a second.")
     stereo_base_m: PositiveFloat = Field(0.3, description="The second camera stands this far to the right, m.")
     stereo_scale: float = Field(0.5, gt=0, le=1, description="Stereo matches pictures of this size of those taken.")
@@ -85,7 +96,7 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     map: MapOptions = Field(MapOptions(), description="These options say how looks become a map of hazards.")
     planner: PlannerOptions = Field(PlannerOptions(), description="These options say how a path is found and followed.")
 
-    @field_validator("modes", "seeds", "suns", "exposures_ms")
+    @field_validator("modes", "seeds", "suns", "exposures_ms", "around")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(values)) < len(values):

@@ -97,7 +97,7 @@ class Pilot(Driver):
         assert self.eyes is not None
         begun = time.process_time()
         ground = self.field()
-        kept = self._still_free(ground, x, y)
+        kept = self._still_free(ground, x, y, heading)
         self._plan = kept if kept is not None else self.planner.plan(ground, x, y, heading, self.path.points[-1])
         self.eyes.seconds["plan"] += time.process_time() - begun
         if self._plan is not None:
@@ -114,7 +114,7 @@ class Pilot(Driver):
             if not self.given_up:
                 self._back_off(ground, x, y, heading)
 
-    def _still_free(self, ground: Field, x: float, y: float) -> np.ndarray | None:
+    def _still_free(self, ground: Field, x: float, y: float, heading: float) -> np.ndarray | None:
         """The rest of the plan, where it is free and long enough or ends at the goal."""
         if self._plan is None:
             return None
@@ -123,7 +123,7 @@ class Pilot(Driver):
         near_goal = np.hypot(*(rest[-1, :2] - self.path.points[-1])) < 2 * _ARRIVED_M
         if (length < _KEPT_M and not near_goal) or len(rest) < 2:
             return None
-        return rest if (self.planner.clearance(ground, rest[1:]) > 0).all() else None
+        return rest if self.planner.free(ground, rest[1:], np.array([x, y, heading])).all() else None
 
     def _back_off(self, ground: Field, x: float, y: float, heading: float) -> None:
         """Backwards on the freest of three arcs."""
@@ -141,7 +141,7 @@ class Pilot(Driver):
             room = float(self.planner.clearance(ground, places).min())
             if room > best + 1e-9:
                 best, self._back_steer = room, self._steer(curvature)
-        if best > 0:
+        if best > self.planner.least_room(ground, np.array([x, y, heading])):
             self._back_to = (x, y)
 
     def _pursue(self, plan: np.ndarray, x: float, y: float, heading: float) -> float:

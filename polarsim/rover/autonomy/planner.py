@@ -24,12 +24,14 @@ STEP = 0.15  # m between nodes of the lattice
 FINE = 3  # cells of the field of distances along one of the map's
 _WAYS = ((1, 0), (2, 1), (1, 1), (1, 2))  # of a quarter turn: straight steps that end on nodes
 _REACH = 8  # cells within which a bend ends
+_ROUNDING_M = 1e-6
 _SAMPLE = 0.1  # m between places at which an edge is checked
 _BEND_COST = 0.05  # m, of every bend
 _GREED = 2.5  # a metre nearer to the goal is worth so many of the path
 _TURNED_COST = 0.4  # m, of a radian away from the goal at the path's end
 _LEAST_GAIN = 2.0  # m nearer to the goal, or there: less is a blind alley, no path
 _THERE_M = 0.4  # of the goal
+_LEAVING_M = 1.0  # from where the rover stands: there a path may be as near to hazards as it already is
 _EDGE_M = 0.25  # of the world, that wheels keep off beside their gap
 
 
@@ -157,11 +159,25 @@ class Planner:
             found = np.minimum(found, field.at(field.body, x, y).min(axis=-1) - half)
         return found
 
+    def free(self, field: Field, places: np.ndarray, here: np.ndarray) -> np.ndarray:
+        """(...) bool: whether wheels keep their gap at places (..., 3), or near `here` (3,) as much of it as there.
+
+        What the map takes for a hazard may lie under the rover, or nearer than the gap: it can leave, and no nearer.
+        """
+        places = np.asarray(places, float)
+        near = np.hypot(places[..., 0] - here[0], places[..., 1] - here[1]) < _LEAVING_M
+        return np.asarray(self.clearance(field, places) > np.where(near, self.least_room(field, here), 0.0))
+
+    def least_room(self, field: Field, here: np.ndarray) -> float:
+        """Clearance, m, that places about `here` (3,) need more than: 0, or less where there is less."""
+        return min(float(self.clearance(field, here)) - _ROUNDING_M, 0.0)
+
     def plan(self, field: Field, x: float, y: float, heading: float, goal: np.ndarray) -> np.ndarray | None:
         """Places (n, 3) x, y, heading from here towards the goal (2,), in the world; None: there is no path.
 
-        Ground under the wheels counts as free: where the rover stands it can leave.
+        Where the rover stands it can leave, see `free`.
         """
+        least = self.least_room(field, np.array([x, y, heading]))
         number = np.arange(np.prod(self._shape)).reshape(self._shape)
         cos, sin = math.cos(heading), math.sin(heading)
         starts, ends, costs, all_edges = [], [], [], edges(self.options.curvature_1_m)
@@ -173,7 +189,7 @@ class Planner:
             places = np.stack(
                 np.broadcast_arrays(x + cos * u - sin * v, y + sin * u + cos * v, heading + edge.places[:, 2]), axis=-1
             )
-            cost, free = self._cost(field, places, edge)
+            cost, free = self._cost(field, places, edge, np.hypot(u, v) < _LEAVING_M, least)
             from_here = number[edge.start, rows, columns]
             there = number[edge.end][
                 rows.start + edge.rows : rows.stop + edge.rows,
@@ -197,14 +213,19 @@ class Planner:
         y = places[..., 1, None] + sin * offsets[:, 0] + cos * offsets[:, 1]
         return x, y
 
-    def _cost(self, field: Field, places: np.ndarray, edge: Edge) -> tuple[np.ndarray, np.ndarray]:
+    def _cost(
+        self, field: Field, places: np.ndarray, edge: Edge, near: np.ndarray, least: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Of an edge from every node, and whether it is free: `near` places (...) need more room than `least`."""
         options = self.options
-        room = self.clearance(field, places).min(axis=-1)
-        near = np.clip(1 - room / options.soft_m, 0, 1)
+        clearance = self.clearance(field, places)
+        room = clearance.min(axis=-1)
+        nearness = np.clip(1 - room / options.soft_m, 0, 1)
         x, y = self._points(places[..., -1, :], self.wheels)
         unseen = field.at(field.unseen, x, y).mean(axis=-1)
         bend = _BEND_COST * (edge.start != edge.end)
-        return edge.length * (1 + near + options.unseen_cost * unseen) + bend, room > 0
+        free = np.asarray((clearance > np.where(near, least, 0.0)).all(axis=-1))
+        return edge.length * (1 + nearness + options.unseen_cost * unseen) + bend, free
 
     def _best(self, distance: np.ndarray, x: float, y: float, heading: float, goal: np.ndarray) -> int | None:
         cos, sin = math.cos(heading), math.sin(heading)

@@ -62,7 +62,7 @@ def drive_case(
     job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=seed)
     outcome = drive(job, mode, light, options, onboard)
     write(folder, outcome, options)
-    rows = figures(outcome, read_vehicle(drive_options.vehicle), options, onboard)
+    rows = figures(outcome, read_vehicle(drive_options.vehicle), options)
     _, sun, exposure, _ = case.split("_")
     named = rows.assign(mode=mode, sun=sun, exposure=exposure, seed=seed, ended=str(outcome.trace.drive["ended"]))
     tables.write_parquet(folder / "figures.parquet", named[list(EVERY_AUTONOMY.columns)])

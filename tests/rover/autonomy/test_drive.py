@@ -55,13 +55,14 @@ def value(rows: pd.DataFrame, metric: str) -> float:
 def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
     onboard = OnboardOptions()
     blind = drive(job, "blind", Light("3", 256), OPTIONS, onboard)
-    assert value(figures(blind, job.vehicle, OPTIONS, onboard), "collisions") == 2
+    assert value(figures(blind, job.vehicle, OPTIONS), "collisions") == 2
     once, again = (drive(job, "truth", Light("3", 256), OPTIONS, onboard) for _ in range(2))
-    rows = figures(once, job.vehicle, OPTIONS, onboard)
+    rows = figures(once, job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
     assert value(rows, "closest pass of a rock above 10 cm") > 0.02
-    assert value(rows, "rock map") > 150
+    assert value(rows, "rock map") > 270
+    assert value(rows, "geometric map") > 285
     for name, outcome in (("a", once), ("b", again)):
         write(tmp_path / name, outcome, OPTIONS)
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
@@ -79,5 +80,5 @@ def test_stereo_sees_the_boxes_and_knows_where_it_drives(job):
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
     assert (grid.rock & near).sum() >= 4
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
-    rows = figures(outcome, job.vehicle, OPTIONS, onboard)
+    rows = figures(outcome, job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2

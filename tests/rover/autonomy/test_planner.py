@@ -74,3 +74,28 @@ def test_a_rover_backs_off_only_where_it_also_comes_to_rest_on_the_ground():
         driver._back_to = None
         driver._back_off(free, x, 0.0, 0.0)
         assert (driver._back_to == (x, 0.0)) is backs, x
+
+
+def test_a_rover_beside_a_hazard_leaves_it_and_comes_no_nearer_and_one_over_a_false_rock_goes_on():
+    beside = blocked((-0.6, 0.75))  # its cells reach into the gap of the left rear wheel
+    ground = field_of(GRID, beside, np.zeros_like(beside), np.ones_like(beside))
+    here = np.zeros(3)
+    least = PLANNER.clearance(ground, here)
+    assert least < 0
+    path = PLANNER.plan(ground, *here, GOAL)
+    assert path is not None
+    assert (PLANNER.clearance(ground, path) >= least).all()
+    far = np.hypot(path[:, 0], path[:, 1]) > 1.0
+    assert (PLANNER.clearance(ground, path[far]) > 0).all()
+    under = blocked((-0.6, 0.0))
+    assert planned(under, under) is not None
+    assert planned(blocked((1.5, 0.6)), None) is not None
+
+
+def test_a_hazard_ahead_of_a_rover_that_stands_too_near_another_still_has_to_be_gone_round():
+    cells = blocked((-0.6, 0.75), (2.5, 0.6), (2.5, -0.6))
+    path = planned(cells)
+    ground = field_of(GRID, cells, np.zeros_like(cells), np.ones_like(cells))
+    assert path is not None
+    ahead = np.hypot(path[:, 0], path[:, 1]) > 1.0
+    assert (PLANNER.clearance(ground, path[ahead]) > 0).all()

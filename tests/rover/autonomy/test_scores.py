@@ -1,17 +1,20 @@
 """Points, trajectory errors and touches on cases made by hand."""
 
 from copy import deepcopy
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import RoverError
 from polarsim.geometry.poses import Pose
-from polarsim.rover.autonomy.challenge import FULL_RATE_1_S, points
+from polarsim.rover.autonomy.challenge import FULL_RATE_1_S, points, true_cells
 from polarsim.rover.autonomy.touches import box_gap, cylinder_gap
 from polarsim.rover.autonomy.trajectory import absolute_error, relative_error
+from polarsim.rover.world.surface import bare_world
 
 ASKED = np.ones((2, 5), bool)
 
@@ -33,6 +36,16 @@ def test_unknown_heights_are_wrong_and_a_map_without_rocks_has_no_points_of_rock
     own = points(np.full((2, 5), np.nan), nothing, np.zeros((2, 5)), nothing, ASKED, seconds=60)
     assert (own.geometry, own.productivity) == (0, 0)
     assert np.isnan(own.rocks)
+
+
+def test_a_cell_is_as_high_as_the_mean_of_its_16_rays_and_a_rock_where_one_of_them_meets_one():
+    """A box over the left quarter of a cell of 0.16 m: 4 rays of 16 meet it, 0.2 m above ground that rises with y."""
+    bare = bare_world(np.tile(0.1 * np.arange(21)[:, None] * 0.1, (1, 21)), 0.1, -1.0, -1.0)
+    box = trimesh.creation.box((0.04, 0.16, 0.4), trimesh.transformations.translation_matrix([-0.06, 0.0, 0.1]))
+    world = replace(bare, vertices=np.asarray(box.vertices, np.float32), triangles=np.asarray(box.faces, np.int32))
+    height, rock = true_cells(world, np.array([-0.16, 0.0]), np.array([0.0, 0.16]), 0.16)
+    np.testing.assert_array_equal(rock, [[False, True], [False, False]])
+    np.testing.assert_allclose(height, [[0.1, (12 * 0.1 + 4 * 0.3) / 16], [0.116, 0.116]], atol=1e-6)
 
 
 def poses(seed: int, count: int = 8) -> list[Pose]:
