@@ -102,12 +102,12 @@ def read_localised(path: str | Path) -> LocalisedRig:
         return LocalisedRig(_rig(content), Pose.from_matrix(matrix), content.get("method", ""), metrics)
 
 
-@reader("rig poses")
 def localised_files(folder: str | Path) -> dict[str, Path]:
     """Every `PosX.json` of a terrain's folder, by position."""
     return {path.stem.removeprefix("Pos"): path for path in sorted(Path(folder).glob("Pos?.json"))}
 
 
+@reader("rig poses")
 def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
     """What `localised_files` hold, by position."""
     return {position: read_localised(path) for position, path in localised_files(folder).items()}
