@@ -70,7 +70,8 @@ def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
     """(n,) bool: whether the foot of each of the boxes (n, 6) of a photo lies on the sand that the camera sees.
 
     A rock stands on the middle of its box's lower side, a shadow lies about the centre of its box. A camera outside the
-    sandbox sees no sand behind the wall before it.
+    sandbox sees no sand behind the wall before it; the box of a rock that this wall hides in part ends at its edge, so
+    that here the centre decides.
 
     Parameters
     ----------
@@ -79,13 +80,14 @@ def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
     level_m : float
         Height of the sand in the sandbox frame, m.
     """
-    feet = boxes.centres(found[:, :4])
+    centres = boxes.centres(found[:, :4])
     rocks = found[:, 5] == BOX_CLASSES.index("rock")
-    feet[rocks, 1] = found[rocks, 3]
+    feet = np.column_stack([centres[:, 0], np.where(rocks, found[:, 3], centres[:, 1])])
     rays, start = camera.directions(feet), camera.centre
     with np.errstate(divide="ignore", invalid="ignore"):
         depths = (level_m - start[2]) / rays[:, 2]
         points = start[:2] + depths[:, None] * rays[:, :2]
+        rays = camera.directions(centres)
         entered = ((np.sign(start[:2]) * SANDBOX_HALF_WIDTH - start[:2]) / rays[:, :2]).T
     outside = np.abs(start[:2]) > SANDBOX_HALF_WIDTH
     entry_heights = start[2] + np.max(entered[outside], axis=0, initial=0) * rays[:, 2]

@@ -20,6 +20,7 @@ from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 KEY = "01_A_off_30_L_0256"
 RIG = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0.0, 1.0]), 0.0, np.radians(12)), "labels")
 CAMERA = RIG.camera("L")
+STEEP = Camera(looking(np.array([-3.2, 0.0, 1.0]), 0.0, np.radians(30)), CAMERA.lens)  # sees the wall before it
 SIDE_PX = 40.0
 
 
@@ -58,10 +59,18 @@ def test_the_wall_before_the_camera_hides_sand(x):
     """A ray to the sand passes the wall, at 1.2 m, as high as the triangle of camera, wall and sand has it."""
     above = 1.0 * (x + 2.0) / (x + 3.2)
     if abs(above - SURELY_WALL) > 1e-6:
-        steep = Camera(looking(np.array([-3.2, 0.0, 1.0]), 0.0, np.radians(30)), CAMERA.lens)
-        u, v = steep.project(np.array([x, 0.0, 0.0]))
-        rock = np.array([[u - 20, v - 40, u + 20, v, 0.9, 0]])
-        assert on_sand(rock, steep, 0.0)[0] == (above > SURELY_WALL)
+        u, v = STEEP.project(np.array([x, 0.0, 0.0]))
+        shadow = np.array([[u - 20, v - 20, u + 20, v + 20, 0.9, 1]])
+        assert on_sand(shadow, STEEP, 0.0)[0] == (above > SURELY_WALL)
+
+
+def test_a_rock_that_the_wall_before_the_camera_hides_in_part_stays():
+    """Its box ends below at the wall's edge, in the photo, or a little beneath where a detector is a little off."""
+    edge = STEEP.project(np.array([-SANDBOX_HALF_WIDTH, 0.0, SURELY_WALL]))[1]
+    box = np.array([[900.0, edge - 60, 990, edge + 3, 0.9, 0]])
+    assert on_sand(box, STEEP, 0.0)[0]
+    lower = np.array([0, 80, 0, 80, 0, 0])
+    assert not on_sand(box + lower, STEEP, 0.0)[0]  # cloth on the wall itself
 
 
 @pytest.mark.parametrize(
