@@ -182,28 +182,24 @@ def test_photos_of_another_position_move_nothing(photographed, tmp_path, caplog)
     assert "01_A_off_180_L_0256.png" in caplog.text  # the broken photo
 
 
-def test_a_position_that_nothing_localised_is_by_what_its_photos_share_with_others(photographed, tmp_path, caplog):
-    """As positions D to G of terrain 13: no scan, no survey, photos from nearly the same place."""
-    one = {"suns": {"30": SUNS["30"]}, "exposures": {256: 1.0}}
-    near = replace(TRUE, sandbox_from_left=looking(np.array([3.7, -0.25, 1.42]), np.pi + 0.02, np.radians(26)))
-    far = replace(TRUE, sandbox_from_left=looking(np.array([0.6, -3.6, 1.5]), np.radians(100), np.radians(26)))
-    rows = [*photograph(photographed, "D", near, **one), *photograph(photographed, "E", far, **one)]
+def test_positions_are_localised_by_what_their_photos_share_with_others(photographed, tmp_path, caplog):
+    """As D to G of terrain 13: no scan, no survey, photos from nearly the same place. What only a survey has, too."""
+    stands = {
+        "D": looking(np.array([3.7, -0.25, 1.42]), np.pi + 0.02, np.radians(26)),
+        "E": looking(np.array([3.45, -0.5, 1.55]), np.pi - 0.03, np.radians(28)),
+        "C": looking(np.array([0.6, -3.6, 1.5]), np.radians(100), np.radians(26)),  # too far from A
+    }
+    true = {position: replace(TRUE, sandbox_from_left=pose) for position, pose in stands.items()}
+    lit = {"30": SUNS["30"]}, {256: 1.0}
+    rows = [row for position, rig in true.items() for row in photograph(photographed, position, rig, *lit)]
     known = pd.read_parquet(photographed / "photos.parquet")
     pd.concat([known, pd.DataFrame(rows)]).to_parquet(tmp_path / "photos.parquet")
-    localised = refine(photographed, tmp_path, {"A": LOCATED}, photos=tmp_path / "photos.parquet")
-    assert sorted(localised) == ["A", "D"]
-    found, true = localised["D"].sandbox_from_left, near.sandbox_from_left
-    assert np.linalg.norm(found.translation - true.translation) < 0.002
-    assert np.degrees(angle_between(found, true)) < 0.03
-    assert localised["D"].method == "features, photos"
-    assert "position E: its photos share too little" in caplog.text
-
-
-def test_a_surveyed_position_is_localised_by_its_photos_where_they_say_so(photographed, tmp_path):
-    near = replace(TRUE, sandbox_from_left=looking(np.array([3.7, -0.25, 1.42]), np.pi + 0.02, np.radians(26)))
-    rows = photograph(photographed, "D", near, {"30": SUNS["30"]}, {256: 1.0})
-    pd.concat([pd.read_parquet(photographed / "photos.parquet"), pd.DataFrame(rows)]).to_parquet(tmp_path / "p.parquet")
-    guessed = replace(near, sandbox_from_left=looking(np.array([3.0, 0.5, 1.5]), np.pi, 0.4), method=SURVEYED)
-    localised = refine(photographed, tmp_path, {"A": LOCATED, "D": guessed}, photos=tmp_path / "p.parquet")
-    off = localised["D"].sandbox_from_left.translation - near.sandbox_from_left.translation
-    assert np.linalg.norm(off) < 0.002
+    guessed = LocalisedRig(TRUE.rig, looking(np.array([3.0, 0.5, 1.5]), np.pi, 0.4), SURVEYED)
+    found = refine(photographed, tmp_path, {"A": LOCATED, "E": guessed}, photos=tmp_path / "photos.parquet")
+    assert sorted(found) == ["A", "D", "E"]
+    for position in "DE":
+        pose = found[position].sandbox_from_left
+        assert np.linalg.norm(pose.translation - stands[position].translation) < 0.002
+        assert np.degrees(angle_between(pose, stands[position])) < 0.03
+        assert found[position].method == "features, photos"
+    assert "position C: its photos share too little" in caplog.text
