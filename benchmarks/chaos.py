@@ -135,9 +135,8 @@ class Suite:
         time.sleep(self.rng.uniform(0, self.seconds))
         marked = processes.marked(self.folder)
         snakemake = [pid for pid in processes.children(process.pid) if pid in marked]
-        hit = {"kill snakemake": snakemake, "kill job": [pid for pid in marked if runs_script(pid)]}.get(
-            kind, [process.pid]
-        )
+        scripts = [pid for pid in marked if processes.runs_script(pid)]
+        hit = {"kill snakemake": snakemake, "kill job": scripts}.get(kind, [process.pid])
         number = signal.SIGKILL if kind.startswith("kill") else signal.Signals[kind]
         processes.send(hit[:1], number)
         process.communicate()
@@ -151,14 +150,6 @@ class Suite:
         if process.returncode != 1 or "No space left" not in said:
             sys.exit(f"{size} bytes: exit code {process.returncode}: {said[-3000:]}")
         subprocess.run(["mount", "-o", "remount,size=2g", str(self.results)], check=True)
-
-
-def runs_script(pid: int) -> bool:
-    """Whether a process runs the script of a job; not, if it is gone."""
-    try:
-        return b"/.snakemake/scripts/" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return False
 
 
 if __name__ == "__main__":

@@ -60,11 +60,16 @@ def unmarked_snakemakes(folder: Path) -> list[int]:
         return []
     found = []
     for pid in _others():
-        words = [word.decode(errors="replace") for word in _read(pid, "cmdline").split(b"\0")[:3]]
-        ours = any(Path(word).name == "snakemake" or "/.snakemake/scripts/" in word for word in words)
+        words = _words(pid)
+        ours = runs_script(pid) or any(Path(word).name == "snakemake" for word in words)
         if ours and Path(words[0]).name.startswith(("python", "snakemake")) and _cwd(pid) == folder:
             found.append(pid)
     return sorted(set(found) - set(marked(folder)))
+
+
+def runs_script(pid: int) -> bool:
+    """Whether a process runs the script of a job; not, if it is gone."""
+    return any("/.snakemake/scripts/" in word for word in _words(pid))
 
 
 def end(folder: Path) -> int:
@@ -127,6 +132,11 @@ def _others() -> Iterator[int]:
     for path in _PROC.iterdir():
         if path.name.isdigit() and int(path.name) not in above:
             yield int(path.name)
+
+
+def _words(pid: int) -> list[str]:
+    """The first words of a process's command: interpreter, options, script."""
+    return [word.decode(errors="replace") for word in _read(pid, "cmdline").split(b"\0")[:3]]
 
 
 def _parent(pid: int) -> int:

@@ -46,8 +46,8 @@ def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[int, list[int
     Snakemake is the child of `polarsim run`: a child of its own looks the same until it runs another program.
     """
     for _ in range(2000):
-        found = {pid: Path(f"/proc/{pid}/cmdline") for pid in processes.marked(folder)}
-        scripts = [pid for pid, path in found.items() if path.exists() and b"/.snakemake/scripts/" in path.read_bytes()]
+        found = processes.marked(folder)
+        scripts = [pid for pid in found if processes.runs_script(pid)]
         if scripts:
             (snakemake,) = set(processes.children(process.pid)) & set(found)
             return snakemake, scripts
