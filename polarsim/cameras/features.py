@@ -21,7 +21,7 @@ from polarsim.formats.best_photos import Photos, Pictures, read_shrunk
 from polarsim.formats.rigs import FEATURES, LocalisedRig
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.lens import HALF_PIXEL
+from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.poses import Pose
 
 SCALE = 0.5  # of the photos in which features are looked for
@@ -74,7 +74,7 @@ def localise_by_features(
                 on_mesh, hit = _points(surface, camera, there.pixels[first])
                 points.append(on_mesh[hit])
                 pixels.append(here.pixels[second][hit])
-        pose, metrics = _pose(np.concatenate(points), np.concatenate(pixels), Camera(Pose.identity(), lens))
+        pose, metrics = _pose(np.concatenate(points), np.concatenate(pixels), lens)
         if pose is None:
             log.warning(
                 "%s, position %s: its photos share too little with those of localised positions", name, position
@@ -121,14 +121,14 @@ def _points(surface: Surface, camera: Camera, pixels: np.ndarray) -> tuple[np.nd
     return camera.centre + np.where(hit, distance, 0.0)[:, None] * directions, hit
 
 
-def _pose(points: np.ndarray, pixels: np.ndarray, camera: Camera) -> tuple[Pose | None, dict[str, float]]:
+def _pose(points: np.ndarray, pixels: np.ndarray, lens: Lens) -> tuple[Pose | None, dict[str, float]]:
     """`sandbox_from_left` from which points (n, 3) are seen at pixels (n, 2), and how well; None: too few agree."""
     import cv2
 
     if len(points) < LEAST_MATCHES:
         return None, {}
-    rays = camera.directions(pixels)[:, :2]
-    tolerance = _OFF_PX / camera.lens.fx
+    rays = lens.directions(pixels)[:, :2]
+    tolerance = _OFF_PX / lens.fx
     plain = np.eye(3)
     done, rotation, translation, agreeing = cv2.solvePnPRansac(
         points, rays, plain, None, iterationsCount=_DRAWS, reprojectionError=tolerance, confidence=0.9999,
@@ -139,7 +139,7 @@ def _pose(points: np.ndarray, pixels: np.ndarray, camera: Camera) -> tuple[Pose 
     chosen = agreeing[:, 0]
     rotation, translation = cv2.solvePnPRefineLM(points[chosen], rays[chosen], plain, None, rotation, translation)
     seen, _ = cv2.projectPoints(points[chosen], rotation, translation, plain, None)
-    off_px = np.linalg.norm(seen[:, 0] - rays[chosen], axis=1) * camera.lens.fx / SCALE
+    off_px = np.linalg.norm(seen[:, 0] - rays[chosen], axis=1) * lens.fx / SCALE
     pose = Pose.from_rotvec(rotation.ravel(), translation.ravel()).inverse()
     metrics = {"matches": len(points), "agreeing": len(chosen), "features_off_px": np.median(off_px)}
     return rounded(pose), rounded_metrics({name: float(value) for name, value in metrics.items()})

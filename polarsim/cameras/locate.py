@@ -157,13 +157,10 @@ def _locate_by_labels(
         before = untranslated_fits(found, outlines, rig.left)
         fits = [one.fit for one in found.localised.values()]
         details[TRANSLATION_FILE] = translation_table(outlines.rocks, found.translations, before, fits)
-    localised, rows = {}, []
+    surveyed, localised, rows = stations(known.terrain), {}, []
     for position, localisation in sorted(found.localised.items()):
         pose = localisation.fit.sandbox_from_left
-        metrics = {
-            **_label_metrics(localisation, len(outlines)),
-            **_off_survey(position, pose, stations(known.terrain)),
-        }
+        metrics = {**_label_metrics(localisation, len(outlines)), **_off_survey(position, pose, surveyed)}
         localised[position] = _localised(rig, pose, "labels", metrics)
         rows += _match_rows(position, localisation, outlines.rocks)
     rows.sort(key=itemgetter(0, 1))
