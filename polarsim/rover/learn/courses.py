@@ -38,40 +38,42 @@ class Course(Protocol):
         ...
 
 
+class _Driven:
+    """A course by the options of a drive, which name the rover: it is read once."""
+
+    drive: DriveOptions
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        return read_vehicle(self.drive.vehicle)
+
+
 @dataclass(frozen=True)
-class MadeUpCourse:
+class MadeUpCourse(_Driven):
     """A practice ground for every seed, from the east to the west."""
 
     ground: PracticeGround = MADE_UP
     drive: DriveOptions = DRIVE
     soil: SoilOptions = SOIL
 
-    @cached_property
-    def vehicle(self) -> Vehicle:
-        return read_vehicle(self.drive.vehicle)
-
     def job(self, seed: int) -> Job:
-        return _along(practice_world(self.ground, seed), self.drive, self.soil, seed)
+        return _along(practice_world(self.ground, seed), self.vehicle, self.drive, self.soil, seed)
 
 
 @dataclass(frozen=True)
-class WorldCourse:
+class WorldCourse(_Driven):
     """The same world for every seed: its starts differ."""
 
     world: World
     drive: DriveOptions = DRIVE
     soil: SoilOptions = SOIL
 
-    @cached_property
-    def vehicle(self) -> Vehicle:
-        return read_vehicle(self.drive.vehicle)
-
     def job(self, seed: int) -> Job:
-        return _along(self.world, self.drive, self.soil, seed)
+        return _along(self.world, self.vehicle, self.drive, self.soil, seed)
 
 
 @dataclass(frozen=True)
-class TerrainCourse:
+class TerrainCourse(_Driven):
     """A run's terrains side by side, as drives have them that decide (`meshes/TerrainNN/`); grounds differ by noise.
 
     Raises (with the first job)
@@ -86,10 +88,6 @@ class TerrainCourse:
     soil: SoilOptions = SOIL
     options: AutonomyOptions = LOOKS
 
-    @cached_property
-    def vehicle(self) -> Vehicle:
-        return read_vehicle(self.drive.vehicle)
-
     def job(self, seed: int) -> Job:
         world = rough_world(self._bare.world, self.drive.spread.ground_m, seed)
         return replace(self._bare, world=world, seed=seed)
@@ -103,9 +101,9 @@ class TerrainCourse:
         return autonomous_job(job, self.options)
 
 
-def _along(world: World, drive: DriveOptions, soil: SoilOptions, seed: int) -> Job:
+def _along(world: World, vehicle: Vehicle, drive: DriveOptions, soil: SoilOptions, seed: int) -> Job:
     """Along the centre of a world from the east to the west, unless the drive's options have a path."""
     y = float(world.y.mean())
     line = drive.path_m or ((float(world.x[-1]) - _MARGIN_M, y), (float(world.x[0]) + _MARGIN_M, y))
     drive = drive.model_copy(update={"path_m": (line[0], line[-1])})
-    return Job(world, read_vehicle(drive.vehicle), read_soil(soil.table, soil.soil), drive, soil, WorldOptions(), seed)
+    return Job(world, vehicle, read_soil(soil.table, soil.soil), drive, soil, WorldOptions(), seed)
