@@ -16,8 +16,9 @@ import pandas as pd
 
 from polarsim.formats import tables
 from polarsim.formats.schemas import EVERY_AUTONOMY
+from polarsim.rover.autonomy.cases import cases
 from polarsim.rover.autonomy.options import AutonomyOptions
-from polarsim.rover.autonomy.table import cases, drive_case, summary
+from polarsim.rover.autonomy.table import drive_case, summary
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions

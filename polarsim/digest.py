@@ -2,18 +2,25 @@
 
 Snakemake watches the scripts of its rules, not the library behind them. Whatever finds its own files of an earlier
 call, such as kernels, drives, views and trainings, keeps it beside them.
+
+To parse all files takes two seconds, so what is found in a file is kept beside its bytecode, until the file is edited.
 """
 
 from __future__ import annotations
 
 import ast
+import contextlib
 import hashlib
+import json
+import os
 from collections.abc import Iterable, Iterator
 from functools import cache
+from importlib.util import cache_from_source
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
+_Names = list[tuple[str, list[str]]]  # a module that a file imports, and the names that it imports from it
 
 
 def code_digest(*modules: str) -> str:
@@ -67,20 +74,58 @@ def _module(name: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _parsed(path: Path) -> tuple[str, tuple[str, ...]]:
-    """Digest of a file's code, and the modules of polarsim that it imports: to parse is what takes the time."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    imported = _imports(tree)
-    return hashlib.sha256(ast.dump(_without_docstrings(tree)).encode()).hexdigest(), imported
+    """Digest of a file's code, and the modules of polarsim that it imports."""
+    source = path.read_bytes()
+    whose = hashlib.sha256(_own_source() + source).hexdigest()
+    kept = Path(cache_from_source(str(path))).with_suffix(".digest")
+    found = _read_kept(kept, whose)
+    if found is None:
+        tree = ast.parse(source)
+        names = _names_imported(tree)
+        found = hashlib.sha256(ast.dump(_without_docstrings(tree)).encode()).hexdigest(), names
+        _keep(kept, whose, *found)
+    return found[0], _imports(found[1])
 
 
-def _imports(tree: ast.Module) -> tuple[str, ...]:
-    found: set[str] = set()
+@cache
+def _own_source() -> bytes:
+    return Path(__file__).read_bytes()
+
+
+def _read_kept(kept: Path, whose: str) -> tuple[str, _Names] | None:
+    """What was found in a file before; None where it was another file's content, or nothing whole is kept."""
+    try:
+        found = json.loads(kept.read_bytes())
+        return (found["code"], found["imports"]) if found["whose"] == whose else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _keep(kept: Path, whose: str, code: str, imports: _Names) -> None:
+    """Keep what was found in a file, where that can be written, in one step for whoever reads it now."""
+    part = kept.with_suffix(f".{os.getpid()}.part")
+    with contextlib.suppress(OSError):
+        kept.parent.mkdir(exist_ok=True)
+        part.write_text(json.dumps({"whose": whose, "code": code, "imports": imports}), encoding="utf-8")
+        part.replace(kept)
+
+
+def _names_imported(tree: ast.Module) -> _Names:
+    found: _Names = []
     for node in _statements(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            found += [(alias.name, []) for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
-            within = {f"{node.module}.{alias.name}" for alias in node.names}
-            found |= {name if _file(name) else node.module for name in within}
+            found.append((node.module, [alias.name for alias in node.names]))
+    return [(module, names) for module, names in found if module.split(".")[0] == _PACKAGE.name]
+
+
+def _imports(imported: _Names) -> tuple[str, ...]:
+    """The modules among what is imported: which names are modules is seen in the folder, as it is now."""
+    found: set[str] = set()
+    for module, names in imported:
+        below = {f"{module}.{name}" for name in names}
+        found |= {name if _file(name) else module for name in below} or {module}
     return tuple(sorted(name for name in found if _file(name)))
 
 

@@ -1,7 +1,10 @@
 """A digest changes with the code that is used, and with nothing else."""
 
 import ast
+import json
 import re
+import subprocess
+import sys
 from collections.abc import Iterable
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -223,20 +226,16 @@ def test_every_rule_carries_the_digest_of_its_own_script():
 
 
 def test_an_edit_of_any_file_that_a_script_reaches_changes_its_digest(monkeypatch):
-    scripts = sorted({script for script, _ in rules_with_scripts().values()})
-    before = {script: digest.script_digest(SCRIPTS / f"{script}.py") for script in scripts}
-    users: dict[str, set[str]] = {}
-    for script in scripts:
-        for module in reached_by_text(SCRIPTS / f"{script}.py"):
-            users.setdefault(module, set()).add(script)
-    assert {"propagate_labels", "render_twins", "score_labels"} <= users["polarsim.grid"]
+    reached = {script: reached_by_text(SCRIPTS / f"{script}.py") for script, _ in rules_with_scripts().values()}
+    assert {script: digest._reached(digest._parsed(SCRIPTS / f"{script}.py")[1]) for script in reached} == reached
+    users = {script for script, modules in reached.items() if "polarsim.grid" in modules}
+    assert {"propagate_labels", "render_twins", "score_labels"} <= users < set(reached)
+    before = {script: digest.script_digest(SCRIPTS / f"{script}.py") for script in reached}
     real = digest._module
-    for edited, expected in users.items():
-        monkeypatch.setattr(
-            digest, "_module", lambda name, at=edited: (real(name)[0] + "*" * (name == at), real(name)[1])
-        )
-        changed = {script for script in scripts if digest.script_digest(SCRIPTS / f"{script}.py") != before[script]}
-        assert changed == expected, edited
+    monkeypatch.setattr(
+        digest, "_module", lambda name: ("edited", real(name)[1]) if name.endswith(".grid") else real(name)
+    )
+    assert {script for script in reached if digest.script_digest(SCRIPTS / f"{script}.py") != before[script]} == users
 
 
 def test_an_edit_of_a_script_changes_its_digest_and_a_comment_does_not(tmp_path):
@@ -247,6 +246,37 @@ def test_an_edit_of_a_script_changes_its_digest_and_a_comment_does_not(tmp_path)
     assert digest.script_digest(script) == plain
     script.write_text("from polarsim.grid import GridOptions\n\nprint(GridOptions())\n")
     assert digest.script_digest(script) != plain
+
+
+def test_what_is_kept_beside_a_file_says_what_parsing_it_says(tmp_path):
+    script = tmp_path / "measure.py"
+    script.write_text("import numpy\nfrom polarsim import grid\nfrom polarsim.grid import GridOptions\n")
+    parsed = digest._parsed(script)
+    assert parsed[1] == ("polarsim.grid",)
+    (kept,) = (tmp_path / "__pycache__").iterdir()
+    assert digest._parsed(script) == parsed
+    whole = json.loads(kept.read_bytes())
+    kept.write_text(json.dumps(whole | {"code": "of what is kept"}))
+    assert digest._parsed(script)[0] == "of what is kept"
+    for broken in ("", "[]", json.dumps({"whose": whole["whose"]})):
+        kept.write_text(broken)
+        assert digest._parsed(script) == parsed
+    script.write_text("import numpy\n")
+    assert digest._parsed(script)[1] == ()
+
+
+def test_digests_need_no_folder_that_can_be_written(tmp_path):
+    script = tmp_path / "measure.py"
+    script.write_text("from polarsim import grid\n")
+    (tmp_path / "__pycache__").touch()  # no folder
+    assert digest._parsed(script)[1] == ("polarsim.grid",)
+
+
+def test_planning_a_run_imports_nothing_that_takes_long():
+    planned = set().union(*(imports_by_text(path.read_text()) for path in RULES.glob("*.smk")))
+    slow = {"torch", "scipy", "numba", "cv2"}
+    code = f"import sys, {', '.join(sorted(planned))}; print(sorted({slow} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
 def test_packages_hold_nothing_but_names_of_their_modules():

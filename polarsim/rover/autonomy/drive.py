@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats.npz import write_arrays
-from polarsim.rover.autonomy.eyes import Eyes, Light
+from polarsim.rover.autonomy.cases import Light
+from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import AutonomyOptions, Mode
 from polarsim.rover.autonomy.pilot import Pilot, pilot

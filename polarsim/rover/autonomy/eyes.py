@@ -34,6 +34,7 @@ from polarsim.render.gain import default_gain
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.sensor import expose, noise_of
+from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
 from polarsim.rover.autonomy.looks import look_of_boxes, look_of_depth, look_of_pixels
 from polarsim.rover.autonomy.options import AUTO, AutonomyOptions, Mode
@@ -53,14 +54,6 @@ _BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
 _NEAREST_M = 1.5  # depth that stereo looks for
 # Grey values of 255: what is darker, or more even over so many pixels, such as shadow, stereo matches with anything.
 _DARK, _EVEN, _EVEN_PX = 12, 1.5, 5
-
-
-@dataclass(frozen=True)
-class Light:
-    """Under which Sun, with which exposure."""
-
-    sun: str
-    exposure_ms: float | str
 
 
 @dataclass(frozen=True)

@@ -11,33 +11,19 @@ import pandas as pd
 from polarsim.formats import tables
 from polarsim.formats.schemas import AUTONOMY, EVERY_AUTONOMY
 from polarsim.randomness import generator
+from polarsim.rover.autonomy.cases import UNLIT, parsed
 from polarsim.rover.autonomy.drive import drive, job_for, write
-from polarsim.rover.autonomy.eyes import Light
 from polarsim.rover.autonomy.measure import figures
-from polarsim.rover.autonomy.options import AUTO, AutonomyOptions, Mode
+from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
 
-ANY = "any"  # light of modes that take no pictures
-UNLIT = ("truth", "blind")
 OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the blind one's"}
 _RESAMPLES = 1000
 _GROUP = ["mode", "sun", "exposure"]
-
-
-def cases(options: AutonomyOptions) -> list[str]:
-    """Names of all drives, `<mode>_<Sun>_<exposure>_seed<seed>`; modes without pictures drive once a seed."""
-    found = []
-    for mode in options.modes:
-        lights = [(ANY, ANY)] if mode in UNLIT else [
-            (sun, f"{ms:04g}" if isinstance(ms, (int, float)) else ms)
-            for sun in options.suns for ms in options.exposures_ms
-        ]  # fmt: skip
-        found += [f"{mode}_{sun}_{ms}_seed{seed}" for sun, ms in lights for seed in options.seeds]
-    return found
 
 
 def drive_case(
@@ -66,13 +52,6 @@ def drive_case(
     _, sun, exposure, _ = case.split("_")
     named = rows.assign(mode=mode, sun=sun, exposure=exposure, seed=seed, ended=str(outcome.trace.drive["ended"]))
     tables.write_parquet(folder / "figures.parquet", named[list(EVERY_AUTONOMY.columns)])
-
-
-def parsed(case: str) -> tuple[Mode, Light, int]:
-    """Mode, light and seed of a case's name."""
-    mode, sun, exposure, seed = case.split("_")
-    shown = ("3", 256.0) if sun == ANY else (sun, exposure if exposure == AUTO else float(exposure))
-    return mode, Light(*shown), int(seed.removeprefix("seed"))  # type: ignore[return-value]
 
 
 def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path) -> None:

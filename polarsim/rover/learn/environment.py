@@ -20,7 +20,8 @@ from pydantic import ValidationError
 
 from polarsim.errors import RoverError
 from polarsim.formats.yaml_files import describe_error
-from polarsim.rover.autonomy.eyes import Eyes, Light
+from polarsim.rover.autonomy.cases import Light
+from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import AutonomyOptions, Mode
 from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions

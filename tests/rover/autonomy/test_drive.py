@@ -10,8 +10,8 @@ from scipy import ndimage
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
+from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.drive import drive, write
-from polarsim.rover.autonomy.eyes import Light
 from polarsim.rover.autonomy.measure import figures
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.options import OnboardOptions

@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 
 from polarsim.formats.schemas import EVERY_AUTONOMY
+from polarsim.rover.autonomy.cases import cases, parsed
 from polarsim.rover.autonomy.options import AutonomyOptions
-from polarsim.rover.autonomy.table import cases, parsed, summary, with_ratios
+from polarsim.rover.autonomy.table import summary, with_ratios
 
 
 def rows(*drives: tuple) -> pd.DataFrame:
