@@ -1,3 +1,4 @@
+import itertools
 import os
 import shutil
 import subprocess
@@ -7,6 +8,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+
+from tests.workflow import forked
 
 CHECKOUT = Path(__file__).parent.parent.parent
 SMALL = {
@@ -55,19 +58,21 @@ def checkout(tmp_path: Path, make_checkout) -> Path:
 
 
 @pytest.fixture(scope="session")
-def snakemake() -> Callable[..., subprocess.CompletedProcess]:
+def snakemake(tmp_path_factory) -> Callable[..., subprocess.CompletedProcess]:
     """Run Snakemake in a folder; the library of that folder is the one that counts, where it has one."""
+    outputs = tmp_path_factory.mktemp("outputs")
+    numbers = itertools.count()
 
     def run(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess:
         library = folder if (folder / "polarsim").is_dir() else CHECKOUT
+        words = ["--cores", "1", *arguments]
+        environment = {**os.environ, "PYTHONPATH": str(library), **environment}
+        if library == CHECKOUT:
+            return forked.call(folder, outputs / str(next(numbers)), words, environment)
         return subprocess.run(
-            [sys.executable, "-m", "snakemake", "--cores", "1", *arguments],
-            cwd=folder,
-            env={**os.environ, "PYTHONPATH": str(library), **environment},
-            capture_output=True,
-            text=True,
-            timeout=1800,  # one that hangs ends; busy machines are slow
-        )
+            [sys.executable, "-m", "snakemake", *words],
+            cwd=folder, env=environment, capture_output=True, text=True, timeout=1800,
+        )  # fmt: skip
 
     return run
 
