@@ -7,7 +7,7 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo rover release accuracy test cluster chaos fuzz lint docs picture clean lock schema
+.PHONY: help setup demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean lock schema
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -43,7 +43,10 @@ accuracy: setup ## poses, rocks and meshes against the truth of three analog san
 	done
 	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
 
-test: setup lint ## lint, formats, types, dry-runs and tests
+test: setup ## lint, formats, types, dry-runs and tests
+	@$(MAKE) --no-print-directory -j 2 lint pytest
+
+pytest: setup
 	$(BIN)/python -m pytest -n $(CORES) --dist worksteal --basetemp .pytest
 
 cluster: setup ## the workflow on a real SLURM of one node that is started here (root, apt-get install slurm-wlm munge)

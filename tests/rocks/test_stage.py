@@ -34,7 +34,7 @@ def reconstruct(scene: Scene, folder: Path, noise: float) -> Path:
         write_localised(folder / f"cameras/Pos{position}.json", LocalisedRig(stated_rig(), sandbox_from_left))
     write_inventory(folder / "inventory.json", Inventory(TERRAIN, "polar", range_maps=maps))
     (folder / "seeds").mkdir()
-    options = RocksOptions(rock_cell_mm=3, ground_mesh_cell_mm=10)
+    options = RocksOptions(rock_cell_mm=3, ground_mesh_cell_mm=20)
     find_rocks(
         terrain=TERRAIN,
         inventory=folder / "inventory.json",
