@@ -126,6 +126,7 @@ def test_scans_of_two_terrains_with_like_relief_are_refused_by_name(scans, forei
         register_scans({"A": scans["A"], "C": foreign["C"]}, STATIONS)
 
 
+@pytest.mark.usefixtures("quicker")
 def test_the_scan_that_two_others_contradict_is_left_out_by_name(sandbox, scans, foreign):
     """Whichever of them has most points."""
     left_from_rectified = rectified_left(sandbox.rig).left_from_rectified

@@ -14,10 +14,10 @@ CHECKOUT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """The workflow and its inputs; the folder's name has a space."""
+def folder(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
+    """The workflow and its inputs; the folder's name has a space. Jobs pause so that they can be killed."""
     place = tmp_path / "a run"
-    write_workflow(place)
+    write_workflow(place, pause_s=getattr(request, "param", 0.1))
     return place
 
 

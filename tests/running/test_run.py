@@ -14,6 +14,7 @@ from polarsim.running import processes
 from polarsim.running.run import MISSING, UNFINISHED
 
 pytestmark = pytest.mark.slow
+AT_ONCE = pytest.mark.parametrize("folder", [0], indirect=True, ids=["at once"])  # jobs do not pause
 
 
 def expected(terrain: int) -> str:
@@ -99,6 +100,7 @@ def test_what_was_to_be_made_anew_is_not_forgotten(folder, start):
     assert_whole(folder)
 
 
+@AT_ONCE
 def test_a_broken_terrain_stops_no_other_and_is_reported(folder, start):
     scan = folder / "data/analog/Terrain01.txt"
     scan.write_text("broken")
@@ -168,6 +170,7 @@ def mounted(folder):
 SIZES_KB = [200]  # full for a file of the second rule; benchmarks/chaos.py tries ten
 
 
+@AT_ONCE
 @pytest.mark.parametrize("size_kb", SIZES_KB)
 def test_a_disk_that_fills_up_leaves_no_half_of_a_file(folder, start, mounted, size_kb):
     mounted(f"size={size_kb}k")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from filelock import FileLock
 
 from tests.workflow import forked
 
@@ -17,7 +18,8 @@ SMALL = {
     "terrains": [1],
     "positions": ["A", "C"],
     "source": {"kind": "analog", "root": "data/analog"},
-    "rocks": {"rock_cell_mm": 6, "ground_mesh_cell_mm": 20},
+    "analog": {"ground_step_mm": 20, "rock_detail": 4, "scan_step_deg": 0.15},  # a fourth of the points of a scan
+    "rocks": {"rock_cell_mm": 8, "ground_mesh_cell_mm": 30},
     "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [128, 256]},
     "render": {"models": ["hapke"]},
     "detect": {
@@ -79,10 +81,17 @@ def snakemake(tmp_path_factory) -> Callable[..., subprocess.CompletedProcess]:
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory, make_checkout, snakemake) -> Path:
-    """A checkout with a finished run of the whole pipeline, `config/small.yaml`, that no test changes."""
-    folder = make_checkout(tmp_path_factory.mktemp("small"))
-    done = snakemake(folder, "--cores", "2", "--configfile", "config/small.yaml")
-    assert done.returncode == 0, done.stderr[-3000:]
+    """A checkout with a finished run of the whole pipeline, `config/small.yaml`, that no test changes.
+
+    All workers share it: the first makes it, another waits.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "small"
+    with FileLock(folder.with_suffix(".lock")):
+        if not folder.exists():
+            folder.mkdir()
+            done = snakemake(make_checkout(folder), "--cores", "2", "--configfile", "config/small.yaml")
+            assert done.returncode == 0, done.stderr[-3000:]
     return folder
 
 

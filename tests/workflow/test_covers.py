@@ -52,8 +52,8 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
         obj.write(ground, Mesh(vertices, faces), "ground")
         obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
     content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
-    content["covers"] |= {"folds": [], "carved_scenes": 2, "carved_epochs": 1, "widths": [96, 128]}
-    content["covers"]["scenes"] = {"number": 4, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
+    content["covers"] |= {"folds": [], "carved_scenes": 4, "carved_epochs": 1, "widths": [96, 128]}
+    content["covers"]["scenes"] = {"number": 2, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
     content["detect"] = {
         "seeds": [0, 1], "training": {"model": "compact", "epochs": 2}, "pictures": {"imgsz": 96},
         "comparison": {"resamples": 100},

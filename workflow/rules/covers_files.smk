@@ -10,7 +10,7 @@ COVER_FOLDS = {
 }
 
 
-CARVED_ROCKS = 300
+CARVED_ROCKS = min(300, CONFIG.covers.carved_scenes)  # a scene shows several
 # Beside the folds two more detectors: of carved rocks alone, from which all start, and of all terrains, to take away.
 NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
 # Detectors have widths of their own where these are chosen on scenes.
