@@ -9,7 +9,7 @@ from polarsim.annotate.overlay import COLOURS, Marks, draw_labels
 from polarsim.formats.tables import label_table
 from polarsim.render.options import HAPKE_SETS
 from polarsim.report.figures.brdf import look
-from polarsim.report.figures.canvas import beside
+from polarsim.report.figures.canvas import FIGURE_WIDTH, beside, note, page
 from polarsim.report.figures.offsets import RANGES_MM, range_mm
 from polarsim.report.figures.reliability import stretched
 
@@ -63,3 +63,8 @@ def test_letters_of_a_stated_size_are_larger():
     drawn = [draw_labels(grey, table, 400, Marks(letter_px=size)) for size in (0, 20)]
     small, large = (int((np.abs(one.astype(int) - COLOURS["rock"]).max(axis=-1) < 60).sum()) for one in drawn)
     assert large > small + 60
+
+
+def test_a_long_note_is_not_cut(tmp_path):  # by _words_are_whole
+    with page(tmp_path / "note.png", FIGURE_WIDTH, 300) as sheet:
+        note(sheet, "The smallest phase angle in this run is 17.4 degrees (01_A_off_30_R_0128), too far from " * 2)
