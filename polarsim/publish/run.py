@@ -25,6 +25,7 @@ from polarsim.publish import (
     scenes,
     stereo_set,
     trajectories,
+    weights,
 )
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
@@ -145,6 +146,11 @@ FORMS: dict[str, Form] = {
         "The rover's drives as TUM's folders: `rgb/`, `rgb.txt` and `groundtruth.txt`, poses of the camera in the "
         "world. Everything is synthetic.",
         trajectories.write_tum, trajectories.bytes_of, fixed=trajectories.fixed_bytes, lacks=_no_drive,
+    ),
+    "detectors": Form(
+        "The run's detectors: `<split>/seedN/<domain>.pt`, tensors and plain values in PyTorch's format, and beside "
+        "each `<domain>.md`, a card with its training and its scores. `polarsim detect --weights` uses them.",
+        weights.write, weights.bytes_of, fixed=weights.fixed_bytes, lacks=weights.lacking,
     ),
 }  # fmt: skip
 
