@@ -12,7 +12,7 @@ from polarsim import __version__
 from polarsim.formats.files import read_json
 from polarsim.formats.tables import read_parquet
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import Catalogue
 
 _SCORES = ("trained", "split", "seed", "evaluated", "kind", "images", "labels", "leaks_views")
 _FACTS = ("detector", "start", "epochs", "imgsz")
@@ -44,11 +44,6 @@ def found(catalogue: Catalogue) -> Iterator[Weights]:
 
 def lacking(catalogue: Catalogue) -> str:
     return "" if any(found(catalogue)) else "the run has no detectors (target `detect`)"
-
-
-def bytes_of(_: Picture) -> int:
-    """No picture is written."""
-    return 0
 
 
 def fixed_bytes(catalogue: Catalogue) -> int:
@@ -87,7 +82,7 @@ def _made(catalogue: Catalogue, weights: Weights, scores: pd.DataFrame) -> str:
     if len(scores):
         facts = scores.iloc[0]
         said.append(
-            f"**Training**: {facts['detector']}, {facts['epochs']} epochs from {facts['start']}, pictures "
+            f"**Training**: {facts['detector']}, start {facts['start']}, epochs {facts['epochs']}, pictures "
             f"{facts['imgsz']} px wide."
         )
     dataset = catalogue.run / "detect" / weights.split / "datasets" / weights.trained / "dataset.json"

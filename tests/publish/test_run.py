@@ -275,7 +275,7 @@ def test_the_command_publishes_and_says_where(run, tmp_path, polarsim):
         "publish", run.name, tmp_path / "out", "--format", "yolo,gltf", "--subset", "camera=L", "--results", run.parent
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [f"4 pictures in {tmp_path}/out/yolo", f"4 pictures in {tmp_path}/out/gltf"]
+    assert done.stdout.splitlines() == [f"4 pictures in {tmp_path}/out/yolo", f"gltf in {tmp_path}/out/gltf"]
     recipe = json.loads((tmp_path / "out/yolo/publish.json").read_text())
     assert (recipe["form"], recipe["subset"], recipe["run"]) == ("yolo", "camera=L", "tiny")
     wrong = polarsim("publish", "none", tmp_path / "other", "--format", "yolo", "--results", run.parent)
