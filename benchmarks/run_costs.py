@@ -55,10 +55,12 @@ def rule_costs(jobs: pd.DataFrame) -> pd.DataFrame:
 
 
 def disk(folder: Path, depth: int = 2, least_mb: float = 1) -> dict[str, float]:
-    """MB of every folder down to a depth that holds anything to speak of."""
+    """MB of every folder down to a depth that holds anything to speak of; a file of several names by its first."""
     sizes: dict[str, float] = {}
-    for path in folder.rglob("*"):
-        if path.is_file() and not path.is_symlink():
+    seen: set[int] = set()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and not path.is_symlink() and (number := path.stat().st_ino) not in seen:
+            seen.add(number)
             parts = path.relative_to(folder).parts[:-1]
             for n in range(min(len(parts), depth) + 1):
                 name = "/".join(parts[:n]) or "."

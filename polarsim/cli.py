@@ -401,12 +401,13 @@ def publish(
 ) -> None:
     """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
     from polarsim.publish.run import publish as write
+    from polarsim.publish.run import summary
 
     names = [name for text in form for name in _listed(text)]
     with reporting():  # typer keeps Ctrl-C to itself
         parts = write(run_folder(results, run), out, names, subset, max_size, photos, replace)
     for name, part in parts.items():
-        typer.echo(f"{len(part.pictures)} pictures in {out / name}")
+        typer.echo(summary(name, part, out / name))
 
 
 @command()

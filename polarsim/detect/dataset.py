@@ -1,9 +1,8 @@
-"""Data sets in YOLO's layout: links to a domain's converted pictures, shared out to parts by a split."""
+"""Data sets in YOLO's layout: a domain's converted pictures by further names, shared out to parts by a split."""
 
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from polarsim.detect.pictures import CORRUPT, USED, convert_photos, read_states
 from polarsim.detect.split import PARTS, PHOTO, TERRAIN, TEST, TRAIN, VAL, draw_val, read_split
 from polarsim.errors import DetectError
 from polarsim.formats import tables
-from polarsim.formats.files import read_json, write_json, write_text, writing_folder
+from polarsim.formats.files import read_json, share_file, write_json, write_text, writing_folder
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
 
@@ -27,7 +26,7 @@ log = logging.getLogger("polarsim")
 
 @dataclass(frozen=True)
 class Entry:
-    """A picture of a data set: its name in it, its part, and the files that it links to."""
+    """A picture of a data set: its name in it, its part, and its files."""
 
     name: str
     part: str
@@ -84,7 +83,7 @@ def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset
     by : str
         What the split is by.
     dataset : Path
-        Folder to write: `images/<part>/NAME.png` and `labels/<part>/NAME.txt` (links), `data.yaml`, `pictures.csv`,
+        Folder to write: `images/<part>/NAME.png` and `labels/<part>/NAME.txt`, `data.yaml`, `pictures.csv`,
         `dataset.json`, and, where corrupt pictures are left out, `left_out.csv`.
 
     Raises
@@ -104,7 +103,7 @@ def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset
 def mix_datasets(
     *, domain: str, weights: Mapping[str, float], datasets: Mapping[str, Path], dataset: Path, options: SplitOptions
 ) -> None:
-    """Write a data set to train on, of pictures that other data sets link to; it has no test part.
+    """Write a data set to train on, of pictures of other data sets; it has no test part.
 
     Of each part of a domain as many pictures are drawn as its weight says: 0.5 takes half of them, 1.5 takes all and
     half of them once more. A picture is called `<domain>-<name>`, and `-2`, `-3` behind it where it is taken again.
@@ -188,7 +187,7 @@ def write_dataset(
     left_out: Sequence[tuple[str, str]] = (),
     needed: Sequence[str] = PARTS,
 ) -> None:
-    """Fill the folder that will be called `dataset` with links to the files of its entries, and with what tells of it.
+    """Fill the folder that will be called `dataset` with the files of its entries, and with what tells of it.
 
     Parameters
     ----------
@@ -211,12 +210,8 @@ def write_dataset(
             raise DetectError(f"no {domain} picture in the {part} part", path=dataset)
     for entry in entries:
         for (kind, ending), file in zip(KINDS, (entry.image, entry.label), strict=True):
-            if file is None:
-                continue
-            folder_of_part = folder / kind / entry.part
-            # Relative, so that results can be moved; the folder's own name takes part in no link.
-            link = os.path.relpath(file.resolve(), folder_of_part.resolve())
-            (folder_of_part / f"{entry.name}{ending}").symlink_to(link)
+            if file is not None:
+                share_file(file, folder / kind / entry.part / f"{entry.name}{ending}")
     log.info("%s: %d train, %d val, %d test pictures", domain, *counts.values())
     rows = [(entry.name, entry.part) for entry in entries]
     tables.write_csv(folder / "pictures.csv", pd.DataFrame(rows, columns=list(PICTURE_COLUMNS)))

@@ -1,4 +1,4 @@
-"""A domain's pictures and boxes as YOLO wants them, converted once: all data sets link to these."""
+"""A domain's pictures and boxes as YOLO wants them, converted once: all data sets share these."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from polarsim.publish.subset import parse_size, parse_subset
 
 FORM_NAMES = (
     "croissant", "hf", "parquet", "coco", "yolo", "kitti", "colmap", "nerfstudio", "pds4", "ro-crate", "gltf", "usd",
-    "mcap", "euroc", "tum",
+    "mcap", "euroc", "tum", "detectors",
 )  # fmt: skip
 
 

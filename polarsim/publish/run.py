@@ -25,6 +25,7 @@ from polarsim.publish import (
     scenes,
     stereo_set,
     trajectories,
+    weights,
 )
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
@@ -34,6 +35,11 @@ from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
 
 ALL = "all"  # stands for all forms that a run can have
 Write = Callable[[Catalogue, Bundle], None]
+
+
+def no_picture(_: Picture) -> int:
+    """Bytes of a picture in a form that takes none along."""
+    return 0
 
 
 @dataclass(frozen=True)
@@ -123,12 +129,12 @@ FORMS: dict[str, Form] = {
     "gltf": Form(
         "`terrainNN.glb`: ground and rocks as named nodes with rock ids (`extras`), cameras (principal point and "
         "distortion in `extras`) and lamps; metres, +Y up. No pictures.",
-        scenes.write_gltf, scenes.bytes_of, fixed=_mesh_bytes, lacks=_no_mesh,
+        scenes.write_gltf, no_picture, fixed=_mesh_bytes, lacks=_no_mesh,
     ),
     "usd": Form(
         "`terrainNN.usdc`: ground and rocks with semantic labels (`class`, `rock_id`), cameras with apertures, "
         "principal point and distortion (`polarsim:*`), lamps; metres, +Z up. No pictures.",
-        scenes.write_usd, scenes.bytes_of, scenes.USD_NEEDS, fixed=_mesh_bytes, lacks=_no_mesh,
+        scenes.write_usd, no_picture, scenes.USD_NEEDS, fixed=_mesh_bytes, lacks=_no_mesh,
     ),
     "mcap": Form(
         "Bags for ROS 2, each a folder with `metadata.yaml`: `drives/seedN` as the rover's run wrote them, and "
@@ -139,12 +145,17 @@ FORMS: dict[str, Form] = {
     "euroc": Form(
         "The rover's drives as EuRoC's `mav0` folders: pictures of cameras that are fixed to the rover, an IMU without "
         "noise, exact states. Everything is synthetic.",
-        trajectories.write_euroc, trajectories.bytes_of, fixed=trajectories.fixed_bytes, lacks=_no_drive,
+        trajectories.write_euroc, no_picture, fixed=trajectories.fixed_bytes, lacks=_no_drive,
     ),
     "tum": Form(
         "The rover's drives as TUM's folders: `rgb/`, `rgb.txt` and `groundtruth.txt`, poses of the camera in the "
         "world. Everything is synthetic.",
-        trajectories.write_tum, trajectories.bytes_of, fixed=trajectories.fixed_bytes, lacks=_no_drive,
+        trajectories.write_tum, no_picture, fixed=trajectories.fixed_bytes, lacks=_no_drive,
+    ),
+    "detectors": Form(
+        "The run's detectors: `<split>/seedN/<domain>.pt`, tensors and plain values in PyTorch's format, and beside "
+        "each `<domain>.md`, a card with its training and its scores. `polarsim detect --weights` uses them.",
+        weights.write, no_picture, fixed=weights.fixed_bytes, lacks=weights.lacking,
     ),
 }  # fmt: skip
 
@@ -248,6 +259,12 @@ def _allowed(catalogue: Catalogue, photos: bool) -> Catalogue:
     if not kept:
         raise ConfigError("nothing but NASA's photos: --photos publishes them, on NASA's terms", path=catalogue.run)
     return catalogue.with_pictures(kept, "NASA's photos are not in this bundle: get them from NASA; keys name them.")
+
+
+def summary(form: str, part: Catalogue, folder: Path) -> str:
+    """What came out, for the terminal."""
+    what = form if FORMS[form].bytes_of is no_picture else f"{len(part.pictures)} pictures"
+    return f"{what} in {folder}"
 
 
 def _cut(catalogue: Catalogue, form: Form, most: int | None) -> Catalogue:

@@ -15,18 +15,13 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture, Terrain
+from polarsim.publish.catalogue import Catalogue, Terrain
 from polarsim.publish.reconstruction import CV_FROM_GL
 
 USD_NEEDS = ("pxr",)
 NEAR, FAR = 0.05, 100.0  # metres that cameras see
 FOCAL = 20.0  # of USD's cameras, in units that cancel: apertures count in the same
 LAMP_RADIUS = 0.02  # metres, of a lamp that is a point to the renderer
-
-
-def bytes_of(_: Picture) -> int:
-    """No picture is written."""
-    return 0
 
 
 def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:

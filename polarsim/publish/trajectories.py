@@ -20,17 +20,12 @@ from scipy.spatial.transform import Rotation, Slerp
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.poses import Pose
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import DRIVE, Catalogue, Picture
+from polarsim.publish.catalogue import DRIVE, Catalogue
 
 START_NS = 1_000_000_000
 POSE = ("time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 _BODY = (*POSE, "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
 _RIGID = 1e-6  # a camera whose position on the rover changes by more follows it without being fixed to it
-
-
-def bytes_of(_: Picture) -> int:
-    """None of a station's pictures is written."""
-    return 0
 
 
 def fixed_bytes(catalogue: Catalogue) -> int:

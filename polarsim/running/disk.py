@@ -39,8 +39,9 @@ def needed_bytes(config: Config, whole: bool, places: Sequence[Path]) -> int:
     """What must be free: the estimate less what is there already, of a part of a run a lump."""
     if not whole:
         return _LEAST_BYTES
-    there = sum(entry.stat(follow_symlinks=False).st_size for place in places for entry in _entries(place))
-    return max(_LEAST_BYTES, expected_bytes(config) - there)
+    found = (entry.stat(follow_symlinks=False) for place in places for entry in _entries(place))
+    there = {(one.st_dev, one.st_ino): one.st_size for one in found}  # a file of several names once
+    return max(_LEAST_BYTES, expected_bytes(config) - sum(there.values()))
 
 
 def free_bytes(place: Path) -> int:

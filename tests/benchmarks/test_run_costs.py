@@ -33,4 +33,5 @@ def test_disk_counts_each_file_in_every_folder_above_it_and_no_links(tmp_path):
     (tmp_path / "labels").mkdir()
     (tmp_path / "labels/b.txt").write_bytes(bytes(10))
     (tmp_path / "labels/link.png").symlink_to(tmp_path / "renders/hapke/a.png")
+    (tmp_path / "renders/hapke/again.png").hardlink_to(tmp_path / "renders/hapke/a.png")
     assert run_costs.disk(tmp_path) == {".": 3.0, "renders": 3.0, "renders/hapke": 3.0}

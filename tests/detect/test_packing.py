@@ -19,7 +19,7 @@ def test_a_packed_data_set_holds_its_pictures_and_no_absolute_path(world, keys, 
         domain="real", split=tmp_path / "split.csv", dataset=place, options=OPTIONS.pictures,
         pictures=world / "photos.parquet", labels=world / "labels.parquet",
     )  # fmt: skip
-    packed = shutil.make_archive(str(tmp_path / "real"), "zip", place)
+    packed = shutil.make_archive(str(tmp_path / "real"), "tar", place)  # keeps links as links, as zip does not
     shutil.rmtree(tmp_path / "run")
     there = tmp_path / "elsewhere"
     shutil.unpack_archive(packed, there)

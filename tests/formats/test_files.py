@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from polarsim.errors import FormatError, PolarsimError
-from polarsim.formats.files import read_json, write_json, write_text, writing, writing_folder
+from polarsim.formats.files import read_json, share_file, write_json, write_text, writing, writing_folder
 
 
 def test_a_file_appears_only_when_it_is_complete(tmp_path):
@@ -50,6 +50,21 @@ def test_a_folder_that_is_a_file_is_one_line(tmp_path):
     (tmp_path / "results").write_text("a file")
     with pytest.raises(PolarsimError, match=r"results/run/table\.csv: cannot be written"):
         write_text(tmp_path / "results" / "run" / "table.csv", "x")
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_shared_file_stays_what_it_was_when_the_source_is_replaced(tmp_path, monkeypatch, links):
+    def refused(*_):
+        raise OSError(errno.EXDEV, "Invalid cross-device link")
+
+    if not links:
+        monkeypatch.setattr("os.link", refused)
+    write_text(tmp_path / "source", "one")
+    share_file(tmp_path / "source", tmp_path / "target")
+    assert (tmp_path / "source").samefile(tmp_path / "target") == links
+    write_text(tmp_path / "source", "two")
+    assert not (tmp_path / "target").is_symlink()
+    assert (tmp_path / "target").read_text() == "one"
 
 
 @pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt])

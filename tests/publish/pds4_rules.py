@@ -1,8 +1,9 @@
 """What PDS4's core schema and Schematron ask of the labels that we write: elements in their order, words, identifiers.
 
 Neither comes with a package of the registries, so they are restated here for the classes that we use: order and
-number of elements of the Information Model 1.21, and the Schematron's assertions on them (of version 1.4, which later
-ones keep). It is no validation by the PDS: classes that we do not write are not here, nor are types of single values.
+number of elements as in the schema of the Information Model 1.20 (docs/release/1K00/PDS4_PDS_1K00.xsd of NASA-PDS'
+repository pds4-information-model, read beside this), and the Schematron's assertions on them (of version 1.4, which
+later ones keep). It is no validation by the PDS: classes that we do not write are not here, nor are types of values.
 """
 
 import re
@@ -21,16 +22,17 @@ Identification_Area: logical_identifier version_id title information_model_versi
     Citation_Information? Modification_History?
 Citation_Information: author_list? editor_list? publication_year doi? keyword* description
 Context_Area: comment? Time_Coordinates? Primary_Result_Summary? Investigation_Area* Observing_System* \
-    Target_Identification*
+    Target_Identification* Mission_Area? Discipline_Area?
 Observation_Area: comment? Time_Coordinates Primary_Result_Summary? Investigation_Area+ Observing_System+ \
     Target_Identification+ Mission_Area? Discipline_Area?
 Time_Coordinates: start_date_time stop_date_time
-Primary_Result_Summary: purpose+ processing_level+ description? Science_Facets*
+Primary_Result_Summary: type? purpose+ data_regime* processing_level+ processing_level_id? description? \
+    Science_Facets*
 Investigation_Area: name type Internal_Reference+
 Internal_Reference: lid_reference reference_type comment?
 Observing_System: name? description? Observing_System_Component+
-Observing_System_Component: name type description? Internal_Reference*
-Target_Identification: name alternate_designation* type description? Internal_Reference*
+Observing_System_Component: name type description? Internal_Reference? External_Reference*
+Target_Identification: name alternate_designation* type+ description? Internal_Reference?
 File_Area_Observational: File (Array_2D_Image|Array_3D_Image|Table_Delimited)+
 File_Area_Browse: File Encoded_Image+
 File_Area_Inventory: File Inventory
@@ -40,7 +42,7 @@ Array_2D_Image: name? local_identifier? md5_checksum? offset axes axis_index_ord
 Array_3D_Image: name? local_identifier? md5_checksum? offset axes axis_index_order description? Element_Array \
     Axis_Array Axis_Array Axis_Array Special_Constants?
 Element_Array: data_type unit? scaling_factor? value_offset?
-Axis_Array: axis_name local_identifier? elements sequence_number
+Axis_Array: axis_name local_identifier? elements unit? sequence_number
 Table_Delimited: name? local_identifier? md5_checksum? offset object_length? parsing_standard_id description? records \
     record_delimiter field_delimiter Record_Delimited
 Inventory: name? local_identifier? md5_checksum? offset object_length? parsing_standard_id description? records \
@@ -50,8 +52,8 @@ Field_Delimited: name local_identifier? field_number data_type maximum_field_len
     scaling_factor? value_offset? description? Special_Constants?
 Special_Constants: saturated_constant? missing_constant?
 Encoded_Image: name? local_identifier? md5_checksum? offset object_length? encoding_standard_id description?
-Document: revision_id? document_name? doi? author_list? publication_date acknowledgement_text? copyright? \
-    description? document_editions Document_Edition+
+Document: revision_id? document_name? doi? author_list? editor_list? acknowledgement_text? copyright? \
+    publication_date document_editions? description? Document_Edition+
 Document_Edition: edition_name starting_point_identifier? language files description? Document_File+
 Document_File: file_name local_identifier? file_size? md5_checksum? directory_path_name? document_standard_id
 Collection: collection_type description?

@@ -1,6 +1,7 @@
 """Parts of figures that a reader's eye goes by: looks of curves, places of names, scales of axes."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,9 +10,10 @@ from polarsim.annotate.overlay import COLOURS, Marks, draw_labels
 from polarsim.formats.tables import label_table
 from polarsim.render.options import HAPKE_SETS
 from polarsim.report.figures.brdf import look
-from polarsim.report.figures.canvas import beside
+from polarsim.report.figures.canvas import FIGURE_WIDTH, beside, note, page
 from polarsim.report.figures.offsets import RANGES_MM, range_mm
 from polarsim.report.figures.reliability import stretched
+from polarsim.report.figures.seen import _with_boxes
 
 LETTER = (0.09, 0.13)
 
@@ -55,6 +57,20 @@ def test_the_last_twentieth_of_the_scale_has_a_third_of_the_axis():
     assert (high - from_95) / (high - low) > 0.35
 
 
+def test_no_predicted_box_strikes_out_a_rocks_number():
+    row = {"key": "01_A_off_30_L_0256", "terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "L"}
+    row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
+    labels = label_table([row | {"x0": 600.0, "y0": 500.0, "x1": 900.0, "y1": 700.0}])
+    grey = np.full((1216, 1936, 3), 90, np.uint8)
+    through = pd.DataFrame(
+        {"x0": 0.0, "x1": 1900.0, "y0": np.arange(460.0, 500, 4), "y1": 1200.0}
+    )  # the number's lines
+    alone, struck = (_with_boxes(grey, labels, rows, 968).astype(int) for rows in (through[:0], through))
+    letters = np.abs(alone - COLOURS["rock"]).max(axis=-1) < 30
+    assert letters.sum() > 100
+    assert (np.abs(struck - alone).max(axis=-1)[letters] == 0).all()
+
+
 def test_letters_of_a_stated_size_are_larger():
     row = {"key": "01_A_off_30_L_0256", "terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "L"}
     row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
@@ -63,3 +79,8 @@ def test_letters_of_a_stated_size_are_larger():
     drawn = [draw_labels(grey, table, 400, Marks(letter_px=size)) for size in (0, 20)]
     small, large = (int((np.abs(one.astype(int) - COLOURS["rock"]).max(axis=-1) < 60).sum()) for one in drawn)
     assert large > small + 60
+
+
+def test_a_long_note_is_not_cut(tmp_path):  # by _words_are_whole
+    with page(tmp_path / "note.png", FIGURE_WIDTH, 300) as sheet:
+        note(sheet, "The smallest phase angle in this run is 17.4 degrees (01_A_off_30_R_0128), too far from " * 2)

@@ -14,6 +14,7 @@ from polarsim.geometry.boxes import around
 from polarsim.geometry.casters import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report import detection_table, ipd_table
+from polarsim.report.figures.canvas import FIGURE_WIDTH
 from polarsim.report.figures.comparison import cover_key, draw_comparison
 from polarsim.report.figures.labels import draw_label_errors, edge_errors
 from polarsim.report.figures.matrices import draw_detection, draw_ipd
@@ -69,10 +70,10 @@ def test_a_terrain_without_rocks_is_drawn(tmp_path, world):
     assert all(is_drawn(figure) for figure in terrain_drawn(tmp_path, tmp_path))
 
 
-def offsets_drawn(folder, rows, name):
+def offsets_drawn(folder, rows, name, width=WIDE):
     columns = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
     write_parquet(folder / "offsets.parquet", pd.DataFrame(rows, columns=list(columns)).astype(columns))
-    draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, width=WIDE)
+    draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, width=width)
     return png.read(folder / name)[..., :3].astype(int)
 
 
@@ -90,6 +91,11 @@ def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
 
 def test_a_terrain_that_nobody_saw_has_a_page_that_says_so(tmp_path):
     assert (offsets_drawn(tmp_path, [], "none.png") < 200).any()
+
+
+def test_the_map_of_offsets_leaves_room_for_its_label(tmp_path):  # by _words_are_whole
+    rows = [(rock, 0.1, 0.2, 0.3, offset) for rock in (-1, 1) for offset in (-4.0, 4.5)]
+    offsets_drawn(tmp_path, rows, "offsets.png", FIGURE_WIDTH)
 
 
 def described(folder, photos):

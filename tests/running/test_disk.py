@@ -61,6 +61,7 @@ def test_the_estimate_covers_the_measured_demo_and_counts_what_is_there(tmp_path
     measured = 1.4e9 + 1.2e9  # data and results of `make demo`, docs/stages.md
     assert measured < disk.expected_bytes(config) < 2 * measured
     (tmp_path / "there").write_bytes(bytes(1_000_000))
+    (tmp_path / "further name").hardlink_to(tmp_path / "there")
     assert disk.needed_bytes(config, True, [tmp_path]) == disk.expected_bytes(config) - 1_000_000
     assert disk.needed_bytes(config, False, [tmp_path]) == 500_000_000
     release = {"terrains": [1], "source": {"kind": "release", "root": str(tmp_path)}, "render": {"models": ["hapke"]}}

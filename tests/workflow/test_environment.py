@@ -1,5 +1,6 @@
 """The environments that the workflow runs in: `.venv`, one by Conda, and the lock that both are made from."""
 
+import os
 import tomllib
 from pathlib import Path
 
@@ -13,6 +14,15 @@ CHECKOUT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 LOCKED_EXTRAS = ("cluster", "detect", "dev", "publish", "rover")  # as `make lock` names them
 ENVIRONMENT = CHECKOUT / "workflow/envs/polarsim.yaml"
+# What Snakemake asks a conda before it plans: enough to plan with, where none is installed.
+CONDA = """#!/bin/sh
+case "$1" in
+info) echo '{"conda_version": "25.1.0", "conda_prefix": "/opt/conda", "platform": "linux-64"}' ;;
+config) echo '{"get": {"channel_priority": "strict"}}' ;;
+--version) echo 'conda 25.1.0' ;;
+*) exit 1 ;;
+esac
+"""
 
 
 def locked() -> dict[str, Version]:
@@ -48,3 +58,14 @@ def test_condas_environment_holds_the_lock_as_the_virtual_one_does():
     wanted = [line for line in installs("workflow/setup.sh") if not line.startswith("#")]
     assert installs("workflow/envs/polarsim.post-deploy.sh") == wanted
     assert len(wanted) == 4
+
+
+def test_with_conda_every_job_runs_in_that_one_environment(snakemake, checkout, tmp_path_factory):
+    conda = tmp_path_factory.mktemp("bin") / "conda"
+    conda.write_text(CONDA)
+    conda.chmod(0o755)
+    call = ("acquire", "--dry-run", "--sdm", "conda")
+    done = snakemake(checkout, *call, PATH=f"{conda.parent}{os.pathsep}{os.environ['PATH']}")
+    assert done.returncode == 0, done.stderr[-3000:]
+    told = [line for line in (done.stdout + done.stderr).splitlines() if line.startswith("Conda environment")]
+    assert told == ["Conda environment workflow/envs/polarsim.yaml will be created."]

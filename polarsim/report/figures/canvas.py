@@ -13,8 +13,10 @@ from polarsim.formats.files import writing
 
 DPI = 100
 FIGURE_WIDTH = 1600  # px: what a screen shows at once
+NOTE_LETTERS = 70  # of a line: what fits on the page, for letters grow with it
 INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito: apart for all eyes
+LETTER_M = (0.09, 0.13)  # metres: width and height of a digit on a map of the sandbox that fills half the page
 PLAIN = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}  # behind words on a map
 _STYLE = {
     "font.family": "DejaVu Sans",
@@ -118,7 +120,9 @@ def boxed(pixels: np.ndarray, boxes: Iterable[tuple[np.ndarray, tuple[int, int, 
 
 def note(figure: Any, text: str) -> None:
     """A figure that says why it shows nothing."""
-    figure.text(0.5, 0.5, text, ha="center", va="center", color=FAINT, fontsize="large")
+    from textwrap import fill
+
+    figure.text(0.5, 0.5, fill(text, NOTE_LETTERS), ha="center", va="center", color=FAINT, fontsize="large")
 
 
 def picture(axes: Any, pixels: Any, title: str) -> None:

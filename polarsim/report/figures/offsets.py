@@ -11,12 +11,11 @@ import pandas as pd
 from polarsim.formats.schemas import OFFSETS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, PLAIN, SERIES, beside, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LETTER_M, PLAIN, SERIES, beside, note, page
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 RANGES_MM = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # beyond the chosen one colours stay the same
 SHOWN_SHARE = 95  # percent of the points that the chosen range holds
-_LETTER_M = (0.09, 0.13)  # width and height of a digit on the map
 COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
 
@@ -57,9 +56,10 @@ def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: flo
     axes.set_aspect("equal")
     rocks = {str(rock): part for rock, part in table[table["rock"] != NO_ROCK].groupby("rock")}
     boxes = {rock: (p["x"].min(), p["y"].min(), p["x"].max(), p["y"].max()) for rock, p in rocks.items()}
-    for rock, (x, y) in beside(boxes, _LETTER_M).items():
+    for rock, (x, y) in beside(boxes, LETTER_M).items():
         axes.text(x, y, rock, ha="center", va="center", color=INK, bbox=PLAIN)
-    sheet.colorbar(dots, ax=axes, label="offset outwards, mm", shrink=0.8, extend="both")
+    # A part of the map's axes: room for one of its own is taken from the label on the other side.
+    sheet.colorbar(dots, cax=axes.inset_axes((1.03, 0.1, 0.04, 0.8)), label="offset outwards, mm", extend="both")
 
 
 def _draw_spread(axes: Any, table: pd.DataFrame, reach: float) -> None:

@@ -107,13 +107,13 @@ def _order(key: PhotoKey, rocks: int) -> tuple[bool, bool, float, bool, int, Pho
 
 
 def _with_boxes(pixels: np.ndarray, labels: pd.DataFrame, found: pd.DataFrame, width: int) -> np.ndarray:
-    """(h', width, 3) uint8: rock labels with their ids, and predicted boxes just outside of what they enclose."""
+    """(h', width, 3) uint8: predicted boxes just outside of what they enclose, rock labels with their ids over them."""
     from PIL import Image, ImageDraw
 
-    shown = draw_labels(pixels, labels, width, Marks((ROCK,), confidences=False))
-    image = Image.fromarray(shown)
+    size = (width, round(width * pixels.shape[0] / pixels.shape[1]))
+    image = Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS)
     pen, line, scale = ImageDraw.Draw(image), max(1, round(width / 500)), width / WIDTH
     beside = np.array([-1, -1, 1, 1]) * (line + 1)  # a right box would hide the label's
     for box in found[["x0", "y0", "x1", "y1"]].to_numpy(float) * scale + beside:
         pen.rectangle([float(edge) for edge in box], outline=FOUND, width=line)
-    return np.asarray(image)
+    return draw_labels(np.asarray(image), labels, width, Marks((ROCK,), confidences=False))

@@ -17,7 +17,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, note, page, picture, rectangle
+from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, LETTER_M, beside, note, page, picture, rectangle
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
@@ -31,6 +31,7 @@ HEIGHTS = {  # what the colours of the map mean, by what the ground was made fro
     PUBLISHED: "height in the published ground's frame, m",
     FITTED: "height, m, on a smooth ground fitted under the rocks",
 }
+_LINES = 30  # of text between the lower and the upper end of the view from the side
 SAND, STONE = np.array([0.78, 0.74, 0.68]), np.array([0.93, 0.62, 0.25])
 
 
@@ -83,17 +84,17 @@ def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, height
     """The cuboids over the view from above, and their heights from the side."""
     above, side = sheet.subplots(1, 2, width_ratios=[1.15, 1])
     _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks, from above", heights)
-    _draw_rectangles(above, table, "x", "y")
+    _draw_rectangles(above, table, "x", "y", LETTER_M)
     side.set_title("From the side")
     side.set(xlabel="x, m", ylabel="z, m")
     side.grid(visible=True)
     if not len(table):
         side.text(0.5, 0.5, "no rocks", transform=side.transAxes, ha="center")
         return
-    _draw_rectangles(side, table, "x", "z")
-    low, high = table["z0"].min(), table["z1"].max()
+    low, high = table["z0"].min() - 0.05, table["z1"].max() + 0.1
+    _draw_rectangles(side, table, "x", "z", (LETTER_M[0], (high - low) / _LINES))
     side.set_xlim(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH)
-    side.set_ylim(low - 0.05, high + 0.1)
+    side.set_ylim(low, high)
 
 
 def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
@@ -178,18 +179,21 @@ def _draw_outline(axes: Any, top: TopView, rock: int) -> None:
             axes.contour(_columns(top)[part[1]], _rows(top)[part[0]], inside, levels=[0.5], colors=[OUTLINE])
 
 
-def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str) -> None:
-    for rock, *box in table[["rock", f"{across}0", f"{up}0", f"{across}1", f"{up}1"]].itertuples(index=False):
+def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str, letter: tuple[float, float]) -> None:
+    """Boxes with their rocks' numbers where they hide the least; `letter`: width and height of a digit, metres."""
+    rows = table[["rock", f"{across}0", f"{up}0", f"{across}1", f"{up}1"]].itertuples(index=False)
+    boxes = {str(int(rock)): (float(x0), float(y0), float(x1), float(y1)) for rock, x0, y0, x1, y1 in rows}
+    for box in boxes.values():
         rectangle(axes, box, OUTLINE, linewidth=1.3)
-        _write_id(axes, int(rock), (box[0] + box[2]) / 2, box[3])
+    for rock, (x, y) in beside(boxes, letter).items():
+        _write_id(axes, rock, x, y, "center")
 
 
-def _write_id(axes: Any, rock: int, x: float, y: float) -> None:
+def _write_id(axes: Any, rock: object, x: float, y: float, upright: str = "bottom") -> None:
     from matplotlib.patheffects import withStroke
 
-    axes.text(
-        x, y, str(rock), ha="center", va="bottom", color=INK, path_effects=[withStroke(linewidth=3, foreground="white")]
-    )
+    white = [withStroke(linewidth=3, foreground="white")]
+    axes.text(x, y, str(rock), ha="center", va=upright, color=INK, path_effects=white)
 
 
 def _centre(top: TopView, rock: int, scene: TerrainMesh) -> tuple[float, float]:

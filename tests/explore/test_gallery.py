@@ -1,0 +1,20 @@
+"""The code that takes the gallery's pictures of the explorer."""
+
+import runpy
+import shutil
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[dev]")
+SCRIPT = Path(__file__).parents[2] / "docs/explorer_pictures.py"
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Chromium: apt-get install chromium")
+def test_it_takes_every_picture_that_the_gallery_shows(made, tmp_path):
+    runpy.run_path(str(SCRIPT))["write_pictures"](made, tmp_path)
+    shown = {path.name for path in (SCRIPT.parent / "gallery").glob("explorer_*.webp")}
+    assert {path.name for path in tmp_path.iterdir()} == shown
+    for path in tmp_path.iterdir():
+        assert len(Image.open(path).getcolors(1 << 24)) > 100  # a page, not a black one

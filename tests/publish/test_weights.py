@@ -1,0 +1,66 @@
+import pandas as pd
+import pytest
+
+from polarsim.detect.detectors import Detector, read_detector, write_detector
+from polarsim.errors import ConfigError
+from polarsim.formats.files import write_json
+from polarsim.formats.tables import write_parquet
+from polarsim.publish.run import publish
+from tests.publish.tiny import content, make_run
+
+torch = pytest.importorskip("torch")
+
+
+def score(**own) -> dict[str, object]:
+    row = {"trained": "hapke", "evaluated": "analog", "kind": "rock", "split": "position", "seed": 0}
+    row |= {
+        "leaks_views": False,
+        "detector": "compact (polarsim's own)",
+        "start": "packaged",
+        "epochs": 3,
+        "imgsz": 640,
+    }
+    row |= {"images": 8, "labels": 106, "map50": 0.625, "map50_low": 0.5, "map50_high": 0.75}
+    return row | {"map50_95": 0.25, "map50_95_low": 0.125, "map50_95_high": 0.375} | own
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """The tiny run with two detectors, each scored on one domain."""
+    run = make_run(tmp_path_factory.mktemp("trained"))
+    folder = run / "detect/position/seed0/detectors"
+    for number, name in enumerate(("hapke", "real")):
+        state = {"head.weight": torch.full((2, 3), float(number)).half()}
+        write_detector(folder / f"{name}.pt", Detector("compact", 640, 3, "packaged", state))
+    counts = {"pictures": {"train": 42, "val": 7, "test": 0}}
+    write_json(run / "detect/position/datasets/hapke/dataset.json", counts)
+    rows = [score(), score(trained="real", detector="yolov5n (YOLOv5u)", leaks_views=True), score(seed=1, map50=0.9)]
+    write_parquet(run / "detect/detection.parquet", pd.DataFrame(rows))
+    return run
+
+
+def test_weights_are_read_back_and_their_cards_tell_training_and_scores(trained, tmp_path):
+    publish(trained, tmp_path, ["detectors"])
+    for name in ("hapke", "real"):
+        found = read_detector(tmp_path / f"detectors/position/seed0/{name}.pt")
+        wanted = read_detector(trained / f"detect/position/seed0/detectors/{name}.pt")
+        assert found.state.keys() == wanted.state.keys()
+        assert all(torch.equal(found.state[part], wanted.state[part]) for part in wanted.state)
+    own, foreign = ((tmp_path / f"detectors/position/seed0/{name}.md").read_text() for name in ("hapke", "real"))
+    assert "| analog | rock | 8 | 106 | 0.625 [0.500, 0.750] | 0.250 [0.125, 0.375] |" in own
+    assert "0.900" not in own  # another seed's
+    assert "compact (polarsim's own), start packaged, epochs 3, pictures 640 px wide" in own
+    assert "42 pictures to train on, 7 to choose the weights by" in own
+    assert "BSD-3-Clause" in own
+    assert "trained on too" not in own
+    assert "AGPL-3.0" in foreign
+    assert "NASA Ames" in foreign
+    assert "trained on too" in foreign
+    first = content(tmp_path / "detectors")
+    publish(trained, tmp_path / "again", ["detectors"])
+    assert content(tmp_path / "again/detectors") == first
+
+
+def test_a_run_without_detectors_is_refused(run, tmp_path):
+    with pytest.raises(ConfigError, match="format detectors: the run has no detectors"):
+        publish(run, tmp_path, ["detectors"])
