@@ -32,6 +32,8 @@ def test_the_packaged_detectors_boxes_lie_in_the_pictures_and_nothing_is_seen_tw
         frames = {int(path.stem) for path in pictures.glob("*.png")}
         assert set(found["frame"]) <= frames
         assert len(found) > 0
-        assert (found["x0"] < found["x1"]).all() and found["x0"].min() >= 0 and found["x1"].max() <= 387.2
+        assert (found["x0"] < found["x1"]).all()
+        assert found["x0"].min() >= 0
+        assert found["x1"].max() <= 387.2  # a fifth of the camera's 1936
     monkeypatch.setattr("polarsim.detect.detectors.load_detector", lambda *_: pytest.fail("looked again"))
     detect_drive(folder, driven.vehicle(), suite, 3)
