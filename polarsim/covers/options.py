@@ -218,8 +218,8 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         512,
         ge=0,
         description="So many scenes show rocks that the analog's generator carves. One detector is trained on them "
-        "alone, once, and that of every fold starts from its weights: it has seen no scanned rock. 0: folds start "
-        "from random weights.",
+        "alone, once, and that of every fold and seed starts from its weights: it has seen no scanned rock. 0: folds "
+        "start from random weights.",
     )
     carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,14 @@ from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, load_torch
+from polarsim.detect.frame import resized
 from polarsim.detect.fusion import fuse
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import coco, png, tables, yolo
-from polarsim.formats.files import relative_to, writing_folder
+from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
@@ -67,13 +69,11 @@ def find_in_pictures(
     trained = {path: detectors.read_detector(path) for path in weights}
     rows: list[tuple[object, ...]] = []
     annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
-    with writing_folder(out) as folder:
+    with writing_folder(out) as folder, _drawing(folder / "pictures" if draw else None) as draw_boxes:
         (folder / "labels").mkdir()
-        if draw:
-            (folder / "pictures").mkdir()
         looks = [_look(path, detector, folder, options, threads) for path, detector in trained.items()]
         for path, pixels in _read_ahead(paths):
-            height, width = pixels.shape[:2]
+            height, width = pixels.shape
             found = _merged([look(pixels) for look in looks], options.nms_iou)
             found = found[found[:, 4] >= confidence]
             rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
@@ -83,8 +83,7 @@ def find_in_pictures(
             image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
             own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
             annotated.append((image, own))
-            if draw:
-                _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found)
+            draw_boxes(path.stem, pixels, found)
         if not annotated:
             raise DetectError(f"none of {len(paths)} pictures can be read", path=pictures[0])
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
@@ -126,8 +125,10 @@ def prediction_options(widths: Sequence[str], gates_px: Sequence[str], device: s
 def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes, nms_iou: float) -> np.ndarray:
     """Boxes (n, 6) in one picture (h, w[, 3]) of 8 or 16 bits: x0, y0, x1, y1 in its pixels, confidence, class."""
     grey, full, longest = _grey(pixels), (pixels.shape[1], pixels.shape[0]), max(sizes.widths)
-    small = tone.shrink(grey, longest) if max(full) > longest else grey
-    (found,) = detect(loaded, [_eight_bits(small, pixels.dtype)], sizes, nms_iou, full)
+    if max(full) > longest:
+        # Light of deeper pictures is averaged before the tone curve.
+        grey = resized(grey, longest) if grey.dtype == np.uint8 else tone.shrink(grey, longest)
+    (found,) = detect(loaded, [_eight_bits(grey, pixels.dtype)], sizes, nms_iou, full)
     return found
 
 
@@ -191,13 +192,13 @@ def _listed(pictures: Sequence[Path]) -> list[Path]:
 
 
 def _read_ahead(paths: Sequence[Path]) -> Iterator[tuple[Path, np.ndarray]]:
-    """Pictures in order, the next ones read while one is looked at; unreadable ones are a warning."""
+    """Pictures (h, w) in order, the next ones read while one is looked at; unreadable ones are a warning."""
     with ThreadPoolExecutor(1) as pool:
-        ahead = [pool.submit(read_any, path) for path in paths[:2]]
+        ahead = [pool.submit(_read_grey, path) for path in paths[:2]]
         for number, path in enumerate(track(paths, "detecting")):
             future = ahead.pop(0)
             if number + 2 < len(paths):
-                ahead.append(pool.submit(read_any, paths[number + 2]))
+                ahead.append(pool.submit(_read_grey, paths[number + 2]))
             try:
                 pixels = future.result()
             except (PolarsimError, OSError) as error:
@@ -205,6 +206,10 @@ def _read_ahead(paths: Sequence[Path]) -> Iterator[tuple[Path, np.ndarray]]:
                 log.warning("left out: %s: %s", path, reason)
                 continue
             yield path, pixels
+
+
+def _read_grey(path: Path) -> np.ndarray:
+    return _grey(read_any(path))
 
 
 def _grey(pixels: np.ndarray) -> np.ndarray:
@@ -215,21 +220,40 @@ def _grey(pixels: np.ndarray) -> np.ndarray:
 
 def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
     """As detectors see pictures: 8 bits as they are, 12 and 16 bits through the tone curve of training pictures."""
-    bits, light = tone.bits_in_use(pixels, depth), pixels.astype(np.float32)
-    if bits == 8:
-        return np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
-    if bits == 16:  # black is 0
+    if depth == np.uint8:
+        return pixels
+    light = pixels.astype(np.float32)
+    if tone.bits_in_use(pixels, depth) == 16:  # black is 0
         light = BLACK_LEVEL + light * ((WHITE_LEVEL - BLACK_LEVEL) / np.iinfo(np.uint16).max)
     return tone.to_8_bits(light, PicturesOptions())
+
+
+@contextmanager
+def _drawing(folder: Path | None) -> Iterator[Callable[[str, np.ndarray, np.ndarray], None]]:
+    """A function that draws boxes into a picture (h, w) while the next one is looked at; nothing without a folder."""
+    if folder is None:
+        yield lambda *_: None
+        return
+    folder.mkdir()
+    with ThreadPoolExecutor(1) as pool:
+        waiting: list[Future[None]] = []
+
+        def draw(name: str, pixels: np.ndarray, found: np.ndarray) -> None:
+            if waiting:  # one picture at most: memory does not grow, and a full disk is told
+                waiting.pop().result()
+            waiting.append(pool.submit(_draw, folder / f"{name}.jpg", pixels, found))
+
+        yield draw
+        for last in waiting:
+            last.result()
 
 
 def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray]) -> None:
     import cv2
 
-    grey = _eight_bits(_grey(pixels), pixels.dtype)
-    canvas = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+    canvas = cv2.cvtColor(_eight_bits(pixels, pixels.dtype), cv2.COLOR_GRAY2BGR)
     line = max(1, round(canvas.shape[1] / 700))
     for row in found:
         x0, y0, x1, y1 = np.rint(row[:4]).astype(int).tolist()
         cv2.rectangle(canvas, (x0, y0), (x1, y1), _COLOURS[BOX_CLASSES[int(row[5])]], line)
-    cv2.imwrite(str(path), canvas, [cv2.IMWRITE_JPEG_QUALITY, 88])
+    write_bytes(path, cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes())

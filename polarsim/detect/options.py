@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 # The detector that comes with polarsim, its card beside it; docs/notes/detect.md says how it was made.
 PACKAGED = Path(__file__).parent / "packaged" / "rocks.pt"
@@ -265,6 +265,12 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         PicturesOptions(), description="This section says which pictures detectors are shown."
     )
     training: TrainingOptions = Field(TrainingOptions(), description="This section says how detectors are trained.")
+    others: dict[str, TrainingOptions] = Field(
+        {},
+        description="Detectors of further models are trained on every domain, by a name and how: "
+        "`yolo: {model: yolov8n}`. They have rows of their own in `tables/detection`; all else a run shows of "
+        "detectors is of those that `training` says.",
+    )
     prediction: PredictionOptions = Field(
         PredictionOptions(), description="This section says how detectors look at pictures."
     )
@@ -289,12 +295,18 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
             raise ValueError(f"seed {min(values)}, expected 0 or more")
         return values
 
+    @field_validator("mixes", "others")
+    @classmethod
+    def _names_of_folders(cls, named: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        for name in named:
+            if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
+                raise ValueError(f"{info.field_name}: {name!r}, expected a name of small letters, digits and -")
+        return named
+
     @field_validator("mixes")
     @classmethod
     def _possible_mixes(cls, mixes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
         for name, weights in mixes.items():
-            if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
-                raise ValueError(f"mix {name!r}: expected a name of small letters, digits and -")
             if not weights or not all(0 < weight < math.inf for weight in weights.values()):
                 raise ValueError(f"mix {name}: expected domains with weights above 0")
         return mixes

@@ -73,14 +73,15 @@ def tabulate_detectors(
     Parameters
     ----------
     found
-        detection, differences, breakdown, false_positives, ipd, rocks: Parquet tables of the detect stage.
+        detection, differences, breakdown, false_positives, ipd, rocks: Parquet tables of the detect stage; and, where
+        a run has detectors of further models, others: what these reach in detection.
     tables
         Folder to write to.
     min_mean_dn
         Pictures that are darker (mean above black, DN) were left out; 0: none was.
     """
     common: dict[str, Any] = {"detection": found["detection"], "origin": origin}
-    tabulate_detection(**common, stem=tables / "detection", min_mean_dn=min_mean_dn)
+    tabulate_detection(**common, others=found.get("others"), stem=tables / "detection", min_mean_dn=min_mean_dn)
     tabulate_differences(**common, differences=found["differences"], stem=tables / "differences")
     tabulate_breakdown(**common, breakdown=found["breakdown"], stem=tables / "detection_breakdown")
     tabulate_false_positives(**common, false_positives=found["false_positives"], stem=tables / "false_positives")

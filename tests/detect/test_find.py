@@ -8,12 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.detect import detectors
+from polarsim.detect import detectors, tone
 from polarsim.detect.find import find_in_pictures, prediction_options, read_any
+from polarsim.detect.frame import resized
 from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.detect.predict import detect
 from polarsim.detect.sizes import ClassSizes, Sizes
-from polarsim.errors import DetectError
+from polarsim.errors import DetectError, PolarsimError
 
 torch = pytest.importorskip("torch")
 BOX = np.array([100, 80, 180, 140], float)  # of the bright block in a picture 640 x 400
@@ -203,3 +204,49 @@ def test_bfloat16_finds_what_float32_finds(rng):
     assert exact[0, 4] > 0.2
     np.testing.assert_allclose(fast[0, :4], exact[0, :4], atol=2)
     assert fast[0, 4] == pytest.approx(exact[0, 4], abs=0.03)
+
+
+def test_norms_in_convolutions_change_no_answer(rng, tmp_path, monkeypatch):
+    """`load` against the network as it was trained, its norms away from the identity: all scores and boxes."""
+    from polarsim.detect.detectors.compact.weights import as_input, network
+
+    torch.manual_seed(0)
+    module, options = network("compact"), PredictionOptions(device="cpu")
+    torch.nn.init.normal_(module.edges.weight, std=0.05)  # at first all boxes are alike
+    for value in module.state_dict().values():
+        if value.ndim == 1:
+            value += torch.from_numpy(rng.uniform(0, 0.5, value.shape)).to(value.dtype)
+    state = {name: value.half() for name, value in module.state_dict().items()}
+    answers = []
+    monkeypatch.setattr(
+        "polarsim.detect.detectors.compact.weights.found",
+        lambda logits, boxes, _: answers.append((logits.sigmoid(), boxes)) or [np.zeros((0, 6))] * len(logits),
+    )
+    pictures = rng.integers(0, 256, (2, 64, 96), np.uint8)
+    detectors.load_detector(detectors.Detector("compact", 96, 1, "scratch", state), tmp_path, options, 1)(pictures)
+    with torch.inference_mode():
+        logits, boxes = network("compact", state).eval()(as_input(pictures, "cpu"))
+    ((scores, corners),) = answers
+    assert min(float(scores.std()) / 1e-3, float(corners.std())) > 1  # the answers differ from cell to cell
+    torch.testing.assert_close(scores, logits.sigmoid(), rtol=0, atol=1e-4)
+    torch.testing.assert_close(corners, boxes, rtol=1e-3, atol=0.01)
+
+
+def test_eight_bits_are_shrunk_as_light_is(rng):
+    """In whole numbers at once, or in fractions that are rounded then."""
+    pixels = rng.integers(0, 256, (76, 121), np.uint8)
+    np.testing.assert_allclose(resized(pixels, 112), tone.shrink(pixels, 112), atol=0.51)
+
+
+def test_a_picture_that_cannot_be_drawn_is_an_error_and_leaves_nothing(weights, block_finder, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("polarsim.detect.find.write_bytes", full)
+    cv2.imwrite(str(tmp_path / "one.png"), picture())
+    with pytest.raises((OSError, PolarsimError), match="No space left"):
+        find_in_pictures(
+            pictures=[tmp_path / "one.png"], weights=[weights], out=tmp_path / "out", options=PredictionOptions(),
+            threads=1,
+        )  # fmt: skip
+    assert not (tmp_path / "out").exists()

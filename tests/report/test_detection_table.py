@@ -44,6 +44,24 @@ def test_corrupt_pictures_that_were_left_out_are_noted(tmp_path):
     assert "corrupt" not in (tmp_path / "detection.md").read_text()
 
 
+def test_detectors_of_further_models_have_rows_of_their_own(tmp_path):
+    """Not the mean over both, as over seeds."""
+    ours = detection(kinds=("rock",)).assign(detector="compact (polarsim's own)")
+    theirs = detection(kinds=("rock",)).assign(detector="yolov8n", map50=0.75)
+    write_parquet(tmp_path / "d.parquet", ours)
+    write_parquet(tmp_path / "others.parquet", theirs)
+    tabulate_detection(
+        detection=tmp_path / "d.parquet", others=tmp_path / "others.parquet", stem=tmp_path / "detection", origin=ORIGIN
+    )
+    assert len(read_csv(tmp_path / "detection.csv")) == 2 * 9
+    lines = (tmp_path / "detection.md").read_text().splitlines()
+    rows = [line for line in lines if line.startswith("| rock | Analog")]
+    assert ["yolov8n, 12 epochs at 320 px" in row for row in rows] == [False, True] * 2  # figures, then intervals
+    assert rows[1].count("0.750 /") == 3
+    assert "0.750 /" not in rows[0]
+    assert sum(line.startswith("Detector yolov8n") or "- Detector yolov8n" in line for line in lines) == 1
+
+
 def test_every_ipd_of_the_paper_is_the_difference_of_two_of_its_mean_ious():
     for (trained, (first, second)), value in paper.IPD.items():
         means = [paper.DETECTION[trained, domain][2] for domain in (first, second)]

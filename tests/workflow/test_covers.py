@@ -74,6 +74,7 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert (table.loc[table["terrain"] == "all", "labels"] == 2).all()
     detector = read_detector(run / "covers/detector.pt")
     assert detector.start == "detector.pt"  # of carved rocks
+    assert [path.name for path in (run / "covers/folds/carved").glob("seed*")] == ["seed0"]  # both seeds start there
     assert len(detector.calibration) == len(detector.sizes) == 2
     assert "2 published cover photos" in (run / "covers/detector.md").read_text()
     pairing = pd.read_csv(run / "covers/pairing.csv")

@@ -86,6 +86,20 @@ def test_mixes_and_novel_views_are_trained_on_and_not_tested_on(checkout, snakem
     assert "_on_views" not in text
 
 
+def test_yolo_is_trained_beside_the_demos_own_detector_by_one_more_configuration(dry_run):
+    done = dry_run("detect", "tables", "--configfile", "config/config.yaml", "config/yolo.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = planned(done)
+    own = ("train_detector", "predict", "evaluate")
+    others = ("train_other_detector", "predict_by_other", "evaluate_other")
+    assert [jobs[name] for name in own] == [jobs[name] for name in others] == [3, 3, 1]
+    assert jobs["gather_others"] == 1
+    text = done.stdout + done.stderr
+    assert "others/yolo/seed0/predictions/hapke_on_analog.parquet" in text
+    (table,) = re.findall(r"rule tabulate_detectors:\n +input: (.*)", text)
+    assert "detect/others.parquet" in table
+
+
 def test_corrected_label_files_are_input_of_their_terrain_alone(dry_run, tmp_path):
     edited = tmp_path / "edited" / "01_A_off_30_L_0256.txt"
     edited.parent.mkdir()

@@ -39,6 +39,8 @@ TERRAINS = [f"{terrain:02d}" for terrain in CONFIG.terrains]
 DOMAINS = list(CONFIG.domains)
 TRAINED = list(CONFIG.training_domains)
 SPLITS, SEEDS = list(CONFIG.detect.splits), list(CONFIG.detect.seeds)
+OTHERS = CONFIG.detect.others if DOMAINS else {}
+DETECTION_OF_OTHERS = {"others": "results/{run}/detect/others.parquet"} if OTHERS else {}
 MIXES = {name: dict(weights) for name, weights in CONFIG.detect.mixes.items()}
 MODELS = list(CONFIG.render.models)
 STEREO = CONFIG.detect.stereo.run and bool(DOMAINS)
@@ -97,9 +99,9 @@ def shown(path, category, caption=None, **labels):
     return report(path, caption=f"../report/{caption or own}.rst", category=category, labels=labels or None)
 
 
-def digest_of_packaged():
+def digest_of_packaged(training=CONFIG.detect.training):
     """Digest of the detector that comes with polarsim, where trainings start from it: it lies outside the run."""
-    chosen = CONFIG.detect.training.pretrained == "packaged"
+    chosen = training.pretrained == "packaged"
     return hashlib.sha256(PACKAGED.read_bytes()).hexdigest()[:12] if chosen else ""
 
 
@@ -204,6 +206,14 @@ def pictures_behind_training(wildcards):
 
 def weights_of_mix(wildcards):
     return MIXES[wildcards.mix]
+
+
+def training_of_other(wildcards):
+    return OTHERS[wildcards.other].model_dump(mode="json")
+
+
+def packaged_of_other(wildcards):
+    return digest_of_packaged(OTHERS[wildcards.other])
 
 
 def truth_of(wildcards):

@@ -65,10 +65,10 @@ def covers_of_fold(wildcards):
 
 
 def weights_before(wildcards):
-    """The detector that a fold's training starts from."""
+    """The detector that a fold's training starts from: of all folds and seeds the same one."""
     if wildcards.fold == "carved" or not CONFIG.covers.carved_scenes:
         return []
-    return f"results/{wildcards.run}/covers/folds/carved/seed{wildcards.seed}/detector.pt"
+    return f"results/{wildcards.run}/covers/folds/carved/seed{SEEDS[0]}/detector.pt"
 
 
 def training_of_fold(wildcards):

@@ -14,12 +14,14 @@ EVALUATED = [  # tables of `evaluate`
 
 wildcard_constraints:
     table=one_of(EVALUATED),
+    other=one_of(OTHERS),
 
 
 rule detect:
     """Everything of this stage."""
     input:
         of_run("results/{run}/detect/{table}.parquet", table=EVALUATED) if DOMAINS else [],
+        of_run(list(DETECTION_OF_OTHERS.values())),
         of_run("results/{run}/detect/stereo.parquet") if STEREO else [],
 
 
@@ -274,3 +276,88 @@ rule gather_tables:
         code=code_of("gather_tables"),
     script:
         "../scripts/gather_tables.py"
+
+
+# Detectors of further models: as those above, in folders of their own.
+use rule train_detector as train_other_detector with:
+    """A detector of another model, trained on one domain or mix."""
+    output:
+        weights="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.pt",
+        curve="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.csv",
+    log:
+        "results/{run}/logs/detect/train_other_detector_{split}_{other}_seed{seed}_{trained}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/train_other_detector_{split}_{other}_seed{seed}_{trained}.tsv"
+    params:
+        options=training_of_other,
+        prediction=options("detect.prediction"),
+        imgsz=CONFIG.detect.pictures.imgsz,
+        work="results/{run}/detect/{split}/others/{other}/seed{seed}/work/{trained}",
+        packaged=packaged_of_other,
+        code=code_of("train_detector"),
+
+
+use rule predict as predict_by_other with:
+    """What a detector of another model sees in the test pictures of every domain."""
+    input:
+        weights="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.pt",
+        datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
+        pictures=pictures_behind(DOMAINS),
+        cameras=sand_in("cameras"),
+        meshes=sand_in("meshes"),
+    output:
+        predictions=expand(
+            "results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",
+            evaluated=DOMAINS,
+        ),
+    log:
+        "results/{run}/logs/detect/predict_by_other_{split}_{other}_seed{seed}_{trained}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/predict_by_other_{split}_{other}_seed{seed}_{trained}.tsv"
+
+
+use rule evaluate as evaluate_other with:
+    """The figures of the detectors of another model of a split and seed on every domain."""
+    input:
+        predictions=expand(
+            "results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
+            trained=TRAINED,
+            evaluated=DOMAINS,
+        ),
+        labels=[path for domain in DOMAINS for path in labels_of(domain)],
+        datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
+        split="results/{run}/detect/{split}/split.csv",
+    output:
+        **{name: f"results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/{name}.parquet" for name in EVALUATED},
+    log:
+        "results/{run}/logs/detect/evaluate_other_{split}_{other}_seed{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/evaluate_other_{split}_{other}_seed{seed}.tsv"
+    params:
+        domains=DOMAINS,
+        trained=TRAINED,
+        options=options("detect.comparison"),
+        training=training_of_other,
+        imgsz=CONFIG.detect.pictures.imgsz,
+        code=code_of("evaluate"),
+
+
+use rule gather_tables as gather_others with:
+    """One table of detection by all other models, splits and seeds."""
+    input:
+        parts=of_run(
+            "results/{run}/detect/{split}/others/{other}/seed{seed}/detection.parquet",
+            split=SPLITS,
+            other=OTHERS,
+            seed=SEEDS,
+        ),
+    output:
+        table="results/{run}/detect/others.parquet",
+    log:
+        "results/{run}/logs/detect/gather_others.log",
+    benchmark:
+        "results/{run}/benchmarks/detect/gather_others.tsv"
+    params:
+        splits=[split for split in SPLITS for other in OTHERS for seed in SEEDS],
+        seeds=[seed for split in SPLITS for other in OTHERS for seed in SEEDS],
+        code=code_of("gather_tables"),

@@ -147,6 +147,7 @@ rule tabulate_render:
 rule tabulate_detectors:
     """The paper's two tables, what lies behind them, and paired differences."""
     input:
+        **DETECTION_OF_OTHERS,
         detection="results/{run}/detect/detection.parquet",
         differences="results/{run}/detect/differences.parquet",
         breakdown="results/{run}/detect/breakdown.parquet",

@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 from polarsim.detect import detectors, tone
+from polarsim.detect.find import fast
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
@@ -62,6 +63,7 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
         if loaded is None:
             with about(weights):
                 loaded = detectors.load_detector(detector, pictures, onboard.prediction, threads)
+                loaded = fast(loaded, detector, onboard.prediction.device)
         sizes = sizes_of(detector, onboard.prediction)
         _write_detections(pictures, paths, loaded, sizes, exposure_ms, onboard, identity)
         write_text(note, identity)

@@ -1,9 +1,15 @@
 """What a detector finds on board."""
 
+import shutil
+
 import pytest
 
+from polarsim.detect.options import PredictionOptions
 from polarsim.errors import RoverError
+from polarsim.formats.tables import read_parquet
+from polarsim.rover.cameras.layout import DETECTION_COLUMNS, picture_folder
 from polarsim.rover.onboard.detections import detect_drive
+from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
 
 
@@ -11,3 +17,23 @@ def test_no_detector_is_refused(drive):
     folder, options = drive
     with pytest.raises(RoverError, match="no weights"):
         detect_drive(folder, driven.vehicle(), options, 3)
+
+
+def test_the_packaged_detectors_boxes_lie_in_the_pictures_and_nothing_is_seen_twice(drive, tmp_path, monkeypatch):
+    made, options = drive
+    folder = shutil.copytree(made, tmp_path / "drive")
+    prediction = PredictionOptions(confidence=0.01, nms_iou=0.5, widths=(256,), device="cpu")
+    onboard = options.onboard.model_copy(update={"weights": "packaged", "prediction": prediction})
+    suite = options.model_copy(update={"onboard": onboard})
+    detect_drive(folder, driven.vehicle(), suite, 3)
+    for sun in options.suns:
+        pictures = picture_folder(folder, FRONT, sun, "hapke", 256)
+        found = read_parquet(pictures / "detections.parquet", DETECTION_COLUMNS)
+        frames = {int(path.stem) for path in pictures.glob("*.png")}
+        assert set(found["frame"]) <= frames
+        assert len(found) > 0
+        assert (found["x0"] < found["x1"]).all()
+        assert found["x0"].min() >= 0
+        assert found["x1"].max() <= 387.2  # a fifth of the camera's 1936
+    monkeypatch.setattr("polarsim.detect.detectors.load_detector", lambda *_: pytest.fail("looked again"))
+    detect_drive(folder, driven.vehicle(), suite, 3)

@@ -44,7 +44,7 @@ class Compact(nn.Module):
 
         Pictures are grey values 0 to 1; H and W are multiples of 32.
         """
-        levels, value = [], self.stem((pictures - 0.4) / 0.25)
+        levels, value = [], self.stem((pictures - 0.4).mul_(4))
         for stage in self.stages:
             value = stage(value)
             levels.append(value)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from polarsim.detect.detectors.compact.network import WIDTHS, Compact
 from polarsim.detect.detectors.devices import choose_device
@@ -42,7 +44,7 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
     """See `Family.load`."""
     torch.set_num_threads(threads)
     device = choose_device(options.device)
-    module = network(detector.model, detector.state).to(device).eval()
+    module = _fused(network(detector.model, detector.state).eval()).to(device)
 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         with torch.inference_mode():
@@ -52,9 +54,20 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
     return detect
 
 
+def _fused(module: nn.Module) -> nn.Module:
+    """The same network with every batch norm in the convolution before it; it can predict and no longer train."""
+    for child in module.children():
+        _fused(child)
+    if isinstance(module, nn.Sequential):
+        for n, (first, second) in enumerate(pairwise(list(module))):
+            if isinstance(first, nn.Conv2d) and isinstance(second, nn.BatchNorm2d):
+                module[n], module[n + 1] = fuse_conv_bn_eval(first, second), nn.Identity()
+    return module
+
+
 def as_input(pictures: np.ndarray, device: str) -> Tensor:
     """Pictures (b, h, w) uint8 as the network takes them."""
-    batch = torch.from_numpy(pictures)[:, None].to(device).float() / 255
+    batch = torch.from_numpy(pictures)[:, None].to(device).float().div_(255)
     return batch.contiguous(memory_format=torch.channels_last)
 
 
