@@ -71,12 +71,22 @@ def _square(heights: np.ndarray, half_width: float) -> tuple[np.ndarray | None, 
     for number, window in enumerate(ndimage.find_objects(parts), 1):
         row, column = np.nonzero(parts[window] == number)
         cells = np.stack([column + window[1].start, row + window[0].start], axis=1).astype(np.float32)
-        middle, sides, angle = cv2.minAreaRect(cells)
+        sides = cv2.minAreaRect(cells)[1]
         width = (np.array(sides) + 1) * STEP
         off = float(np.abs(width / (2 * half_width) - 1).max())
         if off < min(best[0], SIZE_SLACK) and len(cells) * STEP**2 > SQUARE * np.prod(width):
-            best = off, (np.array(middle) + 0.5) * STEP - REACH, float(np.radians(angle))
+            best = off, *_by_area((cells + 0.5) * STEP - REACH)
     return best[1:]
+
+
+def _by_area(cells: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre (2,) and heading of a side, radians, of a square of cells (n, 2): by its area, for its edges are ragged.
+
+    About its centre the fourth moment of a square along the axes, the sum of (x + iy)^4, is real and below 0.
+    """
+    centre = cells.mean(axis=0)
+    x, y = (cells - centre).T
+    return centre, float(np.angle(-((x + 1j * y) ** 4).sum()) / 4)
 
 
 def _floor(heights: np.ndarray) -> float:
