@@ -5,7 +5,8 @@ scans, rocks, labels on the run's meshes, detections and the IPD of one terrain 
 of its own: as they are (the reference), with two threads, with the linear algebra, NumPy and Embree of a processor
 without AVX-512, and `--repeats` times with every input moved up or down by one unit in the last place: points
 of scans, the seeds' boxes, vertices of meshes, the cameras' focal lengths. The IPD is that of the packaged detector
-between photos of the left camera in 8 bits and the same photos by a gamma curve, over the labels made here.
+between photos of the left camera in 8 bits and the same photos by a gamma curve, over the labels made here; once in
+float32, as a run predicts, once as `polarsim detect` computes, in bfloat16 where the processor has it.
 
 A digit holds where a value's distance from the reference, over the reference, is below its power of ten; positions of
 cameras count by their distance over that of the camera from the origin, rotations by their angle in radians, boxes over
@@ -30,7 +31,7 @@ import pandas as pd
 
 from polarsim.cameras import locate
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.detect.find import find_in_pictures
+from polarsim.detect import find as detect
 from polarsim.detect.ipd import instance_performance, instance_performance_difference, pair
 from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.formats import png, rigs, tables
@@ -56,6 +57,7 @@ WITHOUT_AVX512 = {
 }
 PHOTOS = 6  # in which the detector looks
 MOST = 16.0  # digits of a double
+PRECISIONS = ("float32", "as detect")  # of the detector: that of a run's predictions, that of `polarsim detect`
 
 
 @dataclass(frozen=True)
@@ -142,24 +144,28 @@ def work(run: Run, out: Path, threads: int) -> None:
         options=LabelsOptions(),
     )
     lit = index[[key.azimuth != "no" and key.camera == "L" for key in map(PhotoKey.parse, index["key"])]]
-    first, second = (
-        detections(lit.head(PHOTOS), out / name, threads, gamma) for name, gamma in (("a", 1.0), ("b", 2.2))
-    )
     labels = tables.read_parquet(out / "labels.parquet", tables.LABEL_COLUMNS)
     labels = labels[labels["key"].isin(set(lit.head(PHOTOS)["key"]))]
-    performances = [instance_performance(labels, found, 0.25) for found in (first, second)]
-    pair(*performances).to_parquet(out / "pairs.parquet")
-    found = instance_performance_difference(*performances)
-    (out / "ipd.csv").write_text(f"ipd,ipd_abs\n{found.ipd!r},{found.ipd_abs!r}\n")
+    as_detect = detect.fast
+    for precision in PRECISIONS:
+        detect.fast = as_detect if precision == "as detect" else lambda loaded, *_: loaded
+        performances = [
+            instance_performance(labels, detections(lit.head(PHOTOS), out / precision, threads, gamma), 0.25)
+            for gamma in (1.0, 2.2)
+        ]
+        pair(*performances).to_parquet(out / f"{precision}.parquet")
+        found = instance_performance_difference(*performances)
+        (out / f"{precision}.csv").write_text(f"ipd,ipd_abs\n{found.ipd!r},{found.ipd_abs!r}\n")
 
 
 def detections(photos: pd.DataFrame, out: Path, threads: int, gamma: float) -> pd.DataFrame:
     """What the packaged detector finds in photos, through a tone curve."""
+    shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
     for key, path in zip(photos["key"], photos["path"], strict=True):
         pixels = png.read_photo(Path(path)) / 4095
         png.write(out / f"{key}.png", np.round(255 * np.clip(pixels, 0, 1) ** (1 / gamma)).astype(np.uint8))
-    found = find_in_pictures(
+    found = detect.find_in_pictures(
         pictures=[out],
         weights=[PACKAGED],
         out=out / "found",
@@ -196,12 +202,13 @@ def compared(reference: Path, other: Path) -> Iterator[tuple[str, np.ndarray, in
         both = both[both["side"] == "both"]
         first, second = both[columns].to_numpy(), both[[f"{column}_other" for column in columns]].to_numpy()
         yield name.removesuffix(".parquet"), digits(((second - first) / (scale or np.abs(first))).ravel()), alone
-    a, b = (pd.read_parquet(folder / "pairs.parquet") for folder in (reference, other))
-    both = a.merge(b, on=["key", "kind", "rock"], suffixes=("", "_other"))
-    apart = both[["first_other", "second_other"]].to_numpy() - both[["first", "second"]].to_numpy()
-    yield "performance of each rock", digits(apart.ravel()), len(a) + len(b) - 2 * len(both)
-    a, b = (pd.read_csv(folder / "ipd.csv").to_numpy()[0] for folder in (reference, other))
-    yield "IPD, absolute IPD", digits(b / a - 1), 0
+    for precision in PRECISIONS:
+        a, b = (pd.read_parquet(folder / f"{precision}.parquet") for folder in (reference, other))
+        both = a.merge(b, on=["key", "kind", "rock"], suffixes=("", "_other"))
+        apart = both[["first_other", "second_other"]].to_numpy() - both[["first", "second"]].to_numpy()
+        yield f"performance of each rock, {precision}", digits(apart.ravel()), len(a) + len(b) - 2 * len(both)
+        a, b = (pd.read_csv(folder / f"{precision}.csv").to_numpy()[0] for folder in (reference, other))
+        yield f"IPD, absolute IPD, {precision}", digits(b / a - 1), 0
 
 
 def line(name: str, held: np.ndarray, alone: int) -> str:
@@ -216,6 +223,7 @@ def main() -> None:
     asked.add_argument("run", type=Path)
     asked.add_argument("work", type=Path)
     asked.add_argument("--terrain", type=int, default=3)
+    asked.add_argument("--only", help="this variant alone, beside the reference")
     asked.add_argument("--repeats", type=int, default=2, help="times that inputs are moved")
     asked.add_argument("--alone", nargs=2, help=argparse.SUPPRESS)
     args = asked.parse_args()
@@ -231,6 +239,8 @@ def main() -> None:
     variants = [("reference", ONE_THREAD, 0), ("two threads", TWO_THREADS, 0), ("without AVX-512", WITHOUT_AVX512, 0)]
     variants += [(f"one ulp, draw {number}", ONE_THREAD, number) for number in range(1, args.repeats + 1)]
     for name, environment, seed in variants:
+        if name not in ("reference", args.only or name):
+            continue
         shutil.rmtree(args.work / name, ignore_errors=True)
         words = [args.run, args.work, "--terrain", args.terrain, "--alone", name, seed]
         command = [sys.executable, __file__, *map(str, words)]

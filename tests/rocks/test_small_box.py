@@ -1,4 +1,4 @@
-"""Rocks of terrain 13, whose box is half a metre wide from its middle and stands on the floor; from the scanner's model."""
+"""Rocks of terrain 13, whose box is a metre wide and stands on the floor; scans are of the analog's scanner."""
 
 import numpy as np
 import pytest
