@@ -19,8 +19,6 @@ SURVEYED_LEFT = {
     "B": np.array([6.100, -0.403, 1.345 + HEIGHT_OFFSET]),
     "C": np.array([0.81, -3.675, 1.325 + HEIGHT_OFFSET]),
 }
-# Terrain 13 is another, small box: seven positions within decimetres of each other, which nobody surveyed.
-UNSURVEYED_TERRAINS = (13,)
 NOMINAL_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 103.0}  # heading of the optical axis, from +X towards +Y
 NOMINAL_PITCH_DEG = 25.0  # downwards
 
@@ -35,6 +33,9 @@ ROVER_LIGHT_FROM_LEFT = np.array([0.15, 0.0, 0.0])  # in the left camera's frame
 
 POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the box's edge, as NASA's folders are named
 SANDBOX_HALF_WIDTH = 2.0  # of the sand inside the walls
+# Terrain 13 is another box, about 1 m wide by its photos: seven positions within decimetres of each other, which nobody
+# surveyed, nor how high its walls are.
+SMALL_BOXES = {13: 0.5}  # terrain -> half width, metres
 WALL_HEIGHT = 0.30  # of the walls' tops above the sand; a photo of terrain 1 has them at 0.29 to 0.36
 # What must not reach over any wall stays so far below the stated height: 1 cm for the lowest top, 1 cm for the sand's
 # level, which is a median.
@@ -61,6 +62,16 @@ def survey_lift(left_heights: Iterable[float]) -> float:
     heights = list(left_heights)
     usual = float(np.median([position[2] for position in SURVEYED_LEFT.values()]))
     return float(np.median(heights)) - usual if heights else 0.0
+
+
+def half_width(terrain: int) -> float:
+    """Half the width of a terrain's sand inside its walls, metres."""
+    return SMALL_BOXES.get(terrain, SANDBOX_HALF_WIDTH)
+
+
+def is_surveyed(terrain: int) -> bool:
+    """Whether a terrain lies in the sandbox whose tripods, lamps and walls were stated."""
+    return terrain not in SMALL_BOXES
 
 
 def terrain_folder(terrain: int) -> str:

@@ -189,17 +189,18 @@ def _label_rows(key: PhotoKey, olat_images: OlatImages, photo: np.ndarray) -> li
         {
             **tables.key_columns(key), "kind": kind, "rock": region.rock, "source": "truth", "confidence": 1.0,
             **dict(zip(("x0", "y0", "x1", "y1"), map(float, region.box), strict=True)),
-            "visible_px": region.pixels, "contrast": round(contrast(region, photo), 2),
+            "visible_px": region.pixels, "width_px": region.width_px, "contrast": round(contrast(region, photo), 2),
         }
         for kind, region in named
     ]  # fmt: skip
 
 
 def _label_table(rows: list[dict[str, object]]) -> pd.DataFrame:
-    """`tables.label_table` with the two columns more that truth has."""
+    """`tables.label_table` with the three columns more that truth has."""
     order = sorted(rows, key=lambda row: (str(row["key"]), str(row["kind"]), row["rock"], row["x0"], row["y0"]))
     table = tables.label_table(order)
-    table["visible_px"] = pd.Series([row["visible_px"] for row in order], dtype="int64")
+    for name in ("visible_px", "width_px"):
+        table[name] = pd.Series([row[name] for row in order], dtype="int64")
     table["contrast"] = pd.Series([row["contrast"] for row in order], dtype="float64")
     return table
 

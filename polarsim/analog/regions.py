@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
@@ -31,6 +32,11 @@ class Region:
     @property
     def pixels(self) -> int:
         return int(self.mask.sum())
+
+    @cached_property
+    def width_px(self) -> int:
+        """Side of the largest square of pixels about one of them that lies in the region: 1 for a line, px."""
+        return 2 * int(ndimage.distance_transform_cdt(np.pad(self.mask, 1), "chessboard").max()) - 1
 
     def inside(self, picture: np.ndarray) -> np.ndarray:
         """The picture's values at the region's pixels."""

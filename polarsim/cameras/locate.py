@@ -17,8 +17,9 @@ from polarsim.cameras.labels import LabelLocalisation
 from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics
-from polarsim.cameras.sandbox_frame import find_sandbox_frame
-from polarsim.cameras.scans import register_scans
+from polarsim.cameras.sandbox_frame import SandboxFrame, find_sandbox_frame
+from polarsim.cameras.scans import Network, register_scans
+from polarsim.cameras.small_box import small_box_frame
 from polarsim.cameras.surveyed import pose_beside, stations
 from polarsim.cameras.translations import translation_table
 from polarsim.errors import RegistrationError, within
@@ -34,6 +35,7 @@ from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
+from polarsim.survey import half_width
 
 _NOTHING = "no scan, no labels and meshes that localise it, and no survey"
 log = logging.getLogger("polarsim")
@@ -100,10 +102,7 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
     network = register_scans(scans, surveyed)
     for reason in network.refused:
         log.warning("%s; the scan is left out", reason)
-    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
-    if not frame.walls:
-        whose = "the survey's" if surveyed else "arbitrary, for nobody surveyed this terrain"
-        log.warning("no two walls of the box are seen in the scans: origin and heading are %s", whose)
+    frame = _frame(network, surveyed, half_width(known.terrain))
     localised = {}
     for position, level_from_left in network.level_from_left.items():
         pose = frame.sandbox_from_level @ level_from_left
@@ -126,6 +125,25 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
         laid = pair.alignment
         rows.append((f"{pair.fixed}-{pair.moving}", laid.fitness, 1000 * laid.rmse, laid.points, pair.agreement))
     return Located(localised, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
+
+
+def _frame(network: Network, surveyed: Mapping[str, Pose], half: float) -> SandboxFrame:
+    """By the walls of the surveyed sandbox, or by the small box of a terrain that nobody surveyed."""
+    if surveyed:
+        frame = find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
+        if not frame.walls:
+            log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
+        return frame
+    points = np.concatenate([network.points[position] for position in sorted(network.points)])
+    pose = small_box_frame(points, half, network.level_from_left.values())
+    if pose is not None:
+        return SandboxFrame(pose, 4)
+    log.warning(
+        "no box of sand %g m wide stands on the floor that scans show: origin and heading are arbitrary, for nobody "
+        "surveyed this terrain",
+        2 * half,
+    )
+    return find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
 
 
 def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, float]:

@@ -12,7 +12,7 @@ from polarsim.geometry.poses import Pose, looking
 
 def stations(terrain: int) -> dict[str, Pose]:
     """`sandbox_from_left` of the nominal stations of a terrain by position; none where nobody surveyed them."""
-    if terrain in survey.UNSURVEYED_TERRAINS:
+    if not survey.is_surveyed(terrain):
         return {}
     return {position: pose for position in survey.SURVEYED_LEFT if (pose := surveyed_pose(position)) is not None}
 

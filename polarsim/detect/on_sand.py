@@ -15,7 +15,7 @@ from polarsim.formats.scene import mesh_files, terrain_in
 from polarsim.geometry import boxes
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
-from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
+from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, is_surveyed
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,13 @@ class Sand:
         rig = sandbox.rigs.get(photo.position) if sandbox else None
         if sandbox is None or rig is None or rig.surveyed or not len(found):
             return found
-        return found[on_sand(found, rig.camera(photo.camera), sandbox.level_m)]
+        half, wall = half_width(photo.terrain), SURELY_WALL if is_surveyed(photo.terrain) else 0.0
+        return found[on_sand(found, rig.camera(photo.camera), sandbox.level_m, half, wall)]
 
 
-def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
+def on_sand(
+    found: np.ndarray, camera: Camera, level_m: float, half: float = SANDBOX_HALF_WIDTH, wall: float = SURELY_WALL
+) -> np.ndarray:
     """(n,) bool: whether the foot of each of the boxes (n, 6) of a photo lies on the sand that the camera sees.
 
     A rock stands on the middle of its box's lower side, a shadow lies about the centre of its box. A camera outside the
@@ -79,6 +82,8 @@ def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
         Its world is the sandbox.
     level_m : float
         Height of the sand in the sandbox frame, m.
+    half, wall : float
+        Half width of the sand, and how high walls stand above it at least, m.
     """
     centres = boxes.centres(found[:, :4])
     rocks = found[:, 5] == BOX_CLASSES.index("rock")
@@ -88,12 +93,12 @@ def on_sand(found: np.ndarray, camera: Camera, level_m: float) -> np.ndarray:
         depths = (level_m - start[2]) / rays[:, 2]
         points = start[:2] + depths[:, None] * rays[:, :2]
         rays = camera.directions(centres)
-        entered = ((np.sign(start[:2]) * SANDBOX_HALF_WIDTH - start[:2]) / rays[:, :2]).T
-    outside = np.abs(start[:2]) > SANDBOX_HALF_WIDTH
+        entered = ((np.sign(start[:2]) * half - start[:2]) / rays[:, :2]).T
+    outside = np.abs(start[:2]) > half
     entry_heights = start[2] + np.max(entered[outside], axis=0, initial=0) * rays[:, 2]
-    inside = np.abs(points).max(axis=1) <= SANDBOX_HALF_WIDTH
+    inside = np.abs(points).max(axis=1) <= half
     # Above the horizon rays meet the sand's plane behind the camera.
-    return np.asarray(inside & (depths > 0) & (entry_heights >= level_m + SURELY_WALL))
+    return np.asarray(inside & (depths > 0) & (entry_heights >= level_m + wall))
 
 
 def _ground_in(folder: Path) -> tuple[int, Path]:

@@ -98,9 +98,9 @@ def _fill(ring: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice, np.nd
     crossing = start[edge, 0] + along * (end[edge, 0] - start[edge, 0])
     # The first pixel centre at or beyond the crossing.
     column = np.clip(np.ceil(crossing - HALF_PIXEL).astype(int), 0, width)
-    crossings = np.zeros((height, width + 1), np.int32)
-    np.add.at(crossings, (row, column), 1)
-    inside = np.cumsum(crossings, axis=1)[:, :width] % 2 == 1
+    odd = np.zeros((height, width + 1), np.uint8)
+    np.add.at(odd.ravel(), row * (width + 1) + column, np.uint8(1))
+    inside = np.bitwise_xor.accumulate(odd[:, :width] & 1, axis=1).view(bool)
     return slice(low[1], low[1] + height), slice(low[0], low[0] + width), inside
 
 
@@ -159,7 +159,13 @@ def _clockwise(ring: np.ndarray) -> np.ndarray:
 
 
 def without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
-    """(h, w) bool: a mask opened by squares of `size` samples, with the tips that this cuts off; never empty."""
+    """(h, w) bool: the `thick_parts` of a mask; all of it where it has none."""
+    found = thick_parts(mask, size)
+    return found if found.any() else mask
+
+
+def thick_parts(mask: np.ndarray, size: int) -> np.ndarray:
+    """(h, w) bool: a mask opened by squares of `size` samples, with the tips that this cuts off; maybe nothing."""
     import cv2
 
     if size < 2:
@@ -168,5 +174,4 @@ def without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
     whole[size:-size, size:-size] = mask
     opened = cv2.morphologyEx(whole, cv2.MORPH_OPEN, np.ones((size, size), np.uint8))
     grown = cv2.dilate(opened, np.ones((2 * size + 1, 2 * size + 1), np.uint8)) & whole
-    found = grown[size:-size, size:-size] > 0
-    return found if found.any() else mask
+    return grown[size:-size, size:-size] > 0

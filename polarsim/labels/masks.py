@@ -108,7 +108,8 @@ class ViewOutlines:
         lamp_position = lamp(self.world, self._localised, light, azimuth)
         if lamp_position is None and labels.empty:
             return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
-        things = dict(zip(things_of(labels), _boxes(labels), strict=True))
+        boxes = _boxes(labels)
+        things = dict(zip(things_of(labels, boxes), boxes, strict=True))
         content = (b"" if lamp_position is None else lamp_position.tobytes(), frozenset(things))
         if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
@@ -139,11 +140,11 @@ def _convex_shapes(ids: np.ndarray) -> dict[int, Shape]:
     return {rock: convex(shape) for rock, shape in shapes_of(ids).items()}
 
 
-def things_of(labels: pd.DataFrame) -> list[Thing]:
-    """One for each row of the label table."""
+def things_of(labels: pd.DataFrame, boxes: np.ndarray) -> list[Thing]:
+    """One for each row of the label table and of the boxes (n, 4) in it."""
     return [
-        (kind, int(rock), box.tobytes())
-        for kind, rock, box in zip(labels["kind"], labels["rock"], _boxes(labels), strict=True)
+        (kind, rock, box.tobytes())
+        for kind, rock, box in zip(labels["kind"].tolist(), labels["rock"].tolist(), boxes, strict=True)
     ]
 
 
@@ -177,7 +178,7 @@ def draw_masks(
     Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels,
     and names the files of the `photos` that there are.
     """
-    labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
+    labels, options = tables.read_parquet(table, tables.LABEL_COLUMNS), options.of(terrain)
     localised = rigs.read_all_localised(cameras)
     for position in sorted({key.position for key in keys} - set(localised)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
@@ -208,10 +209,11 @@ def _draw_bracket(
     _write(polygon_folder, mask_folder, list(rows_of), drawing)
     found = {}
     for key, rows in rows_of.items():
-        here = drawing
-        if not set(things_of(rows)) <= set(drawing.parts):  # boxes of its own: a person's corrections of one exposure
+        here, boxes = drawing, _boxes(rows)
+        things = things_of(rows, boxes)
+        if not drawing.parts.keys() >= set(things):  # boxes of its own: a person's corrections of one exposure
             here = outlines.drawing(light, azimuth, pd.concat([rows, _unseen(fullest, rows)]))
-        found[key] = _annotations(rows, here)
+        found[key] = _annotations(rows, things, boxes, here)
     return found
 
 
@@ -221,16 +223,17 @@ def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
     return rocks[~rocks["rock"].isin(rows.loc[rows["kind"] == ROCK, "rock"])]
 
 
-def _annotations(rows: pd.DataFrame, drawing: Drawing) -> list[coco.Annotation]:
+def _annotations(
+    rows: pd.DataFrame, things: Sequence[Thing], boxes: np.ndarray, drawing: Drawing
+) -> list[coco.Annotation]:
     """A photo's labels, those without a visible pixel left out."""
     found = []
-    for thing, box, source, confidence in zip(
-        things_of(rows), _boxes(rows), rows["source"], rows["confidence"], strict=True
-    ):
+    labels = zip(things, boxes, rows["source"].tolist(), rows["confidence"].tolist(), strict=True)
+    for thing, box, source, confidence in labels:
         part = drawing.parts[thing]
         if part is not None:
             kind, rock, _ = thing
-            found.append(coco.Annotation(kind, rock, box, part.runs, source, float(confidence)))
+            found.append(coco.Annotation(kind, rock, box, part.runs, source, confidence))
     return found
 
 

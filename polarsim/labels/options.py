@@ -11,7 +11,7 @@ from polarsim.errors import LabelError
 from polarsim.labels import rover_light
 from polarsim.labels.annotator_model import COEFFICIENTS
 from polarsim.photo import PhotoKey
-from polarsim.survey import WALL_HEIGHT
+from polarsim.survey import WALL_HEIGHT, is_surveyed
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
@@ -123,6 +123,10 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
             return tuple(str(PhotoKey.parse(value)) for value in values)
         except LabelError as error:
             raise ValueError(str(error)) from error
+
+    def of(self, terrain: int) -> LabelsOptions:
+        """These options, without walls where nobody stated those of a terrain."""
+        return self if is_surveyed(terrain) else self.model_copy(update={"wall_height_m": 0.0})
 
     def shadow_start(self, terrain: int) -> int:
         """Shortest exposure under a Sun lamp with shadow labels, ms."""

@@ -149,7 +149,8 @@ class PositionShadows:
             windows = windows_of(shadow)
         found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
-            box = shadow_box(shadow, rock, rock_box, step, windows)
+            slivers = azimuth != "no" or rock_box is None  # under the light between the cameras nobody draws them
+            box = shadow_box(shadow, rock, rock_box, step, windows, slivers=slivers)
             if box is None:
                 continue
             dark = (

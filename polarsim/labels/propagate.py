@@ -135,6 +135,7 @@ def labels_of_terrain(
     options: LabelsOptions,
 ) -> dict[PhotoKey, list[Label]]:
     """What `propagate_labels` writes; arguments and errors are its."""
+    options = options.of(terrain)
     if (found := read_inventory(inventory).terrain) != terrain:
         raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inventory)
     _warn_of_gaps(photos, keys)

@@ -12,7 +12,7 @@ from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import of_mask, window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.polygons import without_thin_parts
+from polarsim.geometry.polygons import thick_parts, without_thin_parts
 from polarsim.labels.parts import SMALL_PART, Window, without_small_components
 from polarsim.labels.photos import Brightness, noise_dn
 from polarsim.labels.wall_shade import passing_heights
@@ -124,7 +124,13 @@ class Ids:
 
 
 def shadow_box(
-    shadow: np.ndarray, rock: int, rock_box: np.ndarray | None, step: int, windows: Mapping[int, Window]
+    shadow: np.ndarray,
+    rock: int,
+    rock_box: np.ndarray | None,
+    step: int,
+    windows: Mapping[int, Window],
+    *,
+    slivers: bool = True,
 ) -> np.ndarray | None:
     """(4,) box around the visible shadow of a rock, px; None where too little of it is seen.
 
@@ -136,6 +142,8 @@ def shadow_box(
         The rock's label in the same photo. People see rock in it, so that a shadow starts where the rock ends.
     windows
         The picture's, from `windows_of`.
+    slivers
+        Whether a shadow that is thinner than `THIN_PX` everywhere has a box.
     """
     if rock not in windows:
         return None
@@ -146,7 +154,7 @@ def shadow_box(
         half = np.maximum(rock_box[2:] - rock_box[:2], 1.0) / 2 * ROCK_ELLIPSE
         centre = (rock_box[2:] + rock_box[:2]) / 2
         mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
-    core = without_thin_parts(mask, round(THIN_PX / step))
+    core = (without_thin_parts if slivers else thick_parts)(mask, round(THIN_PX / step))
     box = of_mask(without_small_components(core, connectivity=8))
     return None if box is None else (box + np.tile([left, top], 2)) * step
 

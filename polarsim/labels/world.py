@@ -19,6 +19,7 @@ from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above everything in the sandbox
 CONTACT = 1e-3  # metres: a vertex this little below the ground's surface still belongs to the rock's visible foot
+SURELY_CLEAR = 1e-3  # metres beside a rock's ball that no ray in single precision is off by
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,11 @@ class Body:
         """(3,) mean of the vertices."""
         return np.asarray(self.vertices.mean(axis=0))
 
+    @cached_property
+    def radius(self) -> float:
+        """Of the ball about the centre that holds all vertices, metres."""
+        return float(np.sqrt(((self.vertices - self.centre) ** 2).sum(axis=1).max()))
+
 
 @dataclass(frozen=True)
 class World:
@@ -101,11 +107,43 @@ class World:
         What a rock hides of itself lies inside its own outline, so it does not matter here.
         """
         directions = points - eye
-        eyes = np.broadcast_to(eye, points.shape)
-        distance, face = self.rocks.nearest(eyes, directions)
+        hidden = self._passes_another(eye, directions, rock)
+        passing = np.flatnonzero(hidden)
+        distance, face = self.rocks.nearest(np.broadcast_to(eye, (len(passing), 3)), directions[passing])
         other = self.rock_of_rocks_face[face]
-        hidden = (distance < 1) & (other != rock) & (other != NO_ROCK)
-        return hidden if self.walls is None else hidden | self.walls.occluded(eyes, directions, 1.0)
+        hidden[passing] = (distance < 1) & (other != rock) & (other != NO_ROCK)
+        if self.walls is None:
+            return hidden
+        return hidden | self.walls.occluded(np.broadcast_to(eye, points.shape), directions, 1.0)
+
+    def _passes_another(self, eye: np.ndarray, directions: np.ndarray, rock: int) -> np.ndarray:
+        """(n,) bool: the way along directions (n, 3) comes so near another rock that this one may be in it.
+
+        Most rocks stand clear of each other, and a ball around each says so sooner than rays.
+        """
+        passes = np.zeros(len(directions), bool)
+        if not len(directions):
+            return passes
+        squared = np.einsum("nk,nk->n", directions, directions)
+        middle = directions.mean(axis=0)
+        cone = _half_angle(middle, float(np.sqrt(((directions - middle) ** 2).sum(axis=1).max())))
+        for other, body in self.bodies.items():
+            towards, radius = body.centre - eye, body.radius + SURELY_CLEAR
+            if other != rock and _angle(middle, towards) <= cone + _half_angle(towards, radius):
+                # Farther off the line than the ball is wide: |d x c|^2 = |d|^2 |c|^2 - (d . c)^2 > |d|^2 r^2.
+                passes |= (directions @ towards) ** 2 >= squared * (towards @ towards - radius**2)
+        return passes
+
+
+def _angle(one: np.ndarray, other: np.ndarray) -> float:
+    """Between two directions (3,), radians."""
+    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+
+
+def _half_angle(towards: np.ndarray, radius: float) -> float:
+    """Of the cone from the origin around a ball at `towards` (3,), radians; pi from within the ball."""
+    distance = float(np.linalg.norm(towards))
+    return float(np.arcsin(radius / distance)) if radius < distance else np.pi
 
 
 def build_worlds(

@@ -32,6 +32,7 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_positions
 from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
 from polarsim.rocks.scans import Extent, ScanPoints, merged, scan_in_sandbox
+from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # metres above ground at which a rock begins
@@ -67,7 +68,7 @@ def find_rocks(
         log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
         return
-    extent = sand_extent(scans)
+    extent = sand_extent(scans, half_width(terrain))
     scans = scans.select(extent.contains(scans.points))
     sand = find_ground(scans, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
     limits = Limits(

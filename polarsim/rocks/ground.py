@@ -13,7 +13,7 @@ from polarsim.survey import SANDBOX_HALF_WIDTH
 
 GROUND_CELL = 0.005  # metres: cell of the grid on which heights are taken from scans
 WALL_MARGIN = 0.03  # metres of sand along a wall that are left out: the wall's foot is not sand
-WALL_SEARCH = (1.6, 2.4)  # metres from the origin between which a wall can stand
+WALL_SLACK = 0.4  # metres by which a wall can stand off its stated line
 LEVEL_TOLERANCE = 0.010  # metres above its surroundings up to which an area within steep edges still is ground
 _SQUARE = np.ones((3, 3), bool)
 EDGE_SHARE = 0.65  # of the steepest sand's slope: from there on an edge can outline a low rock
@@ -49,36 +49,35 @@ class Sand:
         return np.nan_to_num(np.fmin(self.mean, self.surface) - self.ground)
 
 
-def sand_extent(scans: ScanPoints, cell: float = 0.02) -> Extent:
-    """The rectangle of sand between the walls: where the surface rises by a wall's height, else the survey's.
+def sand_extent(scans: ScanPoints, half: float = SANDBOX_HALF_WIDTH, cell: float = 0.02) -> Extent:
+    """The rectangle of sand between the walls: where the surface rises by a wall's height, else as stated.
 
     On each side the wall stands at the median over strips of the first distance from the centre at which points lie
-    high above the sand's median height.
+    high above the sand's median height. `half`: stated half width of the sand, metres.
     """
-    half = SANDBOX_HALF_WIDTH
-    area = scans.points[(np.abs(scans.points[:, :2]) < WALL_SEARCH[1]).all(axis=1)]
+    area = scans.points[(np.abs(scans.points[:, :2]) < half + WALL_SLACK).all(axis=1)]
     if not len(area):
         return Extent(-half, -half, half, half)
-    central = (np.abs(area[:, :2]) < 1.0).all(axis=1)
+    central = (np.abs(area[:, :2]) < half / 2).all(axis=1)
     level = np.median(area[central, 2]) if central.any() else np.median(area[:, 2])
     high = area[area[:, 2] > level + LEAST_WALL_HEIGHT]
     sides = {}
     for axis in (0, 1):
         for sign in (-1, 1):
-            sides[axis, sign] = sign * _wall_distance(sign * high[:, axis], high[:, 1 - axis], cell)
+            sides[axis, sign] = sign * _wall_distance(sign * high[:, axis], high[:, 1 - axis], half, cell)
     return Extent(sides[0, -1], sides[1, -1], sides[0, 1], sides[1, 1]).grown(-WALL_MARGIN)
 
 
-def _wall_distance(outward: np.ndarray, along: np.ndarray, cell: float) -> float:
+def _wall_distance(outward: np.ndarray, along: np.ndarray, half: float, cell: float) -> float:
     """Distance of a wall from the origin, from its high points: outward and along coordinates (n,)."""
-    beyond = (outward > WALL_SEARCH[0]) & (np.abs(along) < SANDBOX_HALF_WIDTH)
+    beyond = (outward > half - WALL_SLACK) & (np.abs(along) < half)
     strip = np.round(along[beyond] / cell).astype(int)
     if not len(strip):
-        return SANDBOX_HALF_WIDTH
+        return half
     order = np.lexsort((outward[beyond], strip))
     first = np.unique(strip[order], return_index=True)[1]
-    if len(first) < 0.3 * 2 * SANDBOX_HALF_WIDTH / cell:  # a wall is seen along much of its side
-        return SANDBOX_HALF_WIDTH
+    if len(first) < 0.3 * 2 * half / cell:  # a wall is seen along much of its side
+        return half
     return float(np.median(outward[beyond][order][first]))
 
 

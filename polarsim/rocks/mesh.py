@@ -19,7 +19,7 @@ from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.surfaces import closed_rock, ground_surface
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 WALL_REACH = 0.05  # metres that the ground's mesh reaches beyond the surveyed sand, under the walls
@@ -32,7 +32,8 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     """
     table = tables.read_parquet(rocks, ["rock"])
     points = ply.read(Path(clouds) / "ground.ply")
-    grid, ground = ground_heights(points, GROUND_CELL)
+    half = half_width(terrain)
+    grid, ground = ground_heights(points, GROUND_CELL, half)
     bare = np.zeros(grid.shape, bool)
     bare.ravel()[grid.cell_of(points.points)] = True
     scanners = tables.read_csv(Path(clouds) / "scanners.csv", ["x", "y", "z"])[["x", "y", "z"]].to_numpy(float)
@@ -46,20 +47,18 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
         except ReconstructionError as error:
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
     cell = options.ground_mesh_cell_mm / 1000
-    surface = ground_surface(grid, ground, cell) if options.ground_surface == "poisson" else _triangles(points, cell)
+    poisson = options.ground_surface == "poisson"
+    surface = ground_surface(grid, ground, cell) if poisson else height_mesh(*ground_heights(points, cell, half))
     sources = dict.fromkeys((NO_ROCK, *solids), SCANNED)
     write_meshes(terrain, meshes, solids, surface, sources, scanned)
 
 
-def _triangles(points: Cloud, cell: float) -> Mesh:
-    """The ground as triangles between heights on a grid of the mesh's cell."""
-    return height_mesh(*ground_heights(points, cell))
+def ground_heights(cloud: Cloud, cell: float, half: float) -> tuple[FloorGrid, np.ndarray]:
+    """Heights of the ground over the whole sand and a little under the walls; level z = 0 where no point is.
 
-
-def ground_heights(cloud: Cloud, cell: float) -> tuple[FloorGrid, np.ndarray]:
-    """Heights of the ground over the whole sand and a little under the walls; level z = 0 where no point is."""
-    half = SANDBOX_HALF_WIDTH + WALL_REACH
-    low, high = np.full(2, -half), np.full(2, half)
+    `half`: half width of the sand, metres.
+    """
+    low, high = np.full(2, -half - WALL_REACH), np.full(2, half + WALL_REACH)
     if len(cloud):
         low, high = np.minimum(low, cloud.points[:, :2].min(axis=0)), np.maximum(high, cloud.points[:, :2].max(axis=0))
     grid = FloorGrid(Extent(*low, *high).grown(cell).snapped(cell), cell)

@@ -27,6 +27,7 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.rims import FITTED_GROUND_CELL, rim
 from polarsim.rocks.solids import islands, largest_island, merged_vertices
 from polarsim.rocks.surfaces import closed_rock
+from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 FILE = "defects.csv"
@@ -125,7 +126,7 @@ def repair_rocks(
     with about(inventory):
         published = {rock: obj.read(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
     ground = obj.read(meshes / obj.ground_name(terrain)).vertices
-    grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL)
+    grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL, half_width(terrain))
     rigs = read_all_localised(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}

@@ -31,7 +31,7 @@ from polarsim.scoring.labels import read_annotated
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, write_metrics
 from polarsim.scoring.surface import Surface
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 
@@ -66,7 +66,7 @@ def check_consistency(
     """
     known, localised = read_inventory(inventory), read_all_localised(located)
     scans = {
-        position: on_sand(localised[position], read_scan(known, position, localised[position].rig))
+        position: on_sand(localised[position], read_scan(known, position, localised[position].rig), half_width(terrain))
         for position in known.scanned
         if position in localised and not localised[position].surveyed
     }
@@ -88,10 +88,13 @@ def check_consistency(
     write_metrics(evaluation, STAGE, terrain, metrics)
 
 
-def on_sand(localised: LocalisedRig, points_left: np.ndarray) -> np.ndarray:
-    """(m, 3) points of a scan (n, 3) on the sand and its rocks, through the written pose, in the sandbox."""
+def on_sand(localised: LocalisedRig, points_left: np.ndarray, half: float) -> np.ndarray:
+    """(m, 3) points of a scan (n, 3) on the sand and its rocks, through the written pose, in the sandbox.
+
+    `half`: half width of the sand, metres.
+    """
     points = localised.sandbox_from_left.apply(points_left)
-    inside = (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - MARGIN).all(axis=1)
+    inside = (np.abs(points[:, :2]) < half - MARGIN).all(axis=1)
     return points[inside][:: max(1, inside.sum() // POINTS)]
 
 

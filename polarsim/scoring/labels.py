@@ -132,11 +132,14 @@ def read_truth(
 def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     """The true labels that a person could have annotated: large enough, and clear in some exposure of their bracket.
 
-    People copy labels over all exposures of an exposure bracket, so one that shows the object is enough. The columns
-    `visible_px` and `contrast` (DN) may be missing.
+    People copy labels over all exposures of an exposure bracket, so one that shows the object is enough. A shadow must
+    be a shadow's width somewhere, too: a line of dark pixels around a rock's foot has a box as large as the rock, and
+    nobody draws it. The columns `visible_px`, `width_px` and `contrast` (DN) may be missing.
     """
     if "visible_px" in truth.columns:
         truth = truth[truth["visible_px"] >= options.min_visible_px]
+    if "width_px" in truth.columns:
+        truth = truth[(truth["kind"] != SHADOW) | (truth["width_px"] >= options.min_shadow_width_px)]
     if "contrast" in truth.columns:
         one_object = ["terrain", "position", "light", "azimuth", "camera", "kind", "rock"]
         clearest = truth["contrast"].abs().groupby([truth[name] for name in one_object]).transform("max")

@@ -19,6 +19,12 @@ class ScoringOptions(BaseModel, extra="forbid", frozen=True):
     min_visible_px: float = Field(
         12, ge=0, description="True labels with fewer visible pixels are left out, px; people do not draw them."
     )
+    min_shadow_width_px: int = Field(
+        3,
+        ge=1,
+        description="True shadows that are nowhere this wide are left out, px; the same as for rendered shadows "
+        "(`render.min_shadow_width_px`).",
+    )
     min_contrast_dn: float = Field(
         10,
         ge=0,

@@ -20,7 +20,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.scoring.alignment import read_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.survey import half_width
 
 SEED = 0  # of the points that are sampled on surfaces
 SURFACE_SAMPLES = 20_000  # points on the rocks, and on the ground
@@ -120,31 +120,35 @@ def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, invent
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     rng = generator(SEED, "surface samples", terrain)
-    points, rock, area = _seen_points(true_surface, true_scene.rock_of_face, views, SURFACE_SAMPLES, rng)
+    points, rock, area = _seen_points(true_surface, true_scene.rock_of_face, views, half_width(terrain), rng)
     alignment = refine_alignment(by_cameras, points[rock == NO_ROCK], Surface(scene.vertices, scene.faces))
     our_surface = Surface(alignment.apply(scene.vertices), scene.faces)
     true = Samples(points, rock, *_beside(our_surface, scene.rock_of_face, points), area)
-    points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, SURFACE_SAMPLES, rng)
+    points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, half_width(terrain), rng)
     ours = Samples(points, rock, *_beside(true_surface, true_scene.rock_of_face, points), area)
     return Comparison(true, ours, alignment, by_cameras)
 
 
 def _seen_points(
-    surface: Surface, rock_of_face: np.ndarray, views: list[TrueView], n: int, rng: np.random.Generator
+    surface: Surface, rock_of_face: np.ndarray, views: list[TrueView], half: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points that were seen, of n on rocks and n on ground; the rock of each, and the area that it stands for."""
+    """Points that were seen, of `SURFACE_SAMPLES` on rocks and as many on ground within a half width (metres).
+
+    The rock of each, and the area that it stands for.
+    """
     parts = []
     for wanted in (rock_of_face != NO_ROCK, rock_of_face == NO_ROCK):
         if not wanted.any():
             continue
         faces = np.flatnonzero(wanted)
         part = Surface(surface.vertices, surface.faces[faces])
-        points, face = part.sample(n, rng)
+        points, face = part.sample(SURFACE_SAMPLES, rng)
         seen = np.logical_or.reduce([view.sees(surface, points, part.normals[face]) for view in views])
-        seen &= (np.abs(points[:, :2]) < SANDBOX_HALF_WIDTH - EDGE).all(axis=1)
-        parts.append((points[seen], rock_of_face[faces[face[seen]]], np.full(seen.sum(), part.area.sum() / n)))
-    points, rock, area = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return points, rock, area
+        seen &= (np.abs(points[:, :2]) < half - EDGE).all(axis=1)
+        area = part.area.sum() / SURFACE_SAMPLES
+        parts.append((points[seen], rock_of_face[faces[face[seen]]], np.full(seen.sum(), area)))
+    points, rock, areas = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return points, rock, areas
 
 
 def _beside(surface: Surface, rock_of_face: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -98,3 +98,11 @@ def test_shadows_are_annotated_from_the_usual_exposure_on_and_only_with_their_ro
     assert set(without) <= {0}
     assert max(classes.count(1) for classes in both) == 1  # rock 2 was not annotated
     assert sum(classes == [0, 1] for classes in both) > 20
+
+
+def test_the_width_of_a_region_is_that_of_its_widest_place():
+    line = Region(1, (5, 5, 45, 6), np.ones((1, 40), bool))
+    assert line.width_px == 1
+    wide = np.zeros((9, 40), bool)
+    wide[4], wide[2:7, 10:15] = True, True
+    assert Region(1, (5, 5, 45, 14), wide).width_px == 5

@@ -191,3 +191,27 @@ def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
     assert high[3] < low[3] - 20  # the shade of the near wall takes the shadow's lower part
     assert high[1] == pytest.approx(low[1], abs=4)
+
+
+def test_only_rays_that_pass_near_another_rock_are_cast_and_none_that_meets_it_is_left_out(world):
+    toward = BLOCKS[4][0] - BLOCKS[7][0]
+    points = world.bodies[7].vertices
+    shares = []
+    for off in ([0, 0, 0.05], [0, 0, 0.22], [0.3, 0.3, 0.05], [2.0, 2.0, 1.0]):
+        eye = BLOCKS[4][0] + 0.6 * toward + off
+        distance, face = world.rocks.nearest(np.broadcast_to(eye, points.shape), points - eye)
+        expected = (distance < 1) & (world.rock_of_rocks_face[face] == 4)
+        np.testing.assert_array_equal(world.hidden(eye, points, 7), expected)
+        shares.append(expected.mean())
+    assert shares[0] > 0.9  # behind the block
+    assert 0 < shares[1] < 1
+    assert shares[3] == 0
+
+
+def test_a_line_of_shadow_is_boxed_unless_slivers_are_left_out():
+    shadow = np.full((100, 100), -1)
+    shadow[40, 20:60] = 4  # one sample of 2 px wide
+    assert shadow_box(shadow, 4, None, 2, windows_of(shadow)).tolist() == [40, 80, 120, 82]
+    assert shadow_box(shadow, 4, None, 2, windows_of(shadow), slivers=False) is None
+    shadow[40:46, 20:30] = 4
+    assert shadow_box(shadow, 4, None, 2, windows_of(shadow), slivers=False) is not None

@@ -275,3 +275,10 @@ def test_walls_bound_the_sand(rng):
     extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))))
     assert extent.x0 == pytest.approx(-1.93 + 0.03, abs=0.005)
     assert (extent.y0, extent.x1, extent.y1) == (-1.97, 1.97, 1.97)  # the survey's 2.0 m less the margin
+
+
+def test_a_small_box_is_bounded_by_its_own_width(rng):
+    points = np.column_stack([rng.uniform(-0.7, 0.7, (50_000, 2)), np.zeros(50_000)])
+    points[(np.abs(points[:, :2]) > 0.53).any(axis=1), 2] = -0.4  # the floor beside it
+    extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))), 0.5)
+    assert (extent.x0, extent.y0, extent.x1, extent.y1) == (-0.47, -0.47, 0.47, 0.47)

@@ -356,6 +356,22 @@ def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
     assert found["rock: confidence", "brier"] == pytest.approx((0.75**2 + 0.25**2) / 2)
 
 
+def test_a_true_shadow_that_is_a_line_all_along_is_none_that_a_person_draws(tmp_path):
+    name = "03_A_on_no_L_2048"
+    true = label_table(label_rows(name, ("shadow", *BOX), source="truth")).assign(visible_px=60, contrast=-500.0)
+    line = true.assign(rock=2, x0=700.0, width_px=1)
+    rock = label_table(label_rows(name, ("rock", *BOX), source="truth")).assign(
+        visible_px=60, contrast=500.0, width_px=1
+    )
+    write_parquet(tmp_path / "true.parquet", pd.concat([true.assign(width_px=3), line, rock]))
+    (tmp_path / "seeds").mkdir()
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    rows = label_rows(name, ("shadow", *BOX)) + label_rows(name, ("rock", *BOX))
+    found = labels_scored(tmp_path, [name], rows, truth="true.parquet")
+    assert found["shadow: no Sun", "recall"] == 1
+    assert found["rock: no Sun", "recall"] == 1
+
+
 def test_a_broken_hand_annotated_file_is_left_out_but_a_broken_result_is_an_error(tmp_path):
     names = ["03_A_off_30_R_0256", "03_A_off_30_R_0512"]
     for name in names:
