@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
 from inspect import signature
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter
 
@@ -20,7 +20,7 @@ def job(snakemake: Any) -> Iterator[Callable[..., Any]]:
     `call(function, **given)` returns what the function returns. An argument that is not given is the output, input or
     param of its name, else the wildcard of its name or the job's `threads`, else it keeps its default. Pydantic makes
     each value what its annotation says: a path, a number, a list of paths, options. Where an argument may be None, an
-    input without files is None.
+    input without files is None; where it takes no list, a list of one file is that file.
 
     Raises
     ------
@@ -51,4 +51,15 @@ def _converted(value: Any, annotation: Any) -> Any:
         value = list(value)  # Snakemake's lists of files are of a class of their own
         if not value and type(None) in get_args(annotation):
             return None
+        if len(value) == 1 and not _takes_several(annotation):  # a rule that expands to one file says so as a list
+            (value,) = value
     return TypeAdapter(annotation).validate_python(value)
+
+
+def _takes_several(annotation: Any) -> bool:
+    """Whether an argument may be a list: by its type, or by one of those that it may have."""
+    kinds = [get_origin(kind) or kind for kind in (annotation, *get_args(annotation))]
+    sequences = (
+        isinstance(kind, type) and issubclass(kind, Collection | Iterator) for kind in kinds if kind is not str
+    )
+    return Any in kinds or any(sequences)

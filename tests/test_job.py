@@ -8,7 +8,7 @@ from inspect import Parameter, signature
 from pathlib import Path
 
 import pytest
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from snakemake.iocontainers import InputFiles, Log, OutputFiles, Params, Snakemake, Wildcards
 
 from polarsim.errors import PolarsimError
@@ -67,6 +67,20 @@ def test_arguments_are_found_by_name_and_made_what_they_are_annotated_with(snake
     assert merged == Path("out/merged.parquet")  # a file, before the wildcard
     assert options == Options(cell_mm=5)
     assert models == ["hapke"]
+
+
+def test_a_list_of_one_file_is_that_file_where_no_list_is_taken(snakemake):
+    def draw(models: str | None, rocks: Path) -> tuple:
+        return models, rocks
+
+    def gather(models: Sequence[str], rocks: Path, tables: Path | None = None) -> tuple:
+        return models, rocks, tables
+
+    with job(snakemake) as call:
+        assert call(draw, rocks="found") == ("hapke", Path("found"))
+        assert call(gather, rocks=["found"], tables=None) == (["hapke"], Path("found"), None)
+        with pytest.raises(ValidationError, match="not a valid path"):
+            call(gather, rocks="found")  # two files are not one
 
 
 def test_what_is_given_goes_before_what_the_rule_names(snakemake):
