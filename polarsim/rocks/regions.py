@@ -20,6 +20,7 @@ from polarsim.survey import SANDBOX_HALF_WIDTH
 PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
 WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
 FLATTEST = 0.16  # height over size of a rock that nobody drew: ripples, rims and heaps are flatter, scanned rocks > 0.3
+SEEN_WIDTH = 0.8  # least share of a rock's width that must be seen for it to be told from what stands upright
 SWEEP = np.array([0.83, 0.56])  # order along this oblique line: rocks laid in rows along a wall do not tie
 ID_SIDE = 0.25  # metres of the squares that ids count
 ID_LAYERS = 3  # rocks in one square that have ids of their own
@@ -103,8 +104,12 @@ def standing(sand: Sand, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def _looks_like_rock(region: Region, limits: Limits) -> bool:
-    """By shape alone: high enough, no swell of the sand, and nothing that stands upright."""
-    return region.height >= max(limits.height, FLATTEST * region.size) and not is_upright(region.height, region.size)
+    """By shape alone: high enough, no swell of the sand, and nothing that stands upright.
+
+    Of a rock that is as tall as wide scans hide some of the width.
+    """
+    upright = is_upright(region.height, region.size / SEEN_WIDTH)
+    return region.height >= max(limits.height, FLATTEST * region.size) and not upright
 
 
 def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
