@@ -151,7 +151,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             ended = "off the grid"
         except EnergyError:
             ended = "energy"
-        state = simulation.state()
+        state, unknown = simulation.state(), bool(ended)  # where a step broke off, state and energy may be no numbers
         if not ended and upside_down(state.rotation):
             ended = "upside down"
         failed = bool(ended)
@@ -162,16 +162,17 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if not ended:
             self._look(state)
         worth = task.reward
-        reward = (
-            worth.progress_1_m * (self._along(state) - self._along(before))
-            + worth.collision * len(new)
-            + worth.energy_1_j * (simulation.account.motor - spent)
-            + worth.failure * failed
-        )
+        reward = worth.failure * failed
+        if not unknown:
+            reward += (
+                worth.progress_1_m * (self._along(state) - self._along(before))
+                + worth.collision * len(new)
+                + worth.energy_1_j * (simulation.account.motor - spent)
+            )
         late = simulation.time >= self.options.longest_s - 1e-9
         truncated = late and not ended
         info = {**self._info(state), "ended": ended or ("out of time" if truncated else "")}
-        return self._observed(state), float(np.nan_to_num(reward)), bool(ended), truncated, info
+        return self._observed(state), float(reward), bool(ended), truncated, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """The front camera's picture, (h, w, 3) grey."""
