@@ -6,9 +6,9 @@ RELEASE is the release's folder (Labels, TerrainMeshes). Thirteen terrains are m
 `benchmarks/transfers.py` puts in folders below WORK, each with the whole photo grid of its number. Every terrain is
 a process of its own, as in the pipeline; so many run at once.
 
-Last figures (two processes on a 2-core virtual machine, 5,280 photos): boxes 56 s, 104 CPU s with Python's starts, and
-650 MB a process. Outlines, before rays were cast more cheaply: 188 s, 794 MB; since then 868 MB, and on two terrains 9
-and 18 % fewer CPU s.
+Last figures (two processes on two cores of an AMD EPYC, nothing else running, 5,280 photos): boxes 35 s, 65 CPU s with
+Python's starts, 755 MB a process; outlines 71 s, 132 CPU s, 1,011 MB. On another machine, before rays were cast more
+cheaply: 56 and 188 s.
 """
 
 from __future__ import annotations
