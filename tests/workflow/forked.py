@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+LONGEST_S = 1800  # one that hangs ends; busy machines are slow
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["snakemake.cli", "pandas", "polarsim.config"])
 
@@ -15,10 +16,10 @@ def call(folder: Path, output: Path, arguments: list[str], environment: dict[str
     output.mkdir()
     process = _SERVER.Process(target=_snakemake, args=(folder, output, arguments, environment))
     process.start()
-    process.join(1800)  # one that hangs ends; busy machines are slow
+    process.join(LONGEST_S)
     if process.exitcode is None:
         process.kill()
-        raise subprocess.TimeoutExpired(arguments, 1800)
+        raise subprocess.TimeoutExpired(arguments, LONGEST_S)
     said = [(output / name).read_text() for name in ("stdout", "stderr")]
     return subprocess.CompletedProcess(arguments, process.exitcode, *said)
 
