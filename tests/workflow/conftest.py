@@ -31,7 +31,6 @@ SMALL = {
     "gap": {
         "trained_on": ["hapke"],
         "components": {
-            "nothing": {"render": {"seed": 0}},
             "scene": {"cameras": "truth", "lamps": "truth", "meshes": "truth"},
             "labels": {"labels": "propagated"},
         },

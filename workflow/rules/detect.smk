@@ -13,7 +13,6 @@ EVALUATED = [  # tables of `evaluate`
 
 
 wildcard_constraints:
-    table=one_of(EVALUATED),
     other=one_of(OTHERS),
 
 
@@ -258,15 +257,18 @@ rule compare_stereo:
 
 
 rule gather_tables:
-    """One table of all splits and seeds."""
+    """Each table of an evaluation, of all splits and seeds."""
     input:
-        parts=of_run("results/{run}/detect/{split}/seed{seed}/{{table}}.parquet", split=SPLITS, seed=SEEDS),
+        **{
+            table: of_run(f"results/{{run}}/detect/{{split}}/seed{{seed}}/{table}.parquet", split=SPLITS, seed=SEEDS)
+            for table in EVALUATED
+        },
     output:
-        table="results/{run}/detect/{table}.parquet",
+        **{table: f"results/{{run}}/detect/{table}.parquet" for table in EVALUATED},
     log:
-        "results/{run}/logs/detect/gather_tables_{table}.log",
+        "results/{run}/logs/detect/gather_tables.log",
     benchmark:
-        "results/{run}/benchmarks/detect/gather_tables_{table}.tsv"
+        "results/{run}/benchmarks/detect/gather_tables.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=10,
@@ -345,14 +347,14 @@ use rule evaluate as evaluate_other with:
 use rule gather_tables as gather_others with:
     """One table of detection by all other models, splits and seeds."""
     input:
-        parts=of_run(
+        others=of_run(
             "results/{run}/detect/{split}/others/{other}/seed{seed}/detection.parquet",
             split=SPLITS,
             other=OTHERS,
             seed=SEEDS,
         ),
     output:
-        table="results/{run}/detect/others.parquet",
+        others="results/{run}/detect/others.parquet",
     log:
         "results/{run}/logs/detect/gather_others.log",
     benchmark:

@@ -170,9 +170,9 @@ rule run_ablation:
 use rule gather_tables as gather_ablation with:
     """One table of all splits and seeds."""
     input:
-        parts=of_run("results/{run}/gap/{split}/seed{seed}/ablation.parquet", split=SPLITS, seed=SEEDS),
+        ablation=of_run("results/{run}/gap/{split}/seed{seed}/ablation.parquet", split=SPLITS, seed=SEEDS),
     output:
-        table="results/{run}/gap/ablation.parquet",
+        ablation="results/{run}/gap/ablation.parquet",
     log:
         "results/{run}/logs/gap/gather_ablation.log",
     benchmark:
