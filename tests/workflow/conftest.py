@@ -1,4 +1,3 @@
-import itertools
 import os
 import shutil
 import subprocess
@@ -60,16 +59,18 @@ def checkout(tmp_path: Path, make_checkout) -> Path:
 
 @pytest.fixture(scope="session")
 def snakemake(tmp_path_factory) -> Callable[..., subprocess.CompletedProcess]:
-    """Run Snakemake in a folder; the library of that folder is the one that counts, where it has one."""
-    outputs = tmp_path_factory.mktemp("outputs")
-    numbers = itertools.count()
+    """Run Snakemake in a folder; the library of that folder is the one that counts, where it has one.
+
+    `PYTHONHASHSEED` in its environment gives every job an interpreter of its own.
+    """
+    server = forked.Server(tmp_path_factory.mktemp("forked") / "server")
 
     def run(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess:
         library = folder if (folder / "polarsim").is_dir() else CHECKOUT
         words = ["--cores", "1", *arguments]
         environment = {**os.environ, "PYTHONPATH": str(library), **environment}
-        if library == CHECKOUT:
-            return forked.call(folder, outputs / str(next(numbers)), words, environment)
+        if library == CHECKOUT and "PYTHONHASHSEED" not in environment:
+            return server.call(folder, words, environment)
         return subprocess.run(
             [sys.executable, "-m", "snakemake", *words],
             cwd=folder, env=environment, capture_output=True, text=True, timeout=forked.LONGEST_S,

@@ -1,36 +1,134 @@
-"""Snakemake in a fork of a process that has imported it: to import it takes longer than to plan a run."""
+"""Snakemake and its jobs in forks of one process that has imported what they do: imports are half of a small job.
 
-import multiprocessing
+A server forks for every command. Its client stands in for Python: `sys.executable` of a forked Snakemake, which starts
+scripts with it. All else is as it is outside of tests: the same scripts, in processes of their own.
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import json
 import os
+import re
+import runpy
+import signal
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
-LONGEST_S = 1800  # one that hangs ends; busy machines are slow
-_SERVER = multiprocessing.get_context("forkserver")
-_SERVER.set_forkserver_preload(["snakemake.cli", "pandas", "polarsim.config"])
+LONGEST_S = 1800  # a command that hangs ends; busy machines are slow
+CHECKOUT = Path(__file__).parents[2]
+LATE = ("open3d", "snakemake.cli", "torch._dynamo")  # which functions import when they are called
 
 
-def call(folder: Path, output: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
-    """What `snakemake ARGUMENTS` in a folder returns and prints, which it writes below `output` meanwhile."""
-    output.mkdir()
-    process = _SERVER.Process(target=_snakemake, args=(folder, output, arguments, environment))
-    process.start()
-    process.join(LONGEST_S)
-    if process.exitcode is None:
-        process.kill()
-        raise subprocess.TimeoutExpired(arguments, LONGEST_S)
-    said = [(output / name).read_text() for name in ("stdout", "stderr")]
-    return subprocess.CompletedProcess(arguments, process.exitcode, *said)
+class Server:
+    """A process that forks, with all that scripts import; started by the first call, ended with this process."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir()
+        self.address, self.python = folder / "socket", folder / "python"
+        # A client must start soon: no site, no environment of its own.
+        client = f'#!/bin/sh\nexec "{sys.executable}" -I -S "{__file__}" "{self.address}" "{sys.executable}" "$@"\n'
+        self.python.write_text(client)
+        self.python.chmod(0o755)
+        self._process: subprocess.Popen | None = None
+
+    def call(self, folder: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
+        """What `snakemake ARGUMENTS` in a folder returns and prints."""
+        if self._process is None:
+            self._process = subprocess.Popen([sys.executable, "-c", _SERVE, str(self.address)], cwd=CHECKOUT)
+            atexit.register(self._process.kill)
+            while not self.address.exists():
+                assert self._process.poll() is None, "the server that forks ended at its start"
+                time.sleep(0.05)
+        return subprocess.run(
+            [str(self.python), "-m", "snakemake", *arguments],
+            cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST_S,
+        )  # fmt: skip
 
 
-def _snakemake(folder: Path, output: Path, arguments: list[str], environment: dict[str, str]) -> None:
-    from snakemake.cli import main
+_SERVE = "import sys; from tests.workflow.forked import serve; serve(sys.argv[1])"
 
+
+def serve(address: str) -> None:
+    """Import what jobs do, then fork for every connection, for ever."""
+    scripts = [path.read_text() for path in (CHECKOUT / "workflow/scripts").glob("*.py")]
+    imported = set(re.findall(r"^from (polarsim\S*) import", "".join(scripts), re.MULTILINE))
+    for name in sorted({*imported, *LATE}):
+        importlib.import_module(name)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(f"{address}.new")
+        server.listen(64)
+        os.rename(f"{address}.new", address)  # whoever sees it can connect
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for forks
+        while True:
+            connection, _ = server.accept()
+            if os.fork() == 0:
+                server.close()
+                _answer(connection)
+            connection.close()
+
+
+def _answer(connection: socket.socket) -> None:
+    """Run what a client asks for, in its folder, with its environment and outputs, and send back the exit code."""
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    message, descriptors, _, _ = socket.recv_fds(connection, 1 << 20, 3)
+    asked = json.loads(message)
+    for number, descriptor in enumerate(descriptors):
+        os.dup2(descriptor, number)
+        os.close(descriptor)
     os.environ.clear()
-    os.environ.update(environment)
-    os.chdir(folder)
-    for number, name in ((1, "stdout"), (2, "stderr")):
-        os.dup2(os.open(output / name, os.O_WRONLY | os.O_CREAT), number)
-    sys.argv = ["snakemake", *arguments]
-    main()
+    os.environ.update(asked["environment"])
+    os.chdir(asked["folder"])
+    code = 1
+    try:
+        code = _run(asked["python"], asked["arguments"])
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        connection.sendall(bytes([code]))
+        os._exit(code)
+
+
+def _run(python: str, arguments: list[str]) -> int:
+    """`python ARGUMENTS`, of a script or of Snakemake; its exit code."""
+    sys.executable = python
+    try:
+        if arguments[:2] == ["-m", "snakemake"]:
+            from snakemake.cli import main
+
+            sys.argv = ["snakemake", *arguments[2:]]
+            main()
+        else:
+            sys.argv = arguments
+            runpy.run_path(arguments[0], run_name="__main__")
+    except SystemExit as ended:
+        if isinstance(ended.code, str):
+            print(ended.code, file=sys.stderr)
+        return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    except BaseException:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0
+
+
+def client(address: str, python: str, arguments: list[str]) -> int:
+    """Let the server run `python ARGUMENTS` here; its exit code."""
+    if arguments[:2] != ["-m", "snakemake"] and not arguments[0].endswith(".py"):
+        os.execv(python, [python, *arguments])
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.connect(address)
+        asked = {
+            "python": str(Path(address).with_name("python")), "arguments": arguments, "folder": os.getcwd(),
+            "environment": dict(os.environ),
+        }  # fmt: skip
+        socket.send_fds(connection, [json.dumps(asked).encode()], [0, 1, 2])
+        code = connection.recv(1)
+    return code[0] if code else 128 + signal.SIGKILL
+
+
+if __name__ == "__main__":
+    sys.exit(client(sys.argv[1], sys.argv[2], sys.argv[3:]))
