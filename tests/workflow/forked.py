@@ -62,7 +62,7 @@ def serve(address: str) -> None:
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(f"{address}.new")
         server.listen(64)
-        os.rename(f"{address}.new", address)  # whoever sees it can connect
+        Path(f"{address}.new").rename(address)  # whoever sees it can connect
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for forks
         while True:
             connection, _ = server.accept()
@@ -122,7 +122,7 @@ def client(address: str, python: str, arguments: list[str]) -> int:
     with socket.socket(socket.AF_UNIX) as connection:
         connection.connect(address)
         asked = {
-            "python": str(Path(address).with_name("python")), "arguments": arguments, "folder": os.getcwd(),
+            "python": str(Path(address).with_name("python")), "arguments": arguments, "folder": str(Path.cwd()),
             "environment": dict(os.environ),
         }  # fmt: skip
         socket.send_fds(connection, [json.dumps(asked).encode()], [0, 1, 2])
