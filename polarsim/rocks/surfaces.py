@@ -27,6 +27,7 @@ log = logging.getLogger("polarsim")
 CELL_SHARES = (1.0, 0.97, 0.94)  # of the cell asked for, tried in turn: now and then a grid leaves a hole
 DENSE_STEP = 0.35  # of the points' spacing
 ROOM, GROUND_ROOM = 1.2, 1.02  # least side of the solver's cube over the cloud's; the ground's border is cut off
+NO_AREA = 1e-12  # square metres of a parallelogram below which a face has no normal
 MIN_DEPTH, MAX_DEPTH = 4, 11  # of the octree
 SINK = 0.015  # metres that a rock's closed underside lies below the ground
 UNSEEN_COSINE = 0.05  # a facet whose normal points away further than this from every scanner was not seen
@@ -105,20 +106,24 @@ def _sunk(points: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray
 
 def hull_points(mesh: Mesh, spacing: float) -> Cloud:
     """Points about `spacing` apart on every face, with the faces' normals."""
-    points, normals = [], []
-    for corners in mesh.vertices[mesh.faces]:
-        a, b, c = corners
-        normal = np.cross(b - a, c - a)
-        length = np.linalg.norm(normal)
-        if length < 1e-12:
-            continue
-        steps = max(1, int(np.ceil(max(np.linalg.norm(b - a), np.linalg.norm(c - a), np.linalg.norm(c - b)) / spacing)))
-        u, v = (grid.ravel() + 1 / 3 for grid in np.meshgrid(np.arange(steps), np.arange(steps)))
-        inside = u + v < steps
-        u, v = u[inside, None] / steps, v[inside, None] / steps
-        points.append(a + u * (b - a) + v * (c - a))
-        normals.append(np.tile(normal / length, (len(u), 1)))
-    return Cloud(np.concatenate(points), np.concatenate(normals))
+    corners = mesh.vertices[mesh.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(across, axis=1)
+    kept = length >= NO_AREA
+    a, normals = corners[kept, 0], across[kept] / length[kept, None]
+    b, c = corners[kept, 1] - a, corners[kept, 2] - a
+    longest = np.max([np.linalg.norm(side, axis=1) for side in (b, c, c - b)], axis=0)
+    steps = np.maximum(1, np.ceil(longest / spacing)).astype(int).tolist()
+    grids = {count: _barycentric(count) for count in set(steps)}
+    u, v = np.concatenate([grids[count] for count in steps], axis=1)[..., None]
+    face = np.repeat(np.arange(len(steps)), [grids[count].shape[1] for count in steps])
+    return Cloud(a[face] + u * b[face] + v * c[face], normals[face])
+
+
+def _barycentric(steps: int) -> np.ndarray:
+    """(2, n) weights of two corners, at the middles of a triangle's cells where each side has so many."""
+    u, v = (grid.ravel() + 1 / 3 for grid in np.meshgrid(np.arange(steps), np.arange(steps)))
+    return np.stack([u, v])[:, u + v < steps] / steps
 
 
 def poisson(cloud: Cloud, cell: float, room: float = ROOM) -> Mesh:

@@ -12,7 +12,7 @@ from polarsim.rocks.adopt import volume_above
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import decimated, largest_island, merged_vertices, volume
-from polarsim.rocks.surfaces import closed_rock, closing_points, ground_surface, hull_mesh
+from polarsim.rocks.surfaces import closed_rock, closing_points, ground_surface, hull_mesh, hull_points
 
 GRID = FloorGrid(Extent(-0.3, -0.3, 0.3, 0.3), 0.005)
 LEVEL = np.zeros(GRID.shape)
@@ -152,3 +152,18 @@ def test_nothing_closes_a_rock_over_ground_that_was_seen_bare(seen_ball):
     over_bare = bare.ravel()[GRID.cell_of(free)]
     assert over_bare.any()
     np.testing.assert_array_equal(kept, free[~over_bare])
+
+
+def test_points_on_a_hull_lie_on_its_faces_close_to_each_other_and_none_on_a_face_without_area():
+    rng = np.random.default_rng(8)
+    hull = hull_mesh(rng.normal(size=(40, 3)) * 0.1)
+    sliver = Mesh(hull.vertices, np.concatenate([hull.faces[:5], [[0, 0, 1]], hull.faces[5:]]))
+    found, spacing = hull_points(sliver, 0.004), 0.004
+    assert np.array_equal(found.points, hull_points(hull, spacing).points)
+    heights = ((hull.vertices[None] - found.points[:, None]) * found.normals[:, None]).sum(axis=2)
+    assert heights.max() < 1e-12  # nothing of the hull lies before a face
+    assert np.sort(-heights, axis=1)[:, 2].max() < 1e-12  # and three corners on it
+    near = KDTree(found.points).query(found.points, k=2)[0][:, 1]
+    assert near.max() < spacing
+    area = sum(np.linalg.norm(np.cross(b - a, c - a)) / 2 for a, b, c in hull.vertices[hull.faces])
+    assert len(found) * spacing**2 / 2 > area * 0.5
