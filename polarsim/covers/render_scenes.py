@@ -103,14 +103,7 @@ def draw_pictures(
         picture = curve[expose(radiance, light, scene.options, random if options.noise else None)]
         stored = practise(shrink(picture, stored_px), options.strokes, random, WIDTH)
         mask = class_masks.of_ids(ids, {_NUMBERS[kind] + rock for kind, rock, _ in labels})
-        yield Shown(stored, _nearest(mask, stored.shape), labels)
-
-
-def _nearest(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """A mask (h, w) as large as a picture of this shape."""
-    import cv2
-
-    return np.asarray(cv2.resize(mask, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST_EXACT))
+        yield Shown(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 
 
 def _rendered(

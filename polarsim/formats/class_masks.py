@@ -11,7 +11,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.instances import BACKGROUND, GROUND, RELIEF_SHADOW, SHADOW_IDS
 from polarsim.formats.readers import reader
-from polarsim.photo import ROCK, SHADOW
+from polarsim.photo import GREY_VALUES, ROCK, SHADOW
 
 CLASSES = ("ground", ROCK, SHADOW)  # a pixel's value is its index here; ground is all that is neither rock nor shadow
 IGNORED = 255  # nobody can tell, or nobody asks; what detectors write has none
@@ -55,3 +55,19 @@ def of_ids(ids: np.ndarray, labelled: Collection[int]) -> np.ndarray:
     for number in labelled:
         class_of_id[number] = CLASSES.index(SHADOW if number >= SHADOW_IDS else ROCK)
     return class_of_id[ids]
+
+
+def of_grey_map(grey: np.ndarray, background: int = CLASSES.index("ground")) -> np.ndarray:
+    """The class mask of a grey map (h, w) of polygons, its background of the class that is named, or `IGNORED`."""
+    class_of_grey = np.full(256, IGNORED, np.uint8)
+    for number, name in enumerate(CLASSES):
+        class_of_grey[GREY_VALUES[name]] = number
+    class_of_grey[GREY_VALUES["background"]] = background
+    return class_of_grey[grey]
+
+
+def resized(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """A mask (h, w) of another width and height, every pixel that of the nearest one."""
+    import cv2
+
+    return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST_EXACT))

@@ -69,7 +69,7 @@ COVER_SCORES = _schema(
     "map50:f map50_low:f map50_high:f map50_95:f iou_mean:f calibration_error:f",
 )
 MASK_SCORES = _schema(
-    "covers/seedN/mask_scores.parquet", "key:s region:s kind:s photos:i pixels:i:px iou:f iou_low:f iou_high:f"
+    "covers/mask_scores.parquet", "key:s region:s kind:s photos:i pixels:i:px iou:f iou_low:f iou_high:f"
 )
 OFFSETS = _schema("evaluation/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")
 LABEL_PAIRS = _schema(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import log2
 from pathlib import Path
 
@@ -15,25 +15,26 @@ from polarsim.formats import class_masks, tables
 from polarsim.formats.schemas import MASK_SCORES
 from polarsim.geometry.masks import confusion, iou
 from polarsim.geometry.polygons import paint
-from polarsim.photo import GREY_VALUES, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
 from polarsim.scoring.outlines import Polygons, read_polygon_files
 
 ALL = "all"  # photos together
-SAND, PHOTO = REGIONS = ("sand", "photo")  # without what people painted as background; with it, as ground
+SAND, PHOTO = "sand", "photo"
+REGIONS = {SAND: class_masks.IGNORED, PHOTO: class_masks.CLASSES.index("ground")}  # what people's background counts as
 _LEVELS = (0.025, 0.975)
 log = logging.getLogger("polarsim")
 
 
-def score_masks(*, masks: Path, root: Path, scores: Path, seed: int, resamples: int) -> None:
+def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, seed: int, resamples: int) -> None:
     """Write the IoU of each class, of every photo with polygons and of all of them, see `MASK_SCORES`.
 
     People drew one set of polygons for all exposures of an exposure bracket: that of the nearest exposure counts.
 
     Parameters
     ----------
-    masks : Path
-        Folder of `KEY.png`, see `formats.class_masks`.
+    masks : sequence of Path
+        Folders of `KEY.png`, see `formats.class_masks`.
     root : Path
         Of a release.
     seed, resamples
@@ -44,14 +45,15 @@ def score_masks(*, masks: Path, root: Path, scores: Path, seed: int, resamples: 
     PolarsimError
         A broken mask, one of another size than its photo, or polygons of no photo.
     """
-    found = {PhotoKey.parse(path.stem): path for path in sorted(masks.glob("*.png"))}
+    found = {PhotoKey.parse(path.stem): path for folder in masks for path in sorted(folder.glob("*.png"))}
     counts: dict[str, dict[str, np.ndarray]] = {region: {} for region in REGIONS}
     for key, polygons in _drawn(root, list(found)):
         truth, mask = paint(polygons), class_masks.read(found[key])
         if truth.shape != mask.shape:
             raise LabelError(f"{mask.shape[1]} x {mask.shape[0]} pixels, expected a photo's", path=found[key])
-        for region in REGIONS:
-            counts[region][str(key)] = confusion(_classes(truth, region), mask, len(class_masks.CLASSES))
+        for region, background in REGIONS.items():
+            classes = class_masks.of_grey_map(truth, background)
+            counts[region][str(key)] = confusion(classes, mask, len(class_masks.CLASSES))
     if not counts[SAND]:
         raise LabelError(f"no polygons of any of {len(found)} photos", path=root)
     log.info("masks of %d of %d photos are scored: of the others there are no polygons", len(counts[SAND]), len(found))
@@ -67,16 +69,6 @@ def _drawn(root: Path, keys: list[PhotoKey]) -> Iterator[tuple[PhotoKey, Polygon
             of_bracket = [other for other in polygons if other.bracket == key.bracket]
             if of_bracket:
                 yield key, polygons[min(of_bracket, key=lambda o: (abs(log2(o.exposure_ms / key.exposure_ms)), o))]
-
-
-def _classes(grey: np.ndarray, region: str) -> np.ndarray:
-    """The class mask (h, w) of a grey map of polygons."""
-    class_of_grey = np.full(256, class_masks.IGNORED, np.uint8)
-    for number, name in enumerate(class_masks.CLASSES):
-        class_of_grey[GREY_VALUES[name]] = number
-    if region == PHOTO:
-        class_of_grey[GREY_VALUES["background"]] = class_masks.CLASSES.index("ground")
-    return class_of_grey[grey]
 
 
 def _rows(region: str, counts: Mapping[str, np.ndarray], seed: int, resamples: int) -> list[tuple[object, ...]]:

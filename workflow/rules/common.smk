@@ -183,6 +183,15 @@ def labels_of_domain(wildcards):
     return [] if wildcards.domain == "views" else labels_of(wildcards.domain)
 
 
+def masks_of_domain(wildcards):
+    """Grey maps of photos, instance maps of twins, where detectors learn masks; those of novel views are not read."""
+    learns = any(training.masks for training in (CONFIG.detect.training, *OTHERS.values()))
+    if not learns or wildcards.domain == "views":
+        return []
+    kind = "labels/masks" if wildcards.domain == CONFIG.photo_domain else "renders/instances"
+    return of_run(f"results/{{run}}/{kind}/Terrain{{terrain}}", terrain=TERRAINS)
+
+
 def datasets_of_mix(wildcards):
     """Data sets of a split that a mix takes pictures from."""
     return expand("results/{{run}}/detect/{{split}}/datasets/{domain}", domain=MIXES[wildcards.mix])
@@ -235,6 +244,11 @@ def annotated_polygons(terrain):
     """The folder of polygons that people drew, where there is one."""
     annotated = polygon_folder(LABEL_ROOT, int(terrain))
     return str(annotated) if KIND != "analog" and annotated.is_dir() else None
+
+
+def polygon_folders(terrains):
+    """Those of some terrains."""
+    return list(filter(None, map(annotated_polygons, terrains)))
 
 
 def true_labels_of(wildcards):

@@ -64,14 +64,10 @@ class Pictures:
 
 def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """A mask (h, w) as large as the picture that `frame` made, the padding ignored."""
-    import cv2
-
     width, height = (round(side) for side in (WIDTH, HEIGHT) / scale)
     left, top = offset.astype(int)
     framed = np.full(pixels.shape, class_masks.IGNORED, np.uint8)
-    framed[top : top + height, left : left + width] = cv2.resize(
-        mask, (width, height), interpolation=cv2.INTER_NEAREST_EXACT
-    )
+    framed[top : top + height, left : left + width] = class_masks.resized(mask, (width, height))
     return framed
 
 
