@@ -17,7 +17,7 @@ from polarsim.detect import detectors, tone
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, load_torch
 from polarsim.detect.frame import resized
 from polarsim.detect.fusion import fuse
-from polarsim.detect.masks import mask_widths, probabilities, surest
+from polarsim.detect.masks import mask_widths, probabilities, surest, within_boxes
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
@@ -59,8 +59,8 @@ def find_in_pictures(
         A detector, or several whose finds are merged: see `fusion.fuse`.
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
-        and, where asked, `masks/NAME.png` (what every pixel shows, see `formats.class_masks`) and `pictures/NAME.jpg`
-        with masks and boxes drawn.
+        and, where asked, `masks/NAME.png` (what every pixel shows, see `formats.class_masks`; rocks and shadows lie in
+        boxes that are written) and `pictures/NAME.jpg` with masks and boxes drawn.
     confidence
         Least confidence of a box that is written; calibrated, where the detector has a calibration.
 
@@ -92,7 +92,7 @@ def find_in_pictures(
             image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
             own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
             annotated.append((image, own))
-            mask = segment(pixels) if segment else None
+            mask = within_boxes(segment(pixels), found) if segment else None
             if mask is not None:
                 class_masks.write(folder / "masks" / f"{path.stem}.png", mask)
             draw_boxes(path.stem, pixels, found, mask)

@@ -11,12 +11,13 @@ from polarsim.detect import detectors
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.frame import frame, read_picture
 from polarsim.detect.options import PredictionOptions
+from polarsim.detect.predict import sizes_of
 from polarsim.detect.split import TEST
 from polarsim.errors import about
 from polarsim.formats import class_masks
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.photo import HEIGHT, WIDTH
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.progress import track
 
 
@@ -48,8 +49,8 @@ def segment_pictures(
 
 
 def mask_widths(detector: detectors.Detector, options: PredictionOptions) -> tuple[int, ...]:
-    """At which widths a detector looks at a picture for its mask: those that the options name, else its training's."""
-    return options.widths or (detector.imgsz,)
+    """At which widths a detector looks at a picture for its mask: those that the options name, else those for boxes."""
+    return options.mask_widths or tuple(sizes_of(detector, options).widths)
 
 
 def probabilities(
@@ -69,6 +70,19 @@ def probabilities(
 def surest(shown: np.ndarray) -> np.ndarray:
     """(h, w) uint8 class mask of probabilities (h, w, classes)."""
     return shown.argmax(axis=-1).astype(np.uint8)
+
+
+def within_boxes(mask: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """A class mask (h, w) with ground for the rocks and shadows that lie in no box (n, 6) of their kind.
+
+    A detector's boxes are surer than its mask: they leave out most of what looks like rock on walls and relief.
+    """
+    kept = np.full_like(mask, class_masks.CLASSES.index("ground"))
+    for x0, y0, x1, y1, _, kind in found:
+        inside = slice(int(np.floor(y0)), int(np.ceil(y1))), slice(int(np.floor(x0)), int(np.ceil(x1)))
+        number = class_masks.CLASSES.index(BOX_CLASSES[int(kind)])
+        kept[inside][mask[inside] == number] = number
+    return kept
 
 
 def _probabilities_at(

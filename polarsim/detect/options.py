@@ -190,6 +190,11 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
         description="Boxes with a longer side below this, px of a photo 1936 px wide, are taken from the "
         "wider one of two widths; there is one gate between each two widths, descending.",
     )
+    mask_widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
+        (),
+        description="Masks are the mean of what is seen at these widths of a picture, px. None: at the widths at which "
+        "the detector looks for boxes.",
+    )
 
     sand_only: bool = Field(
         True,

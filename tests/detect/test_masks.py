@@ -10,7 +10,7 @@ import pytest
 from polarsim.detect import detectors
 from polarsim.detect.dataset import entry_of, read_pictures, write_dataset
 from polarsim.detect.find import find_in_pictures, prediction_options
-from polarsim.detect.masks import probabilities, segment_pictures, surest
+from polarsim.detect.masks import probabilities, segment_pictures, surest, within_boxes
 from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
@@ -137,8 +137,10 @@ def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(weights, tmp_path):
-    picture, mask, _ = scene(np.random.default_rng(5))
+def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(weights, tmp_path, monkeypatch):
+    picture, mask, boxes = scene(np.random.default_rng(5))
+    found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
+    monkeypatch.setattr("polarsim.detect.find.see", lambda *_: found)  # this small a training finds few boxes
     large = cv2.resize(picture, (150, 94), interpolation=cv2.INTER_LINEAR)
     png.write(tmp_path / "a.png", large)
     png.write(tmp_path / "b.png", large.astype(np.uint16) * 257)
@@ -174,6 +176,13 @@ def test_masks_lie_where_the_picture_shows_things(size):
         rows, columns = np.nonzero(seen == ROCK)
         found = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]) / [*size, *size]
         np.testing.assert_allclose(found, [0.2, 0.4, 0.5, 0.7], atol=0.012)
+
+
+def test_what_lies_in_no_box_of_its_kind_is_ground():
+    mask = np.array([[1, 1, 2, 2], [1, 1, 2, 2], [0, 1, 1, 2]], np.uint8)
+    found = np.array([[0.6, 0, 3, 2, 0.9, 0], [2, 1, 4, 2.2, 0.9, 1]])  # a rock, a shadow
+    np.testing.assert_array_equal(within_boxes(mask, found), [[1, 1, 0, 0], [1, 1, 2, 2], [0, 0, 0, 2]])
+    assert not within_boxes(mask, np.zeros((0, 6))).any()
 
 
 def test_shares_of_a_cell_by_hand():
