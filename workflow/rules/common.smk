@@ -246,8 +246,9 @@ def annotated_polygons(terrain):
     return str(annotated) if KIND != "analog" and annotated.is_dir() else None
 
 
-def polygon_folders(terrains):
-    """Those of some terrains."""
+def annotated_polygons_of_covers():
+    """Folders of the polygons that people drew of terrains with cover photos, where detectors make masks."""
+    terrains = [t for t in CONFIG.terrains if cover_photos(LABEL_ROOT, t)] if CONFIG.detect.training.masks else []
     return list(filter(None, map(annotated_polygons, terrains)))
 
 
@@ -330,7 +331,7 @@ def tables_of_page():
     names += [*TABLES_OF_DETECTORS, "ipd_rocks"] if DOMAINS else []
     names += ["stereo"] if STEREO else []
     names += ["gap"] if CONFIG.gap.components and DOMAINS else []
-    names += ["covers"] if CONFIG.covers.run else []
+    names += ["covers", *(["masks"] if annotated_polygons_of_covers() else [])] if CONFIG.covers.run else []
     return of_run("results/{run}/tables/{name}.md", name=names)
 
 

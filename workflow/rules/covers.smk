@@ -5,7 +5,7 @@ rule real:
     """Everything of this stage."""
     input:
         of_run("results/{run}/tables/covers.csv"),
-        of_run("results/{run}/tables/masks.csv") if COVER_POLYGONS else [],
+        of_run("results/{run}/tables/masks.csv") if annotated_polygons_of_covers() else [],
         of_run("results/{run}/figures/{name}.png", name=["covers", "scenes"]),
         of_run("results/{run}/results.html") if CONFIG.covers.run else [],
         of_run("results/{run}/covers/detector.{ending}", ending=["pt", "md"]) if CONFIG.covers.publish else [],

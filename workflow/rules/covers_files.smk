@@ -17,8 +17,6 @@ NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
 SIZED = CONFIG.covers.widths_chosen_on == "scenes" and not CONFIG.detect.prediction.widths
 # What the detectors of several seeds see, merged.
 MERGED_PREDICTIONS = "results/{run}/covers/merged/predictions.parquet" if len(SEEDS) > 1 else []
-# People's polygons of the terrains of cover photos, where detectors make masks.
-COVER_POLYGONS = polygon_folders(COVER_TERRAINS) if CONFIG.detect.training.masks else []
 
 
 wildcard_constraints:

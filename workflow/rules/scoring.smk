@@ -131,7 +131,7 @@ rule score_masks:
     """Masks of cover photos, each by the detectors that have not seen its terrain, against people's polygons."""
     input:
         masks=lambda wildcards: of_run("results/{run}/covers/folds/{fold}/masks", fold=COVER_FOLDS),
-        polygons=lambda wildcards: list(filter(None, map(annotated_polygons, COVER_TERRAINS))),
+        polygons=annotated_polygons_of_covers(),
     output:
         scores="results/{run}/covers/mask_scores.parquet",
     log:
