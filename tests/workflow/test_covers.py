@@ -103,4 +103,5 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert [png.read(run / f"figures/{name}.png").shape[1] for name in ("covers", "scenes")] == [1600, 1600]
     page = (run / "results.html").read_text()
     assert "Real cover photos of terrains left out" in page
+    assert "Masks of real cover photos" in page
     assert "What was compared" not in page  # of domains: there are none
