@@ -47,7 +47,7 @@ def scores(tmp_path):
             masks=[tmp_path / "masks"], root=tmp_path, scores=tmp_path / "scores.parquet", seed=0, resamples=100
         )
         table = read_parquet(tmp_path / "scores.parquet", MASK_SCORES.columns)
-        return table.set_index(["region", "key", "kind"])
+        return table.set_index(["region", "key", "kind"]).sort_index()
 
     return run
 
