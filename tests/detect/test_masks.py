@@ -22,6 +22,7 @@ torch = pytest.importorskip("torch")
 from polarsim.detect.detectors.compact.loss import MASK_WEIGHT, mask_loss  # noqa: E402
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
 from polarsim.detect.detectors.compact.pictures import Picture, changed, shares  # noqa: E402
+from polarsim.detect.detectors.compact.training import _mean_iou, fitness_of  # noqa: E402
 from polarsim.detect.detectors.compact.weights import network  # noqa: E402
 
 PREDICTION = PredictionOptions(device="cpu")
@@ -211,6 +212,14 @@ def test_a_changed_picture_has_its_mask_with_it(seed):
     bright = picture.pixels > (int(picture.pixels.max()) + 60) // 2
     assert np.mean(bright == (picture.mask == ROCK)) > 0.99
     assert set(np.unique(picture.mask)) <= {GROUND, ROCK, class_masks.IGNORED}
+
+
+def test_weights_are_chosen_by_boxes_and_masks():
+    row = {"val_map50": 0.6, "val_map50_95": 0.3}
+    assert fitness_of(row) == pytest.approx(0.06 + 0.27)
+    assert fitness_of(row | {"val_mask_iou": 0.5}) == pytest.approx(0.06 + 0.27 + 0.5)
+    assert _mean_iou(np.array([[4, 1, 0], [1, 3, 0], [0, 0, 0]])) == pytest.approx(0.6)  # no shadow: the rock's alone
+    assert _mean_iou(np.diag([9, 0, 0])) == 0
 
 
 def test_data_sets_take_masks_along(dataset):

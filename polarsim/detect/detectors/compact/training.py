@@ -79,9 +79,8 @@ def train(training: Training) -> Trained:
         row = {"epoch": epoch + 1} | losses_of_epoch
         row |= _validate(state.average, held_out, training, device)
         state.curve.append(row)
-        # As Ultralytics weighs them. Of equals the later one: the rate was lower.
-        fitness = 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"]
-        if fitness >= state.best_fitness:
+        fitness = fitness_of(row)
+        if fitness >= state.best_fitness:  # of equals the later one: the rate was lower
             state.best_fitness, state.best = fitness, _half(state.average)
         _write_checkpoint(state, checkpoint)
         log.info(
@@ -89,6 +88,11 @@ def train(training: Training) -> Trained:
             epoch + 1, options.epochs, row["train_class_loss"], row["train_box_loss"], row["val_map50"],
         )  # fmt: skip
     return Trained(state.best, pd.DataFrame(state.curve).round(6))
+
+
+def fitness_of(row: dict[str, float]) -> float:
+    """How good the weights of an epoch are: of boxes as Ultralytics weighs them, and with masks their IoU as much."""
+    return 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"] + row.get("val_mask_iou", 0.0)
 
 
 def _set_up_torch(training: Training) -> str:
@@ -171,7 +175,7 @@ def _validate(module: Compact, pictures: Pictures, training: Training, device: s
     mean = metrics.mean_precision([(picture.classes, picture.boxes) for picture in seen], detections)
     row = _means("val", totals) | {"val_map50": float(mean[0]), "val_map50_95": float(mean.mean())}
     if training.options.masks:
-        row["val_mask_iou"] = float(np.nanmean(masks.iou(confusion)[1:]))  # of all but the ground
+        row["val_mask_iou"] = _mean_iou(confusion)
     return row
 
 
@@ -190,6 +194,12 @@ def _losses(answers: Answers, batch: list[Picture], device: str) -> dict[str, to
 
 def _means(part: str, steps: list[dict[str, float]]) -> dict[str, float]:
     return {f"{part}_{name}": sum(step[name] for step in steps) / len(steps) for name in steps[0]}
+
+
+def _mean_iou(confusion: np.ndarray) -> float:
+    """Of rocks and shadows, of what there is of them; 0 without either."""
+    own = masks.iou(confusion)[1:]
+    return float(own[~np.isnan(own)].mean()) if not np.isnan(own).all() else 0.0
 
 
 def _confusion(logits: torch.Tensor, wanted: np.ndarray) -> np.ndarray:
