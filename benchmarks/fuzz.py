@@ -38,6 +38,7 @@ from polarsim.formats import (
     arrow,
     bags,
     best_photos,
+    class_masks,
     coco,
     colmap,
     files,
@@ -268,6 +269,7 @@ def same(wanted: np.ndarray) -> Callable[[np.ndarray], None]:
 RNG = np.random.default_rng(1)
 PIXELS = RNG.integers(0, 4096, (12, 16)).astype(np.uint16)
 IDS = np.array([[0, 1, 2, 1003], [1003, 2003, 3, 0]], np.uint16)
+CLASS_MASK = np.array([[0, 1, 2, class_masks.IGNORED], [2, 2, 0, 0]], np.uint8)
 POINTS = np.abs(RNG.normal(1.5, 0.1, (*RIG.left.shape, 3))).astype(np.float32)
 BOXES = np.array([[100.0, 200, 150, 230], [60, 210, 105, 230]])
 RING = np.array([[60.0, 210], [105, 210], [105, 230], [60, 228]])
@@ -403,6 +405,9 @@ CASES: dict[str, list[Case]] = {
             lambda path: best_photos.read_all_shrunk({("A", "L"): {"30": path}}, {"A": LOCALISED}, 0.02),
         ),
     ],
+    "formats.class_masks.read": [
+        Case(file("a.png", class_masks.write, CLASS_MASK), class_masks.read, same(CLASS_MASK)),
+    ],
     "formats.coco.read_coco": [
         Case(file("a.json", coco.write_coco, LABELS), coco.read_coco, sound_coco),
         Case(file("a.json", coco.write_coco, LABELS, 0.5), coco.read_coco, sound_coco),
@@ -411,6 +416,7 @@ CASES: dict[str, list[Case]] = {
     "formats.files.read_json": [
         Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json)
     ],
+    "formats.instances.read": [Case(file("a.png", png.write, IDS), instances.read, same(IDS))],
     "formats.instances.read_kind_masks": [
         Case(
             file("a.png", png.write, IDS),

@@ -741,6 +741,10 @@ def detect(
         str, typer.Option(help="Between each two widths the box side where the wider one takes over, px of 1936.")
     ] = "",
     draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write the pictures with the boxes drawn.")] = True,
+    masks: Annotated[
+        bool,
+        typer.Option("--masks", help="Write what every pixel shows too; for a detector that was trained with masks."),
+    ] = False,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "auto",
     threads: Annotated[int, typer.Option(min=1, help="Threads on a CPU.")] = 2,
 ) -> None:
@@ -751,7 +755,7 @@ def detect(
     options = prediction_options(_listed(widths), _listed(gates), device)
     found = find_in_pictures(
         pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
-        confidence=confidence, draw=draw,
+        confidence=confidence, draw=draw, masks=masks,
     )  # fmt: skip
     counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
     typer.echo(f"{counts} in {out}")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from polarsim.detect.dataset import KINDS, Entry, write_dataset
+from polarsim.detect.dataset import Entry, entry_of, write_dataset
 from polarsim.detect.split import PARTS, TEST, TRAIN, VAL
 from polarsim.errors import DetectError, LabelError, about
 from polarsim.formats.files import writing_folder
@@ -89,7 +89,7 @@ def _scenes(terrain: int, folder: Path, share: float, seed: int) -> list[Entry]:
     count = round(share * len(found)) if share in (0, 1) else min(len(found) - 1, max(1, round(share * len(found))))
     val = set(order[:count].tolist())
     return [
-        Entry(name, VAL if scene in val else TRAIN, *(folder / kind / f"{name}{ending}" for kind, ending in KINDS))
+        entry_of(folder, name, VAL if scene in val else TRAIN)
         for scene, names in sorted(found.items())
         for name in names
     ]

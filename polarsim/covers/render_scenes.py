@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from polarsim.covers.scenes import Scene, Shape, draw_scene
 from polarsim.covers.strokes import practise
 from polarsim.covers.viewpoints import coarse_sand, draw_lamp
 from polarsim.errors import DetectError
-from polarsim.formats import obj, png, yolo
+from polarsim.formats import class_masks, obj, png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH
@@ -36,10 +37,19 @@ _NUMBERS = {ROCK: ROCK_IDS, SHADOW: SHADOW_IDS}
 Label = tuple[str, int, np.ndarray]
 
 
+@dataclass(frozen=True)
+class Shown:
+    """A picture of a scene under one lamp."""
+
+    picture: np.ndarray  # (h, w) uint8
+    mask: np.ndarray  # (h, w) uint8, what every pixel shows, see `formats.class_masks`
+    labels: list[Label]  # in pixels of the rendered size
+
+
 def render_scenes(
     *, terrain: int, meshes: Path, pictures: Path, number: int, stored_px: int, options: SceneOptions, threads: int
 ) -> None:
-    """Write `images/NAME.png` and `labels/NAME.txt` (YOLO) of every scene and lamp.
+    """Write `images/NAME.png`, `masks/NAME.png` (classes) and `labels/NAME.txt` (YOLO) of every scene and lamp.
 
     NAME is terrain, scene and lamp, such as `t01_s007_l2`. Pictures are rendered at the options' scale and stored
     `stored_px` wide.
@@ -63,23 +73,24 @@ def render_scenes(
         raise DetectError("no rock meshes are here: rocks of this terrain cannot be strewn", path=meshes)
     shapes = [Shape(obj.read(path)) for path in files.values()]
     with writing_folder(pictures) as folder:
-        for kind in ("images", "labels"):
+        for kind in ("images", "masks", "labels"):
             (folder / kind).mkdir()
         for scene in track(range(number), f"scenes of terrain {terrain:02d}"):
             random = generator(options.seed, "covers", "scene", terrain, scene)
-            for lamp, (picture, labels) in enumerate(draw_pictures(shapes, stored_px, options, random, threads)):
+            for lamp, shown in enumerate(draw_pictures(shapes, stored_px, options, random, threads)):
                 name = scene_name(terrain, scene, lamp)
-                png.write(folder / "images" / f"{name}.png", picture)
+                png.write(folder / "images" / f"{name}.png", shown.picture)
+                class_masks.write(folder / "masks" / f"{name}.png", shown.mask)
                 size = round(WIDTH * options.scale), round(HEIGHT * options.scale)
-                classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in labels], int)
-                corners = np.array([box for _, _, box in labels], float).reshape(-1, 4)
+                classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in shown.labels], int)
+                corners = np.array([box for _, _, box in shown.labels], float).reshape(-1, 4)
                 yolo.write_boxes(folder / "labels" / f"{name}.txt", classes, corners, size)
 
 
 def draw_pictures(
     shapes: Sequence[Shape], stored_px: int, options: SceneOptions, random: np.random.Generator, threads: int
-) -> Iterator[tuple[np.ndarray, list[Label]]]:
-    """Picture (h, w) uint8, `stored_px` wide, and labels in pixels of the rendered size, of one scene by lamp."""
+) -> Iterator[Shown]:
+    """Pictures and masks, `stored_px` wide, and labels of one scene by lamp."""
     scene = draw_scene(shapes, options, random)
     for radiance, ids in _rendered(scene, options, random, threads):
         light = random.uniform(*options.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
@@ -90,7 +101,9 @@ def draw_pictures(
             if contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= options.least_contrast
         ]
         picture = curve[expose(radiance, light, scene.options, random if options.noise else None)]
-        yield practise(shrink(picture, stored_px), options.strokes, random, WIDTH), labels
+        stored = practise(shrink(picture, stored_px), options.strokes, random, WIDTH)
+        mask = class_masks.of_ids(ids, {_NUMBERS[kind] + rock for kind, rock, _ in labels})
+        yield Shown(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 
 
 def _rendered(

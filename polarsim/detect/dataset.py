@@ -21,6 +21,7 @@ from polarsim.randomness import generator
 
 PICTURE_COLUMNS = ("key", "part")
 KINDS = (("images", ".png"), ("labels", ".txt"))  # YOLO's folders, and how the names of their files end
+MASKS = "masks"  # the folder beside them, of pictures whose masks are known
 log = logging.getLogger("polarsim")
 
 
@@ -32,6 +33,7 @@ class Entry:
     part: str
     image: Path
     label: Path | None  # None: it has labels that nobody may read here
+    mask: Path | None = None  # what every pixel shows, see `formats.class_masks`, where that is known
 
 
 def make_dataset(
@@ -121,11 +123,18 @@ def mix_datasets(
             order = generator(options.seed, "detect", "mix", domain, source, part).permutation(len(names))
             for n in range(round(weight * len(names))):
                 name, copy = names[order[n % len(names)]], n // len(names) + 1
-                files = (folder / kind / part / f"{name}{ending}" for kind, ending in KINDS)
-                entries.append(Entry(f"{source}-{name}" + (f"-{copy}" if copy > 1 else ""), part, *files))
+                named = f"{source}-{name}" + (f"-{copy}" if copy > 1 else "")
+                entries.append(entry_of(folder, name, part, part, named))
         left_out += [(f"{source}-{name}", part) for name, part in _left_out(folder) if part != TEST]
     with writing_folder(dataset) as made:
         write_dataset(domain, dataset, entries, made, {"weights": dict(weights)}, left_out, (TRAIN, VAL))
+
+
+def entry_of(folder: Path, name: str, part: str, below: str = "", named: str = "") -> Entry:
+    """The entry of a picture whose files lie in `images/`, `labels/` and perhaps `masks/`, or `below` these."""
+    image, label = (folder / kind / below / f"{name}{ending}" for kind, ending in KINDS)
+    mask = folder / MASKS / below / f"{name}.png"
+    return Entry(named or name, part, image, label, mask if mask.is_file() else None)
 
 
 def read_parts(dataset: Path) -> dict[str, list[str]]:
@@ -158,7 +167,7 @@ def _share(
     for key, state in zip(states["key"], states["state"], strict=True):
         part = part_of.get(key)
         if part and state == USED:
-            entries.append(Entry(key, part, *(pictures / kind / f"{key}{ending}" for kind, ending in KINDS)))
+            entries.append(entry_of(pictures, key, part))
         elif part and state == CORRUPT:
             left_out.append((key, part))
     facts = {"split": by, "tone": read_json(pictures / "domain.json")["tone"]}
@@ -204,12 +213,14 @@ def write_dataset(
     for part in PARTS:
         for kind, _ in KINDS:
             (folder / kind / part).mkdir(parents=True)
+        if any(entry.mask for entry in entries if entry.part == part):
+            (folder / MASKS / part).mkdir(parents=True)
     counts = {part: sum(entry.part == part for entry in entries) for part in PARTS}
     for part in needed:
         if not counts[part]:
             raise DetectError(f"no {domain} picture in the {part} part", path=dataset)
     for entry in entries:
-        for (kind, ending), file in zip(KINDS, (entry.image, entry.label), strict=True):
+        for (kind, ending), file in zip((*KINDS, (MASKS, ".png")), (entry.image, entry.label, entry.mask), strict=True):
             if file is not None:
                 share_file(file, folder / kind / entry.part / f"{entry.name}{ending}")
     log.info("%s: %d train, %d val, %d test pictures", domain, *counts.values())

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -16,11 +17,12 @@ from polarsim.detect import detectors, tone
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, load_torch
 from polarsim.detect.frame import resized
 from polarsim.detect.fusion import fuse
+from polarsim.detect.masks import mask_widths, probabilities, surest, within_boxes
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError, PolarsimError, about
-from polarsim.formats import coco, png, tables, yolo
+from polarsim.formats import class_masks, coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
@@ -30,6 +32,8 @@ from polarsim.progress import track
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _COLOURS = {"rock": (60, 220, 60), "shadow": (0, 150, 255)}  # BGR
+_TINT = 0.4  # weight of a mask's colour in a drawn picture
+Seen = TypeVar("Seen")
 _LEAST = 0.01  # confidence before calibration
 log = logging.getLogger("polarsim")
 
@@ -43,6 +47,7 @@ def find_in_pictures(
     threads: int,
     confidence: float = 0.25,
     draw: bool = True,
+    masks: bool = False,
 ) -> pd.DataFrame:
     """Write what a detector finds in pictures of any size, 8 or 16 bits, grey or colour; `COLUMNS`, px of the picture.
 
@@ -54,23 +59,27 @@ def find_in_pictures(
         A detector, or several whose finds are merged: see `fusion.fuse`.
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
-        and, where asked, `pictures/NAME.jpg` with the boxes drawn.
+        and, where asked, `masks/NAME.png` (what every pixel shows, see `formats.class_masks`; rocks and shadows lie in
+        boxes that are written) and `pictures/NAME.jpg` with masks and boxes drawn.
     confidence
         Least confidence of a box that is written; calibrated, where the detector has a calibration.
 
     Raises
     ------
     PolarsimError
-        No picture can be read, two have one name, weights are no detector of ours, or `out` exists.
+        No picture can be read, two have one name, weights are no detector of ours, or have no masks where these are
+        asked for, or `out` exists.
     """
     paths = _listed(pictures)
     if out.exists():
         raise DetectError("is there already: name a new folder", path=out)
     trained = {path: detectors.read_detector(path) for path in weights}
+    segment = _segmenting(trained, options, threads) if masks else None
     rows: list[tuple[object, ...]] = []
     annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
     with writing_folder(out) as folder, _drawing(folder / "pictures" if draw else None) as draw_boxes:
-        (folder / "labels").mkdir()
+        for name in ("labels", *(["masks"] if masks else [])):
+            (folder / name).mkdir()
         looks = [_look(path, detector, folder, options, threads) for path, detector in trained.items()]
         for path, pixels in _read_ahead(paths):
             height, width = pixels.shape
@@ -83,7 +92,10 @@ def find_in_pictures(
             image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
             own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
             annotated.append((image, own))
-            draw_boxes(path.stem, pixels, found)
+            mask = within_boxes(segment(pixels), found) if segment else None
+            if mask is not None:
+                class_masks.write(folder / "masks" / f"{path.stem}.png", mask)
+            draw_boxes(path.stem, pixels, found, mask)
         if not annotated:
             raise DetectError(f"none of {len(paths)} pictures can be read", path=pictures[0])
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
@@ -100,6 +112,25 @@ def _look(
     with about(path):
         loaded = fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
     return lambda pixels: see(loaded, pixels, sizes, options.nms_iou)
+
+
+def _segmenting(
+    trained: Mapping[Path, detectors.Detector], options: PredictionOptions, threads: int
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The class mask (h, w) that detectors of some files make of a picture (h, w): their mean probabilities' surest."""
+    loaded = []
+    for path, detector in trained.items():
+        with about(path):
+            own = fast(detectors.load_masks(detector, options, threads), detector, options.device)
+            loaded.append((own, mask_widths(detector, options)))
+
+    def segment(pixels: np.ndarray) -> np.ndarray:
+        full = (pixels.shape[1], pixels.shape[0])
+        return surest(
+            np.sum([probabilities(own, _as_seen(pixels, max(widths)), widths, full) for own, widths in loaded], axis=0)
+        )
+
+    return segment
 
 
 def _merged(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
@@ -124,25 +155,33 @@ def prediction_options(widths: Sequence[str], gates_px: Sequence[str], device: s
 
 def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes, nms_iou: float) -> np.ndarray:
     """Boxes (n, 6) in one picture (h, w[, 3]) of 8 or 16 bits: x0, y0, x1, y1 in its pixels, confidence, class."""
-    grey, full, longest = _grey(pixels), (pixels.shape[1], pixels.shape[0]), max(sizes.widths)
-    if max(full) > longest:
-        # Light of deeper pictures is averaged before the tone curve.
-        grey = resized(grey, longest) if grey.dtype == np.uint8 else tone.shrink(grey, longest)
-    (found,) = detect(loaded, [_eight_bits(grey, pixels.dtype)], sizes, nms_iou, full)
+    full = (pixels.shape[1], pixels.shape[0])
+    (found,) = detect(loaded, [_as_seen(pixels, max(sizes.widths))], sizes, nms_iou, full)
     return found
 
 
-def fast(loaded: detectors.LoadedDetector, detector: detectors.Detector, device: str) -> detectors.LoadedDetector:
+def _as_seen(pixels: np.ndarray, longest: int) -> np.ndarray:
+    """A picture (h, w[, 3]) of 8 or 16 bits as detectors see it, grey with 8 bits, no longer side above `longest`."""
+    grey = _grey(pixels)
+    if max(grey.shape) > longest:
+        # Light of deeper pictures is averaged before the tone curve.
+        grey = resized(grey, longest) if grey.dtype == np.uint8 else tone.shrink(grey, longest)
+    return _eight_bits(grey, pixels.dtype)
+
+
+def fast(
+    loaded: Callable[[np.ndarray], Seen], detector: detectors.Detector, device: str
+) -> Callable[[np.ndarray], Seen]:
     """A detector that computes convolutions in bfloat16 where the processor has instructions for it: half the time.
 
-    Ultralytics' detectors choose their own precision.
+    The same of what makes its masks. Ultralytics' detectors choose their own precision.
     """
     device = choose_device(device)
     if not detector.model.startswith("compact") or not computes_bfloat16("auto", device):
         return loaded
     torch = load_torch()
 
-    def detect_in_bfloat16(pictures: np.ndarray) -> list[np.ndarray]:
+    def detect_in_bfloat16(pictures: np.ndarray) -> Seen:
         with torch.autocast(device, torch.bfloat16):
             return loaded(pictures)
 
@@ -229,8 +268,11 @@ def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
 
 
 @contextmanager
-def _drawing(folder: Path | None) -> Iterator[Callable[[str, np.ndarray, np.ndarray], None]]:
-    """A function that draws boxes into a picture (h, w) while the next one is looked at; nothing without a folder."""
+def _drawing(folder: Path | None) -> Iterator[Callable[[str, np.ndarray, np.ndarray, np.ndarray | None], None]]:
+    """A function that draws boxes, and a mask, into a picture (h, w) while the next one is looked at.
+
+    It does nothing without a folder.
+    """
     if folder is None:
         yield lambda *_: None
         return
@@ -238,20 +280,23 @@ def _drawing(folder: Path | None) -> Iterator[Callable[[str, np.ndarray, np.ndar
     with ThreadPoolExecutor(1) as pool:
         waiting: list[Future[None]] = []
 
-        def draw(name: str, pixels: np.ndarray, found: np.ndarray) -> None:
+        def draw(name: str, pixels: np.ndarray, found: np.ndarray, mask: np.ndarray | None) -> None:
             if waiting:  # one picture at most: memory does not grow, and a full disk is told
                 waiting.pop().result()
-            waiting.append(pool.submit(_draw, folder / f"{name}.jpg", pixels, found))
+            waiting.append(pool.submit(_draw, folder / f"{name}.jpg", pixels, found, mask))
 
         yield draw
         for last in waiting:
             last.result()
 
 
-def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray]) -> None:
+def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray], mask: np.ndarray | None) -> None:
     import cv2
 
     canvas = cv2.cvtColor(_eight_bits(pixels, pixels.dtype), cv2.COLOR_GRAY2BGR)
+    for kind, colour in _COLOURS.items() if mask is not None else ():
+        shown = mask == class_masks.CLASSES.index(kind)
+        canvas[shown] = ((1 - _TINT) * canvas[shown] + _TINT * np.array(colour)).astype(np.uint8)
     line = max(1, round(canvas.shape[1] / 700))
     for row in found:
         x0, y0, x1, y1 = np.rint(row[:4]).astype(int).tolist()

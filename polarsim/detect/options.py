@@ -134,6 +134,12 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
         False, description="Training pictures are mirrored, moved and scaled at random; pays off in long trainings."
     )
     mosaic: bool = Field(False, description="A training picture is made of four; pays off in long trainings.")
+    masks: bool = Field(
+        False,
+        description="The detectors compact and compact-l learn to tell ground, rocks and shadows apart pixel by pixel "
+        "too, from the masks that rendered pictures come with; `polarsim detect --masks` then writes a mask of every "
+        "picture.",
+    )
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "auto",
         description="The detectors compact and compact-l compute convolutions in such numbers while they "
@@ -149,6 +155,8 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
             raise ValueError(f"pretrained: the packaged detector is of model compact, not {self.model}")
         if self.mosaic and self.model.startswith("compact"):
             raise ValueError(f"mosaic: detector {self.model} has none")
+        if self.masks and not self.model.startswith("compact"):
+            raise ValueError(f"masks: detector {self.model} has none, choose compact or compact-l")
         return self
 
     @property
@@ -181,6 +189,11 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
         (),
         description="Boxes with a longer side below this, px of a photo 1936 px wide, are taken from the "
         "wider one of two widths; there is one gate between each two widths, descending.",
+    )
+    mask_widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
+        (),
+        description="Masks are the mean of what is seen at these widths of a picture, px. None: at the widths at which "
+        "the detector looks for boxes.",
     )
 
     sand_only: bool = Field(

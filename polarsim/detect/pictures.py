@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import tone
+from polarsim.detect.frame import read_picture
 from polarsim.detect.options import VIEWS, PicturesOptions
 from polarsim.errors import DetectError, PolarsimError, about, within
-from polarsim.formats import png, tables, yolo
+from polarsim.formats import class_masks, instances, png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
 
 BOX_COLUMNS = ("x0", "y0", "x1", "y1")
@@ -47,16 +48,26 @@ def convert_domain(
     keys: Sequence[PhotoKey],
     folder: Path,
     options: PicturesOptions,
+    masks: Sequence[Path] = (),
 ) -> None:
     """`convert_views` for the domain of novel views, which have labels of their own, else `convert_photos`."""
     if domain == VIEWS:
         convert_views(views=pictures, folder=folder, options=options)
     else:
-        convert_photos(domain=domain, pictures=pictures, labels=labels[0], keys=keys, folder=folder, options=options)
+        convert_photos(
+            domain=domain, pictures=pictures, labels=labels[0], keys=keys, folder=folder, options=options, masks=masks
+        )
 
 
 def convert_photos(
-    *, domain: str, pictures: Path, labels: Path, keys: Sequence[PhotoKey], folder: Path, options: PicturesOptions
+    *,
+    domain: str,
+    pictures: Path,
+    labels: Path,
+    keys: Sequence[PhotoKey],
+    folder: Path,
+    options: PicturesOptions,
+    masks: Sequence[Path] = (),
 ) -> None:
     """Write a domain's photos or twins as 8-bit pictures with YOLO labels.
 
@@ -71,6 +82,9 @@ def convert_photos(
     folder : Path
         Folder to write: `images/KEY.png`, `labels/KEY.txt`, `domain.json`, and `pictures.csv` with the state of every
         picture: used, missing, dark (see `options.min_mean_dn`), or corrupt. A corrupt picture or label is a warning.
+    masks : sequence of Path
+        Folders `TerrainTT` of grey maps by photo or instance maps by exposure bracket. With them every picture has
+        `masks/KEY.png` too, see `formats.class_masks`.
 
     Raises
     ------
@@ -84,13 +98,17 @@ def convert_photos(
         Source(str(key), paths.get(key), key.exposure_ms, f"{key.position} {key.camera}", (key.terrain,))
         for key in sorted(keys)
     ]
-    boxes_of = _boxes_by_photo(labels)
+    table = _read_labels(labels)
+    boxes_of, things_of = _boxes_by_photo(table), _things_by_photo(table) if masks else {}
 
     def labelled(source: Source, size: tuple[int, int]) -> Labels:
         with about(labels), within(source.key):
             return _inside(*boxes_of.get(source.key, (np.zeros(0, int), np.zeros((0, 4)))), size)
 
-    _convert(domain, sources, labelled, folder, options)
+    def masked(source: Source) -> np.ndarray:
+        return _read_mask(masks, PhotoKey.parse(source.key), things_of.get(source.key, ()))
+
+    _convert(domain, sources, labelled, folder, options, masked if masks else None)
 
 
 def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> None:
@@ -149,13 +167,14 @@ def _convert(
     labelled: Callable[[Source, tuple[int, int]], Labels],
     folder: Path,
     options: PicturesOptions,
+    masked: Callable[[Source], np.ndarray] | None = None,
 ) -> None:
     rows = []
     with writing_folder(folder) as made:
-        for name in ("images", "labels"):
+        for name in ("images", "labels", *(["masks"] if masked else [])):
             (made / name).mkdir()
         for source in track(sources, f"{domain} pictures"):
-            state = _convert_one(source, labelled, made, options)
+            state = _convert_one(source, labelled, masked, made, options)
             rows.append((source.key, state, source.camera, " ".join(map(str, source.terrains))))
         table = pd.DataFrame(rows, columns=list(STATE_COLUMNS))
         counts = {state: int((table["state"] == state).sum()) for state in STATES}
@@ -165,7 +184,11 @@ def _convert(
 
 
 def _convert_one(
-    source: Source, labelled: Callable[[Source, tuple[int, int]], Labels], made: Path, options: PicturesOptions
+    source: Source,
+    labelled: Callable[[Source, tuple[int, int]], Labels],
+    masked: Callable[[Source], np.ndarray] | None,
+    made: Path,
+    options: PicturesOptions,
 ) -> str:
     """Write one picture and its labels, unless there is a reason against; its state."""
     if source.path is None:
@@ -174,6 +197,7 @@ def _convert_one(
         picture = _read(source.path, source.size)
         size = picture.shape[1], picture.shape[0]
         classes, corners = labelled(source, size)
+        mask = masked(source) if masked else None
     except PolarsimError as error:
         log.warning("left out: %s", error)
         return CORRUPT
@@ -182,6 +206,10 @@ def _convert_one(
     small = tone.shrink(picture, min(options.longer_side, max(picture.shape)))
     png.write(made / "images" / f"{source.key}.png", tone.to_8_bits(small, options, source.exposure_ms))
     yolo.write_boxes(made / "labels" / f"{source.key}.txt", classes, corners, size)
+    if mask is not None:
+        class_masks.write(
+            made / "masks" / f"{source.key}.png", class_masks.resized(mask, (small.shape[1], small.shape[0]))
+        )
     return USED
 
 
@@ -196,12 +224,41 @@ def _read(path: Path, size: tuple[int, int] | None) -> np.ndarray:
     return png.read_photo(path, size or (header.width, header.height))
 
 
-def _boxes_by_photo(labels: Path) -> dict[str, Labels]:
-    """Class numbers (n,) and boxes (n, 4) of every labelled photo."""
-    table = tables.read_parquet(labels, tables.LABEL_COLUMNS)
+def _read_mask(folders: Sequence[Path], key: PhotoKey, labelled: Collection[int]) -> np.ndarray:
+    """The class mask (h, w) of a photo or twin.
+
+    Raises
+    ------
+    PolarsimError
+        A broken map, or none.
+    """
+    name = f"Terrain{key.terrain:02d}"
+    folder = next((folder for folder in folders if folder.name == name), None)
+    if folder is None:
+        raise DetectError(f"no folder {name} of masks for {key}")
+    grey_map, instance_map = folder / f"{key}.png", folder / f"{str(key).rpartition('_')[0]}.png"
+    if grey_map.is_file():
+        return class_masks.of_grey_map(read_picture(grey_map))
+    return class_masks.of_ids(instances.read(instance_map), labelled)
+
+
+def _read_labels(path: Path) -> pd.DataFrame:
+    table = tables.read_parquet(path, tables.LABEL_COLUMNS)
     unknown = sorted(set(table["kind"].astype(str)) - set(BOX_CLASSES))
     if unknown:
-        raise DetectError(f"kind {unknown[0]!r}, expected one of {', '.join(BOX_CLASSES)}", path=labels)
+        raise DetectError(f"kind {unknown[0]!r}, expected one of {', '.join(BOX_CLASSES)}", path=path)
+    return table
+
+
+def _things_by_photo(table: pd.DataFrame) -> dict[str, set[int]]:
+    """Ids in instance maps of the labelled rocks and shadows of every photo."""
+    numbered = table[table["rock"] != NO_ROCK]
+    ids = numbered["rock"] + numbered["kind"].map({ROCK: instances.ROCK_IDS, SHADOW: instances.SHADOW_IDS})
+    return {str(key): set(own.tolist()) for key, own in ids.groupby(numbered["key"])}
+
+
+def _boxes_by_photo(table: pd.DataFrame) -> dict[str, Labels]:
+    """Class numbers (n,) and boxes (n, 4) of every labelled photo."""
     return {
         str(key): (
             np.array([BOX_CLASSES.index(kind) for kind in rows["kind"]]),

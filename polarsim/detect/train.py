@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import read_pictures
+from polarsim.detect.dataset import KINDS, MASKS, read_pictures
 from polarsim.detect.detectors.download import ensure_weights
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.parts import digest
@@ -54,12 +54,14 @@ def train_detector(
     Raises
     ------
     PolarsimError
-        A broken data set, one without labels to train on, or a disk that is full.
+        A broken data set, one without labels or masks to train on, or a disk that is full.
     """
     if not any(path.stat().st_size for path in (dataset / "labels" / TRAIN).glob("*.txt")):
         raise DetectError("not one labelled box in its train part", path=dataset)
     if start:
         options = options.model_copy(update={"pretrained": start, "pretrained_url": None, "pretrained_sha256": None})
+    if options.masks:
+        _check_masks(dataset)
     ensure_weights(options)
     if options.start_weights and not options.start_weights.is_file():
         raise DetectError("the pretrained weights are missing", path=options.start_weights)
@@ -76,13 +78,20 @@ def train_detector(
         raise PolarsimError(f"training cannot go on, {error.strerror or error}", path=work) from error
 
 
+def _check_masks(dataset: Path) -> None:
+    for part in (TRAIN, VAL):
+        for key in read_pictures(dataset, part):
+            if not (dataset / MASKS / part / f"{key}.png").is_file():
+                raise DetectError(f"detect.training.masks: {part} picture {key} has no mask", path=dataset)
+
+
 def _prepare(training: detectors.Training) -> None:
     """Empty the folder of a training unless it holds the same one."""
     files = (
-        training.dataset / kind / part / f"{key}.{suffix}"
+        training.dataset / kind / part / f"{key}{ending}"
         for part in (TRAIN, VAL)
         for key in read_pictures(training.dataset, part)
-        for kind, suffix in (("images", "png"), ("labels", "txt"))
+        for kind, ending in (*KINDS, *([(MASKS, ".png")] if training.options.masks else []))
     )
     identity = {
         "code": code_digest(__name__),

@@ -17,8 +17,8 @@ BACKGROUND, GROUND, RELIEF_SHADOW, BODY, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 3, 1000
 
 
 @reader("instance map")
-def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
-    """Where a map shows rocks and where their shadows: (h, w) bool by kind.
+def read(path: str | Path) -> np.ndarray:
+    """(h, w) uint16.
 
     Raises
     ------
@@ -28,4 +28,17 @@ def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
     ids = png.read(path)
     if ids.dtype != np.uint16 or ids.ndim != 2:
         raise FormatError(f"{ids.dtype} with shape {ids.shape}, an instance map is one channel of 16 bits", path=path)
+    return ids
+
+
+@reader("instance map")
+def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
+    """Where a map shows rocks and where their shadows: (h, w) bool by kind.
+
+    Raises
+    ------
+    FormatError
+        See `read`.
+    """
+    ids = read(path)
     return {ROCK: (ids >= ROCK_IDS) & (ids < SHADOW_IDS), SHADOW: ids >= SHADOW_IDS}

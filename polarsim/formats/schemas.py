@@ -68,6 +68,9 @@ COVER_SCORES = _schema(
     "terrain:s kind:s detectors:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
     "map50:f map50_low:f map50_high:f map50_95:f iou_mean:f calibration_error:f",
 )
+MASK_SCORES = _schema(
+    "covers/mask_scores.parquet", "key:s region:s kind:s photos:i pixels:i:px iou:f iou_low:f iou_high:f"
+)
 OFFSETS = _schema("evaluation/offsets_TerrainTT.parquet", "rock:i x:f:m y:f:m z:f:m offset_mm:f:mm")
 LABEL_PAIRS = _schema(
     "evaluation/label_pairs_TerrainTT.parquet",
@@ -101,9 +104,9 @@ SOIL_CHECKS = _schema(
     "rover/soil_checks.parquet", "source:s quantity:s unit:s soil:s condition:s at:f expected:f model:f"
 )
 SCHEMAS = (
-    PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_FOUND, COVER_SCORES, OFFSETS,
-    LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, EVERY_AUTONOMY, AUTONOMY, SOIL_LIMIT, SOIL_MEASURED,
-    SOIL_CHECKS,
+    PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_FOUND, COVER_SCORES, MASK_SCORES,
+    OFFSETS, LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, EVERY_AUTONOMY, AUTONOMY, SOIL_LIMIT,
+    SOIL_MEASURED, SOIL_CHECKS,
 )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import pytest
 from polarsim.covers.options import HallOptions, ReliefOptions, SceneOptions
 from polarsim.covers.render_scenes import contrast, render_scenes, shrink, tone_curve
 from polarsim.errors import DetectError
-from polarsim.formats import obj, png, yolo
+from polarsim.formats import class_masks, obj, png, yolo
 from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
 from tests.covers.conftest import block
@@ -45,6 +45,27 @@ def test_every_scene_and_lamp_has_a_picture_and_labels(rendered):
     pictures = [png.read(folder / "images" / f"{name}.png") for name in names]
     assert all((picture.dtype, picture.shape) == (np.uint8, (80, 128)) for picture in pictures)
     assert all(picture.std() > 3 for picture in pictures)
+
+
+def test_masks_show_what_has_a_label_and_ignore_what_has_none(rendered):
+    folder = rendered("scenes", number=2)
+    for path in sorted((folder / "images").iterdir()):
+        mask = class_masks.read(folder / "masks" / path.name)
+        assert mask.shape == png.read(path).shape
+        classes, boxes = yolo.read_boxes(folder / "labels" / f"{path.stem}.txt", (128, 80))
+        labelled = {kind: np.zeros(mask.shape, bool) for kind in (0, 1)}
+        for kind, box in zip(classes, boxes, strict=True):
+            x0, y0, x1, y1 = np.rint(box + np.array([-1, -1, 1, 1])).astype(int).clip(0)
+            labelled[kind][y0:y1, x0:x1] = True
+            assert (mask[y0:y1, x0:x1] == 1 + kind).any()
+        for kind, inside in labelled.items():
+            shown = mask == 1 + kind
+            assert not shown.any() or inside[shown].mean() > 0.95  # parts too small for a box reach out of it
+    invisible = rendered("invisible", least_contrast=1.01)
+    assert {value for path in (invisible / "masks").iterdir() for value in np.unique(class_masks.read(path))} == {
+        0,
+        255,
+    }
 
 
 def test_the_same_options_write_the_same_bytes(rendered):

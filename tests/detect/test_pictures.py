@@ -10,8 +10,11 @@ from polarsim.detect.options import PicturesOptions, SplitOptions
 from polarsim.detect.pictures import convert_photos, convert_views, picture_paths, read_states
 from polarsim.detect.split import split_photos
 from polarsim.errors import DetectError, FormatError
-from polarsim.formats import png, tables, yolo
+from polarsim.formats import class_masks, png, tables, yolo
 from polarsim.formats.files import read_json
+from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.photo import GREY_VALUES, HEIGHT, ROCK, SHADOW, WIDTH
+from tests.detect.conftest import blobs
 
 OPTIONS = PicturesOptions(imgsz=160)
 
@@ -200,3 +203,56 @@ def test_a_view_whose_label_file_is_broken_is_left_out(views, tmp_path, caplog):
 def test_a_folder_that_holds_no_views_is_refused(tmp_path):
     with pytest.raises(FormatError, match=r"index\.csv"):
         convert_views(views=tmp_path, folder=tmp_path / "made", options=OPTIONS)
+
+
+def test_masks_of_photos_and_twins_are_taken_along(world, keys, tmp_path):
+    """A grey map of one photo, for the others the instance maps of their brackets, where rock 5 has no label."""
+    photos = keys[:9:3]  # each of a bracket of its own
+    table = tables.read_parquet(world / "labels.parquet")
+    tables.write_parquet(tmp_path / "labels.parquet", table[table["rock"] != 5])
+    folder = tmp_path / f"Terrain{photos[0].terrain:02d}"
+    for key in photos:
+        png.write(folder / f"{str(key).rpartition('_')[0]}.png", instance_map(key))
+    grey = np.full((HEIGHT, WIDTH), GREY_VALUES["ground"], np.uint8)
+    grey[:608, :968], grey[608:, :968], grey[:, 1500:] = (GREY_VALUES[kind] for kind in (ROCK, SHADOW, "background"))
+    png.write(folder / f"{photos[0]}.png", grey)
+    convert_photos(
+        domain="hapke", pictures=world / "twins", labels=tmp_path / "labels.parquet", keys=photos,
+        folder=tmp_path / "made", options=OPTIONS, masks=[folder],
+    )  # fmt: skip
+    for key in photos:
+        mask = class_masks.read(tmp_path / f"made/masks/{key}.png")
+        assert mask.shape == png.read(tmp_path / f"made/images/{key}.png").shape
+        whole = class_masks.of_grey_map(grey) if key == photos[0] else class_mask(key)
+        shares = [[np.mean(one == number) for number in (0, 1, 2, class_masks.IGNORED)] for one in (mask, whole)]
+        np.testing.assert_allclose(*shares, atol=0.005)
+
+
+def test_a_picture_without_its_mask_is_left_out_with_a_warning(world, few, tmp_path, caplog):
+    (tmp_path / f"Terrain{few[0].terrain:02d}").mkdir()
+    convert_photos(
+        domain="hapke", pictures=world / "twins", labels=world / "labels.parquet", keys=few,
+        folder=tmp_path / "made", options=OPTIONS, masks=list(tmp_path.glob("Terrain*")),
+    )  # fmt: skip
+    assert set(read_states(tmp_path / "made")["state"]) == {"corrupt"}
+    assert f"{str(few[0]).rpartition('_')[0]}.png" in caplog.text
+
+
+def boxes_of(key):
+    """Kind, rock and whole pixels x0, y0, x1, y1 of what a photo of the small world shows."""
+    for row in blobs(key)[1]:
+        yield row["kind"], row["rock"], [round(row[edge]) for edge in ("x0", "y0", "x1", "y1")]
+
+
+def instance_map(key):
+    ids = np.full((HEIGHT, WIDTH), GROUND, np.uint16)
+    for kind, rock, (x0, y0, x1, y1) in boxes_of(key):
+        ids[y0:y1, x0:x1] = rock + (ROCK_IDS if kind == ROCK else SHADOW_IDS)
+    return ids
+
+
+def class_mask(key):
+    mask = np.zeros((HEIGHT, WIDTH), np.uint8)
+    for kind, rock, (x0, y0, x1, y1) in boxes_of(key):
+        mask[y0:y1, x0:x1] = class_masks.IGNORED if rock == 5 else 1 + (kind == SHADOW)
+    return mask

@@ -7,9 +7,10 @@ import yaml
 
 from polarsim.covers.strokes import COLOURS, draw_strokes
 from polarsim.detect.detectors import read_detector
-from polarsim.formats import obj, png, yolo
+from polarsim.formats import class_masks, obj, png, yolo
+from polarsim.formats.release import polygon_folder
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import HEIGHT, WIDTH
+from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH
 from polarsim.render.surfaces import box
 
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
@@ -17,13 +18,14 @@ TERRAINS = (1, 3)
 RULES = (
     "real", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
     "look_at_covers", "choose_cover_widths", "merge_cover_detectors", "score_covers", "publish_detector",
-    "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page",
+    "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page", "segment_covers", "score_masks",
+    "tabulate_masks",
 )  # fmt: skip
 
 
 @pytest.fixture
 def release(tmp_path):
-    """Terrains with one cover photo each, of a rock and its shadow; terrain 3's has half the size."""
+    """Terrains with one cover photo each, of a rock and its shadow; terrain 3's has half the size, 1 has polygons."""
     root = tmp_path / "release"
     for terrain in TERRAINS:
         photo = np.full((HEIGHT, WIDTH), 90, np.uint8)
@@ -36,10 +38,19 @@ def release(tmp_path):
             position = root / "Labels" / f"Terrain{terrain:02d}" / f"{terrain:02d}_A_off_{azimuth}_L_0256.txt"
             shadow = np.array(SHADOW) - (0 if azimuth == "30" else np.array([300, 0, 300, 0]))
             yolo.write_boxes(position, np.array([0, 1]), np.array([ROCK, shadow]))
+        if terrain == 1:
+            things = {"ground": [0, 0, WIDTH, HEIGHT], "rock": ROCK, "shadow": SHADOW}
+            outlines = [(POLYGON_CLASSES.index(name), ring(box)) for name, box in things.items()]
+            yolo.write_polygons(polygon_folder(root, 1) / "01_A_off_30_L_0256.txt", outlines)
         rock = root / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
         rock.parent.mkdir(parents=True)
         rock.touch()  # the closed copies stand in for it
     return root
+
+
+def ring(box):
+    x0, y0, x1, y1 = box
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
 
 
 @pytest.mark.slow
@@ -55,7 +66,7 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     content["covers"] |= {"folds": [], "carved_scenes": 4, "carved_epochs": 1, "widths": [96, 128]}
     content["covers"]["scenes"] = {"number": 2, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
     content["detect"] = {
-        "seeds": [0, 1], "training": {"model": "compact", "epochs": 2}, "pictures": {"imgsz": 96},
+        "seeds": [0, 1], "training": {"model": "compact", "epochs": 2, "masks": True}, "pictures": {"imgsz": 96},
         "comparison": {"resamples": 100},
     }  # fmt: skip
     (checkout / "small.yaml").write_text(yaml.safe_dump(content))
@@ -85,7 +96,12 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
         behind = {source[path.stat().st_ino] for part in ("train", "val") for path in (dataset / part).iterdir()}
         assert behind == {f"Terrain{other}"}
         assert [path.name[:2] for path in (dataset / "test").iterdir()] == [fold]
+    masks = pd.read_csv(run / "tables/masks.csv")
+    assert set(masks["key"]) == {"01_A_off_30_L_0256", "all"}
+    assert masks.loc[masks["kind"] == "rock", "pixels"].eq(100 * 120).all()
+    assert class_masks.read(run / "covers/folds/03/masks/03_A_off_30_L_0256.png").shape == (HEIGHT, WIDTH)
     assert [png.read(run / f"figures/{name}.png").shape[1] for name in ("covers", "scenes")] == [1600, 1600]
     page = (run / "results.html").read_text()
     assert "Real cover photos of terrains left out" in page
+    assert "Masks of real cover photos" in page
     assert "What was compared" not in page  # of domains: there are none

@@ -183,6 +183,15 @@ def labels_of_domain(wildcards):
     return [] if wildcards.domain == "views" else labels_of(wildcards.domain)
 
 
+def masks_of_domain(wildcards):
+    """Grey maps of photos, instance maps of twins, where detectors learn masks; those of novel views are not read."""
+    learns = any(training.masks for training in (CONFIG.detect.training, *OTHERS.values()))
+    if not learns or wildcards.domain == "views":
+        return []
+    kind = "labels/masks" if wildcards.domain == CONFIG.photo_domain else "renders/instances"
+    return of_run(f"results/{{run}}/{kind}/Terrain{{terrain}}", terrain=TERRAINS)
+
+
 def datasets_of_mix(wildcards):
     """Data sets of a split that a mix takes pictures from."""
     return expand("results/{{run}}/detect/{{split}}/datasets/{domain}", domain=MIXES[wildcards.mix])
@@ -235,6 +244,12 @@ def annotated_polygons(terrain):
     """The folder of polygons that people drew, where there is one."""
     annotated = polygon_folder(LABEL_ROOT, int(terrain))
     return str(annotated) if KIND != "analog" and annotated.is_dir() else None
+
+
+def annotated_polygons_of_covers():
+    """Folders of the polygons that people drew of terrains with cover photos, where detectors make masks."""
+    terrains = [t for t in CONFIG.terrains if cover_photos(LABEL_ROOT, t)] if CONFIG.detect.training.masks else []
+    return list(filter(None, map(annotated_polygons, terrains)))
 
 
 def true_labels_of(wildcards):
@@ -316,7 +331,7 @@ def tables_of_page():
     names += [*TABLES_OF_DETECTORS, "ipd_rocks"] if DOMAINS else []
     names += ["stereo"] if STEREO else []
     names += ["gap"] if CONFIG.gap.components and DOMAINS else []
-    names += ["covers"] if CONFIG.covers.run else []
+    names += ["covers", *(["masks"] if annotated_polygons_of_covers() else [])] if CONFIG.covers.run else []
     return of_run("results/{run}/tables/{name}.md", name=names)
 
 

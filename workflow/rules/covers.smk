@@ -5,6 +5,7 @@ rule real:
     """Everything of this stage."""
     input:
         of_run("results/{run}/tables/covers.csv"),
+        of_run("results/{run}/tables/masks.csv") if annotated_polygons_of_covers() else [],
         of_run("results/{run}/figures/{name}.png", name=["covers", "scenes"]),
         of_run("results/{run}/results.html") if CONFIG.covers.run else [],
         of_run("results/{run}/covers/detector.{ending}", ending=["pt", "md"]) if CONFIG.covers.publish else [],
@@ -148,6 +149,28 @@ rule look_at_covers:
         code=code_of("look_at_covers"),
     script:
         "../scripts/look_at_covers.py"
+
+
+rule segment_covers:
+    """What every pixel of the cover photos of a fold's terrains shows, by the detectors that have not seen these."""
+    input:
+        weights=expand("results/{{run}}/covers/folds/{{fold}}/seed{seed}/detector.pt", seed=SEEDS),
+        dataset="results/{run}/covers/folds/{fold}/dataset",
+        pictures="results/{run}/covers/photos",
+    output:
+        masks=directory("results/{run}/covers/folds/{fold}/masks"),
+    log:
+        "results/{run}/logs/covers/segment_covers_{fold}.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/segment_covers_{fold}.tsv"
+    resources:
+        mem_mb=growing(2000),
+        runtime=30,
+    params:
+        options=options("detect.prediction"),
+        code=code_of("segment_covers"),
+    script:
+        "../scripts/segment_covers.py"
 
 
 use rule render_scenes as render_large_scenes with:
@@ -313,6 +336,27 @@ rule tabulate_covers:
         code=code_of("tabulate_covers"),
     script:
         "../scripts/tabulate_covers.py"
+
+
+rule tabulate_masks:
+    """The table of how well masks agree with people's polygons."""
+    input:
+        scores="results/{run}/covers/mask_scores.parquet",
+    output:
+        table=shown("results/{run}/tables/masks.csv", "Tables", table="masks of real cover photos"),
+        others=multiext("results/{run}/tables/masks", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/covers/tabulate_masks.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/tabulate_masks.tsv"
+    resources:
+        mem_mb=growing(500),
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tabulate_masks"),
+    script:
+        "../scripts/tabulate_masks.py"
 
 
 rule draw_covers:

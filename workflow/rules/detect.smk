@@ -52,6 +52,7 @@ rule convert_pictures:
     input:
         pictures=pictures_of,
         labels=labels_of_domain,
+        masks=masks_of_domain,
     output:
         pictures=directory("results/{run}/detect/pictures/{domain}"),
     log:

@@ -127,6 +127,29 @@ rule score_outlines:
         "../scripts/score_outlines.py"
 
 
+rule score_masks:
+    """Masks of cover photos, each by the detectors that have not seen its terrain, against people's polygons."""
+    input:
+        masks=lambda wildcards: of_run("results/{run}/covers/folds/{fold}/masks", fold=COVER_FOLDS),
+        polygons=annotated_polygons_of_covers(),
+    output:
+        scores="results/{run}/covers/mask_scores.parquet",
+    log:
+        "results/{run}/logs/scoring/score_masks.log",
+    benchmark:
+        "results/{run}/benchmarks/scoring/score_masks.tsv"
+    resources:
+        mem_mb=growing(1000),
+        runtime=10,
+    params:
+        root=str(LABEL_ROOT),
+        seed=CONFIG.detect.comparison.seed,
+        resamples=CONFIG.detect.comparison.resamples,
+        code=code_of("score_masks"),
+    script:
+        "../scripts/score_masks.py"
+
+
 rule score_twins:
     """Rendered ground-truth boxes against truth or against what people drew, and twins against photos where there are any."""
     input:

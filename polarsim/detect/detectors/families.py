@@ -16,6 +16,9 @@ from polarsim.detect.options import PredictionOptions, TrainingOptions
 # Pictures (b, h, w) uint8 of one size, as `frame` makes them -> for each what is in it, (n, 6) float64: x0, y0, x1, y1
 # in px of the picture, confidence, class; the surest first.
 LoadedDetector = Callable[[np.ndarray], list[np.ndarray]]
+# Such pictures -> the probability of each class of `formats.class_masks` in each cell, (b, classes, h / n, w / n)
+# float32; a cell has n x n px.
+LoadedMasks = Callable[[np.ndarray], np.ndarray]
 MAX_BOXES = 300  # that a detector gives of a picture, the surest ones: as many as in YOLOv5's own validation
 
 
@@ -37,7 +40,7 @@ class Trained:
     """What a training gives."""
 
     state: dict[str, Any]  # tensors by name in half precision: the weights of the best validation
-    curve: pd.DataFrame  # a row an epoch: epoch, losses, val_map50, val_map50_95
+    curve: pd.DataFrame  # a row an epoch: epoch, losses, val_map50, val_map50_95, and with masks val_mask_iou
 
 
 class Family(Protocol):
@@ -60,5 +63,15 @@ class Family(Protocol):
         ------
         DetectError
             The weights do not fit the model.
+        """
+        ...
+
+    def load_masks(self, detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
+        """What tells ground, rocks and shadows apart, pixel by pixel.
+
+        Raises
+        ------
+        DetectError
+            The weights do not fit the model, or it was trained without masks.
         """
         ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from polarsim.detect.calibration import calibrated
-from polarsim.detect.detectors.families import Family, LoadedDetector
+from polarsim.detect.detectors.families import Family, LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector
 from polarsim.detect.options import PredictionOptions
 
@@ -25,6 +25,11 @@ def load_detector(detector: Detector, folder: Path, options: PredictionOptions, 
     """See `Family.load`; confidences are calibrated where the detector has a calibration."""
     loaded = family(detector.model).load(detector, folder, options, threads)
     return lambda pictures: [calibrated(rows, detector.calibration) for rows in loaded(pictures)]
+
+
+def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
+    """See `Family.load_masks`."""
+    return family(detector.model).load_masks(detector, options, threads)
 
 
 def detector_name(model: str) -> str:

@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from polarsim.detect.detectors.compact.network import STRIDE, cell_centres
 
-BOX_WEIGHT = 2.0
+BOX_WEIGHT, MASK_WEIGHT = 2.0, 2.0
 _CORE = 0.25  # cells this share of the box's sides around its centre answer for it
 
 
@@ -72,6 +72,19 @@ def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]
     target[torch.cat(indices).unbind(1)] = overlap.detach().clamp(min=0)
     count = len(overlap)
     return _quality_focal(logits, target).sum() / count, BOX_WEIGHT * (1 - generalised).sum() / count
+
+
+def mask_loss(logits: Tensor, shares: Tensor) -> Tensor:
+    """Cross entropy of what cells show, mean over all that is known of them.
+
+    Parameters
+    ----------
+    logits : (b, classes, h, w)
+    shares : (b, classes, h, w)
+        Of each cell's pixels; pixels of which nothing is known are in none.
+    """
+    entropy = -(shares * functional.log_softmax(logits, dim=1)).sum()
+    return MASK_WEIGHT * entropy / shares.sum().clamp(min=1)
 
 
 def _quality_focal(logits: Tensor, target: Tensor) -> Tensor:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import cast
 
 import torch
 from torch import Tensor, nn
@@ -20,9 +21,9 @@ _FIRST_SCORE = 0.01  # of every cell before training: nearly all are empty
 
 
 class Compact(nn.Module):
-    """Scores and boxes of every cell."""
+    """Scores and boxes of every cell and, with a head for masks, what every cell shows."""
 
-    def __init__(self, widths: tuple[int, ...], classes: int) -> None:
+    def __init__(self, widths: tuple[int, ...], classes: int, mask_classes: int = 0) -> None:
         super().__init__()
         self.classes = classes
         self.stem = _conv(1, widths[0], stride=2)
@@ -38,12 +39,18 @@ class Compact(nn.Module):
         nn.init.constant_(self.score.bias, -math.log((1 - _FIRST_SCORE) / _FIRST_SCORE))
         nn.init.zeros_(self.edges.weight)
         nn.init.constant_(self.edges.bias, math.log(1.5))
+        # Drawn last, so that the rest starts alike with a head for masks and without one.
+        self.mask = nn.Sequential(_conv(neck, neck), nn.Conv2d(neck, mask_classes, 1)) if mask_classes else None
 
     def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
         """Logits (b, classes, h, w) and boxes (b, classes, 4, h, w), x0, y0, x1, y1 in px, of pictures (b, 1, H, W).
 
         Pictures are grey values 0 to 1; H and W are multiples of 32.
         """
+        return self.boxes(self.features(pictures))
+
+    def features(self, pictures: Tensor) -> Tensor:
+        """What the heads look at, (b, c, h, w) of pictures (b, 1, H, W)."""
         levels, value = [], self.stem((pictures - 0.4).mul_(4))
         for stage in self.stages:
             value = stage(value)
@@ -52,10 +59,19 @@ class Compact(nn.Module):
         for n in range(len(levels) - 2, -1, -1):
             merged = self.lateral[n](levels[n]) + functional.interpolate(merged, scale_factor=2.0, mode="nearest")
             merged = self.smooth[n](merged)
-        merged = self.tower(merged)
+        return cast("Tensor", merged)
+
+    def boxes(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """See `forward`."""
+        merged = self.tower(features)
         # A distance is an exponential, so that small and large boxes are off by shares of their size.
         distance = self.edges(merged).float().clamp(-4, 6).exp().unflatten(1, (self.classes, 4)) * STRIDE
         return self.score(merged).float(), _boxes(distance)
+
+    def masks(self, features: Tensor) -> Tensor:
+        """Logits (b, mask_classes, h, w) of what cells show; for a network with a head for masks."""
+        assert self.mask is not None
+        return cast("Tensor", self.mask(features)).float()
 
 
 def cell_centres(height: int, width: int, device: torch.device | str = "cpu") -> tuple[Tensor, Tensor]:

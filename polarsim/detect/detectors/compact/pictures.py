@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.detect.dataset import read_pictures
+from polarsim.detect.dataset import MASKS, read_pictures
 from polarsim.detect.frame import PADDING, frame, read_picture
 from polarsim.errors import DetectError
-from polarsim.formats import yolo
+from polarsim.formats import class_masks, yolo
 from polarsim.geometry.lens import HALF_PIXEL
+from polarsim.photo import HEIGHT, WIDTH
 
 _CACHE_BYTES = 1 << 30  # pictures beyond are read again in every epoch
 _TRANSLATION, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other detectors
@@ -27,13 +28,14 @@ class Picture:
     pixels: np.ndarray  # (h, w) uint8
     classes: np.ndarray  # (n,) int64
     boxes: np.ndarray  # (n, 4) x0, y0, x1, y1 in px of the picture
+    mask: np.ndarray | None = None  # (h, w) uint8, see `formats.class_masks`, where masks are asked for
 
 
 class Pictures:
     """A part of a data set; pictures stay in memory while there is room for them."""
 
-    def __init__(self, dataset: Path, part: str, imgsz: int) -> None:
-        self._dataset, self._part, self._imgsz = dataset, part, imgsz
+    def __init__(self, dataset: Path, part: str, imgsz: int, masks: bool = False) -> None:
+        self._dataset, self._part, self._imgsz, self._masks = dataset, part, imgsz, masks
         self._keys = read_pictures(dataset, part)
         self._cache: dict[int, Picture] = {}
         self._room = _CACHE_BYTES
@@ -45,15 +47,37 @@ class Pictures:
         if index in self._cache:
             return self._cache[index]
         picture = self._read(self._keys[index])
-        if self._room >= picture.pixels.nbytes:
+        size = picture.pixels.nbytes * (1 if picture.mask is None else 2)
+        if self._room >= size:
             self._cache[index] = picture
-            self._room -= picture.pixels.nbytes
+            self._room -= size
         return picture
 
     def _read(self, key: str) -> Picture:
         pixels, offset, scale = frame(read_picture(self._dataset / "images" / self._part / f"{key}.png"), self._imgsz)
         classes, boxes = yolo.read_boxes(self._dataset / "labels" / self._part / f"{key}.txt")
-        return Picture(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2))
+        mask = None
+        if self._masks:
+            mask = _framed(class_masks.read(self._dataset / MASKS / self._part / f"{key}.png"), pixels, offset, scale)
+        return Picture(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2), mask)
+
+
+def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """A mask (h, w) as large as the picture that `frame` made, the padding ignored."""
+    width, height = (round(side) for side in (WIDTH, HEIGHT) / scale)
+    left, top = offset.astype(int)
+    framed = np.full(pixels.shape, class_masks.IGNORED, np.uint8)
+    framed[top : top + height, left : left + width] = class_masks.resized(mask, (width, height))
+    return framed
+
+
+def shares(mask: np.ndarray, cell: int) -> np.ndarray:
+    """(classes, h / cell, w / cell) float32: the share of each class in the cells of a mask (h, w)."""
+    height, width = mask.shape
+    cells = mask.reshape(height // cell, cell, width // cell, cell)
+    return np.stack(
+        [(cells == number).mean(axis=(1, 3), dtype=np.float32) for number in range(len(class_masks.CLASSES))]
+    )
 
 
 def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[Picture]]:
@@ -72,7 +96,7 @@ def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[P
 
 
 def changed(picture: Picture, random: np.random.Generator) -> Picture:
-    """A picture mirrored at random, moved, scaled, made brighter or darker; its boxes go with it."""
+    """A picture mirrored at random, moved, scaled, made brighter or darker; its boxes and its mask go with it."""
     import cv2
 
     height, width = picture.pixels.shape
@@ -89,6 +113,13 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
             picture.pixels, matrix, (width, height), flags=cv2.INTER_LINEAR, borderValue=(float(PADDING),) * 4
         )
     )
+    mask = picture.mask
+    if mask is not None:
+        mask = np.asarray(
+            cv2.warpAffine(
+                mask, matrix, (width, height), flags=cv2.INTER_NEAREST, borderValue=(float(class_masks.IGNORED),) * 4
+            )
+        )
     gain = 1 + random.uniform(-_BRIGHTNESS, _BRIGHTNESS)
     pixels = np.clip(pixels * gain + 0.5, 0, 255).astype(np.uint8)
     low, high = picture.boxes[:, :2] * factor + offset, picture.boxes[:, 2:] * factor + offset
@@ -96,4 +127,4 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
     inside = np.clip(moved, 0, [width, height, width, height])
     before, sides = (moved[:, 2:] - moved[:, :2]).prod(axis=1), inside[:, 2:] - inside[:, :2]
     seen = (sides.min(axis=1) >= _LEAST_SIDE) & (sides.prod(axis=1) >= _LEAST_SEEN * before)
-    return Picture(pixels, picture.classes[seen], inside[seen])
+    return Picture(pixels, picture.classes[seen], inside[seen], mask)

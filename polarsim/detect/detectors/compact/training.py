@@ -6,22 +6,24 @@ import logging
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import torch
 
 from polarsim.detect import metrics
-from polarsim.detect.detectors.compact.loss import losses
-from polarsim.detect.detectors.compact.network import Compact
-from polarsim.detect.detectors.compact.pictures import Picture, Pictures, batches, changed
+from polarsim.detect.detectors.compact.loss import losses, mask_loss
+from polarsim.detect.detectors.compact.network import STRIDE, Compact
+from polarsim.detect.detectors.compact.pictures import Picture, Pictures, batches, changed, shares
 from polarsim.detect.detectors.compact.weights import as_input, found, network
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16
 from polarsim.detect.detectors.families import Trained, Training
 from polarsim.detect.detectors.files import load, read_detector, save
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, about
+from polarsim.formats.class_masks import CLASSES, IGNORED
+from polarsim.geometry import masks
 from polarsim.randomness import generator
 
 _WARM_UP = 100  # steps over which the rate rises
@@ -29,6 +31,7 @@ _LAST_RATE = 0.02  # of the largest one
 _DECAY = 0.01  # of convolutions' weights, not of biases and norms
 _AVERAGE = 0.98  # of the averaged weights that a step keeps; Polyak and Juditsky, SIAM J. Control 30 (1992) 838
 _LARGEST_GRADIENT = 10.0
+_MOSTLY = 0.5  # share of a cell from which it is of a class, for the IoU of validation
 log = logging.getLogger("polarsim")
 
 
@@ -45,6 +48,14 @@ class State:
     curve: list[dict[str, float]] = field(default_factory=list)  # a row an epoch done
 
 
+class Answers(NamedTuple):
+    """Of a network to a batch, see `Compact`."""
+
+    logits: torch.Tensor
+    boxes: torch.Tensor
+    masks: torch.Tensor | None  # logits; none of a network without a head for masks
+
+
 def train(training: Training) -> Trained:
     """See `Family.train`. A training that was stopped ends with the bytes of one that was not.
 
@@ -52,7 +63,7 @@ def train(training: Training) -> Trained:
     """
     options, checkpoint = training.options, training.folder / "checkpoint.pt"
     device = _set_up_torch(training)
-    pictures, held_out = (Pictures(training.dataset, part, training.imgsz) for part in (TRAIN, VAL))
+    pictures, held_out = (Pictures(training.dataset, part, training.imgsz, options.masks) for part in (TRAIN, VAL))
     state = _start(training, device)
     _go_on(state, checkpoint)
     for epoch in range(len(state.curve), options.epochs):
@@ -68,9 +79,8 @@ def train(training: Training) -> Trained:
         row = {"epoch": epoch + 1} | losses_of_epoch
         row |= _validate(state.average, held_out, training, device)
         state.curve.append(row)
-        # As Ultralytics weighs them. Of equals the later one: the rate was lower.
-        fitness = 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"]
-        if fitness >= state.best_fitness:
+        fitness = fitness_of(row)
+        if fitness >= state.best_fitness:  # of equals the later one: the rate was lower
             state.best_fitness, state.best = fitness, _half(state.average)
         _write_checkpoint(state, checkpoint)
         log.info(
@@ -78,6 +88,11 @@ def train(training: Training) -> Trained:
             epoch + 1, options.epochs, row["train_class_loss"], row["train_box_loss"], row["val_map50"],
         )  # fmt: skip
     return Trained(state.best, pd.DataFrame(state.curve).round(6))
+
+
+def fitness_of(row: dict[str, float]) -> float:
+    """How good the weights of an epoch are: of boxes as Ultralytics weighs them, and with masks their IoU as much."""
+    return 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"] + row.get("val_mask_iou", 0.0)
 
 
 def _set_up_torch(training: Training) -> str:
@@ -90,10 +105,10 @@ def _start(training: Training, device: str) -> State:
     options = training.options
     with torch.random.fork_rng(devices=[]):  # on the CPU for all devices: same seed, same start
         torch.manual_seed(int(generator(training.seed, "detect", "weights").integers(2**31)))
-        module, average = network(options.model), network(options.model)
-    if options.start_weights:
-        with about(options.start_weights):
-            module = network(options.model, read_detector(options.start_weights).state)
+        module, average = (network(options.model, masks=options.masks) for _ in range(2))
+        if options.start_weights:
+            with about(options.start_weights):
+                module = network(options.model, read_detector(options.start_weights).state, options.masks)
     average.load_state_dict(module.state_dict())
     module, average = module.to(device), average.to(device).eval()
     kernels = [value for value in module.parameters() if value.ndim > 1]
@@ -108,7 +123,7 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
     random = generator(training.seed, "detect", "epoch", epoch)
     order = random.permutation(len(pictures))
     steps = math.ceil(len(order) / options.batch)
-    totals = np.zeros(2)
+    totals: list[dict[str, float]] = []
     bfloat16 = computes_bfloat16(options.precision, device)
     state.module.train()
     for batch in batches(pictures, order, options.batch):
@@ -117,16 +132,16 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
             group["lr"] = rate
         shown = [changed(picture, random) for picture in batch] if options.augment else batch
         with torch.autocast(device, torch.bfloat16, enabled=bfloat16):
-            logits, boxes = state.module(_input(shown, device))
-        parts = losses(logits, boxes, _labels(shown, device))
+            answers = _answers(state.module, shown, device)
+        parts = _losses(answers, shown, device)
         state.optimizer.zero_grad()
-        sum(parts).backward()  # type: ignore[union-attr]
+        sum(parts.values()).backward()  # type: ignore[union-attr]
         torch.nn.utils.clip_grad_norm_(state.module.parameters(), _LARGEST_GRADIENT)
         state.optimizer.step()
         state.steps += 1
         _update_average(state)
-        totals += [float(part.detach()) for part in parts]
-    return dict(zip(("train_class_loss", "train_box_loss"), (totals / steps).tolist(), strict=True))
+        totals.append({name: float(part.detach()) for name, part in parts.items()})
+    return _means("train", totals)
 
 
 def _rate(step: int, steps: int) -> float:
@@ -146,22 +161,56 @@ def _update_average(state: State) -> None:
 
 
 def _validate(module: Compact, pictures: Pictures, training: Training, device: str) -> dict[str, float]:
-    """Losses, mAP@0.5 and mAP@[0.5:0.95], the mean over classes that have labels."""
-    totals, seen, detections = np.zeros(2), [], []
+    """Losses, mAP@0.5 and mAP@[0.5:0.95], the mean over classes that have labels, and IoU of rocks and shadows."""
+    totals, seen, detections = [], [], []
+    confusion = np.zeros((len(CLASSES), len(CLASSES)), int)
     for batch in batches(pictures, np.arange(len(pictures)), training.options.batch):
         with torch.inference_mode():
-            logits, boxes = module(_input(batch, device))
-            totals += [float(part) for part in losses(logits, boxes, _labels(batch, device))]
+            answers = _answers(module, batch, device)
+            totals.append({name: float(part) for name, part in _losses(answers, batch, device).items()})
         seen += batch
-        detections += found(logits, boxes, training.prediction)
+        detections += found(answers.logits, answers.boxes, training.prediction)
+        if answers.masks is not None:
+            confusion += _confusion(answers.masks, _shares(batch))
     mean = metrics.mean_precision([(picture.classes, picture.boxes) for picture in seen], detections)
-    class_loss, box_loss = (totals / math.ceil(len(seen) / training.options.batch)).tolist()
-    return {
-        "val_class_loss": class_loss,
-        "val_box_loss": box_loss,
-        "val_map50": float(mean[0]),
-        "val_map50_95": float(mean.mean()),
-    }
+    row = _means("val", totals) | {"val_map50": float(mean[0]), "val_map50_95": float(mean.mean())}
+    if training.options.masks:
+        row["val_mask_iou"] = _mean_iou(confusion)
+    return row
+
+
+def _answers(module: Compact, batch: list[Picture], device: str) -> Answers:
+    features = module.features(_input(batch, device))
+    return Answers(*module.boxes(features), None if module.mask is None else module.masks(features))
+
+
+def _losses(answers: Answers, batch: list[Picture], device: str) -> dict[str, torch.Tensor]:
+    class_loss, box_loss = losses(answers.logits, answers.boxes, _labels(batch, device))
+    parts = {"class_loss": class_loss, "box_loss": box_loss}
+    if answers.masks is not None:
+        parts["mask_loss"] = mask_loss(answers.masks, torch.from_numpy(_shares(batch)).to(device))
+    return parts
+
+
+def _means(part: str, steps: list[dict[str, float]]) -> dict[str, float]:
+    return {f"{part}_{name}": sum(step[name] for step in steps) / len(steps) for name in steps[0]}
+
+
+def _mean_iou(confusion: np.ndarray) -> float:
+    """Of rocks and shadows, of what there is of them; 0 without either."""
+    own = masks.iou(confusion)[1:]
+    return float(own[~np.isnan(own)].mean()) if not np.isnan(own).all() else 0.0
+
+
+def _confusion(logits: torch.Tensor, wanted: np.ndarray) -> np.ndarray:
+    """Of cells that show mostly one class."""
+    truth = np.where(wanted.max(axis=1) > _MOSTLY, wanted.argmax(axis=1), IGNORED)
+    return masks.confusion(truth, logits.argmax(dim=1).cpu().numpy(), len(CLASSES))
+
+
+def _shares(batch: list[Picture]) -> np.ndarray:
+    """(b, classes, h, w) of the cells, for pictures with masks."""
+    return np.stack([shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None])
 
 
 def _input(batch: list[Picture], device: str) -> torch.Tensor:

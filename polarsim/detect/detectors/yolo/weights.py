@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.detect.detectors.devices import choose_device, load_torch
-from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector
+from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector, read_detector
 from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.options import PredictionOptions
@@ -36,6 +36,11 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
         return [result.cpu().numpy().astype(float) for result in found]
 
     return detect
+
+
+def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:  # noqa: ARG001 - of the interface
+    """See `Family.load_masks`."""
+    raise DetectError(f"{detector.model} has no masks, choose a detector of compact or compact-l")
 
 
 def network(detector: Detector, folder: Path) -> Any:

@@ -1,0 +1,228 @@
+"""A head for masks learns, is stored with the weights, and what it sees lies where the picture shows it."""
+
+import json
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from polarsim.detect import detectors
+from polarsim.detect.dataset import entry_of, read_pictures, write_dataset
+from polarsim.detect.find import find_in_pictures, prediction_options
+from polarsim.detect.masks import probabilities, segment_pictures, surest, within_boxes
+from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
+from polarsim.detect.train import train_detector
+from polarsim.errors import DetectError
+from polarsim.formats import class_masks, png, tables, yolo
+from polarsim.photo import HEIGHT, WIDTH
+
+torch = pytest.importorskip("torch")
+
+from polarsim.detect.detectors.compact.loss import MASK_WEIGHT, mask_loss  # noqa: E402
+from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
+from polarsim.detect.detectors.compact.pictures import Picture, changed, shares  # noqa: E402
+from polarsim.detect.detectors.compact.training import _mean_iou, fitness_of  # noqa: E402
+from polarsim.detect.detectors.compact.weights import network  # noqa: E402
+
+PREDICTION = PredictionOptions(device="cpu")
+SIZE = (64, 40)  # width and height of made pictures, px
+GROUND, ROCK, SHADOW = range(3)
+
+
+def scene(random) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A bright rock with its dark shadow on grey ground: picture and mask (h, w), boxes (2, 4)."""
+    x, y = random.integers(4, 30), random.integers(4, 20)
+    picture, mask = np.full(SIZE[::-1], 110, np.uint8), np.zeros(SIZE[::-1], np.uint8)
+    boxes = np.array([[x, y, x + 12, y + 12], [x + 12, y, x + 28, y + 12]])
+    for kind, value, (x0, y0, x1, y1) in ((ROCK, 230, boxes[0]), (SHADOW, 10, boxes[1])):
+        picture[y0:y1, x0:x1], mask[y0:y1, x0:x1] = value, kind
+    return picture, mask, boxes
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    folder, random = tmp_path_factory.mktemp("masks"), np.random.default_rng(0)
+    entries = []
+    for number in range(14):
+        picture, mask, boxes = scene(random)
+        png.write(folder / f"made/images/{number}.png", picture)
+        class_masks.write(folder / f"made/masks/{number}.png", mask)
+        yolo.write_boxes(folder / f"made/labels/{number}.txt", [0, 1], boxes, SIZE)
+        entries.append(
+            entry_of(folder / "made", str(number), "train" if number < 8 else "val" if number < 12 else "test")
+        )
+    (folder / "dataset").mkdir()
+    write_dataset("made", folder / "dataset", entries, folder / "dataset", {})
+    return folder / "dataset"
+
+
+def trained(dataset, folder, **changes):
+    asked = {"model": "compact", "epochs": 16, "batch": 2, "learning_rate": 0.005, "masks": True} | changes
+    train_detector(
+        dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", options=TrainingOptions(**asked),
+        prediction=PREDICTION, imgsz=SIZE[0], seed=0, threads=1, work=folder / "work",
+    )  # fmt: skip
+    return folder / "a.pt"
+
+
+@pytest.fixture(scope="module")
+def weights(dataset, tmp_path_factory):
+    return trained(dataset, tmp_path_factory.mktemp("weights"))
+
+
+def test_the_loss_falls_and_masks_are_those_of_the_pictures(dataset, weights, tmp_path):
+    curve = tables.read_csv(weights.with_suffix(".csv"))
+    assert curve["train_mask_loss"].iloc[-1] < 0.5 * curve["train_mask_loss"].iloc[0]
+    assert curve["val_mask_iou"].iloc[-1] > 0.6
+    segment_pictures(weights=[weights], dataset=dataset, masks=tmp_path / "masks", options=PREDICTION, threads=1)
+    for name in read_pictures(dataset, "test"):
+        seen = class_masks.read(tmp_path / f"masks/{name}.png")
+        assert seen.shape == (HEIGHT, WIDTH)
+        shown = cv2.resize(
+            class_masks.read(dataset / f"masks/test/{name}.png"), (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST
+        )
+        assert np.mean(seen == shown) > 0.9
+
+
+def test_a_training_without_masks_has_no_trace_of_them(dataset, tmp_path):
+    state = detectors.read_detector(trained(dataset, tmp_path, masks=False, epochs=1)).state
+    assert not [name for name in state if name.startswith("mask")]
+    assert not [name for name in tables.read_csv(tmp_path / "a.csv") if "mask" in name]
+
+
+def test_old_weights_get_a_head_and_a_head_that_nobody_asks_for_is_left_out(weights):
+    old = detectors.read_detector(PACKAGED).state
+    with_head = network("compact", old, masks=True).state_dict()
+    assert all(torch.equal(with_head[name], value.float()) for name, value in old.items() if value.is_floating_point())
+    own = detectors.read_detector(weights).state
+    assert set(with_head) == set(own)
+    assert set(network("compact", own, masks=False).state_dict()) == set(old)
+    assert set(network("compact", own).state_dict()) == set(own)
+    cut = {name: value for name, value in own.items() if name != "mask.1.weight"}
+    with pytest.raises(DetectError, match="weights do not fit compact"):
+        network("compact", cut)
+
+
+def test_all_but_the_head_starts_alike_with_masks_and_without():
+    states = []
+    for masks in (False, True):
+        torch.manual_seed(3)
+        states.append(network("compact", masks=masks).state_dict())
+    assert all(torch.equal(value, states[1][name]) for name, value in states[0].items())
+
+
+def test_a_picture_without_a_mask_is_named(dataset, tmp_path):
+    for path in dataset.rglob("*.*"):
+        if path.parent.parent.name != "masks":
+            target = tmp_path / "bare" / path.relative_to(dataset)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(path.read_bytes())
+    with pytest.raises(DetectError, match=r"bare: detect\.training\.masks: train picture 0 has no mask"):
+        trained(tmp_path / "bare", tmp_path)
+    assert not (tmp_path / "a.pt").exists()
+
+
+def test_yolo_is_refused():
+    with pytest.raises(ValueError, match="masks: detector yolov8n has none, choose compact or compact-l"):
+        TrainingOptions(model="yolov8n", masks=True)
+
+
+def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_path):
+    png.write(tmp_path / "a.png", np.zeros((40, 64), np.uint8))
+    with pytest.raises(DetectError, match=r"rocks\.pt: a detector without a head for masks: train one with"):
+        find_in_pictures(
+            pictures=[tmp_path / "a.png"], weights=[PACKAGED], out=tmp_path / "out",
+            options=prediction_options([], [], "cpu"), threads=1, masks=True,
+        )  # fmt: skip
+    assert not (tmp_path / "out").exists()
+
+
+def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(weights, tmp_path, monkeypatch):
+    picture, mask, boxes = scene(np.random.default_rng(5))
+    found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
+    monkeypatch.setattr("polarsim.detect.find.see", lambda *_: found)  # this small a training finds few boxes
+    large = cv2.resize(picture, (150, 94), interpolation=cv2.INTER_LINEAR)
+    png.write(tmp_path / "a.png", large)
+    png.write(tmp_path / "b.png", large.astype(np.uint16) * 257)
+    find_in_pictures(
+        pictures=[tmp_path / "a.png", tmp_path / "b.png"], weights=[weights, weights], out=tmp_path / "out",
+        options=prediction_options([], [], "cpu"), threads=1, confidence=0.9, masks=True,
+    )  # fmt: skip
+    shown = cv2.resize(mask, (150, 94), interpolation=cv2.INTER_NEAREST)
+    first = class_masks.read(tmp_path / "out/masks/a.png")
+    assert np.mean(first == shown) > 0.9
+    assert class_masks.read(tmp_path / "out/masks/b.png").shape == first.shape
+    drawn = cv2.imread(str(tmp_path / "out/pictures/a.jpg")).astype(int)
+    green = drawn[..., 1] - drawn[..., [0, 2]].max(axis=-1)
+    assert green[first == ROCK].mean() > green[first == GROUND].mean() + 20
+    assert len(json.loads((tmp_path / "out/coco.json").read_text())["images"]) == 2
+
+
+@pytest.mark.parametrize("size", [(64, 40), (100, 70), (1936, 1216)])
+def test_masks_lie_where_the_picture_shows_things(size):
+    """A network in whose place stand the cells of the bright block, padded pictures and several widths included."""
+
+    def bright_cells(pictures):
+        assert pictures.shape[1] % 32 == pictures.shape[2] % 32 == 0
+        rock = shares((pictures[0] > 180).astype(np.uint8), STRIDE)[1]
+        return np.stack([1 - rock, rock, np.zeros_like(rock)])[None]
+
+    width, height = size
+    picture = np.full((height, width), 60, np.uint8)
+    picture[round(0.4 * height) : round(0.7 * height), round(0.2 * width) : round(0.5 * width)] = 250
+    for widths in ((640,), (320, 480)):
+        seen = surest(probabilities(bright_cells, picture, widths, size))
+        assert seen.shape == picture.shape
+        rows, columns = np.nonzero(seen == ROCK)
+        found = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]) / [*size, *size]
+        np.testing.assert_allclose(found, [0.2, 0.4, 0.5, 0.7], atol=0.012)
+
+
+def test_what_lies_in_no_box_of_its_kind_is_ground():
+    mask = np.array([[1, 1, 2, 2], [1, 1, 2, 2], [0, 1, 1, 2]], np.uint8)
+    found = np.array([[0.6, 0, 3, 2, 0.9, 0], [2, 1, 4, 2.2, 0.9, 1]])  # a rock, a shadow
+    np.testing.assert_array_equal(within_boxes(mask, found), [[1, 1, 0, 0], [1, 1, 2, 2], [0, 0, 0, 2]])
+    assert not within_boxes(mask, np.zeros((0, 6))).any()
+
+
+def test_shares_of_a_cell_by_hand():
+    mask = np.array([[1, 1, 0, 2], [1, 255, 0, 2]], np.uint8)
+    np.testing.assert_allclose(shares(mask, 2), [[[0, 0.5]], [[0.75, 0]], [[0, 0.5]]])
+
+
+def test_the_loss_of_a_mask_by_hand_and_of_one_of_which_nothing_is_known():
+    known = torch.tensor([0.75, 0.25, 0]).view(1, 3, 1, 1)
+    loss = mask_loss(torch.zeros(1, 3, 1, 1), known)
+    assert float(loss) == pytest.approx(MASK_WEIGHT * np.log(3))
+    sure = torch.tensor([0.0, 0, 50]).view(1, 3, 1, 1).requires_grad_()
+    assert mask_loss(sure, known).item() == pytest.approx(MASK_WEIGHT * 50)
+    nothing = mask_loss(sure, torch.zeros(1, 3, 1, 1))
+    nothing.backward()
+    assert nothing.item() == 0
+    assert (sure.grad == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_changed_picture_has_its_mask_with_it(seed):
+    pixels, mask = np.full((96, 160), 60, np.uint8), np.zeros((96, 160), np.uint8)
+    pixels[30:60, 50:90], mask[30:60, 50:90] = 200, ROCK
+    boxes = np.array([[50.0, 30, 90, 60]])
+    picture = changed(Picture(pixels, np.array([0]), boxes, mask), np.random.default_rng(seed))
+    bright = picture.pixels > (int(picture.pixels.max()) + 60) // 2
+    assert np.mean(bright == (picture.mask == ROCK)) > 0.99
+    assert set(np.unique(picture.mask)) <= {GROUND, ROCK, class_masks.IGNORED}
+
+
+def test_weights_are_chosen_by_boxes_and_masks():
+    row = {"val_map50": 0.6, "val_map50_95": 0.3}
+    assert fitness_of(row) == pytest.approx(0.06 + 0.27)
+    assert fitness_of(row | {"val_mask_iou": 0.5}) == pytest.approx(0.06 + 0.27 + 0.5)
+    assert _mean_iou(np.array([[4, 1, 0], [1, 3, 0], [0, 0, 0]])) == pytest.approx(0.6)  # no shadow: the rock's alone
+    assert _mean_iou(np.diag([9, 0, 0])) == 0
+
+
+def test_data_sets_take_masks_along(dataset):
+    names = pd.read_csv(dataset / "pictures.csv", dtype=str).groupby("part")["key"].apply(list)
+    for part, own in names.items():
+        assert {path.stem for path in (dataset / "masks" / part).iterdir()} == set(own)

@@ -1,0 +1,35 @@
+"""Class masks come back as they were written, and nothing else is taken for one."""
+
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError
+from polarsim.formats import class_masks, png
+from polarsim.formats.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
+
+
+def test_a_mask_comes_back_as_it_was_written(tmp_path):
+    mask = np.array([[0, 1, 2, 255], [2, 2, 0, 0]], np.uint8)
+    class_masks.write(tmp_path / "a.png", mask)
+    np.testing.assert_array_equal(class_masks.read(tmp_path / "a.png"), mask)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "reason"),
+    [
+        (np.full((4, 4), 3, np.uint8), "value 3, expected 0 ground, 1 rock, 2 shadow, 255 ignored"),
+        (np.zeros((4, 4), np.uint16), "uint16 with shape"),
+        (np.zeros((4, 4, 3), np.uint8), r"shape \(4, 4, 3\)"),
+    ],
+)
+def test_other_pictures_are_refused(tmp_path, pixels, reason):
+    png.write(tmp_path / "a.png", pixels)
+    with pytest.raises(FormatError, match=rf"a\.png: .*{reason}"):
+        class_masks.read(tmp_path / "a.png")
+
+
+def test_ids_become_classes_and_what_has_no_label_is_ignored():
+    ids = np.array([[BACKGROUND, GROUND, RELIEF_SHADOW], [ROCK_IDS + 1, ROCK_IDS + 2, SHADOW_IDS + 1]], np.uint16)
+    mask = class_masks.of_ids(ids, [ROCK_IDS + 1, SHADOW_IDS + 1])
+    np.testing.assert_array_equal(mask, [[0, 0, 0], [1, 255, 2]])
+    np.testing.assert_array_equal(class_masks.of_ids(np.zeros((1, 2), np.uint16), []), [[0, 0]])
