@@ -5,23 +5,27 @@ area (Trask, JPL Technical Report 32-800 (1966) 252: 10^10.9 D^-2 on 10^6 km2, D
 
 Shape: a paraboloid up to the rim; the rim stands as high above the ground around as in fresh craters, 0.036 / 0.196
 of the depth from rim to floor (Pike, in Impact and Explosion Cratering (1977) 489); outside, ejecta fall off with the
-third power of the distance (McGetchin, Settle & Head, Earth Planet. Sci. Lett. 20 (1973) 226), and end at three radii. Fresh
-ones are 0.196 deep for their diameter; those in equilibrium are worn at all stages, so ratios are drawn evenly between
-bounds. Craters add up where they overlap.
+third power of the distance (McGetchin, Settle & Head, Earth Planet. Sci. Lett. 20 (1973) 226), and fade out between two
+and three radii. Then the profile is averaged over 0.2 radii, for worn craters have round rims. Fresh craters are 0.196
+deep for their diameter; those in equilibrium are worn at all stages, so ratios are drawn evenly between bounds. Craters
+add up where they overlap.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy import ndimage
 
 from polarsim.randomness import generator
 from polarsim.rover.world.options import CraterOptions
 
 TRASK = 0.079
 RIM_SHARE = 0.036 / 0.196  # height of the rim over the depth, of fresh craters
-EJECTA_RADII = 3.0  # where ejecta end
+_ROUNDED, _FINE = 0.2, 0.01  # radii over which the profile is averaged, and between its values
+EJECTA_FADE, EJECTA_RADII = 2.0, 3.0  # where ejecta begin to fade, and end
 _CELLS = 3.0  # across a crater, at least: of a smaller one nodes show nothing right
 
 
@@ -51,9 +55,19 @@ def strewn_craters(options: CraterOptions, size_m: float, seed: int) -> Craters:
 
 
 def profile(radii: np.ndarray) -> np.ndarray:
-    """Heights over the depth, at distances from the centre over the radius."""
-    outside = RIM_SHARE * (np.maximum(radii, 1.0) ** -3 - EJECTA_RADII**-3) / (1 - EJECTA_RADII**-3)
-    return np.where(radii < 1, RIM_SHARE - 1 + radii**2, np.maximum(outside, 0.0))
+    """Heights over the depth from rim to floor, at distances from the centre over the radius."""
+    return np.interp(radii, *_tabulated())
+
+
+@cache
+def _tabulated() -> tuple[np.ndarray, np.ndarray]:
+    """Distances over the radius, and heights over the depth."""
+    radii = np.arange(0.0, EJECTA_RADII + _ROUNDED + _FINE / 2, _FINE)
+    t = np.clip((radii - EJECTA_FADE) / (EJECTA_RADII - EJECTA_FADE), 0.0, 1.0)
+    outside = RIM_SHARE * np.maximum(radii, 1.0) ** -3 * (1 - t * t * (3 - 2 * t))
+    sharp = np.where(radii < 1, RIM_SHARE - 1 + radii**2, outside)
+    round_ = ndimage.uniform_filter1d(sharp, round(_ROUNDED / _FINE), mode="reflect")
+    return radii, round_ / np.ptp(round_)
 
 
 def dig(level: np.ndarray, x: np.ndarray, y: np.ndarray, craters: Craters) -> None:

@@ -25,7 +25,7 @@ from polarsim.rover.world.rock_field import RING_RADII, RockField, Shape, posed,
 from polarsim.rover.world.stitch import Terrain
 from polarsim.rover.world.surface import Surroundings, World, bare_world
 
-GROWTH = 1.1  # of nodes' distances, from one to the next
+GROWTH, GROWTH_FAR = 1.02, 1.1  # of nodes' distances, from one to the next, in the square and beyond
 FACES = (300, 60)  # of rocks beyond the grid, and of those that are scenery
 _MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # that labels can tell apart; the rest is scenery
 _SKIRT = 0.3  # diameters that scenery's feet are drawn out downwards
@@ -105,7 +105,7 @@ def _nodes(inner: np.ndarray, dem: DemOptions) -> np.ndarray:
     for rim in (-inner[0], inner[-1]):
         steps, place, step = [], rim, cell
         while place < max(dem.horizon_m, half):
-            step = step * GROWTH if place >= half else min(step * GROWTH, max(dem.coarse_cell_m, cell))
+            step = step * GROWTH_FAR if place >= half else min(step * GROWTH, max(dem.coarse_cell_m, cell))
             place += step
             steps.append(place)
         sides.append(np.array(steps))

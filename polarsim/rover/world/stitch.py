@@ -105,8 +105,13 @@ def centres(options: WorldOptions) -> np.ndarray:
 
 def rough_world(world: World, deviation: float, seed: int) -> World:
     """The same world with a little noise on every node: what differs between seeds."""
+    around = world.around
+    if around is not None:  # smooth beside the grid it would look like another ground
+        step = np.maximum(np.gradient(around.y)[:, None], np.gradient(around.x))
+        noise = generator(seed, "rover", "ground around").normal(0.0, deviation, step.shape) * (world.cell / step)
+        around = replace(around, level=(around.level + noise).astype(np.float32))
     noise = generator(seed, "rover", "ground").normal(0.0, 1.0, world.level.shape) * deviation
-    return replace(world, level=world.level + noise)
+    return replace(world, level=world.level + noise, around=around)
 
 
 def _ramp(value: np.ndarray) -> np.ndarray:

@@ -117,25 +117,19 @@ def bare_world(level: np.ndarray, cell: float, x0: float, y0: float) -> World:
 def write_world(folder: str | Path, world: World) -> None:
     """`ground.npz`, `rocks.parquet`, `rocks.npz`: same world, same bytes."""
     folder, around = Path(folder), world.around
-    ground, scenery = {}, {}
+    ground = {
+        "x0_m": np.asarray(world.x0, np.float64),
+        "y0_m": np.asarray(world.y0, np.float64),
+        "cell_m": np.asarray(world.cell, np.float64),
+        "level_m": world.level.astype(np.float64),
+    }
+    rocks = {"vertices_m": world.vertices.astype(np.float32), "triangles": world.triangles.astype(np.int32)}
     if around is not None:
-        ground = {"around_x_m": around.x, "around_y_m": around.y, "around_level_m": around.level.astype(np.float32)}
-        scenery = {"scenery_vertices_m": around.vertices, "scenery_triangles": around.triangles}
-    write_arrays(
-        folder / "ground.npz",
-        x0_m=np.float64(world.x0),
-        y0_m=np.float64(world.y0),
-        cell_m=np.float64(world.cell),
-        level_m=world.level.astype(np.float64),
-        **ground,
-    )
+        ground |= {"around_x_m": around.x, "around_y_m": around.y, "around_level_m": around.level.astype(np.float32)}
+        rocks |= {"scenery_vertices_m": around.vertices, "scenery_triangles": around.triangles}
+    write_arrays(folder / "ground.npz", True, **ground)
     tables.write_parquet(folder / "rocks.parquet", world.rocks[list(ROCK_COLUMNS)])
-    write_arrays(
-        folder / "rocks.npz",
-        vertices_m=world.vertices.astype(np.float32),
-        triangles=world.triangles.astype(np.int32),
-        **scenery,
-    )
+    write_arrays(folder / "rocks.npz", True, **rocks)
 
 
 def read_world(folder: str | Path) -> World:
