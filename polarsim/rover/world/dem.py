@@ -15,8 +15,6 @@ from scipy.interpolate import RectBivariateSpline
 from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
 from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
-from polarsim.formats.scene import TerrainMesh
-from polarsim.render.surfaces import with_skirts
 from polarsim.rover.world.craters import dig, strewn_craters
 from polarsim.rover.world.options import DemOptions, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, with_rocks
@@ -26,9 +24,8 @@ from polarsim.rover.world.stitch import Terrain
 from polarsim.rover.world.surface import Surroundings, World, bare_world
 
 GROWTH, GROWTH_FAR = 1.02, 1.1  # of nodes' distances, from one to the next, in the square and beyond
-FACES = (300, 60)  # of rocks beyond the grid, and of those that are scenery
+CORNERS = (150, 32)  # of rocks beyond the grid, and of those that are scenery
 _MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # that labels can tell apart; the rest is scenery
-_SKIRT = 0.3  # diameters that scenery's feet are drawn out downwards
 
 
 def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) -> World:
@@ -61,7 +58,7 @@ def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) 
     bare = replace(bare_world(level[own], options.cell_m, inner[0][0], inner[1][0]), around=around)
     if dem.rocks is None:
         return bare
-    shapes = shapes_of(terrains, FACES)
+    shapes = shapes_of(terrains, CORNERS)
     return _strewn(bare, strewn_rocks(dem.rocks, shapes, dem.size_m, path[:1], dem.seed), shapes)
 
 
@@ -126,10 +123,9 @@ def _strewn(bare: World, field: RockField, shapes: list[Shape]) -> World:
     count = max(_MOST_ROCKS, int(near.sum()))
     foot = np.stack([field.x, field.y, _ground_round(bare, field)], axis=1)
     world = with_rocks(bare, _placed(field, shapes, foot, np.sort(order[:count]), near))
-    standing = [_with_skirt(shape.levels[-1].vertices, shape.levels[-1].faces) for shape in shapes]
     vertices, triangles, first = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
     for rock in np.sort(order[count:]):
-        mesh = standing[field.shape[rock]]
+        mesh = shapes[field.shape[rock]].levels[-1]
         vertices.append(posed(mesh, field.diameter[rock], field.angle[rock], foot[rock]))
         triangles.append(mesh.faces + first)
         first += len(mesh.vertices)
@@ -157,7 +153,3 @@ def _ground_round(bare: World, field: RockField) -> np.ndarray:
     reach = RING_RADII * field.diameter[:, None]
     around = bare.height_at(field.x[:, None] + reach * np.cos(ring), field.y[:, None] + reach * np.sin(ring))
     return np.asarray(np.median(around, axis=1))
-
-
-def _with_skirt(vertices: np.ndarray, faces: np.ndarray) -> TerrainMesh:
-    return with_skirts(TerrainMesh(vertices, faces, np.ones(len(faces), int)), _SKIRT)

@@ -1,11 +1,12 @@
-"""Relief that repeats itself at all scales: self-affine heights, exact between any two points of a plane.
+"""Relief that repeats itself over a range of scales: self-affine heights.
 
 Heights of points that lie L apart differ by `deviation_m` (L / 1 m)^H in the root mean square (structure function of
 fractional Brownian relief; H is the Hurst exponent). Of the Moon at 17 m and more H is 0.95 in the median of highlands
 and 0.76 of maria (Rosenburg et al., J. Geophys. Res. 116 (2011) E02001).
 
 It is a sum of octaves: on a square lattice of spacing s stand normal numbers, a cubic B-spline leads through them, and
-its amplitude grows as s^H. So heights can be asked for on any nodes, fine ones here, coarse ones there.
+its amplitude grows as s^H. So heights can be asked for on any nodes, fine ones here, coarse ones there. Where octaves
+end the power is lower: of octaves from 4 cm to 41 m it is 0.84 between 0.5 and 4 m with H = 0.9, and 0.74 with 0.76.
 """
 
 from __future__ import annotations

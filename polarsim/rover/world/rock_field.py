@@ -20,7 +20,7 @@ from scipy.special import expn
 from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh
 from polarsim.randomness import generator
-from polarsim.rover.world.hulls import top_at
+from polarsim.rover.world.hulls import outward_faces, top_at
 from polarsim.rover.world.options import RockOptions
 from polarsim.rover.world.placed import outward
 from polarsim.rover.world.stitch import Terrain
@@ -99,31 +99,31 @@ def _places(
     return x, y
 
 
-def shapes_of(terrains: list[Terrain], faces: tuple[int, ...]) -> list[Shape]:
-    """The rocks of terrains as shapes: each as it is, and with at most so many faces for every further level.
+def shapes_of(terrains: list[Terrain], corners: tuple[int, ...]) -> list[Shape]:
+    """The rocks of terrains as shapes: each as it is, and as a hull of at most so many corners for every further level.
 
     Raises
     ------
     RoverError
         There is no rock.
     """
-    shapes = [shape for terrain in terrains for shape in _shapes(terrain, faces)]
+    shapes = [shape for terrain in terrains for shape in _shapes(terrain, corners)]
     if not shapes:
         names = ", ".join(str(terrain.number) for terrain in terrains)
         raise RoverError(f"rover.world.dem.rocks: the meshes of terrains {names} have no rock to take a shape from")
     return shapes
 
 
-def _shapes(terrain: Terrain, faces: tuple[int, ...]) -> list[Shape]:
+def _shapes(terrain: Terrain, corners: tuple[int, ...]) -> list[Shape]:
     used = {number: np.unique(rock.faces, return_inverse=True) for number, rock in sorted(terrain.rocks.items())}
     points = {number: terrain.rocks[number].vertices[own] for number, (own, _) in used.items()}
     feet = _feet(terrain, list(points.values()))
     found = []
-    for (number, (_, corners)), foot in zip(used.items(), feet, strict=True):
+    for (number, (_, faces)), foot in zip(used.items(), feet, strict=True):
         own = points[number] - foot
         diameter = _diameter(own)
-        mesh = Mesh(own / diameter, outward(own, corners.reshape(-1, 3)))
-        found.append(Shape(terrain.number, number, diameter, (mesh, *(_fewer(mesh, most) for most in faces))))
+        mesh = Mesh(own / diameter, outward(own, faces.reshape(-1, 3)))
+        found.append(Shape(terrain.number, number, diameter, (mesh, *(_fewer(mesh, most) for most in corners))))
     return found
 
 
@@ -144,17 +144,14 @@ def _diameter(points: np.ndarray) -> float:
     return float(np.sqrt(4 * ConvexHull(above if len(above) > 8 else points[:, :2]).volume / np.pi))
 
 
-def _fewer(mesh: Mesh, most: int) -> Mesh:
-    """The mesh with at most so many faces, by quadric edge collapse."""
-    if len(mesh.faces) <= most:
-        return mesh
-    import open3d
-
-    whole = open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(mesh.vertices), open3d.utility.Vector3iVector(mesh.faces.astype(np.int32))
-    )
-    fewer = whole.simplify_quadric_decimation(most).remove_unreferenced_vertices()
-    return Mesh(np.asarray(fewer.vertices), np.asarray(fewer.triangles))
+def _fewer(mesh: Mesh, corners: int) -> Mesh:
+    """The hull of the vertices that lie farthest out in so many directions, spread evenly (a Fibonacci spiral)."""
+    number = np.arange(corners) + 0.5
+    z, turn = 1 - 2 * number / corners, np.pi * (1 + np.sqrt(5)) * number
+    flat = np.sqrt(1 - z**2)
+    directions = np.stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    points = mesh.vertices[np.unique((mesh.vertices @ directions).argmax(axis=0))]
+    return Mesh(points, outward_faces(points))
 
 
 def posed(mesh: Mesh, diameter_m: float, angle: float, foot: np.ndarray) -> np.ndarray:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import RegularGridInterpolator
 
 from polarsim.errors import FormatError
 from polarsim.formats import tables
@@ -36,8 +35,8 @@ class Surroundings:
 
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Heights, bilinear; the edge's beyond it."""
-        points = np.stack([np.clip(y, *self.y[[0, -1]]), np.clip(x, *self.x[[0, -1]])], axis=-1)
-        return np.asarray(RegularGridInterpolator((self.y, self.x), self.level)(points))
+        column, row = (np.interp(at, nodes, np.arange(len(nodes))) for at, nodes in ((x, self.x), (y, self.y)))
+        return bilinear(self.level, 0.0, 0.0, 1.0, column, row)
 
 
 @dataclass(frozen=True)
