@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_val
 from polarsim.photo import TERRAINS
 
 
-class ReliefOptions(BaseModel, extra="forbid", frozen=True):
+class FineReliefOptions(BaseModel, extra="forbid", frozen=True):
     """These options set the relief finer than what the elevation model shows, or all relief where there is none."""
 
     hurst: float = Field(
@@ -85,7 +85,9 @@ class DemOptions(BaseModel, extra="forbid", frozen=True):
         0.25, description="Nodes beyond the drive's grid grow up to this distance from each other in the square, m."
     )
     seed: int = Field(0, ge=0, description="Relief, craters and rocks are drawn with this seed; drives share them.")
-    relief: ReliefOptions = Field(ReliefOptions(), description="This section sets the relief between the heights.")
+    relief: FineReliefOptions = Field(
+        FineReliefOptions(), description="This section sets the relief between the heights."
+    )
     craters: CraterOptions = Field(CraterOptions(), description="This section says which craters there are.")
     rocks: RockOptions | None = Field(
         RockOptions(), description="This section says which rocks are strewn; null: none."

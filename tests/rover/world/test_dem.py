@@ -6,7 +6,7 @@ import pytest
 from polarsim.errors import FormatError, RoverError
 from polarsim.rover.world import dem as module
 from polarsim.rover.world.dem import dem_world
-from polarsim.rover.world.options import CraterOptions, DemOptions, ReliefOptions, RockOptions, WorldOptions
+from polarsim.rover.world.options import CraterOptions, DemOptions, FineReliefOptions, RockOptions, WorldOptions
 from polarsim.rover.world.stitch import Terrain, rough_world
 from polarsim.rover.world.surface import read_world, write_world
 from tests.rover.made_world import ball, plane
@@ -14,7 +14,7 @@ from tests.rover.made_world import ball, plane
 PATH = np.array([[2.0, 0.0], [-2.0, 0.0]])
 TERRAINS = [Terrain(4, plane(0.0), {7: ball(0, 0, 0), 8: ball(0.4, 0, 0, 0.05)})]
 ROCKS = RockOptions(abundance=0.05, smallest_m=0.1, clear_m=0.5)
-BARE = {"craters": CraterOptions(share=0.0), "relief": ReliefOptions(deviation_m=0.0), "rocks": None}
+BARE = {"craters": CraterOptions(share=0.0), "relief": FineReliefOptions(deviation_m=0.0), "rocks": None}
 
 
 def options(**dem):
