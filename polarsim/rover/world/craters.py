@@ -39,7 +39,7 @@ class Craters:
     depth: np.ndarray
 
 
-def per_m2(diameter_m: np.ndarray) -> np.ndarray:
+def per_m2(diameter_m: np.ndarray | float) -> np.ndarray:
     """Craters of this diameter or more on a square metre in equilibrium."""
     return np.asarray(TRASK * np.asarray(diameter_m, float) ** -2)
 

@@ -52,12 +52,12 @@ class RockField:
     shape: np.ndarray
 
 
-def covered_share(diameter_m: np.ndarray, abundance: float) -> np.ndarray:
+def covered_share(diameter_m: np.ndarray | float, abundance: float) -> np.ndarray:
     """Of the ground, by rocks of this diameter or more."""
     return np.asarray(abundance * np.exp(-_steepness(abundance) * np.asarray(diameter_m, float)))
 
 
-def per_m2(diameter_m: np.ndarray, abundance: float) -> np.ndarray:
+def per_m2(diameter_m: np.ndarray | float, abundance: float) -> np.ndarray:
     """Rocks of this diameter or more on a square metre."""
     diameter, q = np.asarray(diameter_m, float), _steepness(abundance)
     return np.asarray(4 * abundance * q / np.pi * expn(2, q * diameter) / diameter)
@@ -120,9 +120,9 @@ def _shapes(terrain: Terrain, corners: tuple[int, ...]) -> list[Shape]:
     feet = _feet(terrain, list(points.values()))
     found = []
     for (number, (_, faces)), foot in zip(used.items(), feet, strict=True):
-        own = points[number] - foot
-        diameter = _diameter(own)
-        mesh = Mesh(own / diameter, outward(own, faces.reshape(-1, 3)))
+        own, faces = points[number] - foot, faces.reshape(-1, 3)
+        diameter = _diameter(own, faces)
+        mesh = Mesh(own / diameter, outward(own, faces))
         found.append(Shape(terrain.number, number, diameter, (mesh, *(_fewer(mesh, most) for most in corners))))
     return found
 
@@ -138,10 +138,14 @@ def _feet(terrain: Terrain, rocks: list[np.ndarray]) -> np.ndarray:
     return np.column_stack([centres, np.median(top, axis=1)])
 
 
-def _diameter(points: np.ndarray) -> float:
+def _diameter(points: np.ndarray, faces: np.ndarray) -> float:
     """Of the circle with the area of the outline from above, of what is above the ground if there is enough of it."""
-    above = points[points[:, 2] > 0, :2]
-    return float(np.sqrt(4 * ConvexHull(above if len(above) > 8 else points[:, :2]).volume / np.pi))
+    start, end = (points[faces[:, sides].ravel()] for sides in ([0, 1, 2], [1, 2, 0]))
+    through = start[:, 2] * end[:, 2] < 0
+    start, end = start[through], end[through]
+    foot = start + (end - start) * (start[:, 2] / (start[:, 2] - end[:, 2]))[:, None]
+    above = np.concatenate([points[points[:, 2] > 0], foot])
+    return float(np.sqrt(4 * ConvexHull((above if len(above) > 8 else points)[:, :2]).volume / np.pi))
 
 
 def _fewer(mesh: Mesh, corners: int) -> Mesh:
