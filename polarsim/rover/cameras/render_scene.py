@@ -92,8 +92,9 @@ class RenderScene:
             More rocks than instance maps have ids for.
         """
         self.tracks, self._body = tracks, body
-        still = still_ground(tracks.fine, tracks.covered, far_m)
-        if around is not None:
+        if around is None:
+            still = still_ground(tracks.fine, tracks.covered, far_m)
+        else:
             still = _joined(surrounding_ground(tracks, around), _scenery(around))
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
         here = {link: Pose.identity() for link in body.links}
