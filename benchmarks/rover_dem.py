@@ -1,6 +1,6 @@
 """A world on an elevation model beside the strip of terrains: time, memory, laws, and what a second driven costs.
 
-.venv/bin/python -m benchmarks.rover_dem MESHES --terrains 4 1 11 [--dem FILE.tif] [--size 60] [--autonomy]
+.venv/bin/python benchmarks/rover_dem.py MESHES --terrains 4 1 11 [--dem FILE.tif] [--size 60] [--autonomy]
 MESHES: a run's meshes, TerrainNN/; without a file the relief is made up. `--autonomy` drives by labels instead.
 Figures of the last run: docs/notes/rover.md.
 """
