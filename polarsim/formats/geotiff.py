@@ -5,6 +5,7 @@ The file must say where it lies: a projected frame in metres, north up. Only the
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,11 +60,14 @@ def read_elevation(
     """
     try:
         import rasterio
+        from rasterio.errors import NotGeoreferencedWarning
     except ImportError as error:
         raise PolarsimError("elevation models are read with rasterio: pip install 'polarsim[rover]'") from error
-    with rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"), rasterio.open(path, driver="GTiff") as file:
-        _require_metres(file)
-        return _around(file, half_m, far_m, centre_m)
+    with warnings.catch_warnings(), rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR"):
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # it is refused in one line
+        with rasterio.open(path, driver="GTiff") as file:
+            _require_metres(file)
+            return _around(file, half_m, far_m, centre_m)
 
 
 def _require_metres(file: Any) -> None:
