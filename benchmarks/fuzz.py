@@ -42,6 +42,7 @@ from polarsim.formats import (
     coco,
     colmap,
     files,
+    geotiff,
     instances,
     inventory,
     kitti,
@@ -381,7 +382,19 @@ class _Options(yaml_files.BaseModel, extra="forbid"):
 YAML = "run: demo\nseed: 3\nlamps: {a: [1.0, 2, 3], b: &b [4, 5]}\n"
 _SMALL = (16, 12)
 
+
 # By function, with the module below polarsim: every reader has at least one.
+def make_geotiff(folder: Path) -> Path:
+    import rasterio
+
+    path = folder / "a.tif"
+    place = {"crs": "EPSG:32633", "transform": rasterio.Affine(1.0, 0, 500_000.0, 0, -1.0, 4_000_000.0)}
+    shape = {"width": 8, "height": 8, "count": 1, "dtype": "float32"}
+    with rasterio.open(path, "w", driver="GTiff", **shape, **place) as made:
+        made.write(np.arange(64, dtype=np.float32).reshape(8, 8), 1)
+    return path
+
+
 CASES: dict[str, list[Case]] = {
     "formats.arrow.decode": [
         Case(
@@ -416,6 +429,7 @@ CASES: dict[str, list[Case]] = {
     "formats.files.read_json": [
         Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json)
     ],
+    "formats.geotiff.read_elevation": [Case(make_geotiff, lambda path: geotiff.read_elevation(path, 2.0, 3.0))],
     "formats.instances.read": [Case(file("a.png", png.write, IDS), instances.read, same(IDS))],
     "formats.instances.read_kind_masks": [
         Case(

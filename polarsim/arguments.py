@@ -25,7 +25,7 @@ STOPPED = 130  # as a shell has it: 128 and the number of SIGINT
 _SHOWN_RUNS = 10
 _EXTRAS = {  # what brings a module that polarsim does without
     **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
-    **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rosbags"), "rover"),
+    **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rasterio", "rosbags"), "rover"),
 }
 
 

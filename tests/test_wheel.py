@@ -13,7 +13,18 @@ from polarsim.formats import obj, png
 from polarsim.geometry.meshes import Mesh
 
 CHECKOUT = Path(__file__).parent.parent
-EXTRAS = ("torch", "torchvision", "ultralytics", "av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rosbags")
+EXTRAS = (
+    "torch",
+    "torchvision",
+    "ultralytics",
+    "av",
+    "gymnasium",
+    "mcap",
+    "mcap_ros2",
+    "mujoco",
+    "rasterio",
+    "rosbags",
+)
 BLOCKED = f"""
 import sys
 class Absent:

@@ -46,7 +46,8 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
 
 def test_a_drive_of_every_mode_sun_exposure_and_seed_then_a_table_and_a_figure(checkout, snakemake):
     asked = {"modes": ["truth", "detector", "both", "blind"], "suns": ["1", "3"], "exposures_ms": [64, "auto"]}
-    content = {"rover": {"autonomy": {**asked, "seeds": [0, 5]}}}
+    content = {"rover": {"autonomy": {**asked, "seeds": [0, 5]}, "world": {"dem": {"path": "site.tif"}}}}
+    (checkout / "site.tif").touch()
     (checkout / "config/lights.yaml").write_text(yaml.safe_dump(content))
     files = [f"config/{name}.yaml" for name in ("rover", "rover_autonomy", "lights")]
     done = snakemake(checkout, "rover_autonomy", "--dry-run", "--configfile", *files)
@@ -57,6 +58,7 @@ def test_a_drive_of_every_mode_sun_exposure_and_seed_then_a_table_and_a_figure(c
     cases = {f"{light}_seed{seed}" for light in lit | {"truth_any_any", "blind_any_any"} for seed in (0, 5)}
     assert set(re.findall(r"output: results/demo/rover/autonomy/(\w+)/figures\.parquet", text)) == cases
     assert jobs["drive_alone"] == len(cases) == 20
+    assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == 20  # a new elevation model is driven over anew
     assert jobs["summarise_autonomy"] == jobs["tabulate_autonomy"] == jobs["draw_autonomy"] == 1
     assert "drive_rover" not in jobs
     assert "train_detector" not in jobs  # the packaged one looks

@@ -15,9 +15,11 @@ rule rover:
 
 
 rule drive_rover:
-    """One drive: terrains side by side as one deformable ground, rocks on it, the rover along its path."""
+    """One drive: terrains side by side or an elevation model as one deformable ground, rocks on it, the rover along its
+    path."""
     input:
         meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
+        dem=elevation_model(),
         vehicle=str(ROVER.drive.vehicle),
         soils=str(ROVER.soil.table),
     output:

@@ -12,6 +12,7 @@ rule drive_alone:
     """One drive in which the rover looks, maps, plans and steers, and what it was like."""
     input:
         meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
+        dem=elevation_model(),
         vehicle=str(ROVER.drive.vehicle),
         soils=str(ROVER.soil.table),
         weights=weights_of_case,

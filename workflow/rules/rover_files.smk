@@ -58,6 +58,12 @@ def of_terrains_driven(pattern):
     return expand(pattern, terrain=[f"{terrain:02d}" for terrain in ROVER.world.terrains])
 
 
+def elevation_model():
+    """The file with the heights of the ground that is driven over, where the configuration names one."""
+    dem = ROVER.world.dem
+    return str(dem.path) if dem and dem.path else []
+
+
 def shown_sun():
     """The Sun under which figures show a drive."""
     return ROVER.shown_set.split("_")[0]

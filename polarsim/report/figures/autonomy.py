@@ -71,6 +71,8 @@ def _draw_rocks(axis, world: Path) -> None:  # type: ignore[no-untyped-def]
         cmap="gray",
         alpha=0.4,
     )
+    axis.set_xlim(x0, x0 + cell * columns)
+    axis.set_ylim(y0, y0 + cell * rows)  # rocks may lie beyond
     for rock in read_parquet(world / "rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):
         high = rock["height_m"] > HIGH_M
         axis.add_patch(Circle((rock["x_m"], rock["y_m"]), rock["width_m"] / 2, fill=high, color=INK if high else FAINT))

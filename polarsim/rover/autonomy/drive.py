@@ -22,7 +22,7 @@ from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import Job, job_of
-from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.ride import Ride
 from polarsim.rover.drive.trace import Trace, write_trace
 from polarsim.rover.soil.options import SoilOptions
@@ -49,24 +49,24 @@ class Outcome:
 def job_for(
     *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, options: AutonomyOptions, seed: int
 ) -> Job:
-    """A drive over the same terrains with room before, behind and beside them.
+    """A drive over the same ground with room before, behind and beside the way.
 
     Raises
     ------
     PolarsimError
-        Meshes, soil or vehicle are missing or broken.
+        Meshes, elevation model, soil or vehicle are missing or broken.
     """
-    room = {"width_m": options.width_m, "margin_m": options.ahead_m + _BEHIND_M}
+    # The grid of an elevation model lies round the path, that of a strip round its terrains.
+    room = {"width_m": options.width_m, "margin_m": _BEHIND_M + (0.0 if world.dem else options.ahead_m)}
+    drive = drive.model_copy(update={"path_m": _line(world, drive, options)})
     return job_of(meshes=meshes, world=world.model_copy(update=room), soil=soil, drive=drive, seed=seed)
 
 
 def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
     """The same drive on the straight line that modes are compared on, logged as autonomy asks for."""
-    half = job.rocks.length_m * len(job.rocks.terrains) / 2 + options.ahead_m
-    line = job.drive.path_m or ((half, 0.0), (-half, 0.0))
     drive = job.drive.model_copy(
         update={
-            "path_m": (line[0], line[-1]),
+            "path_m": _line(job.rocks, job.drive, options),
             "speed_m_s": options.speed_m_s,
             "log_hz": _LOG_HZ,
             "picture_hz": options.rate_hz,
@@ -74,6 +74,13 @@ def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
         }
     )
     return replace(job, drive=drive)
+
+
+def _line(world: WorldOptions, drive: DriveOptions, options: AutonomyOptions) -> tuple[Point, Point]:
+    """The straight line from the path's first point to its last; the centre line where there is none."""
+    half = world.half_length_m + options.ahead_m
+    line = drive.path_m or ((half, 0.0), (-half, 0.0))
+    return line[0], line[-1]
 
 
 def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:

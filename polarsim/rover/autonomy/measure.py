@@ -107,7 +107,8 @@ def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) ->
         return 0
     x, y = np.meshgrid(pilot.grid.x, pilot.grid.y)
     blocked, tall = np.zeros(x.shape, bool), np.zeros(x.shape, bool)
-    for rock in world.rocks[world.rocks["height_m"] > HIGH_M].to_dict("records"):
+    rocks = world.rocks_on_grid
+    for rock in rocks[rocks["height_m"] > HIGH_M].to_dict("records"):
         own = np.hypot(x - rock["x_m"], y - rock["y_m"]) < rock["radius_m"] + options.map.cell_m / 2
         blocked |= own
         tall |= own & (rock["height_m"] >= options.planner.clearance_m)

@@ -61,7 +61,8 @@ class LiveScene:
         self.render = options_of(suite, body)
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
         tracks = WheelTracks(lattice, _near(world, path, beside_m), suite.finer)
-        self._scene = RenderScene(tracks, rocks_of(world), body, skirt_m=self.render.skirt_m, far_m=suite.far_m)
+        reach = {"skirt_m": self.render.skirt_m, "far_m": suite.far_m}
+        self._scene = RenderScene(tracks, rocks_of(world), body, around=world.around, **reach)
 
     @property
     def surfaces(self) -> MovingSurfaces:

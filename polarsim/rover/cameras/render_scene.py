@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
+from scipy.interpolate import RectBivariateSpline
 
 from polarsim.errors import RoverError
 from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
@@ -24,7 +25,7 @@ from polarsim.render.surfaces import Surfaces, with_skirts
 from polarsim.rover.cameras.bodywork import Body
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks, tile_faces
-from polarsim.rover.world.surface import World
+from polarsim.rover.world.surface import Surroundings, World
 
 _REST, _ROCKS = 1, 2  # bits of parts
 # Factor of the body's albedos: upright walls get seven times the ground's light under a Sun at 8 degrees, and at 1 they
@@ -33,6 +34,7 @@ _BODY_DARKER = 0.25
 _FADE_M = 0.6  # over which the rim's heights fade out beyond it
 _BLUR = 0.5  # along the rim, over the distance beyond it: else its heights would be seen as rays
 _GROWTH = 1.35  # of the far ground's cells, from one to the next
+Still = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertices (v, 3), faces (f, 3), unit normals (v, 3) of what stands
 
 
 @dataclass(frozen=True)
@@ -64,14 +66,25 @@ class MovingSurfaces(Surfaces):
 class RenderScene:
     """All that is seen on a drive; `show` moves it to a moment."""
 
-    def __init__(self, tracks: WheelTracks, rocks: Rocks, body: Body, *, skirt_m: float, far_m: float) -> None:
+    def __init__(
+        self,
+        tracks: WheelTracks,
+        rocks: Rocks,
+        body: Body,
+        *,
+        skirt_m: float,
+        far_m: float,
+        around: Surroundings | None = None,
+    ) -> None:
         """
         Parameters
         ----------
         skirt_m : float
             Open feet of rocks are drawn out downwards so far: no light beneath them.
         far_m : float
-            The ground goes on so far beyond the drive's grid.
+            The ground goes on so far beyond the drive's grid where nothing lies around it.
+        around : Surroundings
+            What lies beyond the grid; to labels its rocks are relief of the ground.
 
         Raises
         ------
@@ -79,7 +92,10 @@ class RenderScene:
             More rocks than instance maps have ids for.
         """
         self.tracks, self._body = tracks, body
-        still = still_ground(tracks.fine, tracks.covered, far_m)
+        if around is None:
+            still = still_ground(tracks.fine, tracks.covered, far_m)
+        else:
+            still = _joined(surrounding_ground(tracks, around), _scenery(around))
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
         here = {link: Pose.identity() for link in body.links}
         standing = rocks_with_skirts(rocks, skirt_m)
@@ -126,7 +142,7 @@ class RenderScene:
         self._parts.move(part, vertices)
 
 
-def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> Still:
     """Vertices, faces and normals of the ground without the covered cells (rows - 1, columns - 1), and of what is far.
 
     Beyond the grid cells grow, and the level goes from that of the rim to the rim's median.
@@ -145,18 +161,60 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> tuple[n
     out_y, out_x = (np.concatenate([beyond[:count], np.zeros(size), beyond[len(beyond) - count :]]) for size in shape)
     share = np.exp(-np.maximum(out_y[:, None], out_x[None]) / _FADE_M)
     z = centre + share * (_beyond_rim(lattice.level, steps / lattice.cell) - centre)
+    return _mesh(x, y, z, (count, count), lattice, covered)
+
+
+def surrounding_ground(tracks: WheelTracks, around: Surroundings) -> Still:
+    """The same where something lies around the grid: its ground, on a spline through all nodes."""
+    coarse, fine = tracks.lattice, tracks.fine
+    first = tuple(
+        int(np.searchsorted(nodes, start - coarse.cell / 2))
+        for nodes, start in ((around.y, coarse.y0), (around.x, coarse.x0))
+    )
+    level = around.level.astype(float)
+    level[tuple(slice(start, start + size) for start, size in zip(first, coarse.level.shape, strict=True))] = (
+        coarse.level
+    )
+    y, x = (
+        np.concatenate([nodes[:start], origin + fine.cell * np.arange(own), nodes[start + size :]])
+        for nodes, start, origin, size, own in zip(
+            (around.y, around.x), first, (coarse.y0, coarse.x0), coarse.level.shape, fine.level.shape, strict=True
+        )
+    )
+    z = RectBivariateSpline(around.y, around.x, level)(y, x)
+    z[tuple(slice(start, start + size) for start, size in zip(first, fine.level.shape, strict=True))] = fine.level
+    return _mesh(x, y, z, first, fine, tracks.covered)
+
+
+def _mesh(
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, first: tuple[int, ...], lattice: Lattice, covered: np.ndarray
+) -> Still:
+    """Of nodes among which those of a lattice begin at row and column `first`, without its covered cells."""
     along_y, along_x = np.gradient(z, y, x)
-    inner = (slice(count, count + shape[0]), slice(count, count + shape[1]))
+    inner = tuple(slice(start, start + size) for start, size in zip(first, lattice.level.shape, strict=True))
     along_y[inner], along_x[inner] = lattice.slopes  # what tiles continue
     normals = np.stack([-along_x, -along_y, np.ones_like(z)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     kept = np.ones((len(y) - 1, len(x) - 1), bool)
-    kept[count : count + shape[0] - 1, count : count + shape[1] - 1] = ~covered
+    kept[tuple(slice(start, start + size) for start, size in zip(first, covered.shape, strict=True))] = ~covered
     number = np.arange(z.size).reshape(z.shape)
     a, b, c, d = (part[kept] for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     points = np.stack([*np.meshgrid(x, y), z], axis=-1)
     return points.reshape(-1, 3), faces, normals.reshape(-1, 3)
+
+
+def _scenery(around: Surroundings) -> Still:
+    vertices, faces = around.vertices.astype(float), around.triangles.astype(int)
+    return vertices, faces, Mesh(vertices, faces).normals() if len(faces) else vertices
+
+
+def _joined(one: Still, two: Still) -> Still:
+    return (
+        np.concatenate([one[0], two[0]]),
+        np.concatenate([one[1], two[1] + len(one[0])]),
+        np.concatenate([one[2], two[2]]),
+    )
 
 
 def rocks_of(world: World) -> Rocks:

@@ -131,7 +131,8 @@ class CameraSuite:
         changed[self.trace.tracks.cell] = True
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
         tracks = WheelTracks(lattice, changed.reshape(world.level.shape), options.finer)
-        return RenderScene(tracks, rocks_of(world), self.body, skirt_m=self.render_options.skirt_m, far_m=options.far_m)
+        reach = {"skirt_m": self.render_options.skirt_m, "far_m": options.far_m}
+        return RenderScene(tracks, rocks_of(world), self.body, around=world.around, **reach)
 
     @cached_property
     def _sky(self) -> Sky | None:

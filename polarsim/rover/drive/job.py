@@ -18,6 +18,7 @@ from polarsim.rover.drive.state import EDGE, OffGridError, Start
 from polarsim.rover.soil.law import Soil, read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
+from polarsim.rover.world.dem import dem_world
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.stitch import read_terrain, rough_world, stitch
 from polarsim.rover.world.surface import World
@@ -53,7 +54,9 @@ class Job:
             sort_keys=True,
         )
         found = hashlib.sha256(content.encode())
-        for array in (self.world.level, self.world.vertices, self.world.triangles):
+        around = self.world.around
+        beyond = () if around is None else (around.x, around.y, around.level, around.vertices, around.triangles)
+        for array in (self.world.level, self.world.vertices, self.world.triangles, *beyond):
             found.update(np.ascontiguousarray(array).tobytes())
         return found.hexdigest()
 
@@ -64,11 +67,12 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
     Raises
     ------
     PolarsimError
-        Meshes, soil or vehicle are missing or broken.
+        Meshes, elevation model, soil or vehicle are missing or broken.
     """
-    strip = stitch([read_terrain(meshes / f"Terrain{number:02d}", number) for number in world.terrains], world)
+    terrains = [read_terrain(meshes / f"Terrain{number:02d}", number) for number in world.terrains]
+    ground = dem_world(world, terrains, _points(world, drive)) if world.dem else stitch(terrains, world)
     return Job(
-        rough_world(strip, drive.spread.ground_m, seed),
+        rough_world(ground, drive.spread.ground_m, seed),
         read_vehicle(drive.vehicle),
         read_soil(soil.table, soil.soil),
         drive,
@@ -80,10 +84,12 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
 
 def route_of(job: Job) -> Route:
     """The path's points; the centre line of the terrains, from east to west, where none are given."""
-    if job.drive.path_m is not None:
-        return Route(np.array(job.drive.path_m, float))
-    half = job.rocks.length_m * len(job.rocks.terrains) / 2
-    return Route(np.array([[half, 0.0], [-half, 0.0]]))
+    return Route(_points(job.rocks, job.drive))
+
+
+def _points(world: WorldOptions, drive: DriveOptions) -> np.ndarray:
+    half = world.half_length_m
+    return np.array(drive.path_m or ((half, 0.0), (-half, 0.0)), float)
 
 
 def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:

@@ -26,7 +26,7 @@ MOST_PARTS = 8  # convex parts of a rock
 
 
 def rock_hulls(world: World, hollow: float = HOLLOW_M, most: int = MOST_PARTS) -> list[np.ndarray]:
-    """Corners (n, 3) of the convex parts of all rocks, m.
+    """Corners (n, 3) of the convex parts of all rocks that can be met, m.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def rock_hulls(world: World, hollow: float = HOLLOW_M, most: int = MOST_PARTS) -
         A rock without volume.
     """
     hulls = []
-    for row in world.rocks.to_dict("records"):
+    for row in world.rocks_on_grid.to_dict("records"):
         vertices, faces = world.rock_mesh(int(row["rock"]))
         try:
             hulls += convex_parts(vertices, faces, hollow, most)
@@ -103,6 +103,23 @@ def require_volume(points: np.ndarray) -> ConvexHull:
     return hull
 
 
+def outward_faces(points: np.ndarray) -> np.ndarray:
+    """(f, 3) faces of the hull of points (n, 3), which look outwards.
+
+    Raises
+    ------
+    QhullError
+        They lie in a plane.
+    """
+    hull = ConvexHull(points)
+    faces = hull.simplices.copy()
+    sides = points[faces]
+    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return faces
+
+
 def _part(vertices: np.ndarray, triangles: np.ndarray) -> _Part:
     points = vertices[np.unique(triangles)]
     hull = require_volume(points)
@@ -135,7 +152,7 @@ def top_at(vertices: np.ndarray, triangles: np.ndarray, x: np.ndarray, y: np.nda
 def under_rocks(world: World) -> np.ndarray:
     """(rows, columns) bool: nodes with rock above the ground, where the rock bears and the soil does not."""
     under = np.zeros(world.level.shape, bool)
-    for row in world.rocks.to_dict("records"):
+    for row in world.rocks_on_grid.to_dict("records"):
         vertices, faces = world.rock_mesh(int(row["rock"]))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         columns = slice(*np.searchsorted(world.x, [low[0], high[0]]))

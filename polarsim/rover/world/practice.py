@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 from scipy import ndimage
-from scipy.spatial import ConvexHull
 
 from polarsim.errors import RoverError
 from polarsim.randomness import generator
+from polarsim.rover.world.hulls import outward_faces
 from polarsim.rover.world.surface import ROCK_COLUMNS, World, bare_world
 
 CORNERS = 24  # points whose hull a rock is
@@ -78,10 +78,4 @@ def _rock(rng: np.random.Generator, size: float) -> tuple[np.ndarray, np.ndarray
     """Vertices and outward triangles of the hull of points on a flattened ball."""
     points = rng.normal(size=(CORNERS, 3))
     points *= 0.5 * size * np.array([1.0, 0.8, 0.6]) / np.linalg.norm(points, axis=1, keepdims=True)
-    hull = ConvexHull(points)
-    faces = hull.simplices.copy()
-    sides = points[faces]
-    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return points, faces
+    return points, outward_faces(points)

@@ -7,12 +7,11 @@ that published meshes that stand decimetres off meet too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
@@ -20,15 +19,14 @@ from scipy.sparse.linalg import spsolve
 from polarsim.errors import RoverError, about
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.vectors import cross
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume, top_at
 from polarsim.rover.world.options import WorldOptions
-from polarsim.rover.world.surface import ROCK_COLUMNS, World, bare_world
+from polarsim.rover.world.placed import PlacedRock, outward, with_rocks
+from polarsim.rover.world.surface import World, bare_world
 
 FILLER_GRAIN = 0.08  # m, over which filler ground's heights are alike
 FADE = 0.3  # m, over which a terrain's edge passes into filler ground
-RIM = 0.05  # m beyond a rock's outline, where the ground round it is measured
 
 
 @dataclass(frozen=True)
@@ -107,8 +105,13 @@ def centres(options: WorldOptions) -> np.ndarray:
 
 def rough_world(world: World, deviation: float, seed: int) -> World:
     """The same world with a little noise on every node: what differs between seeds."""
+    around = world.around
+    if around is not None:  # smooth beside the grid it would look like another ground
+        step = np.maximum(np.gradient(around.y)[:, None], np.gradient(around.x))
+        noise = generator(seed, "rover", "ground around").normal(0.0, deviation, step.shape) * (world.cell / step)
+        around = replace(around, level=(around.level + noise).astype(np.float32))
     noise = generator(seed, "rover", "ground").normal(0.0, 1.0, world.level.shape) * deviation
-    return replace(world, level=world.level + noise)
+    return replace(world, level=world.level + noise, around=around)
 
 
 def _ramp(value: np.ndarray) -> np.ndarray:
@@ -176,52 +179,15 @@ def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, roughness:
 
 
 def _with_rocks(world: World, terrains: list[Terrain], options: WorldOptions) -> World:
-    rows: list[dict[str, float | int]] = []
-    vertices: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
-    corner, first = 0, 0
+    return with_rocks(world, _in_the_strip(world, terrains, options))
+
+
+def _in_the_strip(world: World, terrains: list[Terrain], options: WorldOptions) -> Iterator[PlacedRock]:
     for terrain, centre in zip(terrains, centres(options), strict=True):
         for number, rock in sorted(terrain.rocks.items()):
-            _, numbers = np.unique(rock.faces, return_inverse=True)
-            points = rock.vertices[np.unique(rock.faces)] + (centre, 0.0, -terrain.sand_level)
-            row = _row(world, points)
-            if abs(row["x_m"] - centre) > options.length_m / 2 or not world.y[0] < row["y_m"] < world.y[-1]:
-                continue
-            faces = _outward(points, numbers.reshape(rock.faces.shape))
-            rows.append(
-                {"rock": len(rows), "terrain": terrain.number, "rock_in_terrain": number, **row}
-                | {"first_face": first, "faces": len(faces)}
-            )
-            vertices.append(points)
-            triangles.append(faces + corner)
-            corner, first = corner + len(points), first + len(faces)
-    if not rows:
-        return world
-    table = pd.DataFrame(rows, columns=list(ROCK_COLUMNS))
-    corners = np.concatenate(vertices).astype(np.float32)
-    return replace(world, rocks=table, vertices=corners, triangles=np.concatenate(triangles).astype(np.int32))
-
-
-def _row(world: World, points: np.ndarray) -> dict[str, float]:
-    """Place, height above the ground round it and width, the largest extent seen from above."""
-    centre = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
-    arms = points[:, :2] - centre
-    angles = np.linspace(0, np.pi, 36, endpoint=False)
-    extents = arms @ np.stack([np.cos(angles), np.sin(angles)])
-    radius = float(np.hypot(*arms.T).max())
-    ring = np.linspace(0, 2 * np.pi, 36, endpoint=False)
-    around = world.height_at(centre[0] + (radius + RIM) * np.cos(ring), centre[1] + (radius + RIM) * np.sin(ring))
-    return {
-        "x_m": float(centre[0]),
-        "y_m": float(centre[1]),
-        "height_m": float(points[:, 2].max() - np.median(around)),
-        "width_m": float((extents.max(axis=0) - extents.min(axis=0)).max()),
-        "radius_m": radius,
-    }
-
-
-def _outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Faces flipped so that on the whole they look away from the rock's centre, as some published ones do not."""
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    away = (a + b + c) / 3 - (points.min(axis=0) + points.max(axis=0)) / 2
-    return faces if float((cross(b - a, c - a) * away).sum()) >= 0 else faces[:, ::-1]
+            used, corners = np.unique(rock.faces, return_inverse=True)
+            points = rock.vertices[used] + (centre, 0.0, -terrain.sand_level)
+            x, y = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
+            if abs(x - centre) <= options.length_m / 2 and world.y[0] < y < world.y[-1]:
+                faces = outward(points, corners.reshape(rock.faces.shape))
+                yield PlacedRock(terrain.number, number, points, faces)

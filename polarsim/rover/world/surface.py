@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,12 +19,34 @@ ROCK_COLUMNS = (
 
 
 @dataclass(frozen=True)
+class Surroundings:
+    """What is seen beyond a world's grid and never driven on: ground, the coarser the farther, and rocks as scenery.
+
+    x, y : (columns,), (rows,) nodes, m; those of the grid are among them, each once.
+    level : (rows, columns) float32, m; the grid's own heights take its place where it lies.
+    vertices, triangles : (V, 3) float32 and (T, 3) int32 of rocks that have no row in the world's table.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    level: np.ndarray
+    vertices: np.ndarray
+    triangles: np.ndarray
+
+    def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Heights, bilinear; the edge's beyond it."""
+        column, row = (np.interp(at, nodes, np.arange(len(nodes))) for at, nodes in ((x, self.x), (y, self.y)))
+        return bilinear(self.level, 0.0, 0.0, 1.0, column, row)
+
+
+@dataclass(frozen=True)
 class World:
     """World frame: x east, y north, z up, metres; node [row, column] lies at (x0 + column cell, y0 + row cell).
 
     rocks : one row a rock with `ROCK_COLUMNS`, by `rock`; its triangles are `first_face` to `first_face + faces`.
     vertices : (V, 3) float32.
     triangles : (T, 3) int32.
+    around : what lies beyond the grid; without it the ground ends there, and pictures go on with a plane.
     """
 
     x0: float
@@ -33,6 +56,7 @@ class World:
     rocks: pd.DataFrame
     vertices: np.ndarray
     triangles: np.ndarray
+    around: Surroundings | None = None
 
     @property
     def x(self) -> np.ndarray:
@@ -44,7 +68,19 @@ class World:
 
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Heights of the ground, bilinear; the edge's beyond it."""
-        return bilinear(self.level, self.x0, self.y0, self.cell, x, y)
+        level = bilinear(self.level, self.x0, self.y0, self.cell, x, y)
+        if self.around is None:
+            return level
+        x, y = np.broadcast_arrays(x, y)
+        inside = (x >= self.x[0]) & (x <= self.x[-1]) & (y >= self.y[0]) & (y <= self.y[-1])
+        return level if inside.all() else np.where(inside, level, self.around.height_at(x, y))
+
+    @property
+    def rocks_on_grid(self) -> pd.DataFrame:
+        """Rows of the rocks that reach onto the grid: no other can be met."""
+        x, y, radius = (self.rocks[name].to_numpy(float) for name in ("x_m", "y_m", "radius_m"))
+        dx, dy = (np.maximum(np.maximum(nodes[0] - at, at - nodes[-1]), 0) for nodes, at in ((self.x, x), (self.y, y)))
+        return self.rocks[np.hypot(dx, dy) <= radius]
 
     def rock_mesh(self, rock: int) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (v, 3) float64 and triangles (t, 3) of one rock."""
@@ -79,18 +115,20 @@ def bare_world(level: np.ndarray, cell: float, x0: float, y0: float) -> World:
 
 def write_world(folder: str | Path, world: World) -> None:
     """`ground.npz`, `rocks.parquet`, `rocks.npz`: same world, same bytes."""
-    folder = Path(folder)
-    write_arrays(
-        folder / "ground.npz",
-        x0_m=np.float64(world.x0),
-        y0_m=np.float64(world.y0),
-        cell_m=np.float64(world.cell),
-        level_m=world.level.astype(np.float64),
-    )
+    folder, around = Path(folder), world.around
+    ground = {
+        "x0_m": np.asarray(world.x0, np.float64),
+        "y0_m": np.asarray(world.y0, np.float64),
+        "cell_m": np.asarray(world.cell, np.float64),
+        "level_m": world.level.astype(np.float64),
+    }
+    rocks = {"vertices_m": world.vertices.astype(np.float32), "triangles": world.triangles.astype(np.int32)}
+    if around is not None:
+        ground |= {"around_x_m": around.x, "around_y_m": around.y, "around_level_m": around.level.astype(np.float32)}
+        rocks |= {"scenery_vertices_m": around.vertices, "scenery_triangles": around.triangles}
+    write_arrays(folder / "ground.npz", True, **ground)
     tables.write_parquet(folder / "rocks.parquet", world.rocks[list(ROCK_COLUMNS)])
-    write_arrays(
-        folder / "rocks.npz", vertices_m=world.vertices.astype(np.float32), triangles=world.triangles.astype(np.int32)
-    )
+    write_arrays(folder / "rocks.npz", True, **rocks)
 
 
 def read_world(folder: str | Path) -> World:
@@ -117,4 +155,27 @@ def read_world(folder: str | Path) -> World:
         rocks,
         mesh["vertices_m"],
         mesh["triangles"],
+        _surroundings(ground, mesh, folder),
     )
+
+
+def _surroundings(
+    ground: Mapping[str, np.ndarray], mesh: Mapping[str, np.ndarray], folder: Path
+) -> Surroundings | None:
+    """Of a world that has some."""
+    if "around_level_m" not in ground:
+        return None
+    for name, arrays, file in (
+        ("around_x_m", ground, "ground.npz"),
+        ("around_y_m", ground, "ground.npz"),
+        ("scenery_vertices_m", mesh, "rocks.npz"),
+        ("scenery_triangles", mesh, "rocks.npz"),
+    ):
+        if name not in arrays:
+            raise FormatError(f"array {name!r} is missing", path=folder / file)
+    x, y, level = (ground[f"around_{name}_m"] for name in ("x", "y", "level"))
+    if level.shape != (len(y), len(x)):
+        raise FormatError(
+            f"around_level_m of shape {level.shape}, {len(y), len(x)} was expected", path=folder / "ground.npz"
+        )
+    return Surroundings(x, y, level, mesh["scenery_vertices_m"], mesh["scenery_triangles"])

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from polarsim.rover.cameras.render_scene import still_ground
-from polarsim.rover.cameras.tracks import Lattice
+from polarsim.rover.cameras.render_scene import still_ground, surrounding_ground
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks
+from polarsim.rover.world.surface import Surroundings
 
 CELL = 0.02
 SHAPE = (120, 150)
@@ -47,3 +48,27 @@ def test_beyond_it_the_rims_heights_fade_and_show_no_rays(lattice):
     assert (steps[away > 0.3] < 0.1 * rim).all()
     assert np.abs(z[0] - np.median(z[0])).max() < 1e-6  # flat in the distance
     assert np.abs(np.diff(z, axis=0)[:count]).max() < 0.05
+
+
+def test_what_lies_around_goes_on_from_the_grid_to_the_horizon_as_one_mesh(lattice):
+    """Nodes twice as far apart with every step beyond the rim; the grid's own heights are the lattice's."""
+    steps = CELL * (2.0 ** np.arange(1, 9) - 1)
+    x, y = (
+        np.concatenate([start - steps[::-1], start + CELL * np.arange(size), start + CELL * (size - 1) + steps])
+        for start, size in ((lattice.x0, SHAPE[1]), (lattice.y0, SHAPE[0]))
+    )
+    around = Surroundings(x, y, 0.02 * x - 0.03 * y[:, None], np.zeros((0, 3)), np.zeros((0, 3), int))
+    changed = np.zeros(SHAPE, bool)
+    changed[60, 70] = True
+    tracks = WheelTracks(lattice, changed, finer=2)
+    vertices, faces, normals = surrounding_ground(tracks, around)
+    z = grid(vertices, 2)
+    inner = tuple(slice(8, 8 + size) for size in tracks.fine.level.shape)
+    np.testing.assert_array_equal(z[inner], tracks.fine.level)
+    corners = z[0, 0], z[-1, -1]
+    np.testing.assert_allclose(corners, [0.02 * x[0] - 0.03 * y[0], 0.02 * x[-1] - 0.03 * y[-1]])
+    assert len(faces) == 2 * ((z.shape[0] - 1) * (z.shape[1] - 1) - tracks.covered.sum())
+    up = np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2)))
+    assert (up[:, 2] > 0).all()
+    plane = np.array([-0.02, 0.03, 1.0]) / np.linalg.norm([-0.02, 0.03, 1.0])
+    np.testing.assert_allclose(normals[0], plane, atol=1e-6)

@@ -8,18 +8,25 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
+from polarsim.formats.instances import BACKGROUND, ROCK_IDS
+from polarsim.render.olat import NO_LAMP
+from polarsim.rover.autonomy.drive import job_for
+from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive import ride as drive
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import Job
+from polarsim.rover.drive.job import Job, require_on_grid, route_of
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.drive.ride import STATE, Ride, drive_to_end
+from polarsim.rover.drive.ride import STATE, Ride, drive_to_end, run_drive
 from polarsim.rover.drive.state import OffGridError
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
-from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.options import DemOptions, FineReliefOptions, RockOptions, WorldOptions
 from polarsim.rover.world.surface import bare_world
+from tests.rover.drives import write_meshes
 
 CONFIG = Path(__file__).parents[3] / "config"
 
@@ -147,3 +154,35 @@ def test_an_open_energy_balance_ends_a_drive_with_its_tables_written(tmp_path):
     with pytest.raises(EnergyError, match="of the energy is missing"):
         drive_to_end(strict, tmp_path)
     assert read_trace(tmp_path).drive["ended"] == "energy"
+
+
+def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp_path):
+    """From a run's meshes to a picture: rocks in the shapes of the terrain's, hills around, no blank plane."""
+    write_meshes(tmp_path / "meshes/Terrain03", 3)
+    dem = DemOptions(
+        size_m=16, horizon_m=60, drive_m=2, rocks=RockOptions(abundance=0.1), relief=FineReliefOptions(deviation_m=0.1)
+    )
+    world = WorldOptions(terrains=(3,), dem=dem, width_m=3, margin_m=1.5, cell_m=0.04)
+    options = DriveOptions(settle_s=0.2, longest_s=0.6, picture_hz=2)
+    found = run_drive(
+        meshes=tmp_path / "meshes", folder=tmp_path / "drive", world=world, soil=SoilOptions(), drive=options, seed=0
+    )
+    assert found.drive["reason"] == "not there after 0.6 s"
+    seen = read_trace(tmp_path / "drive").world
+    assert 0 < len(seen.rocks_on_grid) < len(seen.rocks)
+    assert set(seen.rocks["terrain"]) == {3}
+    job = job_for(
+        meshes=tmp_path / "meshes", world=world, soil=SoilOptions(), drive=options,
+        options=AutonomyOptions(ahead_m=2.0, width_m=4.0), seed=0,
+    )  # fmt: skip
+    assert job.drive.path_m == ((3.0, 0.0), (-3.0, 0.0))
+    require_on_grid(job.world, job.vehicle, route_of(job))
+    assert np.hypot(job.world.rocks["x_m"] - 3.0, job.world.rocks["y_m"]).min() > 1.5
+    suite = CameraSuiteOptions(views=("ncl",), suns=("3",), scale=1 / 32, finer=1)
+    shown = CameraSuite(read_trace(tmp_path / "drive"), job.vehicle, suite)
+    shown.show(0)
+    ids = shown.render("ncl", ["3"]).ids[NO_LAMP]
+    sky = (ids == BACKGROUND).sum(axis=0)  # by column, how far it reaches down
+    assert sky.min() > 0
+    assert np.ptp(sky) > 3
+    assert (ids >= ROCK_IDS).sum() > 20

@@ -1,0 +1,155 @@
+"""A world on an elevation model: its heights, finer relief, craters and rocks, fine where the wheels go, coarse beyond.
+
+The drive's grid lies round the path; from its rim on, nodes stand ever farther apart, up to the horizon. All heights
+are those of one ground, asked for at other nodes. The frame's origin is the square's centre, at height 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+from polarsim.errors import RoverError
+from polarsim.formats.geotiff import Elevation, read_elevation
+from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
+from polarsim.rover.world.craters import dig, strewn_craters
+from polarsim.rover.world.options import DemOptions, WorldOptions
+from polarsim.rover.world.placed import PlacedRock, with_rocks
+from polarsim.rover.world.relief import amplitudes, relief, spacings
+from polarsim.rover.world.rock_field import RING_RADII, RockField, Shape, posed, shapes_of, strewn_rocks
+from polarsim.rover.world.stitch import Terrain
+from polarsim.rover.world.surface import Surroundings, World, bare_world
+
+GROWTH, GROWTH_FAR = 1.02, 1.1  # of nodes' distances, from one to the next, in the square and beyond
+CORNERS = (150, 32)  # of rocks beyond the grid, and of those that are scenery
+_MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # that labels can tell apart; the rest is scenery
+
+
+def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) -> World:
+    """The world round a path (n, 2).
+
+    Parameters
+    ----------
+    terrains : list of Terrain
+        Their rocks lend the shapes.
+
+    Raises
+    ------
+    FormatError
+        The elevation model is none, is too small, or has holes.
+    RoverError
+        The path leaves the square, or there is no rock to take a shape from.
+    """
+    dem = options.dem
+    assert dem is not None
+    inner = _grid(options, dem, path)
+    elevation = read_elevation(dem.path, dem.size_m / 2, dem.horizon_m, dem.centre_m) if dem.path else None
+    x, y = (_nodes(nodes, dem) for nodes in inner)
+    level = ground_at(x, y, dem, options.cell_m, elevation)
+    own = tuple(
+        slice(*np.searchsorted(all_, [nodes[0], nodes[-1] + options.cell_m / 2]))
+        for all_, nodes in zip((y, x), inner[::-1], strict=True)
+    )
+    none = np.zeros((0, 3))
+    around = Surroundings(x, y, level.astype(np.float32), none.astype(np.float32), none.astype(np.int32))
+    bare = replace(bare_world(level[own], options.cell_m, inner[0][0], inner[1][0]), around=around)
+    if dem.rocks is None:
+        return bare
+    shapes = shapes_of(terrains, CORNERS)
+    return _strewn(bare, strewn_rocks(dem.rocks, shapes, dem.size_m, path[:1], dem.seed), shapes)
+
+
+def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevation: Elevation | None) -> np.ndarray:
+    """Heights (rows, columns) of a ground without rocks at nodes x (columns,) and y (rows,), m."""
+    level = np.zeros((len(y), len(x)))
+    if elevation is not None:
+        spline = RectBivariateSpline(elevation.y, elevation.x, elevation.height)
+        heights, centre = (
+            spline(np.clip(v, *elevation.y[[0, -1]]), np.clip(u, *elevation.x[[0, -1]]))
+            for u, v in ((x, y), (np.zeros(1), np.zeros(1)))
+        )
+        level += heights - centre
+    spacing = spacings(2 * cell, elevation.pixel_m if elevation else dem.horizon_m / 4)
+    amplitude = amplitudes(spacing, dem.relief.hurst, dem.relief.deviation_m)
+    level += relief(
+        x, y, spacing=spacing, amplitude=amplitude, half_m=dem.size_m / 2, far_m=dem.horizon_m, seed=dem.seed
+    )
+    dig(level, x, y, strewn_craters(dem.craters, dem.size_m, dem.seed))
+    return level
+
+
+def _grid(options: WorldOptions, dem: DemOptions, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes x and y of the drive's grid: all round the path."""
+    found = []
+    for name, positions, reach in (("x", path[:, 0], options.margin_m), ("y", path[:, 1], options.width_m / 2)):
+        low, high = positions.min() - reach, positions.max() + reach
+        if low < -dem.size_m / 2 or high > dem.size_m / 2:
+            raise RoverError(
+                f"the drive's ground from {name} {low:.2f} to {high:.2f} m leaves the square of rover.world.dem, "
+                f"{name} {-dem.size_m / 2:g} to {dem.size_m / 2:g} m"
+            )
+        found.append(options.cell_m * np.arange(round(low / options.cell_m), round(high / options.cell_m) + 1))
+    return found[0], found[1]
+
+
+def _nodes(inner: np.ndarray, dem: DemOptions) -> np.ndarray:
+    """The grid's nodes with those beyond it: evermore apart, up to `coarse_cell_m` in the square."""
+    cell, half = inner[1] - inner[0], dem.size_m / 2
+    sides = []
+    for rim in (-inner[0], inner[-1]):
+        steps, place, step = [], rim, cell
+        while place < max(dem.horizon_m, half):
+            step = step * GROWTH_FAR if place >= half else min(step * GROWTH, max(dem.coarse_cell_m, cell))
+            place += step
+            steps.append(place)
+        sides.append(np.array(steps))
+    return np.concatenate([-sides[0][::-1], inner, sides[1]])
+
+
+def _strewn(bare: World, field: RockField, shapes: list[Shape]) -> World:
+    """The world with rocks: those that fill most of a picture from the grid have rows, the others are scenery."""
+    assert bare.around is not None
+    away = np.hypot(
+        *(
+            np.maximum(np.maximum(nodes[0] - at, at - nodes[-1]), 0)
+            for nodes, at in ((bare.x, field.x), (bare.y, field.y))
+        )
+    )
+    near = away <= field.diameter
+    order = np.lexsort((-field.diameter / np.maximum(away, 1e-9), ~near))
+    count = max(_MOST_ROCKS, int(near.sum()))
+    foot = np.stack([field.x, field.y, _ground_round(bare, field)], axis=1)
+    world = with_rocks(bare, _placed(field, shapes, foot, np.sort(order[:count]), near))
+    vertices, triangles, first = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
+    for rock in np.sort(order[count:]):
+        mesh = shapes[field.shape[rock]].levels[-1]
+        vertices.append(posed(mesh, field.diameter[rock], field.angle[rock], foot[rock]))
+        triangles.append(mesh.faces + first)
+        first += len(mesh.vertices)
+    around = replace(
+        bare.around,
+        vertices=np.concatenate(vertices).astype(np.float32),
+        triangles=np.concatenate(triangles).astype(np.int32),
+    )
+    return replace(world, around=around)
+
+
+def _placed(
+    field: RockField, shapes: list[Shape], foot: np.ndarray, chosen: np.ndarray, near: np.ndarray
+) -> Iterator[PlacedRock]:
+    for rock in chosen.tolist():
+        shape = shapes[field.shape[rock]]
+        mesh = shape.levels[0 if near[rock] else 1]
+        points = posed(mesh, field.diameter[rock], field.angle[rock], foot[rock])
+        yield PlacedRock(shape.terrain, shape.rock, points, mesh.faces)
+
+
+def _ground_round(bare: World, field: RockField) -> np.ndarray:
+    """(n,) medians of the ground's heights on a ring round each rock."""
+    ring = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    reach = RING_RADII * field.diameter[:, None]
+    around = bare.height_at(field.x[:, None] + reach * np.cos(ring), field.y[:, None] + reach * np.sin(ring))
+    return np.asarray(np.median(around, axis=1))

@@ -1,0 +1,47 @@
+"""Craters: how many by Trask's law, and what one does to the ground."""
+
+import numpy as np
+import pytest
+
+from polarsim.rover.world.craters import RIM_SHARE, Craters, dig, per_m2, profile, strewn_craters
+from polarsim.rover.world.options import CraterOptions
+
+
+def test_trasks_law_in_its_own_units():
+    """10^10.9 D^-2 craters on 10^6 km2, D in metres."""
+    for diameter in (1.0, 10.0, 100.0):
+        assert 1e12 * per_m2(diameter) == pytest.approx(10**10.9 / diameter**2, rel=0.01)
+
+
+def test_numbers_and_sizes_follow_the_law():
+    options = CraterOptions(smallest_m=0.5, largest_m=20.0, share=0.5)
+    found = strewn_craters(options, 300.0, seed=1)
+    for diameter in (0.5, 1.0, 2.0, 4.0):
+        wanted = 0.5 * 300.0**2 * (per_m2(diameter) - per_m2(20.0))
+        assert (found.diameter >= diameter).sum() == pytest.approx(wanted, abs=4 * np.sqrt(wanted))
+    ratio = found.depth / found.diameter
+    assert (ratio.min(), ratio.max()) == pytest.approx(options.depth_over_diameter, abs=1e-3)
+    assert np.abs([found.x, found.y]).max() < 150
+    assert not len(strewn_craters(options.model_copy(update={"share": 0.0}), 300.0, 1).x)
+
+
+def test_a_crater_is_as_deep_and_as_wide_as_it_says():
+    x = np.linspace(-4, 4, 801)
+    level = np.zeros((801, 801))
+    dig(level, x, x, Craters(np.array([0.5]), np.array([-1.0]), np.array([2.0]), np.array([0.2])))
+    row = level[np.searchsorted(x, -1.0 - 1e-9)]
+    assert np.ptp(level) == pytest.approx(0.2, rel=1e-3)
+    assert x[row.argmin()] == pytest.approx(0.5, abs=0.06)
+    assert abs(x[row.argmax()] - 0.5) == pytest.approx(1.0, abs=0.1)
+    assert 0.5 * RIM_SHARE < row.max() / 0.2 < RIM_SHARE  # rounded, and no higher than a fresh one's
+    assert not row[np.abs(x - 0.5) > 3.15].any()
+    assert np.abs(np.diff(profile(np.linspace(0, 4, 4001)))).max() < 0.003  # no step
+
+
+def test_a_crater_between_coarse_nodes_is_left_out_there_alone():
+    x = np.concatenate([np.linspace(-3, 0, 61), np.arange(1.0, 4.0)])
+    level = np.zeros((61, len(x)))
+    y = np.linspace(-1.5, 1.5, 61)
+    dig(level, x, y, Craters(np.zeros(1), np.zeros(1), np.array([1.0]), np.array([0.1])))
+    assert level[:, x < -0.1].min() < -0.05
+    assert not level[:, x > 0.5].any()

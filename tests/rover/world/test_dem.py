@@ -1,0 +1,118 @@
+"""A world on an elevation model: heights, what lies around the grid, rocks in the table and as scenery."""
+
+import numpy as np
+import pytest
+
+from polarsim.errors import FormatError, RoverError
+from polarsim.rover.world import dem as module
+from polarsim.rover.world.dem import dem_world
+from polarsim.rover.world.options import CraterOptions, DemOptions, FineReliefOptions, RockOptions, WorldOptions
+from polarsim.rover.world.stitch import Terrain, rough_world
+from polarsim.rover.world.surface import read_world, write_world
+from tests.rover.made_world import ball, plane
+
+PATH = np.array([[2.0, 0.0], [-2.0, 0.0]])
+TERRAINS = [Terrain(4, plane(0.0), {7: ball(0, 0, 0), 8: ball(0.4, 0, 0, 0.05)})]
+ROCKS = RockOptions(abundance=0.05, smallest_m=0.1, clear_m=0.5)
+BARE = {"craters": CraterOptions(share=0.0), "relief": FineReliefOptions(deviation_m=0.0), "rocks": None}
+
+
+def options(**dem):
+    dem = {"size_m": 16.0, "horizon_m": 40.0, "drive_m": 4.0, "rocks": ROCKS, **dem}
+    return WorldOptions(terrains=(4,), width_m=3.0, margin_m=1.0, cell_m=0.05, dem=DemOptions(**dem))
+
+
+@pytest.fixture
+def hill(tmp_path):
+    """A GeoTIFF of 100 x 100 m that rises by 0.1 a metre to the east, with a hill 30 m north of its middle."""
+    rasterio = pytest.importorskip("rasterio", reason="rasterio is not installed")
+    x, y = np.meshgrid(np.arange(-49.5, 50), np.arange(49.5, -50, -1))
+    height = 1200 + 0.1 * x + 8 * np.exp(-(x**2 + (y - 30) ** 2) / 50)
+    place = {"crs": "+proj=stere +lat_0=-90 +R=1737400 +units=m", "transform": rasterio.Affine(1, 0, 500, 0, -1, 900)}
+    shape = {"width": 100, "height": 100, "count": 1, "dtype": "float32"}
+    with rasterio.open(tmp_path / "hill.tif", "w", driver="GTiff", **shape, **place) as file:
+        file.write(height.astype(np.float32), 1)
+    return tmp_path / "hill.tif"
+
+
+def test_the_ground_is_the_models_up_to_the_horizon(hill):
+    world = dem_world(options(path=hill, **BARE), TERRAINS, PATH)
+    assert (world.x[0], world.x[-1], world.y[0], world.y[-1]) == pytest.approx((-3.0, 3.0, -1.5, 1.5))
+    np.testing.assert_allclose(world.level, np.broadcast_to(0.1 * world.x, world.level.shape), atol=1e-3)
+    assert float(world.height_at(0.0, 30.0)) == pytest.approx(8.0, abs=0.3)
+    np.testing.assert_allclose(world.height_at(np.array([-6.0, 12.0]), np.zeros(2)), [-0.6, 1.2], atol=0.01)
+    assert min(-world.around.x[0], world.around.x[-1], -world.around.y[0], world.around.y[-1]) >= 40.0
+
+
+def test_nodes_stand_farther_apart_with_the_distance_and_go_on_from_the_grids():
+    around = dem_world(options(**BARE), TERRAINS, PATH).around
+    for nodes, half in ((around.x, 3.0), (around.y, 1.5)):
+        step = np.diff(nodes)
+        middle = (nodes[1:] + nodes[:-1]) / 2
+        np.testing.assert_allclose(step[np.abs(middle) < half], 0.05)
+        assert (step[1:] / step[:-1]).max() < 1.11
+        assert step[np.abs(middle) < 8.0].max() <= 0.25
+        assert step.max() > 1.0
+
+
+def test_the_same_options_are_the_same_world_and_a_seed_is_another(tmp_path):
+    one, again, two = (dem_world(options(seed=seed), TERRAINS, PATH) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one.level, again.level)
+    np.testing.assert_array_equal(one.vertices, again.vertices)
+    assert (one.level != two.level).any()
+    write_world(tmp_path / "a", one)
+    write_world(tmp_path / "b", read_world(tmp_path / "a"))
+    for name in ("ground.npz", "rocks.npz", "rocks.parquet"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_every_rock_stands_on_the_ground_and_none_at_the_start():
+    world = dem_world(options(), TERRAINS, PATH)
+    assert len(world.rocks) > 50
+    for row in world.rocks.sample(10, random_state=0).to_dict("records"):
+        points = world.rock_mesh(int(row["rock"]))[0]
+        ground = float(world.height_at(row["x_m"], row["y_m"]))
+        assert abs(points[:, 2].min() + 0.5 * row["width_m"] - ground) < 0.1 * row["width_m"] + 0.03
+        assert row["height_m"] == pytest.approx(0.5 * row["width_m"], abs=0.1 * row["width_m"] + 0.03)
+    assert np.hypot(world.rocks["x_m"] - 2.0, world.rocks["y_m"]).min() > 0.5
+    near = world.rocks_on_grid
+    assert 0 < len(near) < len(world.rocks)
+    assert (near["x_m"].abs() < 3.0 + near["radius_m"]).all()
+
+
+def test_what_labels_have_no_number_for_is_scenery_and_coarser(monkeypatch):
+    every = dem_world(options(), TERRAINS, PATH)
+    monkeypatch.setattr(module, "_MOST_ROCKS", len(every.rocks_on_grid) + 5)
+    few = dem_world(options(), TERRAINS, PATH)
+    assert len(few.rocks) == len(every.rocks_on_grid) + 5
+    np.testing.assert_array_equal(few.rocks_on_grid["x_m"], every.rocks_on_grid["x_m"])
+    assert len(every.around.triangles) == 0
+    assert len(few.around.triangles) > 0
+    # The five are those that look largest from the grid.
+    away = np.hypot(every.rocks["x_m"].abs() - 3, (every.rocks["y_m"].abs() - 1.5).clip(lower=0))
+    assert few.rocks["width_m"].sum() < every.rocks["width_m"].sum()
+    assert len(few.rocks[~few.rocks["x_m"].isin(every.rocks["x_m"])]) == 0
+    assert len(away) == len(every.rocks)
+
+
+def test_two_drives_share_the_world_but_for_its_noise():
+    world = dem_world(options(), TERRAINS, PATH)
+    one, two = rough_world(world, 0.001, 1), rough_world(world, 0.001, 2)
+    for seen, other, bare in (
+        (one.level, two.level, world.level),
+        (one.around.level, two.around.level, world.around.level),
+    ):
+        assert (seen != other).any()
+        assert np.abs(seen - bare).max() < 0.01
+
+
+def test_a_path_out_of_the_square_is_refused():
+    with pytest.raises(
+        RoverError, match=r"from x -10\.00 to 3\.00 m leaves the square of rover\.world\.dem, x -8 to 8 m"
+    ):
+        dem_world(options(), TERRAINS, np.array([[2.0, 0.0], [-9.0, 0.0]]))
+
+
+def test_a_model_smaller_than_the_square_is_refused_with_its_name(hill):
+    with pytest.raises(FormatError, match=r"hill\.tif: 100 x 100 pixels .* 60 m were asked for"):
+        dem_world(options(path=hill, size_m=120.0), TERRAINS, PATH)

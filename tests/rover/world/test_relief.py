@@ -1,0 +1,50 @@
+"""Self-affine relief: how heights differ over a distance, on whatever nodes they are asked for."""
+
+import numpy as np
+import pytest
+
+from polarsim.rover.world.relief import amplitudes, relief, spacings
+
+
+def made(x, y, hurst, seed=0, deviation=0.03):
+    spacing = spacings(0.1, 40.0)
+    amplitude = amplitudes(spacing, hurst, deviation)
+    return relief(x, y, spacing=spacing, amplitude=amplitude, half_m=30.0, far_m=30.0, seed=seed)
+
+
+@pytest.mark.parametrize("hurst", [0.4, 0.7])
+def test_heights_differ_with_the_stated_power_of_the_distance(hurst):
+    x = np.arange(-30, 30.01, 0.25)
+    squares = []
+    for seed in range(4):
+        level = made(x, x, hurst, seed)
+        squares.append([np.mean((level[:, lag:] - level[:, :-lag]) ** 2) for lag in (2, 4, 8, 16)])
+    deviation = np.sqrt(np.mean(squares, axis=0))
+    assert deviation[1] == pytest.approx(0.03, rel=0.05)  # over 1 m
+    power = np.polyfit(np.log([0.5, 1, 2, 4]), np.log(deviation), 1)[0]
+    assert power == pytest.approx(hurst, abs=0.05)
+
+
+def test_one_ground_on_fine_nodes_and_on_coarse_ones():
+    fine, coarse = np.linspace(-3, 3, 61), np.array([-30.0, -2.0, 0.5, 1.0, 30.0])
+    both = np.searchsorted(fine, coarse[1:4] - 1e-9)
+    np.testing.assert_allclose(
+        made(coarse, coarse, 0.8)[1:4, 1:4], made(fine, fine, 0.8)[np.ix_(both, both)], atol=1e-12
+    )
+
+
+def test_far_away_fine_octaves_fade_without_a_step():
+    spacing = np.array([1.0])
+    x = np.arange(0.0, 40.0, 0.1)
+    level = relief(x, x[:5], spacing=spacing, amplitude=np.ones(1), half_m=20.0, far_m=100.0, seed=0)
+    assert np.abs(level[:, x < 20]).max() > 0.3
+    assert not level[:, x > 23].any()
+    assert np.abs(np.diff(level, axis=1)).max() < 0.2  # as anywhere
+
+
+def test_without_octaves_there_is_no_relief():
+    assert not len(spacings(0.1, 0.1))
+    assert not relief(
+        np.zeros(2), np.zeros(3), spacing=spacings(0.1, 0.05), amplitude=amplitudes(spacings(0.1, 0.05), 0.5, 1.0),
+        half_m=1.0, far_m=1.0, seed=0,
+    ).any()  # fmt: skip

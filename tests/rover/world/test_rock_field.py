@@ -1,0 +1,91 @@
+"""Rocks by Golombek and Rapp's law, in the shapes of a run's rocks."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.spatial import ConvexHull
+
+from polarsim.errors import RoverError
+from polarsim.geometry.meshes import Mesh
+from polarsim.rover.world.options import RockOptions
+from polarsim.rover.world.rock_field import Shape, covered_share, per_m2, posed, shapes_of, strewn_rocks
+from polarsim.rover.world.stitch import Terrain
+from tests.rover.made_world import ball, plane
+
+NOWHERE = np.zeros((0, 2))
+
+
+def shape(diameter=0.1):
+    return Shape(1, 1, diameter, (ball(0, 0, 0, 0.5),))
+
+
+@pytest.mark.parametrize("abundance", [0.01, 0.1])
+def test_as_many_rocks_as_cover_the_stated_share(abundance):
+    """The number's density times each outline, summed from a size on, is the law's share."""
+    for smallest in (0.05, 0.3):
+
+        def covers(d, step=1e-5):
+            density = (per_m2(d - step, abundance) - per_m2(d + step, abundance)) / (2 * step)
+            return density * np.pi * d * d / 4
+
+        share = quad(covers, smallest, 5.0, limit=200)[0]
+        wanted = covered_share(smallest, abundance) - covered_share(5.0, abundance)
+        assert share == pytest.approx(float(wanted), rel=1e-3)
+    assert covered_share(0.0, abundance) == pytest.approx(abundance)
+
+
+def test_strewn_sizes_follow_the_law_and_nothing_overlaps():
+    options = RockOptions(abundance=0.05, smallest_m=0.1, largest_m=1.0, clear_m=3.0)
+    start = np.array([[5.0, 0.0]])
+    field = strewn_rocks(options, [shape()], 60.0, start, seed=3)
+    assert (np.diff(field.diameter) <= 0).all()
+    for size in (0.1, 0.2, 0.4):
+        wanted = 3600 * (per_m2(size, 0.05) - per_m2(1.0, 0.05))
+        assert (field.diameter >= size).sum() == pytest.approx(wanted, abs=4 * np.sqrt(wanted))
+    place = np.stack([field.x, field.y], axis=1)
+    large = place[:400], field.diameter[:400]
+    gap = np.linalg.norm(large[0][:, None] - large[0], axis=-1) - (large[1][:, None] + large[1]) / 2
+    assert gap[~np.eye(400, dtype=bool)].min() > 0
+    assert np.linalg.norm(place - start, axis=1).min() > 3.0
+    assert np.abs(place).max() <= 30
+
+
+def test_a_seed_is_a_field():
+    one, again, two = (strewn_rocks(RockOptions(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.x, again.x)
+    np.testing.assert_array_equal(one.diameter, again.diameter)
+    assert len(one.x) != len(two.x) or (one.x != two.x).any()
+
+
+def test_large_rocks_take_their_shapes_from_the_larger_half():
+    shapes = [shape(diameter) for diameter in (0.3, 0.06, 0.2, 0.08)]
+    field = strewn_rocks(RockOptions(abundance=0.1), shapes, 10.0, NOWHERE, 0)
+    large = field.diameter > 0.14
+    assert set(field.shape[large]) == {0, 2}
+    assert set(field.shape[~large]) == {0, 1, 2, 3}
+
+
+def test_a_shape_is_a_rock_on_its_ground_with_an_outline_of_diameter_one():
+    terrain = Terrain(4, plane(-0.3), {7: ball(0.2, -0.1, -0.26, 0.1)})  # its middle stands 4 cm above the ground
+    (found,) = shapes_of([terrain], (20,))
+    fine, coarse = found.levels
+    assert (found.terrain, found.rock) == (4, 7)
+    assert found.diameter_m == pytest.approx(0.2, rel=0.03)
+    assert found.diameter_m * fine.vertices[:, 2].max() == pytest.approx(0.14, abs=1e-3)
+    assert len(coarse.faces) <= 36 < len(fine.faces)
+    assert (coarse.vertices[:, None] == fine.vertices).all(axis=-1).any(axis=1).all()
+    assert (np.einsum("ij,ij->i", coarse.normals(), coarse.vertices - coarse.vertices.mean(axis=0)) > 0).all()
+    placed = posed(fine, 0.5, 0.3, np.array([3.0, 2.0, 1.0]))
+    outline = ConvexHull(placed[:, :2]).volume
+    assert outline == pytest.approx(np.pi * 0.5**2 / 4, rel=0.01)
+    np.testing.assert_allclose(placed[:, :2].mean(axis=0), [3.0, 2.0], atol=0.01)
+
+
+def test_a_turned_shape_turns_about_the_vertical():
+    corner = Mesh(np.array([[1.0, 0.0, 0.5]]), np.zeros((0, 3), int))
+    np.testing.assert_allclose(posed(corner, 2.0, np.pi / 2, np.array([1.0, 1, 1])), [[1.0, 3.0, 2.0]], atol=1e-12)
+
+
+def test_terrains_without_a_rock_lend_none():
+    with pytest.raises(RoverError, match=r"terrains 4 have no rock"):
+        shapes_of([Terrain(4, plane(0.0), {})], ())
