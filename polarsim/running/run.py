@@ -24,7 +24,7 @@ from polarsim.config import Config, parse_config
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats.files import packaged, write_text
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.running import disk, processes
+from polarsim.running import cluster, disk, processes
 from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
 
 STOPPED = 130
@@ -120,6 +120,8 @@ def _tidy(folder: Path, made: Sequence[Path], places: Sequence[Path]) -> None:
 
     Files go from places that the run makes alone (`made`), never from a user's raw data.
     """
+    if count := cluster.end_submitted(folder):
+        _say(f"{count} jobs of an earlier run of this folder were still with SLURM: cancelled")
     if count := processes.end(folder):
         _say(f"{count} processes of an earlier run of this folder were still at work: ended")
     if count := disk.remove_leftovers(made):
