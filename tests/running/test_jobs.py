@@ -45,7 +45,7 @@ Shell command: None
 """
 GROUP_FAILED = """\
 [Wed Nov 25 22:31:30 2026]
-    message: SLURM-job '7' failed, SLURM status is: 'CANCELLED'.
+    message: Error in group terrain
     log: /tmp/logs/slurm/group_terrain_first_second/7.log (check log file(s) for error details)
     jobs:
         rule first:
@@ -56,6 +56,13 @@ GROUP_FAILED = """\
             jobid: 2
             output: results/toy/second/Terrain01.txt
             log: results/toy/logs/second_01.log (check log file(s) for error details)
+    [Wed Nov 25 22:31:30 2026]
+    Error in rule second:
+        message: None
+        jobid: 2
+        input: results/toy/first/Terrain01
+        output: results/toy/second/Terrain01.txt
+        log: results/toy/logs/second_01.log (check log file(s) for error details)
 """
 FINISHED = "[Wed Nov 25 22:32:00 2026]\nFinished jobid: {} (Rule: of any name)\n"
 FIRST = Job("first", 3, ("results/toy/first/Terrain01",), "results/toy/logs/first_01.log", "terrain=01")
