@@ -54,7 +54,7 @@ cluster: setup ## the workflow on a real SLURM of one node that is started here 
 
 MOMENTS ?= 20
 chaos: setup ## kill small runs at random moments (MOMENTS of each kind), hours: the same command ends each
-	$(BIN)/python benchmarks/chaos.py --moments $(MOMENTS)
+	$(BIN)/python -m benchmarks.chaos --moments $(MOMENTS)
 
 fuzz: setup ## 10,000 damaged files for every reader; with atheris also SECONDS_EACH s for each of our own parsers
 	$(BIN)/python -m benchmarks.fuzz

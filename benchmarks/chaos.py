@@ -1,13 +1,14 @@
-"""Kill a run at random moments: the same command ends it with the bytes of a run that nobody disturbed.
+"""Stop a run at random moments: the same command ends it with the bytes of a run that nobody disturbed.
 
-    make chaos                                                 20 moments of each kind on a small analog, hours
-    .venv/bin/python benchmarks/chaos.py --quick --moments 20  the same on a workflow of quick jobs, minutes
+    make chaos                                                20 moments of each kind on a small analog, hours
+    .venv/bin/python -m benchmarks.chaos --quick --moments 20 the same on a workflow of quick jobs
 
 Kinds: kill -9 of `polarsim run`, of snakemake (of a local job the parent), of a job; SIGTERM, SIGHUP and SIGINT; a disk
-that is full at a random size (needs root). After each the same command must end with exit code 0, leave no process and
-no file of a killed job, and have made the same bytes.
+that is full at a random size (needs root); `scancel` and `scontrol requeue` of a job that runs on a SLURM of one node
+(needs root and SLURM; left out where there is none). After each the same command must end with exit code 0, leave no
+process, no job and no file of a killed job, and have made the same bytes.
 
-Last figures (two cores, load 10 to 19), --quick, seed 32: docs/howto/trouble.md.
+Last figures: docs/howto/trouble.md.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
-from made_workflow import write_workflow
-
+from benchmarks.made_slurm import CORES, MEMORY_MB, Slurm, running_slurm, why_not
+from benchmarks.made_workflow import write_workflow
 from polarsim.running import processes
 
 CHECKOUT = Path(__file__).parents[1]
@@ -39,40 +41,63 @@ grid: {azimuths: ["30"], lights: ["off"], exposures_ms: [256]}
 render: {models: [hapke]}
 """
 KINDS = ("kill run", "kill snakemake", "kill job", "SIGTERM", "SIGHUP", "SIGINT", "full disk")
+SLURM_KINDS = {"scancel": ("scancel",), "requeue": ("scontrol", "requeue")}  # the command that is given the job
+# The node is smaller than the profile's, and nothing is asked for a second longer than needed.
+THROUGH_SLURM = (
+    *("--profile", "config/profiles/slurm", "--cores", str(CORES), "--resources", f"mem_mb={MEMORY_MB}"),
+    *("--latency-wait", "10", "--slurm-init-seconds-before-status-checks", "2"),
+)
+QUICK_GROUPS = ("--groups", "first=terrain", "second=terrain", "last=terrain")
 NO_OUTPUTS = {"logs", "benchmarks"}
+
+
+class ChaosError(Exception):
+    """A run did not come back as an undisturbed one."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--moments", type=int, default=20, help="of each kind")
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--kinds", nargs="+", choices=(*KINDS, *SLURM_KINDS), help="default: all that can be")
     parser.add_argument("--seed", type=int, default=32)
     parser.add_argument("--quick", action="store_true", help="a workflow of quick jobs instead of the analog")
     parser.add_argument("--minutes", type=float, default=1e9, help="begin no moment after that time")
     arguments = parser.parse_args()
+    kinds = arguments.kinds or (*KINDS, *SLURM_KINDS)
+    if SLURM_KINDS.keys() & set(kinds) and (reason := why_not()):
+        if arguments.kinds:
+            parser.error(reason)
+        print(f"without {', '.join(SLURM_KINDS)}: {reason}", flush=True)
+        kinds = KINDS
     until = time.monotonic() + 60 * arguments.minutes
-    with tempfile.TemporaryDirectory(prefix="chaos ") as name:  # a space in the name, as users have them
-        suite = Suite(Path(name).resolve(), random.Random(arguments.seed), quick=arguments.quick)
-        print(f"undisturbed: {suite.seconds:.0f} s, {len(suite.expected)} files", flush=True)
-        done = dict.fromkeys(arguments.kinds, 0)
+    done = dict.fromkeys(kinds, 0)
+    with tempfile.TemporaryDirectory(prefix="chaos ") as name, ExitStack() as context:  # a space, as users have them
+        rng, folder = random.Random(arguments.seed), Path(name).resolve()
+        suites: dict[str, Suite] = {}
+        if local := [kind for kind in kinds if kind in KINDS]:
+            suites |= dict.fromkeys(local, Suite(folder / "local", rng, quick=arguments.quick))
+        if submitted := [kind for kind in kinds if kind in SLURM_KINDS]:
+            slurm = context.enter_context(running_slurm())
+            suites |= dict.fromkeys(submitted, SlurmSuite(folder / "slurm", rng, slurm, quick=arguments.quick))
         for number in range(arguments.moments):
-            for kind in arguments.kinds:
+            for kind in kinds:
                 if time.monotonic() < until:
-                    suite.disturb(kind)
+                    said = suites[kind].disturb(kind)
                     done[kind] += 1
-                    print(f"{number + 1}: {kind}: the same bytes", flush=True)
+                    print(f"{number + 1}: {kind}: {said}; the same bytes", flush=True)
     for kind, count in done.items():
         print(f"| {kind} | {count} | the same command: exit code 0, the same bytes, nothing left |")
 
 
 class Suite:
-    """A folder with a workflow, and what an undisturbed run of it makes."""
+    """A folder with a workflow, and what an undisturbed run of it makes on this machine alone."""
 
     def __init__(self, folder: Path, rng: random.Random, *, quick: bool) -> None:
         self.folder, self.rng, self.results = folder / "a run", rng, folder / "a run/results"
+        self.log = folder / "said.txt"  # of the last call
+        self.words: tuple[str, ...] = ()
         if quick:
             write_workflow(self.folder)
-            self.words: tuple[str, ...] = ()
         else:
             for part in ("workflow", "config"):
                 shutil.copytree(CHECKOUT / part, self.folder / part)
@@ -85,21 +110,23 @@ class Suite:
         self.finish()
         self.seconds, self.expected = time.monotonic() - began, self.digests()
         self.size = sum((self.results / name).stat().st_size for name in self.expected)
+        print(f"undisturbed: {self.seconds:.0f} s, {len(self.expected)} files", flush=True)
 
-    def start(self) -> subprocess.Popen[str]:
+    def start(self) -> subprocess.Popen[bytes]:
         """The one command."""
         program = [sys.executable, "-c", "from polarsim.cli import main; main()"]
-        words = ["run", *self.words, "--min-free", "0"]
         environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
-        output = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-        return subprocess.Popen([*program, *words], cwd=self.folder, env=environment, **output)
+        with self.log.open("w") as log:
+            words = [*program, "run", *self.words, "--min-free", "0"]
+            return subprocess.Popen(words, cwd=self.folder, env=environment, stdout=log, stderr=subprocess.STDOUT)
 
     def finish(self) -> None:
         """The same command, to the end."""
-        process = self.start()
-        said, _ = process.communicate()
-        if process.returncode:
-            sys.exit(f"exit code {process.returncode}: {said[-3000:]}")
+        if code := self.start().wait():
+            raise ChaosError(f"exit code {code}: {self.said()}")
+
+    def said(self) -> str:
+        return self.log.read_text(errors="replace")[-3000:]
 
     def clear(self) -> None:
         """Begin from the raw data."""
@@ -114,42 +141,106 @@ class Suite:
             if path.is_file() and not NO_OUTPUTS.intersection(path.parts) and path.name != ".snakemake_timestamp"
         }
 
-    def disturb(self, kind: str) -> None:
-        """Disturb a run from the beginning once, end it by the same command, compare."""
+    def left(self) -> list[str]:
+        """What is still at work."""
+        return [f"process {pid}" for pid in processes.marked(self.folder)]
+
+    def disturb(self, kind: str) -> str:
+        """Disturb a run from the beginning once, end it by the same command, compare; what was done.
+
+        Raises
+        ------
+        ChaosError
+            The run did not come back with the same bytes, or left something.
+        """
         self.clear()
-        if kind == "full disk":
-            self.fill_up()
-        else:
-            self.stop(kind)
+        what = self.fill_up() if kind == "full disk" else self.stop(kind)
         self.finish()
-        left = processes.marked(self.folder)
-        found = self.digests()
+        left, found = self.left(), self.digests()
         if self.results.is_mount():
             subprocess.run(["umount", str(self.results)], check=True)
         if left or found != self.expected:
             other = sorted(name for name in {*found, *self.expected} if found.get(name) != self.expected.get(name))
-            sys.exit(f"{kind}: processes {left}, files that are others: {other}")
+            raise ChaosError(f"{kind}, {what}: left {left}, files that are others: {other}")
+        return what
 
-    def stop(self, kind: str) -> None:
-        process = self.start()
-        time.sleep(self.rng.uniform(0, self.seconds))
+    def stop(self, kind: str) -> str:
+        """Disturb at a random moment, or as soon after it as there is what to hit; again where the run ended before."""
+        while True:
+            began, moment, process = time.monotonic(), self.rng.uniform(0, self.seconds), self.start()
+            time.sleep(moment)
+            while process.poll() is None:
+                if self.hit(kind, process):
+                    moment = time.monotonic() - began
+                    return f"{moment:.1f} s after the start, exit code {process.wait()}"
+                time.sleep(0.05)
+            if process.returncode:
+                raise ChaosError(f"exit code {process.returncode}: {self.said()}")
+            self.clear()
+
+    def hit(self, kind: str, process: subprocess.Popen[bytes]) -> bool:
+        """Whether there was what to hit."""
         marked = processes.marked(self.folder)
         snakemake = [pid for pid in processes.children(process.pid) if pid in marked]
         scripts = [pid for pid in marked if processes.runs_script(pid)]
-        hit = {"kill snakemake": snakemake, "kill job": scripts}.get(kind, [process.pid])
-        number = signal.SIGKILL if kind.startswith("kill") else signal.Signals[kind]
-        processes.send(hit[:1], number)
-        process.communicate()
+        there = {"kill snakemake": snakemake, "kill job": scripts}.get(kind, [process.pid])
+        processes.send(there[:1], signal.SIGKILL if kind.startswith("kill") else signal.Signals[kind])
+        return bool(there)
 
-    def fill_up(self) -> None:
+    def fill_up(self) -> str:
         size = int(self.rng.uniform(0.02, 0.9) * self.size)
         self.results.mkdir()
         subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(self.results)], check=True)
-        process = self.start()
-        said, _ = process.communicate()
-        if process.returncode != 1 or "No space left" not in said:
-            sys.exit(f"{size} bytes: exit code {process.returncode}: {said[-3000:]}")
+        code = self.start().wait()
+        if code != 1 or "No space left" not in self.log.read_text(errors="replace"):
+            raise ChaosError(f"{size} bytes: exit code {code}: {self.said()}")
         subprocess.run(["mount", "-o", "remount,size=2g", str(self.results)], check=True)
+        return f"{size} bytes, exit code {code}"
+
+
+class SlurmSuite(Suite):
+    """The same through the profile of SLURM; bytes must be those of the run on this machine alone."""
+
+    def __init__(self, folder: Path, rng: random.Random, slurm: Slurm, *, quick: bool) -> None:
+        super().__init__(folder, rng, quick=quick)
+        self.slurm = slurm
+        if quick:
+            shutil.copytree(CHECKOUT / "config/profiles/slurm", self.folder / "config/profiles/slurm")
+        self.words += (*THROUGH_SLURM, *(QUICK_GROUPS if quick else ()))
+        self.clear()
+        self.seconds = self.last_work()
+        if self.digests() != self.expected:
+            raise ChaosError("an undisturbed run through SLURM has other bytes")
+        print(f"undisturbed through SLURM: {self.seconds:.0f} s until the last job's end", flush=True)
+
+    def last_work(self) -> float:
+        """Run undisturbed; seconds until the last moment at which a job ran."""
+        began, last, process = time.monotonic(), 0.0, self.start()
+        while process.poll() is None:
+            if self.slurm.at_work():
+                last = time.monotonic() - began
+            time.sleep(0.2)
+        if process.returncode:
+            raise ChaosError(f"exit code {process.returncode}: {self.said()}")
+        return last
+
+    def left(self) -> list[str]:
+        jobs = self.slurm.ask("squeue", "-h", "-t", "PENDING,RUNNING,COMPLETING,SUSPENDED", "-o", "job %i %T")
+        return [*super().left(), *jobs.splitlines()]
+
+    def hit(self, kind: str, process: subprocess.Popen[bytes]) -> bool:  # noqa: ARG002
+        """Whether a job ran and was stopped: not, if it ended before."""
+        jobs = self.slurm.at_work()
+        if not jobs:
+            return False
+        job = self.rng.choice(jobs)
+        subprocess.run([*SLURM_KINDS[kind], job], capture_output=True, timeout=30, check=False)
+        stopped = {"scancel": "JobState=CANCELLED", "requeue": "Restarts=1"}[kind]
+        while stopped not in (said := self.slurm.ask("scontrol", "--oneliner", "show", "job", job)):
+            if "JobState=COMPLETED" in said:
+                return False
+            time.sleep(0.1)  # its processes are ending
+        return True
 
 
 if __name__ == "__main__":

@@ -43,6 +43,7 @@ def parse(name: str, content: bytes, folder: Path) -> None:
     from polarsim.errors import PolarsimError
 
     for path in (folder / "input", folder / "input.xyz"):
+        path.unlink(missing_ok=True)  # ext4 writes a file that was shortened and filled again to the disk at once
         path.write_bytes(content)
     with suppress(PolarsimError, yaml.YAMLError):
         parsers()[name](folder / "input")

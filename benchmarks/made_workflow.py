@@ -28,6 +28,7 @@ rule all:
 rule first:
     output: folder=directory("results/toy/first/Terrain{terrain}")
     log: "results/toy/logs/first_{terrain}.log"
+    resources: mem_mb=500, runtime=5
     params: source="data/analog/Terrain{terrain}.txt"
     script: "scripts/first.py"
 
@@ -35,18 +36,21 @@ rule second:
     input: "results/toy/first/Terrain{terrain}"
     output: "results/toy/second/Terrain{terrain}.txt"
     log: "results/toy/logs/second_{terrain}.log"
+    resources: mem_mb=500, runtime=5
     script: "scripts/second.py"
 
 rule last:
     input: "results/toy/second/Terrain{terrain}.txt"
     output: "results/toy/last/Terrain{terrain}.txt"
     log: "results/toy/logs/last_{terrain}.log"
+    resources: mem_mb=500, runtime=5
     script: "scripts/second.py"
 
 rule together:
     input: expand("results/toy/last/Terrain{terrain}.txt", terrain=TERRAINS)
     output: "results/toy/together.txt"
     log: "results/toy/logs/together.log"
+    resources: mem_mb=500, runtime=5
     script: "scripts/second.py"
 """
 FIRST = """

@@ -84,7 +84,9 @@ def run(
         list[str] | None,
         typer.Option(metavar="KEY=VALUE", help="A key of the configuration, the value as in YAML; may be repeated."),
     ] = None,
-    cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 2,
+    cores: Annotated[
+        int | None, typer.Option(min=1, help="Processor cores; default: 2, or what --profile says.")
+    ] = None,
     min_free: Annotated[
         float | None, typer.Option(min=0, help="Free space to start with, GB; default: an estimate of the run.")
     ] = None,

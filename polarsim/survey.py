@@ -6,7 +6,7 @@ Source: the POLAR-Sim release's table (from NASA's document), heights lifted to 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -19,6 +19,7 @@ SURVEYED_LEFT = {
     "B": np.array([6.100, -0.403, 1.345 + HEIGHT_OFFSET]),
     "C": np.array([0.81, -3.675, 1.325 + HEIGHT_OFFSET]),
 }
+MAX_OFF_SURVEY = 1.0  # metres: no tripod of the sandbox stands farther from its surveyed position
 NOMINAL_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 103.0}  # heading of the optical axis, from +X towards +Y
 NOMINAL_PITCH_DEG = 25.0  # downwards
 
@@ -52,14 +53,20 @@ def lamp_position(azimuth: str, lift: float = 0.0) -> np.ndarray:
     return SUN_LAMPS[azimuth] + np.array([0.0, 0.0, lift])
 
 
-def survey_lift(left_heights: Iterable[float]) -> float:
+def survey_lift(left: Mapping[str, np.ndarray]) -> float:
     """How much higher the survey's level lies in a terrain's frame than the usual 0.20 m above the survey's zero.
 
-    Lamps and tripods were surveyed together, so lamps follow where the left cameras were found (heights, metres). The
-    frames of published meshes were placed by hand and lie up to 0.2 m off. Tried on the release against the sand's
-    median height: shadows of terrain 11 are met at F1 0.51 instead of 0.45, those of 01 and 04 alike.
+    Lamps and tripods were surveyed together, so lamps follow where the left cameras were found (position -> (3,),
+    metres). The frames of published meshes were placed by hand and lie up to 0.2 m off. Tried on the release against
+    the sand's median height: shadows of terrain 11 are met at F1 0.51 instead of 0.45, those of 01 and 04 alike.
+    Cameras farther than `MAX_OFF_SURVEY` beside their station, as those of terrain 13, stand where nobody surveyed and
+    tell nothing.
     """
-    heights = list(left_heights)
+    heights = [
+        centre[2]
+        for position, centre in left.items()
+        if position in SURVEYED_LEFT and np.hypot(*(centre - SURVEYED_LEFT[position])[:2]) <= MAX_OFF_SURVEY
+    ]
     usual = float(np.median([position[2] for position in SURVEYED_LEFT.values()]))
     return float(np.median(heights)) - usual if heights else 0.0
 

@@ -13,6 +13,7 @@ from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
+from polarsim.survey import MAX_OFF_SURVEY
 
 MIN_BOXES = 3  # positions with fewer boxes or meshes are localised by the survey
 ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
@@ -24,7 +25,6 @@ FINAL_GATES_PX = (60.0, 40.0, 30.0, 30.0)  # of the last fit
 START_NOISE, FINAL_NOISE = EdgeNoise(6.0, 3.0), EdgeNoise(3.0, 3.0, "cauchy", loss_scale=2.0)
 MIN_FIT = 0.52  # sum of IoU over what could match that speaks for itself
 MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # ... and that suffices with such a lead over the next best pose
-MAX_OFF_SURVEY = 1.0  # metres: a pose further from the surveyed position is refused
 START_DIRECTIONS = 64  # points a rock while hypotheses are refined from afar
 SAME_POSITION = 0.1  # metres: fits that end nearer to each other are one
 NO_LEAD = 0.1  # of the share: a pose that leads another one by less is a guess, however much both explain

@@ -115,7 +115,7 @@ def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
 
 def lift_of(localised: Mapping[str, LocalisedRig]) -> float:
     """How much higher than usual the survey lies in the frame of a terrain's rigs, metres: see `survey_lift`."""
-    return survey_lift(rig.sandbox_from_left.translation[2] for rig in localised.values())
+    return survey_lift({position: rig.sandbox_from_left.translation for position, rig in localised.items()})
 
 
 def _rig_content(rig: StereoRig) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_val
 
 from polarsim.geometry.rays import Device, RayEngine
 from polarsim.render.sensor_options import SensorOptions
-from polarsim.survey import SURELY_WALL
+from polarsim.survey import SURELY_WALL, is_surveyed
 
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
 MODELS: tuple[Model, ...] = get_args(Model)
@@ -312,7 +312,11 @@ class RenderOptions(SensorOptions):
         ge=0,
         description="Open feet of rock meshes are drawn out downwards so far, metres: no light beneath them.",
     )
-    rim: bool = Field(True, description="The sandbox has walls, which cast shadows and are seen.")
+    rim: bool = Field(
+        True,
+        description="The sandbox has walls, which cast shadows and are seen; not on terrain 13, another box, whose "
+        "walls nobody stated.",
+    )
     rim_half_width_m: float = Field(2.05, gt=0, description="The sandbox is twice this wide inside, metres.")
     # Low rather than high: shade that no photo has would take away shadows that are there.
     rim_height_m: float = Field(SURELY_WALL, gt=0, description="Walls end so high above the median ground, metres.")
@@ -363,6 +367,10 @@ class RenderOptions(SensorOptions):
         if self.device != "cpu" and not self.uses_taichi:
             raise ValueError(f"device {self.device!r} is for Taichi, expected engine or rays to be 'taichi'")
         return self
+
+    def of(self, terrain: int) -> Self:
+        """These options, without walls where nobody stated those of a terrain."""
+        return self if is_surveyed(terrain) else self.model_copy(update={"rim": False})
 
     @property
     def uses_taichi(self) -> bool:

@@ -34,7 +34,7 @@ class Scene:
         FormatError
             Meshes are missing or broken.
         """
-        self.meshes, self.terrain, self.options = meshes, terrain, options
+        self.meshes, self.terrain, self.options = meshes, terrain, options.of(terrain)
         self._mesh = read_terrain(meshes, terrain)
 
     @cached_property

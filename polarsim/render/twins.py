@@ -108,6 +108,7 @@ def render_twins(
     views = views_of(keys, rigs, cameras)
     mesh = read_terrain(meshes, terrain)
     fitted = None if materials is None else read_materials(materials, mesh)
+    options = options.of(terrain)
     options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
     surfaces = surfaces_of(mesh, options, albedo)
     shown = list(chain.from_iterable(views.values()))

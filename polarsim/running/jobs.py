@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 LOGS = ".snakemake/log"
-_BLOCK = re.compile(r"^(?:local)?(?:rule|checkpoint) (\w+):$|^Error in rule (\w+):$")
-_FIELD = re.compile(r"^    (\w+): (.*)$")
+# Jobs of one submission to a cluster (a group) stand four spaces to the right, in the report of a failed one eight.
+_BLOCK = re.compile(r"^( *)(?:(?:local)?(?:rule|checkpoint)|(Error in rule)) (\w+):$")
+_FIELD = re.compile(r"^( +)(\w+): (.*)$")
+_IN_FAILED_GROUP = 8
 _FINISHED = re.compile(r"^Finished jobid: (\d+)")
 
 
@@ -47,7 +49,7 @@ class Job:
 def read_jobs(lines: Iterable[str]) -> list[Job]:
     """All jobs that a log tells of; a job that was tried again counts by its last try."""
     jobs: dict[int, Job] = {}
-    rule, failed = "", False
+    rule, failed, indent = "", False, 0
     fields: dict[str, str] = {}
 
     def close() -> None:
@@ -61,13 +63,14 @@ def read_jobs(lines: Iterable[str]) -> list[Job]:
 
     for line in (*lines, ""):
         field = _FIELD.match(line)
-        if field:
-            fields[field[1]] = field[2]
+        if field and len(field[1]) == indent + 4:
+            fields[field[2]] = field[3]
             continue
         close()
-        rule, failed, fields = "", False, {}
+        rule, failed, indent, fields = "", False, 0, {}
         if block := _BLOCK.match(line):
-            rule, failed = block[1] or block[2], block[2] is not None
+            rule, indent = block[3], len(block[1])
+            failed = block[2] is not None or indent == _IN_FAILED_GROUP
         elif (done := _FINISHED.match(line)) and int(done[1]) in jobs:
             jobs[int(done[1])] = replace(jobs[int(done[1])], finished=True, failed=False)
     return list(jobs.values())

@@ -24,14 +24,15 @@ from polarsim.config import Config, parse_config
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats.files import packaged, write_text
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.running import disk, processes
+from polarsim.running import cluster, disk, processes
 from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
 
 STOPPED = 130
 UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of jobs that were started and did not end
 MISSING = "missing.md"  # in the run's folder, while something of it is missing
 _STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-_FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1", "--latency-wait", "10")
+_FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
+_LATENCY = ("--latency-wait", "10")
 _REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # two at work in one folder, half-written files
 _DRY = {"-n", "--dry-run", "--dryrun"}
 _GRACE_S = 30.0  # for Snakemake to cancel what it submitted to a cluster
@@ -44,14 +45,20 @@ class Call:
     targets: tuple[str, ...]
     configfiles: tuple[Path, ...]
     settings: tuple[str, ...]
-    cores: int
+    cores: int | None = None  # None: two, or what a profile says
     rest: tuple[str, ...] = ()
 
     def words(self) -> list[str]:
-        """The call of Snakemake. Targets come first: options of many values swallow what follows them."""
+        """The call of Snakemake. Targets come first: options of many values swallow what follows them.
+
+        A profile's own wait for files stands: nodes of a cluster see each other's later than one machine does.
+        """
         files = ["--configfile", *map(str, self.configfiles)] if self.configfiles else []
         settings = ["--config", *self.settings] if self.settings else []
-        return [*self.targets, "--cores", str(self.cores), *_FIXED, *files, *settings, *self.rest]
+        profiled = any(word.partition("=")[0] == "--profile" for word in self.rest)
+        cores = [] if profiled and self.cores is None else ["--cores", str(self.cores or 2)]
+        latency = () if profiled else _LATENCY
+        return [*self.targets, *cores, *_FIXED, *latency, *files, *settings, *self.rest]
 
     def config(self) -> Config:
         """The configuration as Snakemake puts it together."""
@@ -113,6 +120,8 @@ def _tidy(folder: Path, made: Sequence[Path], places: Sequence[Path]) -> None:
 
     Files go from places that the run makes alone (`made`), never from a user's raw data.
     """
+    if count := cluster.end_submitted(folder):
+        _say(f"{count} jobs of an earlier run of this folder were still with SLURM: cancelled")
     if count := processes.end(folder):
         _say(f"{count} processes of an earlier run of this folder were still at work: ended")
     if count := disk.remove_leftovers(made):

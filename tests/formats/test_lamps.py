@@ -20,6 +20,16 @@ def test_lamps_that_nobody_found_stand_in_the_survey_as_high_as_the_rigs_tell(tm
     np.testing.assert_allclose(suns["180"], lamp_position("180") + LIFT, atol=1e-12)
 
 
+def test_cameras_beside_another_box_tell_nothing_of_the_surveys_height(tmp_path):
+    beside = {
+        position: LocalisedRig(stated_rig(), Pose(np.eye(3), np.array([2.0, -0.15, 1.25]))) for position in "ABCDEFG"
+    }
+    np.testing.assert_array_equal(lamps.read_suns(tmp_path, beside)["30"], lamp_position("30"))
+    one_there = beside | {"A": RIGS["A"]}
+    lift = RIGS["A"].sandbox_from_left.translation[2] - np.median([point[2] for point in SURVEYED_LEFT.values()])
+    np.testing.assert_allclose(lamps.read_suns(tmp_path, one_there)["30"], lamp_position("30", lift))
+
+
 def test_found_lamps_go_before_the_survey_one_by_one(tmp_path):
     lamps.write_suns(tmp_path, {"30": np.array([3.51234, 1.3, 0.8])})
     suns = lamps.read_suns(tmp_path, RIGS)

@@ -21,9 +21,9 @@ def label_paths(folder):
     return LabelPaths(folder / "boxes", folder / "instances", folder / "coco.json", folder / "table.parquet")
 
 
-def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS, threads=1):
+def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS, threads=1, terrain=1):
     render_twins(
-        terrain=1, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
+        terrain=terrain, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
         twins={model: folders / out}, labels=label_paths(folders / "labels"), options=options, threads=threads,
     )  # fmt: skip
     return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).glob("*.png"))}
@@ -58,6 +58,19 @@ def test_grey_values_double_with_the_exposure_until_they_clip(folders):
     free = long < WHITE_LEVEL - BLACK_LEVEL
     assert (short > 0).sum() > 5000
     assert np.abs(long - 2 * short)[free].max() <= 1  # rounding
+
+
+def test_another_box_has_no_walls_of_the_sandbox(folders):
+    """Walls that stand between the lamp and the block: they shade it on terrain 1, and terrain 13 has none."""
+    for mesh in (folders / "meshes").iterdir():
+        mesh.rename(mesh.with_name(mesh.name.replace("terrain01", "terrain13")))
+    keys = [PhotoKey.parse("13_A_off_30_L_0128")]
+    walled = OPTIONS.model_copy(update={"rim": True, "rim_half_width_m": 1.0, "rim_height_m": 0.6})
+
+    def twin(out, options):
+        return render(folders, out, keys, options=options, terrain=13)["13_A_off_30_L_0128"]
+
+    np.testing.assert_array_equal(twin("walled", walled), twin("open", OPTIONS))
 
 
 def test_the_rover_light_only_adds(folders):

@@ -61,7 +61,7 @@ def fit_materials(
     RenderError
         The engine cannot be loaded.
     """
-    mesh = read_terrain(meshes, terrain)
+    mesh, options = read_terrain(meshes, terrain), options.of(terrain)
     samples = _samples_of_terrain(terrain, cameras, mesh, photos, options, threads)
     engine = reflectance_engine(options, threads)
     found = None if samples is None else fit(samples, mesh, models, engine, options)

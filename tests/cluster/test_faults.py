@@ -1,0 +1,44 @@
+"""SLURM stops a job of `polarsim run`, or the run is killed: the same command ends with the same bytes."""
+
+import random
+import time
+from collections.abc import Callable
+
+import pytest
+
+from benchmarks.chaos import SLURM_KINDS, SlurmSuite
+from benchmarks.made_slurm import Slurm
+
+pytestmark = pytest.mark.cluster
+
+
+@pytest.fixture(scope="module")
+def suite(slurm, tmp_path_factory) -> SlurmSuite:
+    """A workflow of quick jobs, three submissions, and what it makes on this machine alone."""
+    return SlurmSuite(tmp_path_factory.mktemp("faults"), random.Random(32), slurm, quick=True)
+
+
+@pytest.mark.parametrize("kind", SLURM_KINDS)
+def test_a_run_whose_job_slurm_stops_ends_with_the_same_bytes(suite, kind):
+    suite.disturb(kind)
+
+
+def test_jobs_that_a_killed_run_left_waiting_are_cancelled(slurm: Slurm, suite):
+    suite.clear()
+    with slurm.closed():
+        process = suite.start()
+        until(lambda: len(slurm.ask("squeue", "-h", "-t", "PENDING", "-o", "%i").split()) == 2)
+        process.kill()
+        process.wait()
+        process = suite.start()
+        until(lambda: "2 jobs of an earlier run of this folder were still with SLURM" in suite.log.read_text())
+    assert process.wait(timeout=300) == 0, suite.said()
+    assert (suite.left(), suite.digests()) == ([], suite.expected)
+
+
+def until(holds: Callable[[], bool]) -> None:
+    """Wait until something holds."""
+    end = time.monotonic() + 120
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.2)
