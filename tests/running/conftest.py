@@ -17,7 +17,7 @@ CHECKOUT = Path(__file__).parents[2]
 def folder(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
     """The workflow and its inputs; the folder's name has a space. Jobs pause so that they can be killed."""
     place = tmp_path / "a run"
-    write_workflow(place, pause_s=getattr(request, "param", 0.1))
+    write_workflow(place, pause_s=getattr(request, "param", 0.06))
     return place
 
 

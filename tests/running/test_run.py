@@ -63,7 +63,7 @@ def test_the_same_command_goes_on_after_stops_and_kills(folder, start):
     def disturbed(kind: str) -> tuple[int, str]:
         process = start(folder)
         snakemake, jobs = jobs_at_work(folder, process)
-        time.sleep(rng.uniform(0, 0.4))
+        time.sleep(rng.uniform(0, 0.25))
         pid, number = {
             "hang-up": (process.pid, signal.SIGHUP),
             "run": (process.pid, signal.SIGKILL),

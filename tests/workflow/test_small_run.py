@@ -55,15 +55,15 @@ def test_a_small_run_ends(small, snakemake):
 
 
 def test_another_build_from_the_same_data_has_the_same_bytes(small, checkout, snakemake):
-    """From where scans are registered on: that they give the same bytes twice is a test of `tests/cameras/`."""
+    """From the rocks' meshes on: that scans give the same bytes twice is tested in `tests/cameras/`, `tests/rocks/`."""
     (checkout / "data").symlink_to(small / "data")
-    for part in ("acquire", "cameras/located"):
+    for part in ("acquire", "cameras/located", "rocks", "meshes"):
         shutil.copytree(small / "results/small" / part, checkout / "results/small" / part, symlinks=True)
     call = ("labels", "render", "--rerun-triggers", "mtime", "--configfile", "config/small.yaml")
     built = snakemake(checkout, *call, PYTHONHASHSEED="1")  # sets come in another order
     assert built.returncode == 0, built.stderr[-3000:]
-    assert "find_rocks" in built.stderr
-    assert "locate_cameras" not in built.stderr
+    assert "refine_cameras" in built.stderr
+    assert "mesh_rocks" not in built.stderr
     assert digests(checkout / "results/small") == digests(small / "results/small")
 
 
