@@ -12,10 +12,12 @@ import json
 import os
 import re
 import runpy
+import shlex
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -29,10 +31,11 @@ class Server:
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir()
-        self.address, self.python = folder / "socket", folder / "python"
+        self._place = tempfile.TemporaryDirectory(prefix="forked")  # a socket's path has 107 characters at most
+        self.address, self.python = Path(self._place.name, "socket"), folder / "python"
         # A client must start soon: no site, no environment of its own.
-        client = f'#!/bin/sh\nexec "{sys.executable}" -I -S "{__file__}" "{self.address}" "{sys.executable}" "$@"\n'
-        self.python.write_text(client)
+        words = (sys.executable, "-I", "-S", __file__, str(self.address), str(self.python), sys.executable)
+        self.python.write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
         self.python.chmod(0o755)
         self._process: subprocess.Popen | None = None
 
@@ -54,7 +57,8 @@ _SERVE = "import sys; from tests.workflow.forked import serve; serve(sys.argv[1]
 
 
 def serve(address: str) -> None:
-    """Import what jobs do, then fork for every connection, for ever."""
+    """Import what jobs do, then fork for every connection, for as long as whoever started this is there."""
+    parent = os.getppid()
     scripts = [path.read_text() for path in (CHECKOUT / "workflow/scripts").glob("*.py")]
     imported = set(re.findall(r"^from (polarsim\S*) import", "".join(scripts), re.MULTILINE))
     for name in sorted({*imported, *LATE}):
@@ -64,8 +68,12 @@ def serve(address: str) -> None:
         server.listen(64)
         Path(f"{address}.new").rename(address)  # whoever sees it can connect
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for forks
-        while True:
-            connection, _ = server.accept()
+        server.settimeout(2)
+        while os.getppid() == parent:
+            try:
+                connection, _ = server.accept()
+            except TimeoutError:
+                continue
             if os.fork() == 0:
                 server.close()
                 _answer(connection)
@@ -115,15 +123,14 @@ def _run(python: str, arguments: list[str]) -> int:
     return 0
 
 
-def client(address: str, python: str, arguments: list[str]) -> int:
-    """Let the server run `python ARGUMENTS` here; its exit code."""
+def client(address: str, itself: str, python: str, arguments: list[str]) -> int:
+    """Let the server run `python ARGUMENTS` here, with `itself` for Python; its exit code."""
     if arguments[:2] != ["-m", "snakemake"] and not arguments[0].endswith(".py"):
         os.execv(python, [python, *arguments])
     with socket.socket(socket.AF_UNIX) as connection:
         connection.connect(address)
         asked = {
-            "python": str(Path(address).with_name("python")), "arguments": arguments, "folder": str(Path.cwd()),
-            "environment": dict(os.environ),
+            "python": itself, "arguments": arguments, "folder": str(Path.cwd()), "environment": dict(os.environ),
         }  # fmt: skip
         socket.send_fds(connection, [json.dumps(asked).encode()], [0, 1, 2])
         code = connection.recv(1)
@@ -131,4 +138,4 @@ def client(address: str, python: str, arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(client(sys.argv[1], sys.argv[2], sys.argv[3:]))
+    sys.exit(client(*sys.argv[1:4], sys.argv[4:]))
