@@ -112,12 +112,7 @@ def _nodes(inner: np.ndarray, dem: DemOptions) -> np.ndarray:
 def _strewn(bare: World, field: RockField, shapes: list[Shape]) -> World:
     """The world with rocks: those that fill most of a picture from the grid have rows, the others are scenery."""
     assert bare.around is not None
-    away = np.hypot(
-        *(
-            np.maximum(np.maximum(nodes[0] - at, at - nodes[-1]), 0)
-            for nodes, at in ((bare.x, field.x), (bare.y, field.y))
-        )
-    )
+    away = bare.distance_to_grid(field.x, field.y)
     near = away <= field.diameter
     order = np.lexsort((-field.diameter / np.maximum(away, 1e-9), ~near))
     count = max(_MOST_ROCKS, int(near.sum()))

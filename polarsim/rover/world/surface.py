@@ -79,8 +79,12 @@ class World:
     def rocks_on_grid(self) -> pd.DataFrame:
         """Rows of the rocks that reach onto the grid: no other can be met."""
         x, y, radius = (self.rocks[name].to_numpy(float) for name in ("x_m", "y_m", "radius_m"))
+        return self.rocks[self.distance_to_grid(x, y) <= radius]
+
+    def distance_to_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """From places to the grid's rectangle, m; 0 on it."""
         dx, dy = (np.maximum(np.maximum(nodes[0] - at, at - nodes[-1]), 0) for nodes, at in ((self.x, x), (self.y, y)))
-        return self.rocks[np.hypot(dx, dy) <= radius]
+        return np.asarray(np.hypot(dx, dy))
 
     def rock_mesh(self, rock: int) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (v, 3) float64 and triangles (t, 3) of one rock."""
