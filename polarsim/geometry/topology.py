@@ -5,6 +5,25 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
+
+
+def hull_faces(points: np.ndarray) -> np.ndarray:
+    """(f, 3) faces of the convex hull of points (n, 3), which look outwards.
+
+    Raises
+    ------
+    QhullError
+        They span no volume.
+    ValueError
+        They are too few, or not finite.
+    """
+    hull = ConvexHull(points)
+    faces = hull.simplices.copy()
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return faces
 
 
 def part_of_vertex(faces: np.ndarray, vertices: int) -> np.ndarray:

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 from polarsim.errors import ReconstructionError
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import is_watertight
+from polarsim.geometry.topology import hull_faces, is_watertight
 from polarsim.rocks.clouds import tangents
 from polarsim.rocks.heights import FloorGrid, upward_normals
 from polarsim.rocks.solids import compacted, largest_island, split_non_manifold
@@ -81,14 +81,9 @@ def hull_mesh(points: np.ndarray) -> Mesh:
         The points span no volume.
     """
     try:
-        hull = ConvexHull(points)
+        return compacted(points, hull_faces(points))
     except (QhullError, ValueError) as error:
         raise ReconstructionError(f"{len(points)} points span no volume") from error
-    faces = hull.simplices.copy()
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return compacted(points, faces)
 
 
 def _outline(points: np.ndarray) -> np.ndarray:

@@ -103,23 +103,6 @@ def require_volume(points: np.ndarray) -> ConvexHull:
     return hull
 
 
-def outward_faces(points: np.ndarray) -> np.ndarray:
-    """(f, 3) faces of the hull of points (n, 3), which look outwards.
-
-    Raises
-    ------
-    QhullError
-        They lie in a plane.
-    """
-    hull = ConvexHull(points)
-    faces = hull.simplices.copy()
-    sides = points[faces]
-    normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return faces
-
-
 def _part(vertices: np.ndarray, triangles: np.ndarray) -> _Part:
     points = vertices[np.unique(triangles)]
     hull = require_volume(points)

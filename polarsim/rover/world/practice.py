@@ -9,8 +9,8 @@ import pandas as pd
 from scipy import ndimage
 
 from polarsim.errors import RoverError
+from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
-from polarsim.rover.world.hulls import outward_faces
 from polarsim.rover.world.surface import ROCK_COLUMNS, World, bare_world
 
 CORNERS = 24  # points whose hull a rock is
@@ -78,4 +78,4 @@ def _rock(rng: np.random.Generator, size: float) -> tuple[np.ndarray, np.ndarray
     """Vertices and outward triangles of the hull of points on a flattened ball."""
     points = rng.normal(size=(CORNERS, 3))
     points *= 0.5 * size * np.array([1.0, 0.8, 0.6]) / np.linalg.norm(points, axis=1, keepdims=True)
-    return points, outward_faces(points)
+    return points, hull_faces(points)

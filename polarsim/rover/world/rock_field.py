@@ -19,8 +19,9 @@ from scipy.special import expn
 
 from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
-from polarsim.rover.world.hulls import outward_faces, top_at
+from polarsim.rover.world.hulls import top_at
 from polarsim.rover.world.options import RockOptions
 from polarsim.rover.world.placed import outward
 from polarsim.rover.world.stitch import Terrain
@@ -155,7 +156,7 @@ def _fewer(mesh: Mesh, corners: int) -> Mesh:
     flat = np.sqrt(1 - z**2)
     directions = np.stack([flat * np.cos(turn), flat * np.sin(turn), z])
     points = mesh.vertices[np.unique((mesh.vertices @ directions).argmax(axis=0))]
-    return Mesh(points, outward_faces(points))
+    return Mesh(points, hull_faces(points))
 
 
 def posed(mesh: Mesh, diameter_m: float, angle: float, foot: np.ndarray) -> np.ndarray:
