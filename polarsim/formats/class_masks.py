@@ -50,7 +50,8 @@ def of_ids(ids: np.ndarray, labelled: Collection[int]) -> np.ndarray:
         Ids of the rocks and shadows that have a label; all others, too small or without contrast, are ignored. The
         shade of relief and of walls is ground, as in the polygons that people drew.
     """
-    class_of_id = np.full(max(int(ids.max(initial=0)), RELIEF_SHADOW) + 1, IGNORED, np.uint8)
+    largest = max(RELIEF_SHADOW, int(ids.max(initial=0)), *labelled)  # a labelled thing may be hidden in this picture
+    class_of_id = np.full(largest + 1, IGNORED, np.uint8)
     class_of_id[[BACKGROUND, GROUND, RELIEF_SHADOW]] = CLASSES.index("ground")
     for number in labelled:
         class_of_id[number] = CLASSES.index(SHADOW if number >= SHADOW_IDS else ROCK)
