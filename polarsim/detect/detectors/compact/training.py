@@ -133,7 +133,7 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
         shown = [changed(picture, random) for picture in batch] if options.augment else batch
         with torch.autocast(device, torch.bfloat16, enabled=bfloat16):
             answers = _answers(state.module, shown, device)
-        parts = _losses(answers, shown, device)
+        parts = _losses(answers, shown, _shares(shown), device)
         state.optimizer.zero_grad()
         sum(parts.values()).backward()  # type: ignore[union-attr]
         torch.nn.utils.clip_grad_norm_(state.module.parameters(), _LARGEST_GRADIENT)
@@ -166,12 +166,12 @@ def _validate(module: Compact, pictures: Pictures, training: Training, device: s
     confusion = np.zeros((len(CLASSES), len(CLASSES)), int)
     for batch in batches(pictures, np.arange(len(pictures)), training.options.batch):
         with torch.inference_mode():
-            answers = _answers(module, batch, device)
-            totals.append({name: float(part) for name, part in _losses(answers, batch, device).items()})
+            answers, wanted = _answers(module, batch, device), _shares(batch)
+            totals.append({name: float(part) for name, part in _losses(answers, batch, wanted, device).items()})
         seen += batch
         detections += found(answers.logits, answers.boxes, training.prediction)
-        if answers.masks is not None:
-            confusion += _confusion(answers.masks, _shares(batch))
+        if answers.masks is not None and wanted is not None:
+            confusion += _confusion(answers.masks, wanted)
     mean = metrics.mean_precision([(picture.classes, picture.boxes) for picture in seen], detections)
     row = _means("val", totals) | {"val_map50": float(mean[0]), "val_map50_95": float(mean.mean())}
     if training.options.masks:
@@ -184,11 +184,11 @@ def _answers(module: Compact, batch: list[Picture], device: str) -> Answers:
     return Answers(*module.boxes(features), None if module.mask is None else module.masks(features))
 
 
-def _losses(answers: Answers, batch: list[Picture], device: str) -> dict[str, torch.Tensor]:
+def _losses(answers: Answers, batch: list[Picture], wanted: np.ndarray | None, device: str) -> dict[str, torch.Tensor]:
     class_loss, box_loss = losses(answers.logits, answers.boxes, _labels(batch, device))
     parts = {"class_loss": class_loss, "box_loss": box_loss}
-    if answers.masks is not None:
-        parts["mask_loss"] = mask_loss(answers.masks, torch.from_numpy(_shares(batch)).to(device))
+    if answers.masks is not None and wanted is not None:
+        parts["mask_loss"] = mask_loss(answers.masks, torch.from_numpy(wanted).to(device))
     return parts
 
 
@@ -208,9 +208,10 @@ def _confusion(logits: torch.Tensor, wanted: np.ndarray) -> np.ndarray:
     return masks.confusion(truth, logits.argmax(dim=1).cpu().numpy(), len(CLASSES))
 
 
-def _shares(batch: list[Picture]) -> np.ndarray:
-    """(b, classes, h, w) of the cells, for pictures with masks."""
-    return np.stack([shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None])
+def _shares(batch: list[Picture]) -> np.ndarray | None:
+    """(b, classes, h, w) of the cells; None of pictures without masks."""
+    found = [shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None]
+    return np.stack(found) if found else None
 
 
 def _input(batch: list[Picture], device: str) -> torch.Tensor:
