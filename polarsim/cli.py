@@ -742,6 +742,9 @@ def detect(
     gates: Annotated[
         str, typer.Option(help="Between each two widths the box side where the wider one takes over, px of 1936.")
     ] = "",
+    mirrored: Annotated[
+        bool, typer.Option("--mirrored", help="Look at every picture mirrored too: finds more, takes twice as long.")
+    ] = False,
     draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write the pictures with the boxes drawn.")] = True,
     masks: Annotated[
         bool,
@@ -754,7 +757,7 @@ def detect(
     from polarsim.detect.find import find_in_pictures, prediction_options
     from polarsim.detect.options import PACKAGED
 
-    options = prediction_options(_listed(widths), _listed(gates), device)
+    options = prediction_options(_listed(widths), _listed(gates), device, mirrored=mirrored)
     found = find_in_pictures(
         pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
         confidence=confidence, draw=draw, masks=masks,

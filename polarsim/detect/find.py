@@ -137,7 +137,9 @@ def _merged(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
     return fuse(found, nms_iou, detectors.MAX_BOXES) if len(found) > 1 else found[0]
 
 
-def prediction_options(widths: Sequence[str], gates_px: Sequence[str], device: str) -> PredictionOptions:
+def prediction_options(
+    widths: Sequence[str], gates_px: Sequence[str], device: str, *, mirrored: bool = False
+) -> PredictionOptions:
     """Options of texts that a person typed.
 
     Raises
@@ -147,7 +149,14 @@ def prediction_options(widths: Sequence[str], gates_px: Sequence[str], device: s
     """
     try:
         return PredictionOptions.model_validate(
-            {"confidence": _LEAST, "nms_iou": 0.5, "widths": widths, "gates_px": gates_px, "device": device}
+            {
+                "confidence": _LEAST,
+                "nms_iou": 0.5,
+                "mirrored": mirrored,
+                "widths": widths,
+                "gates_px": gates_px,
+                "device": device,
+            }
         )
     except ValidationError as error:
         raise DetectError(describe_error(error, "options")) from error

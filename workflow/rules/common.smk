@@ -87,6 +87,11 @@ def options(section):
     return chosen.stage_options() if section == "labels" else chosen.model_dump(mode="json")
 
 
+def validation_options():
+    """What a training's validation takes of `detect.prediction`; with the rest changed no detector is trained anew."""
+    return CONFIG.detect.prediction.model_dump(mode="json", include={"device", "confidence", "nms_iou"})
+
+
 def shown(path, category, caption=None, **labels):
     """A file that Snakemake's report shows under labels; `workflow/report/` has its caption by the same name.
 

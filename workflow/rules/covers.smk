@@ -122,7 +122,7 @@ use rule train_detector as train_cover_detector with:
         "results/{run}/benchmarks/covers/train_cover_detector_{fold}_seed{seed}.tsv"
     params:
         options=training_of_fold,
-        prediction=options("detect.prediction"),
+        prediction=validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/work",
         code=code_of("train_detector"),

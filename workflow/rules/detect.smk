@@ -137,7 +137,7 @@ rule train_detector:
         gpu=gpus_of("detect.prediction"),
     params:
         options=options("detect.training"),
-        prediction=options("detect.prediction"),
+        prediction=validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
         packaged=digest_of_packaged(),
@@ -293,7 +293,7 @@ use rule train_detector as train_other_detector with:
         "results/{run}/benchmarks/detect/train_other_detector_{split}_{other}_seed{seed}_{trained}.tsv"
     params:
         options=training_of_other,
-        prediction=options("detect.prediction"),
+        prediction=validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/others/{other}/seed{seed}/work/{trained}",
         packaged=packaged_of_other,

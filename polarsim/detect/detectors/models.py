@@ -7,6 +7,7 @@ from pathlib import Path
 from polarsim.detect.calibration import calibrated
 from polarsim.detect.detectors.families import Family, LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector
+from polarsim.detect.mirrored import boxes_both_ways, masks_both_ways
 from polarsim.detect.options import PredictionOptions
 
 
@@ -22,14 +23,20 @@ def family(model: str) -> Family:
 
 
 def load_detector(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
-    """See `Family.load`; confidences are calibrated where the detector has a calibration."""
+    """See `Family.load`; looks at mirrored pictures too where the options say so.
+
+    Confidences are calibrated where the detector has a calibration.
+    """
     loaded = family(detector.model).load(detector, folder, options, threads)
+    if options.mirrored:
+        loaded = boxes_both_ways(loaded, options.nms_iou)
     return lambda pictures: [calibrated(rows, detector.calibration) for rows in loaded(pictures)]
 
 
 def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
-    """See `Family.load_masks`."""
-    return family(detector.model).load_masks(detector, options, threads)
+    """See `Family.load_masks`; looks at mirrored pictures too where the options say so."""
+    loaded = family(detector.model).load_masks(detector, options, threads)
+    return masks_both_ways(loaded) if options.mirrored else loaded
 
 
 def detector_name(model: str) -> str:

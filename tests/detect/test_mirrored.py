@@ -1,0 +1,64 @@
+"""Looks at a picture and at the mirrored one: as good as the detector either way, and alike from both sides."""
+
+import cv2
+import numpy as np
+import pytest
+
+from polarsim.detect import detectors
+from polarsim.detect.mirrored import boxes_both_ways, masks_both_ways
+from polarsim.detect.options import PACKAGED, PredictionOptions
+
+
+def bright_box(pictures, sees=lambda x0, width: True):
+    """A detector of one bright rectangle a picture, class 0, confidence 0.8; `sees` may blind it."""
+    found = []
+    for picture in pictures:
+        rows, columns = np.nonzero(picture > 128)
+        box = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1, 0.8, 0]
+        found.append(np.array([box], float)[: int(sees(box[0], picture.shape[1]))])
+    return found
+
+
+@pytest.fixture
+def pictures():
+    shown = np.zeros((2, 40, 90), np.uint8)
+    shown[0, 5:20, 3:23] = 255
+    shown[1, 10:30, 60:90] = 255
+    return shown
+
+
+def test_what_is_found_either_way_stays_as_it_is(pictures):
+    for own, both in zip(bright_box(pictures), boxes_both_ways(bright_box, 0.5)(pictures), strict=True):
+        np.testing.assert_allclose(both, own)
+
+
+def test_what_is_found_in_one_of_them_keeps_its_place_and_half_of_its_confidence(pictures):
+    def half_blind(shown):
+        return bright_box(shown, lambda x0, width: x0 > width / 2)  # nothing that begins in the left half
+
+    assert not len(half_blind(pictures)[0])
+    for whole, both in zip(bright_box(pictures), boxes_both_ways(half_blind, 0.5)(pictures), strict=True):
+        np.testing.assert_allclose(both, whole * [1, 1, 1, 1, 0.5, 1])
+
+
+def test_masks_are_the_mean_of_both(pictures):
+    def by_column(shown):
+        """What lies left is rock, whatever is shown there."""
+        share = np.linspace(0, 1, shown.shape[2], dtype=np.float32)
+        return np.broadcast_to(np.stack([1 - share, share])[None, :, None], (len(shown), 2, 1, shown.shape[2]))
+
+    np.testing.assert_allclose(masks_both_ways(by_column)(pictures), 0.5, atol=1e-6)
+
+
+def test_a_mirrored_picture_has_the_mirrored_boxes():
+    """Whatever the detector learnt of left and right."""
+    options = PredictionOptions(confidence=0.05, nms_iou=0.5, mirrored=True)
+    detect = detectors.load_detector(detectors.read_detector(PACKAGED), PACKAGED.parent, options, 1)
+    picture = np.full((160, 256), 70, np.uint8)
+    cv2.fillPoly(picture, [np.array([[60, 90], [75, 60], [95, 65], [100, 92]])], 190)  # a lit rock
+    cv2.fillPoly(picture, [np.array([[100, 92], [95, 70], [170, 88], [160, 96]])], 5)  # its shadow
+    seen, turned = detect(picture[None])[0], detect(picture[None, :, ::-1].copy())[0]
+    assert len(seen)
+    turned[:, [0, 2]] = 256 - turned[:, [2, 0]]
+    order = [np.lexsort(rows[:, :5].round(2).T) for rows in (seen, turned)]
+    np.testing.assert_allclose(seen[order[0]], turned[order[1]], atol=1e-3)
