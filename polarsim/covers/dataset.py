@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
+from polarsim.covers.windows import terrain_of_window
 from polarsim.detect.dataset import Entry, entry_of, write_dataset
 from polarsim.detect.split import PARTS, TEST, TRAIN, VAL
 from polarsim.errors import DetectError, LabelError, about
@@ -54,9 +55,7 @@ def make_cover_dataset(
     DetectError
         A terrain is to be trained on and tested, a folder shows rocks of another terrain, or a part would be empty.
     """
-    both = sorted(set(test) & set(scenes))
-    if both:
-        raise DetectError(f"terrain {both[0]:02d} is to be trained on and to be tested")
+    _check_apart(test, scenes)
     if val_terrains and val_terrains >= len(scenes):
         raise DetectError(
             f"{val_terrains} of {len(scenes)} terrains are to select the weights: none is left to train on"
@@ -73,6 +72,53 @@ def make_cover_dataset(
     with writing_folder(dataset) as folder:
         facts = {"test": sorted(test), "train": sorted(scenes)}
         write_dataset(DOMAIN, dataset, entries, folder, facts, needed=PARTS if test else (TRAIN, VAL))
+
+
+def make_fine_tuning_dataset(
+    *,
+    scenes: Mapping[int, Path],
+    windows: Path,
+    test: Sequence[int],
+    dataset: Path,
+    scene_pictures: int,
+    val_share: float,
+    seed: int,
+) -> None:
+    """Write a data set of windows of the cover photos of all terrains but some, and of pictures of scenes.
+
+    Parameters
+    ----------
+    scenes : mapping of int to Path
+        Folders that `render_scenes` wrote, by the terrain whose rocks they show.
+    windows : Path
+        Folder that `cut_windows` wrote.
+    test : sequence of int
+        Terrains that are left out.
+    scene_pictures : int
+        Pictures of scenes, drawn from all of them.
+    val_share : float
+        Share of the windows, and of each terrain's scenes, that is the val part.
+
+    Raises
+    ------
+    DetectError
+        A terrain is to be trained on and tested, a folder shows rocks of another terrain, or a part would be empty.
+    """
+    _check_apart(test, scenes)
+    random = generator(seed, "covers", "fine tuning", *sorted(test))
+    names = [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
+    entries = [entry_of(windows, name, VAL if random.random() < val_share else TRAIN) for name in names]
+    pictures = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], val_share, seed)]
+    entries += [pictures[number] for number in random.permutation(len(pictures))[:scene_pictures]]
+    with writing_folder(dataset) as folder:
+        facts = {"test": sorted(test), "train": sorted(scenes)}
+        write_dataset(DOMAIN, dataset, entries, folder, facts, needed=(TRAIN, VAL))
+
+
+def _check_apart(test: Sequence[int], trained: Collection[int]) -> None:
+    both = sorted(set(test) & set(trained))
+    if both:
+        raise DetectError(f"terrain {both[0]:02d} is to be trained on and to be tested")
 
 
 def _scenes(terrain: int, folder: Path, share: float, seed: int) -> list[Entry]:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from polarsim.photo import TERRAINS, USUAL_EXPOSURE_MS, PhotoKey
+from polarsim.photo import TERRAINS, USUAL_EXPOSURE_MS, WIDTH, PhotoKey
 from polarsim.render.options import Model
 
 CARVED = 0  # stands for a terrain where rocks are not scanned but carved by the analog's generator
@@ -194,8 +194,29 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
         return self
 
 
+class FineTuningOptions(BaseModel, extra="forbid", frozen=True):
+    """A detector of scenes goes on with labelled cover photos of the terrains that it is not tested on."""
+
+    windows: int = Field(
+        40,
+        ge=1,
+        description="So many windows of each photo, shrunk at random, are trained on; some are the whole photo.",
+    )
+    widest_px: int = Field(
+        1792,
+        ge=64,
+        le=WIDTH,
+        description="Windows are cut from the photo shrunk to widths from that of the stored pictures to this, px.",
+    )
+    scene_pictures: int = Field(
+        400, ge=0, description="So many pictures of scenes are trained on beside them, lest the detector forget these."
+    )
+    epochs: int = Field(4, ge=1, description="Fine-tuning passes over its pictures so often.")
+    learning_rate: float = Field(0.0003, gt=0, description="The learning rate rises to this at most.")
+
+
 class CoversOptions(BaseModel, extra="forbid", frozen=True):
-    """Detectors are trained on strewn scenes alone and tested on the published cover photos of terrains left out."""
+    """Detectors are trained on strewn scenes and tested on the published cover photos of terrains left out."""
 
     run: bool = Field(
         False, description="The default target trains and tests them too: hours on a CPU, with the published release."
@@ -222,6 +243,11 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         "start from random weights.",
     )
     carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
+    fine_tuning: FineTuningOptions | None = Field(
+        None,
+        description="Detectors of scenes are tested as they are, and once more after a fine-tuning on the labelled "
+        "cover photos of all terrains but those of their fold; none: only as they are.",
+    )
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
         (512, 640, 768, 896, 1024, 1280, 1536, 1792),
         description="These widths of a picture, px, are tried, unless `detect.prediction.widths` names those at which "

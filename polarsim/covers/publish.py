@@ -120,14 +120,21 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> s
         + (f", those below {gates[0]:g} px of 1,936 at the larger one" if gates else "")
         for kind, (widths, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
     )
+    tuned = (scores["trained"] == "fine_tuned").all()
+    photos = (
+        f"Then windows of the {images} published cover photos with the boxes that people drew; the detectors of the "
+        "table have seen those of other terrains than the tested one."
+        if tuned
+        else "It has seen no photo."
+    )
     return f"""# Detector of rocks and shadows on ground under low light
 
 `polarsim detect PICTURES --out FOLDER` uses it where no other weights are named.
 
 - **What it is**: {detectors.detector_name(detector.model)}, {_count(detector):,} numbers in half precision; boxes of
   classes {" and ".join(BOX_CLASSES)}; grey pictures of any size; {looked_at}.
-- **Data**: rendered pictures alone. First rocks that a generator carves, then scanned rocks of the POLAR-Sim release,
-  strewn on made-up sand, cameras and lamps drawn at random. It has seen no photo.
+- **Data**: rendered pictures{" first" if tuned else " alone"}: rocks that a generator carves, then scanned rocks of the
+  POLAR-Sim release, strewn on made-up sand, cameras and lamps drawn at random. {photos}
 - **Confidences** say how often a box is right (IoU 0.5): expected calibration error {check.after:.3f}, without
   calibration {check.before:.3f}, each fold's boxes calibrated by those of the other folds.
 - **Where it fails**: rocks of terrain {worst.terrain} ({worst.map50:.2f}); rocks of less than about ten pixels of the

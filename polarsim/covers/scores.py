@@ -39,6 +39,7 @@ def score_covers(
     merged: Path | None = None,
     datasets: Mapping[str, Path],
     scores: Path,
+    trained: str,
     training: TrainingOptions,
     start: str,
     options: ComparisonOptions,
@@ -58,6 +59,8 @@ def score_covers(
         The same of every fold's detectors of all seeds, merged.
     datasets : mapping of fold to Path
         Their data sets.
+    trained : str
+        On what the detectors were trained: `rendered` (scenes), or `fine_tuned` (on labelled photos afterwards).
     start : str
         What the detectors started from, as the table is to name it.
 
@@ -79,6 +82,7 @@ def score_covers(
         for name, keys in _by_terrain([key for own in folds.values() for key in own]).items()
     ]
     table = pd.concat(found, ignore_index=True).assign(
+        trained=trained,
         detector=detector_name(training.model),
         start=start,
         epochs=training.epochs,

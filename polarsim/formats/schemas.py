@@ -57,15 +57,15 @@ PREDICTIONS = _schema(
 CURVES = _schema("detect/curves.parquet", "trained:s evaluated:s kind:s iou:f recall:f precision:f")
 INSTANCES = _schema("detect/instances.parquet", "trained:s evaluated:s key:s kind:s rock:i iou:f area_px:f:px2")
 COVER_FOUND = _schema(
-    "covers/folds/FOLD/seedN/found.parquet",
+    "covers/folds/FOLD/seedN/TRAINED/found.parquet",
     "key:s width:i:px kind:s confidence:f x0:f:px y0:f:px x1:f:px y1:f:px",
 )
 # Whose figures a row of cover scores has: one training's, the mean of all, those of all merged. These two have no seed.
 ONE, MEAN, MERGED = "one", "mean", "merged"
 NO_SEED = -1
 COVER_SCORES = _schema(
-    "covers/scores.parquet",
-    "terrain:s kind:s detectors:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
+    "covers/TRAINED/scores.parquet",
+    "trained:s terrain:s kind:s detectors:s seed:i detector:s start:s epochs:i folds:i pictures:i images:i labels:i",
     "map50:f map50_low:f map50_high:f map50_95:f iou_mean:f calibration_error:f",
 )
 MASK_SCORES = _schema(

@@ -12,9 +12,7 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import with_interval
 
-CAPTION = (
-    "Detectors trained on strewn scenes alone, on real cover photos of terrains left out. Each cell: value [95 %]."
-)
+CAPTION = "Detectors trained on strewn scenes, on real cover photos of terrains left out. Each cell: value [95 %]."
 NOTES = (
     "mAP@0.5, and IOU_mean, the mean over labels of the largest IoU with any prediction. Rows of a terrain: of the "
     "detector that has not seen its rocks; all: all photos pooled, each with its own terrain's detector.",
@@ -29,31 +27,44 @@ SEVERAL = (
 )
 
 
-def tabulate_covers(*, scores: Path, stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/covers.{csv,md,tex,parquet} from the scores of the covers stage."""
-    table = read_parquet(scores, COVER_SCORES.columns)
+FINE_TUNED = (
+    "Scenes, photos: after that fine-tuned on the labelled cover photos of all terrains but those of the tested "
+    "photo's fold, which show the same sandbox and walls."
+)
+TRAINED_ON = {"rendered": "scenes", "fine_tuned": "scenes, photos"}
+
+
+def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -> None:
+    """Write tables/covers.{csv,md,tex,parquet} from the scores of the covers stage, a file a way of training."""
+    table = pd.concat([read_parquet(path, COVER_SCORES.columns) for path in scores], ignore_index=True)
     first = table.iloc[0]
     trained = (
         f"Detector {first['detector']} from {first['start']}, {first['epochs']} epochs of {first['pictures']} pictures "
         f"of scenes, {first['folds']} folds."
     )
-    notes = [*NOTES, trained, *([SEVERAL] if _are_several(table) else []), origin_note(origin)]
+    notes = [*NOTES, trained, *([FINE_TUNED] if _are_fine_tuned(table) else [])]
+    notes += [*([SEVERAL] if _are_several(table) else []), origin_note(origin)]
     write_table(stem, with_origin(table, origin), CAPTION, layout=tidy_covers(table), notes=notes)
 
 
 def tidy_covers(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for all cover photos and one a terrain; of several seeds one for each, their mean and all merged."""
+    """A row for all cover photos and one a terrain, for each way of training.
+
+    Of several seeds one for each, their mean and all merged.
+    """
     rows = [
-        _row(part, several=_are_several(table))
+        _row(part, several=_are_several(table), fine_tuned=_are_fine_tuned(table))
         for _, of_terrain in table.groupby("terrain", sort=False)
-        for _, part in of_terrain.groupby(["detectors", "seed"], sort=False)
+        for _, part in of_terrain.groupby(["trained", "detectors", "seed"], sort=False)
     ]
     return pd.DataFrame(rows)
 
 
-def _row(part: pd.DataFrame, several: bool) -> dict[str, object]:
+def _row(part: pd.DataFrame, several: bool, fine_tuned: bool) -> dict[str, object]:
     first = part.iloc[0]
     row: dict[str, object] = {"terrain": first["terrain"]}
+    if fine_tuned:
+        row["trained on"] = TRAINED_ON[first["trained"]]
     if several:
         row["detectors"] = {ONE: f"seed {first['seed']}", MEAN: "mean", MERGED: "merged"}[first["detectors"]]
     row["photos"] = int(first["images"])
@@ -69,3 +80,7 @@ def _row(part: pd.DataFrame, several: bool) -> dict[str, object]:
 
 def _are_several(table: pd.DataFrame) -> bool:
     return bool((table["detectors"] != ONE).any())
+
+
+def _are_fine_tuned(table: pd.DataFrame) -> bool:
+    return bool((table["trained"] != "rendered").any())

@@ -65,7 +65,8 @@ def scored(tmp_path):
     tables.write_parquet(tmp_path / "predictions.parquet", pd.concat(parts, ignore_index=True))
     score_covers(
         labels=tmp_path / "labels.parquet", predictions={0: tmp_path / "predictions.parquet"}, datasets=datasets,
-        scores=tmp_path / "scores.parquet", training=TrainingOptions(model="compact", epochs=7), start="scratch",
+        scores=tmp_path / "scores.parquet", trained="rendered",
+        training=TrainingOptions(model="compact", epochs=7), start="scratch",
         options=ComparisonOptions(resamples=100),
     )  # fmt: skip
     return tmp_path / "scores.parquet"
@@ -94,7 +95,8 @@ def two_seeds(tmp_path):
     merge_seeds(predictions=list(predictions.values()), merged=merged, options=PredictionOptions(nms_iou=0.5))
     score_covers(
         labels=tmp_path / "labels.parquet", predictions=predictions, merged=merged, datasets=datasets,
-        scores=tmp_path / "scores.parquet", training=TrainingOptions(model="compact"), start="scratch",
+        scores=tmp_path / "scores.parquet", trained="rendered",
+        training=TrainingOptions(model="compact"), start="scratch",
         options=ComparisonOptions(resamples=100),
     )  # fmt: skip
     return tmp_path
@@ -122,7 +124,7 @@ def test_merged_predictions_are_a_table_as_those_of_a_seed(two_seeds):
 
 
 def test_the_table_of_several_seeds_names_whose_row_it_is(two_seeds, tmp_path):
-    tabulate_covers(scores=two_seeds / "scores.parquet", stem=tmp_path / "covers", origin=ORIGIN)
+    tabulate_covers(scores=[two_seeds / "scores.parquet"], stem=tmp_path / "covers", origin=ORIGIN)
     rows = [line for line in (tmp_path / "covers.md").read_text().splitlines() if line.startswith("| ")]
     assert [row.split(" | ")[:2] for row in rows[2:6]] == [
         ["| all", name] for name in ("seed 0", "seed 1", "mean", "merged")
@@ -171,12 +173,25 @@ def test_folds_that_err_alike_calibrate_each_other():
 
 
 def test_the_table_shows_all_terrains_and_each_with_intervals(scored, tmp_path):
-    tabulate_covers(scores=scored, stem=tmp_path / "covers", origin=ORIGIN)
+    tabulate_covers(scores=[scored], stem=tmp_path / "covers", origin=ORIGIN)
     rows = [line for line in (tmp_path / "covers.md").read_text().splitlines() if line.startswith("| ")]
     assert [row.split(" | ")[0].strip("| ") for row in rows] == ["terrain", "---", "all", "01", "03"]
     assert "[0.000, 1.000]" in rows[2]  # both photos may be drawn from one terrain
     assert "1.000" in rows[3]
     assert tables.read_csv(tmp_path / "covers.csv")["config"].unique().tolist() == ["1a2b"]
+
+
+def test_the_table_says_which_detectors_were_fine_tuned_on_photos(scored, tmp_path):
+    table = tables.read_parquet(scored, COVER_SCORES.columns)
+    better = table.assign(trained="fine_tuned", map50=table["map50"] / 2)
+    tables.write_parquet(tmp_path / "better.parquet", better)
+    tabulate_covers(scores=[scored, tmp_path / "better.parquet"], stem=tmp_path / "covers", origin=ORIGIN)
+    rows = [line.split(" | ") for line in (tmp_path / "covers.md").read_text().splitlines() if line.startswith("| ")]
+    assert [tuple(row[:2]) for row in rows] == [
+        ("| terrain", "trained on"), ("| ---", "---"), ("| all", "scenes"), ("| all", "scenes, photos"),
+        ("| 01", "scenes"), ("| 01", "scenes, photos"), ("| 03", "scenes"), ("| 03", "scenes, photos"),
+    ]  # fmt: skip
+    assert "fine-tuned on the labelled cover photos" in (tmp_path / "covers.md").read_text()
 
 
 def test_every_photo_has_a_panel_with_its_labels_and_what_is_sure_enough(tmp_path):

@@ -182,6 +182,7 @@ def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
         [("all", "rock", 0.41, 0.3, 0.5, 6), ("03", "rock", 0.2, np.nan, np.nan, 2), ("01", "rock", 0.6, 0.5, 0.7, 4)],
         columns=["terrain", "kind", "map50", "map50_low", "map50_high", "labels"],
     ).assign(
+        trained="fine_tuned",
         detectors="one",
         seed=0,
         detector="compact",
@@ -208,6 +209,7 @@ def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
     card = (tmp_path / "detector.md").read_text()
     assert "| all | rock | 0 | 6 | 0.410 | [0.300, 0.500] |" in card
     assert "rocks of terrain 03 (0.20)" in card
+    assert "the 3 published cover photos with the boxes that people drew" in " ".join(card.split())
     only = {name: {"01": folds[name]["01"]} for name in ("found", "datasets")}
     with pytest.raises(DetectError, match="1 fold"):
         publish_detector(

@@ -17,6 +17,7 @@ ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
 RULES = (
     "real", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
+    "cut_windows", "make_fine_tuning_dataset", "fine_tune_cover_detector",
     "look_at_covers", "choose_cover_widths", "merge_cover_detectors", "score_covers", "publish_detector",
     "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page", "segment_covers", "score_masks",
     "tabulate_masks",
@@ -65,6 +66,7 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
     content["covers"] |= {"folds": [], "carved_scenes": 4, "carved_epochs": 1, "widths": [96, 128]}
     content["covers"]["scenes"] = {"number": 2, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
+    content["covers"]["fine_tuning"] = {"windows": 2, "widest_px": 128, "scene_pictures": 4, "epochs": 1}
     content["detect"] = {
         "seeds": [0, 1], "training": {"model": "compact", "epochs": 2, "masks": True}, "pictures": {"imgsz": 96},
         "comparison": {"resamples": 100},
@@ -77,14 +79,15 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert done.returncode == 0, done.stdout + done.stderr
     run = checkout / "results/covers"
     table = pd.read_csv(run / "tables/covers.csv", dtype={"terrain": str})
-    shown = table[(table["kind"] == "rock") & (table["detectors"] == "merged")]
-    assert shown["terrain"].tolist() == ["all", "01", "03"]
+    for trained in ("rendered", "fine_tuned"):
+        shown = table[(table["kind"] == "rock") & (table["detectors"] == "merged") & (table["trained"] == trained)]
+        assert shown["terrain"].tolist() == ["all", "01", "03"]
     assert set(zip(table["detectors"], table["seed"], strict=True)) == {
         ("one", 0), ("one", 1), ("mean", -1), ("merged", -1)
     }  # fmt: skip
     assert (table.loc[table["terrain"] == "all", "labels"] == 2).all()
     detector = read_detector(run / "covers/detector.pt")
-    assert detector.start == "detector.pt"  # of carved rocks
+    assert (detector.start, detector.epochs) == ("detector.pt", 1)  # fine-tuned
     assert [path.name for path in (run / "covers/folds/carved").glob("seed*")] == ["seed0"]  # both seeds start there
     assert len(detector.calibration) == len(detector.sizes) == 2
     assert "2 published cover photos" in (run / "covers/detector.md").read_text()
@@ -96,6 +99,8 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
         behind = {source[path.stat().st_ino] for part in ("train", "val") for path in (dataset / part).iterdir()}
         assert behind == {f"Terrain{other}"}
         assert [path.name[:2] for path in (dataset / "test").iterdir()] == [fold]
+        tuned = (run / f"covers/folds/{fold}/fine_tuning/images").glob("*/*_w*.png")
+        assert [path.name[:2] for path in tuned] == [other] * 2
     masks = pd.read_csv(run / "tables/masks.csv")
     assert set(masks["key"]) == {"01_A_off_30_L_0256", "all"}
     assert masks.loc[masks["kind"] == "rock", "pixels"].eq(100 * 120).all()

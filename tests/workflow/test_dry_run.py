@@ -240,15 +240,16 @@ def release_with_covers(release_like, tmp_path_factory) -> Path:
 
 def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_with_covers):
     done = dry_run(
-        "real", "--configfile", "config/covers.yaml", "--config", "covers={folds: []}",
+        "real", "--configfile", "config/covers.yaml", "--config", "covers={folds: []}", "detect={seeds: [0]}",
         POLAR_SIM_ROOT=str(release_with_covers),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert jobs["render_scenes"] == 5 + 1  # of terrain 12 there are no rocks to strew; carved ones
-    assert jobs["look_at_covers"] == 5  # none tests 11
+    assert jobs["look_at_covers"] == 5 * 2  # none tests 11; before and after fine-tuning
     assert jobs["train_cover_detector"] == jobs["make_cover_dataset"] == 5 + 2  # of carved rocks, of all terrains
-    assert (jobs["read_covers"], jobs["score_covers"], jobs["write_results_page"]) == (1, 1, 1)
+    assert jobs["fine_tune_cover_detector"] == jobs["make_fine_tuning_dataset"] == 5 + 1
+    assert (jobs["read_covers"], jobs["cut_windows"], jobs["score_covers"], jobs["write_results_page"]) == (1, 1, 2, 1)
     text = done.stdout + done.stderr
     for fold in ("01", "03", "04", "08", "12"):
         job = next(part for part in re.split(r"\nrule |\nlocalrule ", text) if f"make_cover_dataset_{fold}.log" in part)
@@ -259,8 +260,9 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_wit
 
 def test_widths_are_chosen_on_scenes_of_the_terrains_that_a_fold_is_trained_on(dry_run, release_with_covers):
     done = dry_run(
-        "real", "--configfile", "config/covers.yaml", "--config", "covers={widths_chosen_on: scenes}",
-        "detect={seeds: [0, 1]}", POLAR_SIM_ROOT=str(release_with_covers),
+        "real", "--configfile", "config/covers.yaml", "--config",
+        "covers={widths_chosen_on: scenes, fine_tuning: null}", "detect={seeds: [0, 1]}",
+        POLAR_SIM_ROOT=str(release_with_covers),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
@@ -269,7 +271,7 @@ def test_widths_are_chosen_on_scenes_of_the_terrains_that_a_fold_is_trained_on(d
     assert (jobs["choose_cover_widths"], jobs["merge_cover_detectors"]) == (2, 1)
     text = done.stdout + done.stderr
     for fold, own in (("01_11", {"01", "11"}), ("03_08", {"03", "08"}), ("04_12", {"04"})):
-        name = f"choose_widths_on_scenes_{fold}_seed1.log"
+        name = f"choose_widths_on_scenes_{fold}_seed1_rendered.log"
         job = next(part for part in re.split(r"\nrule |\nlocalrule ", text) if name in part)
         seen = {found[-2:] for found in re.findall(r"large_scenes/Terrain\d\d", job)}
         assert seen == {"01", "03", "04", "08", "11"} - own
@@ -278,8 +280,8 @@ def test_widths_are_chosen_on_scenes_of_the_terrains_that_a_fold_is_trained_on(d
 @pytest.mark.parametrize(
     "setting",
     [
-        ["covers={widths_chosen_on: none}"],
-        ["covers={widths_chosen_on: scenes}", "detect={prediction: {widths: [640]}}"],
+        ["covers={widths_chosen_on: none, fine_tuning: null}", "detect={seeds: [0]}"],
+        ["covers={widths_chosen_on: scenes}", "detect={seeds: [0], prediction: {widths: [640]}}"],
     ],
 )
 def test_no_scenes_are_rendered_where_nothing_is_chosen_on_them(dry_run, release_with_covers, setting):

@@ -1,4 +1,4 @@
-"""Detectors trained on strewn scenes alone, tested on the published cover photos of terrains that they have not seen."""
+"""Detectors trained on strewn scenes, and fine-tuned on photos, tested on published cover photos of other terrains."""
 
 
 rule real:
@@ -114,8 +114,8 @@ use rule train_detector as train_cover_detector with:
         pictures=scenes_behind,
         start=weights_before,
     output:
-        weights="results/{run}/covers/folds/{fold}/seed{seed}/detector.pt",
-        curve="results/{run}/covers/folds/{fold}/seed{seed}/detector.csv",
+        weights=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.pt",
+        curve=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.csv",
     log:
         "results/{run}/logs/covers/train_cover_detector_{fold}_seed{seed}.log",
     benchmark:
@@ -128,18 +128,89 @@ use rule train_detector as train_cover_detector with:
         code=code_of("train_detector"),
 
 
+rule cut_windows:
+    """Windows of the labelled cover photos, to fine-tune on."""
+    input:
+        photos="results/{run}/covers/photos",
+        labels="results/{run}/covers/labels.parquet",
+    output:
+        windows=directory("results/{run}/covers/windows"),
+    log:
+        "results/{run}/logs/covers/cut_windows.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/cut_windows.tsv"
+    priority: TRAINING_WAITS
+    resources:
+        mem_mb=growing(500),
+        runtime=10,
+    params:
+        options=options("covers.fine_tuning") if CONFIG.covers.fine_tuning else {},
+        stored_px=CONFIG.detect.pictures.longer_side,
+        seed=CONFIG.covers.scenes.seed,
+        code=code_of("cut_windows"),
+    script:
+        "../scripts/cut_windows.py"
+
+
+rule make_fine_tuning_dataset:
+    """Windows of the cover photos of all terrains but a fold's, and pictures of scenes: links."""
+    input:
+        scenes=scenes_of_fold,
+        windows="results/{run}/covers/windows",
+    output:
+        dataset=directory("results/{run}/covers/folds/{fold}/fine_tuning"),
+    log:
+        "results/{run}/logs/covers/make_fine_tuning_dataset_{fold}.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/make_fine_tuning_dataset_{fold}.tsv"
+    priority: TRAINING_WAITS
+    resources:
+        mem_mb=growing(500),
+        runtime=10,
+    params:
+        train=trained_in,
+        test=tested_in,
+        scene_pictures=CONFIG.covers.fine_tuning.scene_pictures if CONFIG.covers.fine_tuning else 0,
+        val_share=CONFIG.covers.val_share,
+        seed=CONFIG.covers.scenes.seed,
+        code=code_of("make_fine_tuning_dataset"),
+    script:
+        "../scripts/make_fine_tuning_dataset.py"
+
+
+use rule train_detector as fine_tune_cover_detector with:
+    """The same detector after labelled photos of all terrains but its fold's."""
+    input:
+        dataset="results/{run}/covers/folds/{fold}/fine_tuning",
+        pictures=pictures_behind_fine_tuning,
+        start=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.pt",
+    output:
+        weights=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{FINE_TUNED}/detector.pt",
+        curve=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{FINE_TUNED}/detector.csv",
+    log:
+        "results/{run}/logs/covers/fine_tune_cover_detector_{fold}_seed{seed}.log",
+    benchmark:
+        "results/{run}/benchmarks/covers/fine_tune_cover_detector_{fold}_seed{seed}.tsv"
+    params:
+        options=fine_tuning_of_fold(),
+        prediction=validation_options(),
+        imgsz=CONFIG.detect.pictures.imgsz,
+        work="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuning_work",
+        code=code_of("train_detector"),
+
+
 rule look_at_covers:
     """What a detector sees in the cover photos of the terrains that it has not seen, at several widths."""
     input:
-        weights="results/{run}/covers/folds/{fold}/seed{seed}/detector.pt",
+        weights="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/detector.pt",
         dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures="results/{run}/covers/photos",
     output:
-        found="results/{run}/covers/folds/{fold}/seed{seed}/found.parquet",
+        found="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/found.parquet",
     log:
-        "results/{run}/logs/covers/look_at_covers_{fold}_seed{seed}.log",
+        "results/{run}/logs/covers/look_at_covers_{fold}_seed{seed}_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/look_at_covers_{fold}_seed{seed}.tsv"
+        "results/{run}/benchmarks/covers/look_at_covers_{fold}_seed{seed}_{trained}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -154,7 +225,11 @@ rule look_at_covers:
 rule segment_covers:
     """What every pixel of the cover photos of a fold's terrains shows, by the detectors that have not seen these."""
     input:
-        weights=expand("results/{{run}}/covers/folds/{{fold}}/seed{seed}/detector.pt", seed=SEEDS),
+        weights=expand(
+            "results/{{run}}/covers/folds/{{fold}}/seed{seed}/{trained}/detector.pt",
+            seed=SEEDS,
+            trained=TRAINED_ON[-1],
+        ),
         dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures="results/{run}/covers/photos",
     output:
@@ -191,14 +266,14 @@ use rule render_scenes as render_large_scenes with:
 rule choose_widths_on_scenes:
     """A detector with the widths at which it finds most in scenes that it has not seen."""
     input:
-        weights="results/{run}/covers/folds/{fold}/seed{seed}/detector.pt",
+        weights="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/detector.pt",
         scenes=large_scenes_of_fold,
     output:
-        sized="results/{run}/covers/folds/{fold}/seed{seed}/sized.pt",
+        sized="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/sized.pt",
     log:
-        "results/{run}/logs/covers/choose_widths_on_scenes_{fold}_seed{seed}.log",
+        "results/{run}/logs/covers/choose_widths_on_scenes_{fold}_seed{seed}_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/choose_widths_on_scenes_{fold}_seed{seed}.tsv"
+        "results/{run}/benchmarks/covers/choose_widths_on_scenes_{fold}_seed{seed}_{trained}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -220,12 +295,12 @@ rule choose_cover_widths:
         cameras=sand_in("cameras/located", [f"{t:02d}" for t in COVER_TERRAINS]),
         meshes=sand_in("meshes", [f"{t:02d}" for t in COVER_TERRAINS]),
     output:
-        predictions="results/{run}/covers/seed{seed}/predictions.parquet",
-        sizes="results/{run}/covers/seed{seed}/sizes.csv",
+        predictions="results/{run}/covers/{trained}/seed{seed}/predictions.parquet",
+        sizes="results/{run}/covers/{trained}/seed{seed}/sizes.csv",
     log:
-        "results/{run}/logs/covers/choose_cover_widths_seed{seed}.log",
+        "results/{run}/logs/covers/choose_cover_widths_seed{seed}_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/choose_cover_widths_seed{seed}.tsv"
+        "results/{run}/benchmarks/covers/choose_cover_widths_seed{seed}_{trained}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
@@ -241,13 +316,13 @@ rule choose_cover_widths:
 rule merge_cover_detectors:
     """What each fold's detectors of all seeds see in its photos, merged."""
     input:
-        predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS),
+        predictions=of_run("results/{run}/covers/{{trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
     output:
-        merged="results/{run}/covers/merged/predictions.parquet",
+        merged="results/{run}/covers/{trained}/merged/predictions.parquet",
     log:
-        "results/{run}/logs/covers/merge_cover_detectors.log",
+        "results/{run}/logs/covers/merge_cover_detectors_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/merge_cover_detectors.tsv"
+        "results/{run}/benchmarks/covers/merge_cover_detectors_{trained}.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
@@ -262,16 +337,16 @@ rule score_covers:
     """Average precision over all cover photos and on each terrain, with intervals: of every seed, and of all merged."""
     input:
         labels="results/{run}/covers/labels.parquet",
-        predictions=of_run("results/{run}/covers/seed{seed}/predictions.parquet", seed=SEEDS),
+        predictions=of_run("results/{run}/covers/{{trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
         merged=MERGED_PREDICTIONS,
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
         pictures="results/{run}/covers/photos",
     output:
-        scores="results/{run}/covers/scores.parquet",
+        scores="results/{run}/covers/{trained}/scores.parquet",
     log:
-        "results/{run}/logs/covers/score_covers.log",
+        "results/{run}/logs/covers/score_covers_{trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/score_covers.tsv"
+        "results/{run}/benchmarks/covers/score_covers_{trained}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
@@ -291,14 +366,10 @@ rule publish_detector:
     input:
         weights=weights_to_take_away(),
         labels="results/{run}/covers/labels.parquet",
-        found=expand("results/{{run}}/covers/folds/{fold}/seed{seed}/found.parquet", fold=COVER_FOLDS, seed=SEEDS[0]),
+        found=files_to_publish_by("found.parquet"),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
-        sized=(
-            expand("results/{{run}}/covers/folds/{fold}/seed{seed}/sized.pt", fold=COVER_FOLDS, seed=SEEDS[0])
-            if SIZED
-            else []
-        ),
-        scores="results/{run}/covers/scores.parquet",
+        sized=(files_to_publish_by("sized.pt") if SIZED else []),
+        scores=f"results/{{run}}/covers/{TRAINED_ON[-1]}/scores.parquet",
     output:
         detector="results/{run}/covers/detector.pt",
         card="results/{run}/covers/detector.md",
@@ -320,7 +391,7 @@ rule publish_detector:
 rule tabulate_covers:
     """The table of these figures."""
     input:
-        scores="results/{run}/covers/scores.parquet",
+        scores=of_run("results/{run}/covers/{trained}/scores.parquet", trained=TRAINED_ON),
     output:
         table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
         others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),
@@ -364,7 +435,7 @@ rule draw_covers:
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
-        predictions=MERGED_PREDICTIONS or f"results/{{run}}/covers/seed{SEEDS[0]}/predictions.parquet",
+        predictions=best_predictions(),
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     log:

@@ -15,12 +15,16 @@ CARVED_ROCKS = min(300, CONFIG.covers.carved_scenes)  # a scene shows several
 NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
 # Detectors have widths of their own where these are chosen on scenes.
 SIZED = CONFIG.covers.widths_chosen_on == "scenes" and not CONFIG.detect.prediction.widths
+# On what detectors are trained: rendered scenes, and labelled photos of other terrains after these. The last are the best.
+RENDERED, FINE_TUNED = "rendered", "fine_tuned"
+TRAINED_ON = [RENDERED, *([FINE_TUNED] if CONFIG.covers.fine_tuning else [])]
 # What the detectors of several seeds see, merged.
-MERGED_PREDICTIONS = "results/{run}/covers/merged/predictions.parquet" if len(SEEDS) > 1 else []
+MERGED_PREDICTIONS = "results/{run}/covers/{trained}/merged/predictions.parquet" if len(SEEDS) > 1 else []
 
 
 wildcard_constraints:
     fold=one_of([*COVER_FOLDS, *NOT_TESTED]),
+    trained=one_of(TRAINED_ON),
 
 
 def closed_rocks(wildcards):
@@ -68,12 +72,18 @@ def weights_before(wildcards):
     """The detector that a fold's training starts from: of all folds and seeds the same one."""
     if wildcards.fold == "carved" or not CONFIG.covers.carved_scenes:
         return []
-    return f"results/{wildcards.run}/covers/folds/carved/seed{SEEDS[0]}/detector.pt"
+    return f"results/{wildcards.run}/covers/folds/carved/seed{SEEDS[0]}/{RENDERED}/detector.pt"
 
 
 def training_of_fold(wildcards):
     chosen = options("detect.training")
     return chosen | {"epochs": CONFIG.covers.carved_epochs} if wildcards.fold == "carved" else chosen
+
+
+def fine_tuning_of_fold():
+    """How a fold's detector is fine-tuned."""
+    own = CONFIG.covers.fine_tuning
+    return options("detect.training") | ({"epochs": own.epochs, "learning_rate": own.learning_rate} if own else {})
 
 
 def scenes_of_fold(wildcards):
@@ -106,8 +116,8 @@ def cover_prediction():
 
 
 def weights_to_take_away():
-    """The detector of all terrains of the first seed."""
-    return f"results/{{run}}/covers/folds/all/seed{SEEDS[0]}/{'sized' if SIZED else 'detector'}.pt"
+    """The best detector of all terrains, of the first seed."""
+    return f"results/{{run}}/covers/folds/all/seed{SEEDS[0]}/{TRAINED_ON[-1]}/{'sized' if SIZED else 'detector'}.pt"
 
 
 def scenes_behind(wildcards):
@@ -117,5 +127,21 @@ def scenes_behind(wildcards):
 
 
 def of_folds(name):
-    """A file of every fold, of one seed."""
-    return of_run(f"results/{{run}}/covers/folds/{{fold}}/seed{{{{seed}}}}/{name}", fold=COVER_FOLDS)
+    """A file of every fold, of one seed and training."""
+    return of_run(f"results/{{run}}/covers/folds/{{fold}}/seed{{{{seed}}}}/{{{{trained}}}}/{name}", fold=COVER_FOLDS)
+
+
+def pictures_behind_fine_tuning(wildcards):
+    """Pictures that a fold's data set for fine-tuning links to."""
+    return [*scenes_of_fold(wildcards), f"results/{wildcards.run}/covers/windows"]
+
+
+def files_to_publish_by(name):
+    """A file of every fold, of the best training and the first seed, by which a detector to take away is set up."""
+    return of_run(f"results/{{run}}/covers/folds/{{fold}}/seed{SEEDS[0]}/{TRAINED_ON[-1]}/{name}", fold=COVER_FOLDS)
+
+
+def best_predictions():
+    """What is shown of what detectors find in cover photos."""
+    chosen = "merged" if len(SEEDS) > 1 else f"seed{SEEDS[0]}"
+    return f"results/{{run}}/covers/{TRAINED_ON[-1]}/{chosen}/predictions.parquet"

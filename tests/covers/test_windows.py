@@ -1,0 +1,93 @@
+"""Windows of labelled cover photos show what their labels say, and no terrain that is tested."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.covers.dataset import make_fine_tuning_dataset
+from polarsim.covers.options import FineTuningOptions
+from polarsim.covers.photos import label_rows
+from polarsim.covers.windows import cut_windows, draw_windows
+from polarsim.detect.dataset import read_pictures
+from polarsim.errors import DetectError, PolarsimError
+from polarsim.formats import class_masks, png, tables, yolo
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from tests.covers.test_dataset import make_scenes
+
+KEYS = ("01_A_off_30_L_0256", "01_C_off_30_L_0256", "03_A_off_30_R_0256")
+BOXES = np.array([[400.0, 300, 800, 700], [1200, 800, 1500, 1000]])
+BRIGHT = 200
+
+
+def photo_of(boxes):
+    photo = np.zeros((HEIGHT, WIDTH), np.uint8)
+    for x0, y0, x1, y1 in boxes.astype(int):
+        photo[y0:y1, x0:x1] = BRIGHT
+    return photo
+
+
+@pytest.fixture
+def covers(tmp_path):
+    """Three photos of two terrains with two bright rocks each, and their labels."""
+    rows = []
+    for key in KEYS:
+        png.write(tmp_path / "photos" / f"{key}.png", photo_of(BOXES))
+        yolo.write_boxes(tmp_path / f"{key}.txt", [0, 1], BOXES)
+        rows += label_rows(PhotoKey.parse(key), tmp_path / f"{key}.txt")
+    tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(rows))
+    return {"photos": tmp_path / "photos", "labels": tmp_path / "labels.parquet"}
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**31), st.sampled_from([128, 512]))
+def test_a_window_is_bright_where_its_boxes_are_and_dark_elsewhere(seed, width):
+    """But where the photo shows too little of a thing for a box."""
+    options = FineTuningOptions(windows=11, widest_px=1024)
+    drawn = list(draw_windows(photo_of(BOXES), np.array([0, 1]), BOXES, options, width, np.random.default_rng(seed)))
+    assert {window.pixels.shape for window in drawn} == {(round(width * HEIGHT / WIDTH), width)}
+    assert [len(drawn[number].boxes) for number in (0, 10)] == [2, 2]  # the whole photo
+    for window in drawn:
+        inside = np.zeros(window.pixels.shape, bool)
+        for (x0, y0, x1, y1), kind in zip(window.boxes, window.classes, strict=True):
+            shown = window.pixels[int(np.ceil(y0)) : int(y1), int(np.ceil(x0)) : int(x1)]
+            assert shown.min(initial=BRIGHT) == BRIGHT
+            assert kind in (0, 1)
+            inside[int(y0) : int(np.ceil(y1)), int(x0) : int(np.ceil(x1))] = True
+        left = window.pixels[~inside] > 0
+        assert not left.any() or len(window.boxes) < 2
+
+
+def test_windows_are_the_same_anywhere_and_know_nothing_of_pixels(covers, tmp_path):
+    for name in ("one", "two"):
+        cut_windows(**covers, windows=tmp_path / name, options=FineTuningOptions(windows=3), stored_px=64, seed=4)
+    files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*"))
+    assert len(files) == 3 * 3 * len(KEYS)
+    assert all((tmp_path / "one" / path).read_bytes() == (tmp_path / "two" / path).read_bytes() for path in files)
+    mask = class_masks.read(tmp_path / "one/masks" / f"{KEYS[0]}_w02.png")
+    assert mask.shape == (40, 64)
+    assert (mask == class_masks.IGNORED).all()
+
+
+def test_no_window_of_a_tested_terrain_is_trained_on(covers, tmp_path):
+    cut_windows(**covers, windows=tmp_path / "windows", options=FineTuningOptions(windows=10), stored_px=64, seed=0)
+    scenes = {3: make_scenes(tmp_path / "T3", 3, 10)}
+    dataset = tmp_path / "dataset"
+    fine_tuning = {"windows": tmp_path / "windows", "dataset": dataset, "val_share": 0.3, "seed": 0}
+    make_fine_tuning_dataset(scenes=scenes, test=[1], scene_pictures=12, **fine_tuning)
+    names = [name for part in ("train", "val") for name in read_pictures(dataset, part)]
+    assert sum(name.startswith("t03_") for name in names) == 12
+    assert sum(name.startswith(KEYS[2]) for name in names) == 10
+    assert len(names) == 22  # none of terrain 1
+    assert not read_pictures(dataset, "test")
+    with pytest.raises(DetectError, match="to be trained on and to be tested"):
+        make_fine_tuning_dataset(scenes=scenes, test=[3], scene_pictures=12, **fine_tuning)
+
+
+def test_a_file_that_is_no_window_is_named(tmp_path):
+    png.write(tmp_path / "windows/images/photo.png", np.zeros((40, 64), np.uint8))
+    with pytest.raises(PolarsimError, match=r"photo\.png"):
+        make_fine_tuning_dataset(
+            scenes={3: make_scenes(tmp_path / "T3", 3, 4)}, windows=tmp_path / "windows", test=[1],
+            dataset=tmp_path / "dataset", scene_pictures=4, val_share=0.3, seed=0,
+        )  # fmt: skip
