@@ -1,0 +1,77 @@
+"""Learning curves of every detector of a run against CPU time: mAP@0.5 on what chooses its weights, an epoch a point.
+
+.venv/bin/python -m benchmarks.learning_curves results/demo --figure curves.png
+
+A training's CPU time is that of its job (Snakemake's benchmark file), shared out evenly to its epochs; one that was
+stopped and went on counts its last part alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+import matplotlib as mpl
+import pandas as pd
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+# A curve's path below the run, its job's benchmark file below `benchmarks`, and the name that the figure gives it.
+PLACES = (
+    (r"detect/(\w+)/seed(\d+)/detectors/(\w+)\.csv", r"detect/train_detector_\1_seed\2_\3.tsv", r"\3, \1, seed \2"),
+    (
+        r"detect/(\w+)/others/([\w-]+)/seed(\d+)/detectors/(\w+)\.csv",
+        r"detect/train_other_detector_\1_\2_seed\3_\4.tsv",
+        r"\2 on \4, \1, seed \3",
+    ),
+    (
+        r"covers/folds/(\w+)/seed(\d+)/rendered/detector\.csv",
+        r"covers/train_cover_detector_\1_seed\2.tsv",
+        r"scenes without \1, seed \2",
+    ),
+    (
+        r"covers/folds/(\w+)/seed(\d+)/fine_tuned/detector\.csv",
+        r"covers/fine_tune_cover_detector_\1_seed\2.tsv",
+        r"photos without \1, seed \2",
+    ),
+)
+
+
+def curves(run: Path) -> dict[str, pd.DataFrame]:
+    """By name: cpu_min since the start of a training, and val_map50, a row an epoch."""
+    found = {}
+    for path in sorted(run.rglob("*.csv")):
+        place = path.relative_to(run).as_posix()
+        for pattern, benchmark, name in PLACES:
+            if match := re.fullmatch(pattern, place):
+                costs = run / "benchmarks" / match.expand(benchmark)
+                curve = pd.read_csv(path)
+                minutes = pd.read_csv(costs, sep="\t")["cpu_time"].sum() / 60
+                found[match.expand(name)] = pd.DataFrame(
+                    {"cpu_min": minutes * curve["epoch"] / curve["epoch"].max(), "val_map50": curve["val_map50"]}
+                )
+    if not found:
+        raise SystemExit(f"{run}: no learning curves")
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--figure", type=Path, required=True)
+    asked = parser.parse_args()
+    figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
+    for name, curve in curves(asked.run).items():
+        axes.plot(curve["cpu_min"], curve["val_map50"], marker="o", markersize=3, linewidth=1, label=name)
+        print(
+            f"{name}: {curve['cpu_min'].iloc[-1]:.1f} CPU minutes, " + " ".join(f"{v:.3f}" for v in curve["val_map50"])
+        )
+    axes.set(xlabel="CPU time, minutes", ylabel="mAP@0.5, mean of rocks and shadows", ylim=(0, None), xlim=(0, None))
+    axes.legend(fontsize=7)
+    figure.savefig(asked.figure, dpi=150)
+
+
+if __name__ == "__main__":
+    main()
