@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -34,8 +36,18 @@ COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _COLOURS = {"rock": (60, 220, 60), "shadow": (0, 150, 255)}  # BGR
 _TINT = 0.4  # weight of a mask's colour in a drawn picture
 Seen = TypeVar("Seen")
+Result = TypeVar("Result")
+_THREADS = 1  # of torch: pictures are looked at side by side, for one alone does not fill two cores
 _LEAST = 0.01  # confidence before calibration
 log = logging.getLogger("polarsim")
+
+
+@dataclass(frozen=True)
+class _Finds:
+    """Width and height of a picture, px, and the boxes (n, 6) that are written, as `see` gives them."""
+
+    size: tuple[int, int]
+    boxes: np.ndarray
 
 
 def find_in_pictures(
@@ -57,6 +69,8 @@ def find_in_pictures(
         Pictures, and folders of which all pictures are taken. One that cannot be read is named and left out.
     weights
         A detector, or several whose finds are merged: see `fusion.fuse`.
+    threads
+        So many pictures are looked at at a time, each by one thread: the finds are the same for any number.
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
         and, where asked, `masks/NAME.png` (what every pixel shows, see `formats.class_masks`; rocks and shadows lie in
@@ -74,28 +88,39 @@ def find_in_pictures(
     if out.exists():
         raise DetectError("is there already: name a new folder", path=out)
     trained = {path: detectors.read_detector(path) for path in weights}
-    segment = _segmenting(trained, options, threads) if masks else None
     rows: list[tuple[object, ...]] = []
     annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
-    with writing_folder(out) as folder, _drawing(folder / "pictures" if draw else None) as draw_boxes:
-        for name in ("labels", *(["masks"] if masks else [])):
+    with writing_folder(out) as folder:
+        for name in ("labels", *(["masks"] if masks else []), *(["pictures"] if draw else [])):
             (folder / name).mkdir()
-        looks = [_look(path, detector, folder, options, threads) for path, detector in trained.items()]
-        for path, pixels in _read_ahead(paths):
-            height, width = pixels.shape
+        segment = _segmenting(trained, options) if masks else None
+        looks = [_look(path, detector, folder, options) for path, detector in trained.items()]
+
+        def look_at(path: Path) -> _Finds | PolarsimError | OSError:
+            try:
+                pixels = _grey(read_any(path))
+            except (PolarsimError, OSError) as error:
+                return error
             found = _merged([look(pixels) for look in looks], options.nms_iou)
             found = found[found[:, 4] >= confidence]
-            rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
-            yolo.write_boxes(
-                folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], (width, height), found[:, 4]
-            )
-            image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
-            own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
-            annotated.append((image, own))
             mask = within_boxes(segment(pixels), found) if segment else None
             if mask is not None:
                 class_masks.write(folder / "masks" / f"{path.stem}.png", mask)
-            draw_boxes(path.stem, pixels, found, mask)
+            if draw:
+                _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found, mask)
+            return _Finds((pixels.shape[1], pixels.shape[0]), found)
+
+        for path, finds in _in_order(paths, look_at, threads):
+            if not isinstance(finds, _Finds):
+                reason = finds.reason if isinstance(finds, PolarsimError) else finds.strerror
+                log.warning("left out: %s: %s", path, reason)
+                continue
+            (width, height), found = finds.size, finds.boxes
+            rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
+            yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], finds.size, found[:, 4])
+            image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
+            own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
+            annotated.append((image, own))
         if not annotated:
             raise DetectError(f"none of {len(paths)} pictures can be read", path=pictures[0])
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
@@ -105,23 +130,23 @@ def find_in_pictures(
 
 
 def _look(
-    path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions, threads: int
+    path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions
 ) -> Callable[[np.ndarray], np.ndarray]:
     """What a detector of a file sees in a picture, see `see`, at its own widths where the options name none."""
     sizes = sizes_of(detector, options)
     with about(path):
-        loaded = fast(detectors.load_detector(detector, folder, options, threads), detector, options.device)
+        loaded = fast(detectors.load_detector(detector, folder, options, _THREADS), detector, options.device)
     return lambda pixels: see(loaded, pixels, sizes, options.nms_iou)
 
 
 def _segmenting(
-    trained: Mapping[Path, detectors.Detector], options: PredictionOptions, threads: int
+    trained: Mapping[Path, detectors.Detector], options: PredictionOptions
 ) -> Callable[[np.ndarray], np.ndarray]:
     """The class mask (h, w) that detectors of some files make of a picture (h, w): their mean probabilities' surest."""
     loaded = []
     for path, detector in trained.items():
         with about(path):
-            own = fast(detectors.load_masks(detector, options, threads), detector, options.device)
+            own = fast(detectors.load_masks(detector, options, _THREADS), detector, options.device)
             loaded.append((own, mask_widths(detector, options)))
 
     def segment(pixels: np.ndarray) -> np.ndarray:
@@ -239,25 +264,14 @@ def _listed(pictures: Sequence[Path]) -> list[Path]:
     return paths
 
 
-def _read_ahead(paths: Sequence[Path]) -> Iterator[tuple[Path, np.ndarray]]:
-    """Pictures (h, w) in order, the next ones read while one is looked at; unreadable ones are a warning."""
-    with ThreadPoolExecutor(1) as pool:
-        ahead = [pool.submit(_read_grey, path) for path in paths[:2]]
-        for number, path in enumerate(track(paths, "detecting")):
-            future = ahead.pop(0)
-            if number + 2 < len(paths):
-                ahead.append(pool.submit(_read_grey, paths[number + 2]))
-            try:
-                pixels = future.result()
-            except (PolarsimError, OSError) as error:
-                reason = error.reason if isinstance(error, PolarsimError) else error.strerror
-                log.warning("left out: %s: %s", path, reason)
-                continue
-            yield path, pixels
-
-
-def _read_grey(path: Path) -> np.ndarray:
-    return _grey(read_any(path))
+def _in_order(paths: Sequence[Path], work: Callable[[Path], Result], threads: int) -> Iterator[tuple[Path, Result]]:
+    """What is made of each picture, in their order; so many are at work at a time, and no more are done ahead."""
+    with ThreadPoolExecutor(threads) as pool:
+        ahead: deque[Future[Result]] = deque()
+        later = iter(paths)
+        for path in track(paths, "detecting"):
+            ahead.extend(pool.submit(work, other) for other in islice(later, 2 * threads - len(ahead)))
+            yield path, ahead.popleft().result()
 
 
 def _grey(pixels: np.ndarray) -> np.ndarray:
@@ -274,29 +288,6 @@ def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
     if tone.bits_in_use(pixels, depth) == 16:  # black is 0
         light = BLACK_LEVEL + light * ((WHITE_LEVEL - BLACK_LEVEL) / np.iinfo(np.uint16).max)
     return tone.to_8_bits(light, PicturesOptions())
-
-
-@contextmanager
-def _drawing(folder: Path | None) -> Iterator[Callable[[str, np.ndarray, np.ndarray, np.ndarray | None], None]]:
-    """A function that draws boxes, and a mask, into a picture (h, w) while the next one is looked at.
-
-    It does nothing without a folder.
-    """
-    if folder is None:
-        yield lambda *_: None
-        return
-    folder.mkdir()
-    with ThreadPoolExecutor(1) as pool:
-        waiting: list[Future[None]] = []
-
-        def draw(name: str, pixels: np.ndarray, found: np.ndarray, mask: np.ndarray | None) -> None:
-            if waiting:  # one picture at most: memory does not grow, and a full disk is told
-                waiting.pop().result()
-            waiting.append(pool.submit(_draw, folder / f"{name}.jpg", pixels, found, mask))
-
-        yield draw
-        for last in waiting:
-            last.result()
 
 
 def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray], mask: np.ndarray | None) -> None:
