@@ -206,7 +206,8 @@ class FineTuningOptions(BaseModel, extra="forbid", frozen=True):
         1792,
         ge=64,
         le=WIDTH,
-        description="Windows are cut from the photo shrunk to widths from that of the stored pictures to this, px.",
+        description="Windows are cut from the photo shrunk to widths from that of the stored pictures to this, px, if "
+        "it is more.",
     )
     scene_pictures: int = Field(
         400, ge=0, description="So many pictures of scenes are trained on beside them, lest the detector forget these."

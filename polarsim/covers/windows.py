@@ -101,7 +101,7 @@ def draw_windows(
     """
     for number in range(options.windows):
         share = 0.0 if number % _WHOLE == 0 else random.random()
-        shown = round(width * (options.widest_px / width) ** share)
+        shown = round(width * (max(options.widest_px, width) / width) ** share)
         pixels = resized(photo, shown)
         scaled = boxes * np.tile([shown / WIDTH, pixels.shape[0] / HEIGHT], 2)
         size = np.array([width, min(round(width * HEIGHT / WIDTH), pixels.shape[0])])

@@ -40,7 +40,7 @@ def covers(tmp_path):
 
 
 @settings(max_examples=8, deadline=None)
-@given(st.integers(0, 2**31), st.sampled_from([128, 512]))
+@given(st.integers(0, 2**31), st.sampled_from([128, 512, 1280]))
 def test_a_window_is_bright_where_its_boxes_are_and_dark_elsewhere(seed, width):
     """But where the photo shows too little of a thing for a box."""
     options = FineTuningOptions(windows=11, widest_px=1024)
