@@ -277,8 +277,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
         Where none is named that is the one of `rover.detector` or of `rover.cameras.onboard.weights`, or none.
         """
-        own, onboard, found = self.rover.autonomy.detectors, self.rover.cameras.onboard, {}
-        seeds = self.detect.seeds
+        own, onboard, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard, self.detect.seeds
+        found: dict[str, OnboardOptions] = {}
         if not own and self.rover.detector is not None:
             own, seeds = (self.rover.detector,), seeds[:1]
         for name in own:
@@ -290,8 +290,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
                 found[f"{name}-seed{seed}"] = self.rover.cameras_with(weights, self.detect).onboard
         if found:
             return found
-        weights = onboard.weights
-        return {weights.stem if isinstance(weights, Path) else weights or "none": onboard}
+        single = onboard.weights
+        return {single.stem if isinstance(single, Path) else single or "none": onboard}
 
     @property
     def cover_folds(self) -> tuple[tuple[int, ...], ...]:

@@ -130,8 +130,8 @@ def format_rank(table: pd.DataFrame) -> pd.DataFrame:
 def _with_interval(own: pd.DataFrame, metric: str, name: str = "value", ends: str = "", sign: str = "") -> str:
     if metric not in own.index:
         return MISSING
-    value, low, high = own.loc[metric, [name, f"{ends}low", f"{ends}high"]].to_numpy(float)
-    return _interval_text(value, low, high, sign)
+    row = own.loc[metric].to_dict()
+    return _interval_text(row[name], row[f"{ends}low"], row[f"{ends}high"], sign)
 
 
 def _interval_text(value: float, low: float, high: float, sign: str = "") -> str:

@@ -151,19 +151,18 @@ def _means(drives: pd.DataFrame, units: pd.Series, figure: str, drawn: np.ndarra
 
 def spearman(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Spearman's coefficient of rows (n, detectors) and rows; NaN where all of a row are alike."""
-    return _correlation(*(stats.rankdata(values, axis=1) for values in (one, other)))
+    ranks = [stats.rankdata(values, axis=1) for values in (one, other)]
+    return _correlation(*(values - values.mean(axis=1, keepdims=True) for values in ranks))
 
 
 def kendall(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Kendall's tau-b of rows (n, detectors) and rows; NaN where all of a row are alike."""
     first, second = np.triu_indices(one.shape[1], 1)
     signs = [np.sign(values[:, first] - values[:, second]) for values in (one, other)]
-    return _correlation(*signs, centred=True)
+    return _correlation(*signs)
 
 
-def _correlation(one: np.ndarray, other: np.ndarray, centred: bool = False) -> np.ndarray:
-    if not centred:
-        one, other = (values - values.mean(axis=1, keepdims=True) for values in (one, other))
+def _correlation(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     size = np.sqrt((one**2).sum(axis=1) * (other**2).sum(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(size > 0, (one * other).sum(axis=1) / size, np.nan))
