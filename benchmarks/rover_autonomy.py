@@ -110,7 +110,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--modes", nargs="+", default=["truth"])
     parser.add_argument("--suns", nargs="+", default=["3"])
     parser.add_argument("--exposures", nargs="+", default=["256"], help="ms, or auto")
-    parser.add_argument("--lights", nargs="+", default=["off"], help="off, on")
+    parser.add_argument("--lights", nargs="+", default=["off"], choices=("off", "on"))
     parser.add_argument("--weights", nargs="+", default=[onboard_of("packaged")], type=onboard_of)
     parser.add_argument("--detect", type=Path, help="results/<run>/detect of the run that trained them")
     parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="its photos' domain, and that of pictures")
