@@ -2,23 +2,36 @@
 
 `python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 3 8 12 [--modes truth] [--seeds 40] [--minutes 60]`
 
-A folder a drive, as the rule `drive_alone` makes it. Drives that are there are kept, so a call that ran out of its
-minutes goes on with the next. Modes that take no pictures (truth, blind) drive once a seed, whatever the Suns.
+The large table, of modes, Suns, exposures, lights and detectors, of which those of a run are named `<domain>-seed<N>`:
+
+`python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 --modes truth detector stereo both blind --seeds 5`
+`  --suns 1 2 3 4 --exposures 64 256 auto --lights off on --detect results/demo/detect`
+`  --weights packaged hapke-seed0=results/demo/detect/position/seed0/detectors/hapke.pt ...`
+
+A folder a drive, as the rule `drive_alone` makes it, a row printed each. Drives that are there are kept, so a call that
+ran out of its minutes goes on with the next; all of a seed come before the next seed's, so what is there compares. At
+the end tables and figures of all drives that are there, as the rules of `rover_autonomy` make them, in `OUT/tables` and
+`OUT/figures`. `--detect` names the tables of the run that trained the detectors: the gap that they are ranked by.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
 
 from polarsim.formats import tables
 from polarsim.formats.schemas import EVERY_AUTONOMY
-from polarsim.rover.autonomy.cases import cases
+from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
+from polarsim.report.figures.autonomy import draw_autonomy
+from polarsim.rover.autonomy.cases import DETECTING, Case, cases
 from polarsim.rover.autonomy.options import AutonomyOptions
-from polarsim.rover.autonomy.table import drive_case, summary
+from polarsim.rover.autonomy.rank import rank_detectors
+from polarsim.rover.autonomy.table import drive_case, summarise_autonomy
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
@@ -27,59 +40,107 @@ from polarsim.rover.world.options import WorldOptions
 CONFIG = Path(__file__).parents[1] / "config"
 
 
-def drives(asked: argparse.Namespace, options: AutonomyOptions) -> list[pd.DataFrame]:
-    """Figures of all drives that there was time for."""
-    begun, found = time.monotonic(), []
-    for case in cases(options):
-        folder = asked.out / case
-        path = folder / "figures.parquet"
-        if not path.exists():
+def driven(asked: argparse.Namespace, options: AutonomyOptions) -> Iterator[Case]:
+    """All drives that are there or that there is time for."""
+    begun = time.monotonic()
+    for case in cases(options, list(asked.weights)):
+        folder = asked.out / "drives" / case.name
+        if not (folder / "figures.parquet").exists():
             if time.monotonic() - begun > 60 * asked.minutes:
                 continue
             drive_case(
-                case=case,
+                case=case.name,
                 meshes=asked.meshes,
                 folder=folder,
                 world=WorldOptions(terrains=tuple(asked.terrains)),
                 soil=SoilOptions(table=CONFIG / "soils.csv"),
                 drive_options=DriveOptions(vehicle=CONFIG / "viper.yaml"),
                 options=options,
-                onboard=OnboardOptions(weights="packaged"),
+                onboard=asked.weights.get(case.detector, OnboardOptions()),
             )
-        own = tables.read_parquet(path, EVERY_AUTONOMY.columns)
-        found.append(own)
-        value = own.set_index("metric")["value"]
-        print(
-            f"{case}: {own['ended'].iloc[0]} after {value['time']:.1f} s, {value['collisions']:.0f} collisions, "
-            f"closest {value['closest pass of a rock above 10 cm']:.3f} m, "
-            f"{value['CPU for a second driven']:.2f} s of CPU a second",
-            flush=True,
-        )
-    return found
+        print(row_of(case, tables.read_parquet(folder / "figures.parquet", EVERY_AUTONOMY.columns)), flush=True)
+        yield case
 
 
-def main() -> None:
+def row_of(case: Case, own: pd.DataFrame) -> str:
+    value = own.set_index("metric")["value"]
+    return (
+        f"{case.name}: {own['ended'].iloc[0]} after {value['time']:.1f} s, {value['collisions']:.0f} collisions, "
+        f"closest {value['closest pass of a rock above 10 cm']:.3f} m, "
+        f"{value['CPU for a second driven'] * value['time']:.0f} s of CPU, "
+        f"{value['CPU for a second driven']:.2f} a second"
+    )
+
+
+def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str]) -> None:
+    """Tables and figures of these drives."""
+    folders = [asked.out / "drives" / case.name for case in found]
+    rover, shown, drawn = (asked.out / name for name in ("rover", "tables", "figures"))
+    each, together, effects = (rover / f"{name}.parquet" for name in ("every_autonomy", "autonomy", "autonomy_effects"))
+    files = [folder / "figures.parquet" for folder in folders]
+    summarise_autonomy(drives=files, each=each, together=together, effects=effects)
+    stems = {"stem": shown / "rover_autonomy", "effects_stem": shown / "rover_autonomy_effects"}
+    tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
+    figures = {"figure": drawn / "rover_autonomy.png", "ways": drawn / "rover_ways.png"}
+    draw_autonomy(folders=folders, together=together, **figures, origin=origin)
+    print((shown / "rover_autonomy.md").read_text(), (shown / "rover_autonomy_effects.md").read_text(), sep="\n")
+    if any(case.mode in DETECTING for case in found):
+        ranked = {"by_detector": rover / "autonomy_detectors.parquet", "ranks": rover / "autonomy_rank.parquet"}
+        gap = {name: asked.detect / f"{name}.parquet" for name in ("detection", "ipd")} if asked.detect else {}
+        rank_detectors(each=each, **ranked, **gap, pair=tuple(asked.pair))
+        tabulate_rank(**ranked, stem=shown / "rover_rank", origin=origin)
+        print((shown / "rover_rank.md").read_text())
+
+
+def onboard_of(text: str) -> tuple[str, OnboardOptions]:
+    """Name and options of a detector: `packaged`, or `name=path`."""
+    name, _, path = text.partition("=")
+    if path and not Path(path).is_file():
+        raise argparse.ArgumentTypeError(f"{path}: no such file")
+    if not path and name != "packaged":
+        raise argparse.ArgumentTypeError(f"{text!r}, expected packaged or name=path")
+    return name, OnboardOptions.model_validate({"weights": path or name})
+
+
+def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("meshes", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("--terrains", type=int, nargs="+", default=[3, 1, 11])
     parser.add_argument("--modes", nargs="+", default=["truth"])
     parser.add_argument("--suns", nargs="+", default=["3"])
-    parser.add_argument(
-        "--exposures", nargs="+", default=[256.0], type=lambda text: text if text == "auto" else float(text)
-    )
+    parser.add_argument("--exposures", nargs="+", default=["256"], help="ms, or auto")
+    parser.add_argument("--lights", nargs="+", default=["off"], choices=("off", "on"))
+    parser.add_argument("--weights", nargs="+", default=[onboard_of("packaged")], type=onboard_of)
+    parser.add_argument("--detect", type=Path, help="results/<run>/detect of the run that trained them")
+    parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="its photos' domain, and that of pictures")
     parser.add_argument("--seeds", type=int, default=40)
+    parser.add_argument("--ahead", type=float, default=3.0, help="metres before the first terrain and behind the last")
     parser.add_argument("--minutes", type=float, default=60)
+    parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
     asked = parser.parse_args()
-    options = AutonomyOptions(
-        modes=tuple(asked.modes),
-        suns=tuple(asked.suns),
-        exposures_ms=tuple(asked.exposures),
-        seeds=tuple(range(asked.seeds)),
-        longest_s=80 * len(asked.terrains),  # a terrain takes half a minute without stops
+    asked.weights = dict(asked.weights)
+    return asked
+
+
+def main() -> None:
+    asked = arguments()
+    options = AutonomyOptions.model_validate(
+        {
+            "modes": asked.modes,
+            "suns": asked.suns,
+            "exposures_ms": [text if text == "auto" else float(text) for text in asked.exposures],
+            "lights": asked.lights,
+            "seeds": range(asked.seeds),
+            "model": asked.pair[1],
+            "ahead_m": asked.ahead,
+            "longest_s": 80 * len(asked.terrains),  # a terrain takes half a minute without stops
+        }
     )
-    together = summary(pd.concat(drives(asked, options), ignore_index=True))
-    print(together.to_string(index=False, float_format="%.4g"))
+    found = list(driven(asked, options))
+    told = hashlib.sha256(f"{asked.terrains} {options.model_dump_json()}".encode()).hexdigest()[:12]
+    if found:
+        sum_up(asked, found, {"run": asked.out.name, "source": asked.source, "config": told})
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
+from polarsim.rover.cameras.options import PACKAGED_NAME, OnboardOptions
 from polarsim.rover.options import RoverOptions
 from polarsim.scoring.options import ScoringOptions
 
@@ -178,6 +179,9 @@ class Config(BaseModel, extra="forbid", frozen=True):
         if self.rover.detector is not None and self.rover.detector not in self.training_domains:
             known = ", ".join(self.training_domains) or "none: no detector is trained"
             raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
+        if unknown := sorted(set(self.rover.autonomy.detectors) - {PACKAGED_NAME, *self.training_domains}):
+            known = ", ".join([PACKAGED_NAME, *self.training_domains])
+            raise ValueError(f"rover.autonomy.detectors: {unknown[0]!r}, expected {known}")
         return self
 
     @model_validator(mode="after")
@@ -267,6 +271,27 @@ class Config(BaseModel, extra="forbid", frozen=True):
         along.
         """
         return f"detect/{self.detect.splits[0]}/seed{self.detect.seeds[0]}"
+
+    def deciding_detectors(self, run: Path) -> dict[str, OnboardOptions]:
+        """Detectors by which the rover finds its way, as it takes them along: `packaged`, `<domain>-seed<N>` of a run.
+
+        Where none is named that is the one of `rover.detector` or of `rover.cameras.onboard.weights`, or none.
+        """
+        own, onboard, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard, self.detect.seeds
+        found: dict[str, OnboardOptions] = {}
+        if not own and self.rover.detector is not None:
+            own, seeds = (self.rover.detector,), seeds[:1]
+        for name in own:
+            if name == PACKAGED_NAME:
+                found[name] = onboard.model_copy(update={"weights": PACKAGED_NAME})
+                continue
+            for seed in seeds:
+                weights = run / f"detect/{self.detect.splits[0]}/seed{seed}/detectors/{name}.pt"
+                found[f"{name}-seed{seed}"] = self.rover.cameras_with(weights, self.detect).onboard
+        if found:
+            return found
+        single = onboard.weights
+        return {single.stem if isinstance(single, Path) else single or "none": onboard}
 
     @property
     def cover_folds(self) -> tuple[tuple[int, ...], ...]:

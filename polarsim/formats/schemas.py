@@ -90,10 +90,22 @@ ONBOARD = _schema(
     "rover/onboard.parquet",
     "source:s model:s exposure_ms:f:ms metric:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
 )
-EVERY_AUTONOMY = _schema(
-    "rover/every_autonomy.parquet", "mode:s sun:s exposure:s seed:i ended:s metric:s unit:s value:f"
+_DECIDES = "mode:s sun:s exposure:s lights:s detector:s"
+EVERY_AUTONOMY = _schema("rover/every_autonomy.parquet", _DECIDES, "seed:i ended:s metric:s unit:s value:f")
+AUTONOMY = _schema("rover/autonomy.parquet", _DECIDES, "metric:s unit:s drives:i seeds:i value:f low:f high:f")
+AUTONOMY_EFFECTS = _schema(
+    "rover/autonomy_effects.parquet",
+    "mode:s axis:s level:s metric:s unit:s seeds:i value:f low:f high:f change:f change_low:f change_high:f",
 )
-AUTONOMY = _schema("rover/autonomy.parquet", "mode:s sun:s exposure:s metric:s unit:s drives:i value:f low:f high:f")
+AUTONOMY_DETECTORS = _schema(
+    "rover/autonomy_detectors.parquet",
+    "mode:s detector:s drives:i seeds:i ipd:f map50:f rock_f1:f collisions:f success:f rock_points:f",
+)
+AUTONOMY_RANK = _schema(
+    "rover/autonomy_rank.parquet",
+    "mode:s gap:s drive:s detectors:i drives:i units:i unit:s spearman:f spearman_low:f spearman_high:f",
+    "kendall:f kendall_low:f kendall_high:f kendall_p:f says:s",
+)
 SOIL_LIMIT = _schema(
     "rover/soil_limit.parquet",
     "wheel:s soil:s cell_m:f:m slip:f sinkage_mm:f:mm sinkage_limit_mm:f:mm pull_n:f:N pull_limit_n:f:N",
@@ -105,8 +117,8 @@ SOIL_CHECKS = _schema(
 )
 SCHEMAS = (
     PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_FOUND, COVER_SCORES, MASK_SCORES,
-    OFFSETS, LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, EVERY_AUTONOMY, AUTONOMY, SOIL_LIMIT,
-    SOIL_MEASURED, SOIL_CHECKS,
+    OFFSETS, LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, EVERY_AUTONOMY, AUTONOMY,
+    AUTONOMY_EFFECTS, AUTONOMY_DETECTORS, AUTONOMY_RANK, SOIL_LIMIT, SOIL_MEASURED, SOIL_CHECKS,
 )  # fmt: skip
 
 

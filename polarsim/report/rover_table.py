@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.formats.schemas import AUTONOMY, DRIVES, EVERY_DRIVE, ONBOARD, SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
+from polarsim.formats.schemas import DRIVES, EVERY_DRIVE, ONBOARD, SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
 
@@ -20,10 +20,6 @@ ONBOARD_CAPTION = (
     "What the front camera is worth on board; `truth` has the labels in the place of a detector, the most that any "
     "detector "
     "could reach. Exposure 0: all of them together."
-)
-AUTONOMY_CAPTION = (
-    "Drives in which the rover finds its own way, means over seeds: by labels (truth), a detector, stereo depth, both, "
-    "or blind along the straight line. Sun and exposure `any`: no pictures are taken; `all`: over all of them."
 )
 SOIL_CAPTION = "Driven wheels against the limit of fine cells, small steps and stiff soil; normal of the contact."
 CHECKS_CAPTION = (
@@ -73,18 +69,6 @@ def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) ->
     # `source` is what the run's photos are, in all tables.
     seen = read_parquet(onboard, ONBOARD.columns).rename(columns={"source": "boxes"})
     _write(stem, seen, ONBOARD_CAPTION, origin, how)
-
-
-def tabulate_autonomy(*, together: Path, stem: Path, origin: Mapping[str, str]) -> None:
-    """Write what drives were like in which the rover found its own way, in four forms.
-
-    Raises
-    ------
-    FormatError
-        The table is missing or has other columns.
-    """
-    how = "Intervals: 95 %, bootstrapped over drives."
-    _write(stem, read_parquet(together, AUTONOMY.columns), AUTONOMY_CAPTION, origin, how)
 
 
 def _write(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str], *notes: str) -> None:

@@ -46,26 +46,52 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
     assert "train_detector" in jobs if name == "rover" else "train_detector" not in jobs
 
 
-def test_a_drive_of_every_mode_sun_exposure_and_seed_then_a_table_and_a_figure(checkout, snakemake):
-    asked = {"modes": ["truth", "detector", "both", "blind"], "suns": ["1", "3"], "exposures_ms": [64, "auto"]}
-    content = {"rover": {"autonomy": {**asked, "seeds": [0, 5]}, "world": {"dem": {"path": "site.tif"}}}}
+def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, snakemake):
+    asked = {"modes": ["truth", "stereo", "both", "blind"], "suns": ["1", "3"], "exposures_ms": [64, "auto"]}
+    asked |= {"lights": ["off", "on"], "detectors": ["packaged", "hapke"]}
+    content = {"rover": {"autonomy": {**asked, "seeds": [5]}, "world": {"dem": {"path": "site.tif"}}}}
     (checkout / "site.tif").touch()
-    (checkout / "config/lights.yaml").write_text(yaml.safe_dump(content))
+    (checkout / "config/lights.yaml").write_text(yaml.safe_dump(content | {"detect": {"seeds": [0, 1]}}))
     files = [f"config/{name}.yaml" for name in ("rover", "rover_autonomy", "lights")]
     done = snakemake(checkout, "rover_autonomy", "--dry-run", "--configfile", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
     jobs = planned(text)
-    lit = {f"{mode}_{sun}_{ms}" for mode in ("detector", "both") for sun in "13" for ms in ("0064", "auto")}
-    cases = {f"{light}_seed{seed}" for light in lit | {"truth_any_any", "blind_any_any"} for seed in (0, 5)}
-    assert set(re.findall(r"output: results/demo/rover/autonomy/(\w+)/figures\.parquet", text)) == cases
-    assert jobs["drive_alone"] == len(cases) == 20
-    assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == 20  # a new elevation model is driven over anew
-    assert jobs["summarise_autonomy"] == jobs["tabulate_autonomy"] == jobs["draw_autonomy"] == 1
+    lights = [f"{sun}_{ms}_{lit}" for sun in "13" for ms in ("0064", "auto") for lit in ("off", "on")]
+    own = {"truth", "blind", *(f"stereo_{light}" for light in lights)}
+    own |= {f"both_{light}_{name}" for light in lights for name in ("packaged", "hapke-seed0", "hapke-seed1")}
+    cases = {f"{case}_seed5" for case in own}
+    assert set(re.findall(r"output: results/demo/rover/autonomy/([\w-]+)/figures\.parquet", text)) == cases
+    assert jobs["drive_alone"] == len(cases) == 2 + 8 + 24
+    assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == len(cases)  # a new ground is driven over anew
+    trained = re.findall(r"site\.tif.*detect/position/(seed\d)/detectors/hapke\.pt", text)
+    assert [trained.count(seed) for seed in ("seed0", "seed1")] == [8, 8]
+    for rule in ("summarise_autonomy", "tabulate_autonomy", "rank_detectors", "tabulate_rank", "draw_autonomy"):
+        assert jobs[rule] == 1
+    assert "results/demo/detect/ipd.parquet" in re.search(r"rule rank_detectors:\n +input: (.*)", text)[1]
     assert "drive_rover" not in jobs
-    assert "train_detector" not in jobs  # the packaged one looks
-    for name in ("tables/rover_autonomy.csv", "figures/rover_autonomy.png"):
+    for name in ("tables/rover_autonomy.csv", "tables/rover_autonomy_effects.csv", "figures/rover_ways.png"):
         assert f"results/demo/{name}" in text
+
+
+@pytest.mark.parametrize(
+    ("rover", "names"),
+    [
+        ({"cameras": {"onboard": {"weights": "packaged"}}}, {"packaged": "packaged"}),
+        ({"cameras": {"onboard": {"weights": "own/best.pt"}}}, {"best": "own/best.pt"}),
+        ({}, {"none": "None"}),
+        ({"detector": "hapke"}, {"hapke-seed3": "run/detect/photo/seed3/detectors/hapke.pt"}),  # as on plain drives
+        (
+            {"detector": "hapke", "autonomy": {"detectors": ["analog", "packaged"]}},
+            {f"analog-seed{n}": f"run/detect/photo/seed{n}/detectors/analog.pt" for n in (3, 4)}
+            | {"packaged": "packaged"},
+        ),
+    ],
+)
+def test_detectors_by_which_the_rover_decides_have_names(rover, names):
+    asked = {"run": True, "world": {"terrains": [1]}, **rover}
+    config = parse_config(configured(**asked) | {"detect": {"splits": ["photo"], "seeds": [3, 4]}})
+    assert {name: str(own.weights) for name, own in config.deciding_detectors(Path("run")).items()} == names
 
 
 @pytest.mark.slow
@@ -104,6 +130,11 @@ def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout,
         ({"run": True}, "rover.world.terrains: 4 is none of the run's"),
         ({"run": True, "world": {"terrains": [1]}, "detector": "lambert"}, "rover.detector: domain 'lambert'"),
         ({"run": True, "world": {"terrains": [1]}, "bag": {"sun": "7"}}, "bag.sun: '7' is not among"),
+        (
+            {"run": True, "world": {"terrains": [1]}, "autonomy": {"detectors": ["lambert"]}},
+            "detectors: 'lambert', exp",
+        ),
+        ({"autonomy": {"lights": ["navlight_left"]}}, "rover.autonomy.lights"),
         ({"seeds": [1, 1]}, "each once"),
         ({"wheels": 4}, "rover.wheels"),
     ],

@@ -1,4 +1,4 @@
-"""Drives in which the rover finds its own way: one of every mode, Sun, exposure and seed; their table and figure."""
+"""Drives in which the rover finds its own way: by mode, Sun, exposure, lights, detector and seed; their tables and figures."""
 
 
 rule rover_autonomy:
@@ -6,6 +6,7 @@ rule rover_autonomy:
     input:
         of_run("results/{run}/tables/rover_autonomy.csv") if AUTONOMY_CASES else [],
         of_run("results/{run}/figures/rover_autonomy.png") if AUTONOMY_CASES else [],
+        of_run("results/{run}/tables/rover_rank.csv") if len(DETECTORS_DRIVEN) > 1 else [],
 
 
 rule drive_alone:
@@ -33,19 +34,20 @@ rule drive_alone:
         soil=options("rover.soil"),
         drive_options=options("rover.drive"),
         options=ROVER.autonomy.model_dump(mode="json", exclude=OTHER_DRIVES),
-        onboard=camera_suite_options()["onboard"],
+        onboard=onboard_of_case,
         code=code_of("drive_alone"),
     script:
         "../scripts/drive_alone.py"
 
 
 rule summarise_autonomy:
-    """Every drive's figures, and the means of modes and lights over seeds with intervals."""
+    """Every drive's figures, their means over seeds with intervals, and what each axis changes."""
     input:
         drives=autonomy_of("figures.parquet"),
     output:
         each="results/{run}/rover/every_autonomy.parquet",
         together="results/{run}/rover/autonomy.parquet",
+        effects="results/{run}/rover/autonomy_effects.parquet",
     log:
         "results/{run}/logs/rover/summarise_autonomy.log",
     benchmark:
@@ -60,17 +62,20 @@ rule summarise_autonomy:
 
 
 rule tabulate_autonomy:
-    """Drives in which the rover decides, by mode and light."""
+    """Drives in which the rover decides, and what Sun, exposure, lights and detector change."""
     input:
         together="results/{run}/rover/autonomy.parquet",
+        effects="results/{run}/rover/autonomy_effects.parquet",
     output:
-        table=shown(
-            "results/{run}/tables/rover_autonomy.csv",
-            "Rover",
-            caption="tables/rover_autonomy",
-            picture="finding its way",
+        table=shown("results/{run}/tables/rover_autonomy.csv", "Rover", picture="finding its way"),
+        effects_table=shown(
+            "results/{run}/tables/rover_autonomy_effects.csv", "Rover", picture="what the light changes"
         ),
-        others=multiext("results/{run}/tables/rover_autonomy", ".md", ".tex", ".parquet"),
+        others=expand(
+            "results/{{run}}/tables/{name}.{form}",
+            name=["rover_autonomy", "rover_autonomy_effects"],
+            form=["md", "tex", "parquet"],
+        ),
     log:
         "results/{run}/logs/rover/tabulate_autonomy.log",
     benchmark:
@@ -85,13 +90,59 @@ rule tabulate_autonomy:
         "../scripts/tabulate_autonomy.py"
 
 
+rule rank_detectors:
+    """Detectors that drove by their gap and by their drives, and how these orders agree."""
+    input:
+        each="results/{run}/rover/every_autonomy.parquet",
+        **{name: f"results/{{run}}/detect/{name}.parquet" for name in GAP_TABLES},
+    output:
+        by_detector="results/{run}/rover/autonomy_detectors.parquet",
+        ranks="results/{run}/rover/autonomy_rank.parquet",
+    log:
+        "results/{run}/logs/rover/rank_detectors.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/rank_detectors.tsv"
+    resources:
+        mem_mb=growing(1000),
+        runtime=10,
+    params:
+        pair=[CONFIG.photo_domain, ROVER.autonomy.model],
+        split=SPLITS[0],
+        code=code_of("rank_detectors"),
+    script:
+        "../scripts/rank_detectors.py"
+
+
+rule tabulate_rank:
+    """Whether a detector with a smaller gap drives better."""
+    input:
+        by_detector="results/{run}/rover/autonomy_detectors.parquet",
+        ranks="results/{run}/rover/autonomy_rank.parquet",
+    output:
+        table=shown("results/{run}/tables/rover_rank.csv", "Rover", picture="gap and drive"),
+        others=multiext("results/{run}/tables/rover_rank", ".md", ".tex", ".parquet"),
+    log:
+        "results/{run}/logs/rover/tabulate_rank.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/tabulate_rank.tsv"
+    resources:
+        mem_mb=growing(500),
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("tabulate_rank"),
+    script:
+        "../scripts/tabulate_rank.py"
+
+
 rule draw_autonomy:
-    """Ways of all modes over the rocks, and collisions, success and energy of the modes side by side."""
+    """Collisions, success, map and energy of the modes side by side, and the ways of the first seed's drives."""
     input:
         drives=autonomy_of("trace.parquet"),
         together="results/{run}/rover/autonomy.parquet",
     output:
-        figure=shown("results/{run}/figures/rover_autonomy.png", "Rover", picture="finding its way"),
+        figure=shown("results/{run}/figures/rover_autonomy.png", "Rover", picture="modes"),
+        ways=shown("results/{run}/figures/rover_ways.png", "Rover", picture="ways"),
     log:
         "results/{run}/logs/rover/draw_autonomy.log",
     benchmark:

@@ -9,7 +9,13 @@ ROVER_TABLES = ["rover", "rover_drives", "rover_soil", "rover_soil_checks"]
 ROVER_TABLES += ["rover_onboard"] if ROVER.onboard else []
 ROVER_FIGURES = ["rover_sequence", "rover_drive", "rover_soil"]
 ROVER_FIGURES += ["rover_front"] if ROVER.onboard else []
-AUTONOMY_CASES = cases(ROVER.autonomy) if ROVER.run and ROVER.autonomy.run else []
+DECIDING = CONFIG.deciding_detectors(Path(f"results/{RUN}"))
+AUTONOMY_CASES = {}
+if ROVER.run and ROVER.autonomy.run:
+    AUTONOMY_CASES = {case.name: case for case in cases(ROVER.autonomy, list(DECIDING))}
+DETECTORS_DRIVEN = {case.detector for case in AUTONOMY_CASES.values()} & set(DECIDING)
+# Their figures of the gap: those of the run's own trainings, not of weights that come from elsewhere.
+GAP_TABLES = ["detection", "ipd"] if set(ROVER.autonomy.detectors) & set(TRAINED) else []
 VIEWS_DRIVEN, SUNS = list(ROVER.cameras.views), list(ROVER.suns)
 
 
@@ -106,7 +112,7 @@ def detections_of_drive(wildcards):
 
 
 # What a single drive does not depend on: which others there are. More seeds or Suns leave finished drives as they are.
-OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms"}
+OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "detectors"}
 
 
 def autonomy_of(name):
@@ -114,6 +120,13 @@ def autonomy_of(name):
     return expand("results/{{run}}/rover/autonomy/{case}/{name}", case=AUTONOMY_CASES, name=name)
 
 
+def onboard_of_case(wildcards):
+    """How a drive's detector looks; modes without one are not driven anew for another."""
+    without = ROVER.cameras.onboard.model_copy(update={"weights": None})
+    return DECIDING.get(AUTONOMY_CASES[wildcards.case].detector, without).model_dump(mode="json")
+
+
 def weights_of_case(wildcards):
     """The detector, of modes that have one: others do not wait for it."""
-    return weights_on_board(wildcards) if wildcards.case.startswith(("detector", "both")) else []
+    onboard = DECIDING.get(AUTONOMY_CASES[wildcards.case].detector)
+    return str(onboard.weights_file) if onboard and onboard.weights_file else []

@@ -1,4 +1,4 @@
-"""Draw the ways of a rover that decides, and its modes side by side."""
+"""Draw the modes of a rover that decides side by side, and its ways."""
 
 from pathlib import Path
 

@@ -1,76 +1,185 @@
-"""Ways of a rover that finds its own, over the rocks that lay there, and its modes side by side."""
+"""Modes of a rover that finds its own way side by side, and its ways over the rocks that lay there."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.schemas import AUTONOMY
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, page
+from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
 
 MODES = ("truth", "detector", "stereo", "both", "blind")
+ANY = "any"  # Sun of drives that take no pictures
 HIGH_M = 0.10
-SHOWN = {
-    "collisions": "collisions a drive",
-    "success": "share of drives that succeed",
-    "energy over the blind one's": "energy over the blind one's",
+PRINTED_PX = 1400
+SHOWN = {  # the first that the table has, as a panel's title says it
+    "collisions": "Rocks above 10 cm hit, a drive",
+    "success": "Share of drives that succeed",
+    "both maps": "Map points, of 600",
+    "energy over the blind one's": "Energy over the blind drive's",
 }
+INSTEAD = {"energy over the blind one's": ("energy", "Energy, J")}  # where nothing drove blind
+_SUNS = {"1": "o", "2": "s", "3": "^", "4": "D", "night": "v", ANY: "_"}
+_LEAST_ROOM = 10  # places: a name has room above
+_FROM_ZERO = {"Rocks above 10 cm hit, a drive", "Share of drives that succeed"}
+_MARK = {"linestyle": "", "markersize": 3.2, "markeredgewidth": 0.6}
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What Suns and exposures look like: shapes, and greys from white to black."""
+
+    suns: list[str]
+    exposures: list[str]
+
+    def of(self, sun: str, exposure: str) -> dict[str, Any]:
+        grey = self.exposures.index(exposure) / max(len(self.exposures) - 1, 1) if exposure in self.exposures else 1.0
+        return {"marker": _SUNS[sun], "markerfacecolor": str(1 - grey), "markeredgecolor": INK}
 
 
 def draw_autonomy(
-    *, folders: Sequence[Path], together: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH
+    *,
+    folders: Sequence[Path],
+    together: Path,
+    figure: Path,
+    ways: Path,
+    origin: dict[str, str],
+    width: int = PRINTED_PX,
+    ways_width: int = FIGURE_WIDTH,
 ) -> None:
-    """Above: ways of all drives, rocks above 10 cm filled. Below: means of each mode over lights, with intervals."""
-    table = read_parquet(together, AUTONOMY.columns)
-    modes = [mode for mode in MODES if (table["mode"] == mode).any()]
+    """Draw `figure`, modes side by side, for a column of print in greys, and `ways`, the drives of the first seed."""
+    draw_modes(read_parquet(together, AUTONOMY.columns), figure, origin, width)
+    draw_ways(folders, ways, origin, ways_width)
+
+
+def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width: int = PRINTED_PX) -> None:
+    """A panel a figure, in it a mark for every kind of drive, Sun and exposure, with its interval over seeds."""
+    own = kinds_of(table)
+    seen = own[own["sun"] != ANY]
+    looks = Looks(sorted(set(seen["sun"])), sorted(set(seen["exposure"])))
+    places, edges, labels = placed(own)
+    own = own.assign(x=places)
+    with page(figure, width, round(width * 1.45), COLUMN_IN) as sheet:
+        axes = sheet.subplots(len(SHOWN), 1, sharex=True)
+        for axis, (metric, title) in zip(axes, SHOWN.items(), strict=True):
+            part = own[own["metric"] == metric]
+            if not len(part) and metric in INSTEAD:
+                metric, title = INSTEAD[metric]
+                part = own[own["metric"] == metric]
+            _draw_panel(axis, part, looks, title in _FROM_ZERO)
+            axis.set_title(title)
+            for edge in edges[1:-1]:
+                axis.axvline(edge, color=LINE, linewidth=0.6, zorder=0)
+        axes[-1].set_xticks([(low + high) / 2 for low, high in pairwise(edges)], labels, fontsize="small")
+        axes[-1].set_xlim(edges[0], edges[-1])
+        axes[-1].set_xlabel(f"what the rover goes by (source {origin['source']})")
+        _draw_legend(sheet, looks)
+
+
+def placed(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[str]]:
+    """Where each row lies along the axis, the edges of the kinds' rooms, and the kinds' names.
+
+    A kind has a place a Sun and exposure, Suns a place apart; a kind without has room for its name.
+    """
+    x, edges, labels = pd.Series(np.nan, kinds.index), [0.0], []
+    for kind, part in kinds.groupby("kind", sort=False):
+        own = sorted(set(zip(part["sun"], part["exposure"], strict=True)))
+        suns = sorted({sun for sun, _ in own})
+        place = {key: number + suns.index(key[0]) for number, key in enumerate(own)}
+        wide = max(place.values()) + 1
+        room = max(wide + 2, _LEAST_ROOM)
+        for key, rows in part.groupby(["sun", "exposure"]):
+            x[rows.index] = edges[-1] + room / 2 + place[key] - (wide - 1) / 2  # type: ignore[index]
+        edges.append(edges[-1] + room)
+        labels.append(str(kind).replace(", ", "\n"))
+    return x, edges, labels
+
+
+def kinds_of(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of single Suns and exposures with their `kind`: mode, and lights where it drove with both; all detectors."""
+    several = set(table.loc[table["detector"] == "all", "mode"])
+    own = table[(table["sun"] != "all") & ((table["detector"] == "all") | ~table["mode"].isin(several))]
+    both = own.groupby("mode")["lights"].transform("nunique") > 1
+    kind = own["mode"].where(~both | (own["lights"] == "off"), own["mode"] + ", lit")
+    order = kind.map(lambda name: (MODES.index(name.split(",")[0]), name))
+    return own.assign(kind=kind).loc[order.sort_values(kind="stable").index]
+
+
+def _draw_panel(axis: Any, part: pd.DataFrame, looks: Looks, from_zero: bool) -> None:
+    for row in part.to_dict("records"):
+        if np.isfinite(row["low"]):
+            axis.plot([row["x"]] * 2, [row["low"], row["high"]], color=FAINT, linewidth=0.7, zorder=1)
+        axis.plot(row["x"], row["value"], **looks.of(row["sun"], row["exposure"]), **_MARK)
+    axis.tick_params(axis="x", length=0)
+    low, high = axis.get_ylim()
+    if from_zero:
+        axis.set_ylim(-0.05 * max(1.0, high), 1.05 * max(1.0, high))  # room for the marks at the ends
+    elif high - low < 0.1 * abs(high):
+        axis.set_ylim(
+            low - 0.05 * abs(high), high + 0.05 * abs(high)
+        )  # what hardly differs shall not look as if it did
+
+
+def _draw_legend(sheet: Any, looks: Looks) -> None:
+    """Suns by their shapes, exposures by their greys."""
+    from matplotlib.patches import Patch
+
+    white = {"markerfacecolor": "white"}
+    keys = [legend_line(**looks.of(sun, "") | white, **_MARK, label=sun_title(sun)) for sun in looks.suns]
+    for exposure in looks.exposures:
+        grey = looks.of(ANY, exposure)["markerfacecolor"]
+        keys.append(Patch(facecolor=grey, edgecolor=INK, linewidth=0.6, label=exposure_title(exposure)))
+    if keys:
+        sheet.legend(
+            handles=keys, loc="outside lower center", ncols=4, columnspacing=1, handletextpad=0.4, handlelength=1
+        )
+
+
+def sun_title(sun: str) -> str:
+    return sun if sun == "night" else f"Sun {sun}"
+
+
+def exposure_title(exposure: str) -> str:
+    return exposure if exposure == "auto" else f"{float(exposure):g} ms"
+
+
+def draw_ways(folders: Sequence[Path], figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
+    """Ways of the first seed's drives, rocks above 10 cm filled."""
+    seed = folders[0].name.rpartition("_")[2]
+    own = [folder for folder in folders if folder.name.endswith(f"_{seed}")]
+    modes = [mode for mode in MODES if any(folder.name.split("_")[0] == mode for folder in own)]
     colours = dict(zip(modes, SERIES, strict=False))
-    with page(figure, width, round(width * 0.62)) as sheet:
-        heading(sheet, f"The rover finds its way; source {origin['source']}")
-        parts = sheet.subfigures(2, 1, height_ratios=[1.1, 1])
-        above = parts[0].subplots()
-        _draw_rocks(above, folders[0] / "world")
-        for folder in folders:
-            mode = folder.name.split("_")[0]
+    with page(figure, width, round(width * 0.4)) as sheet:
+        heading(sheet, f"The rover finds its way, {seed.replace('seed', 'seed ')}; source {origin['source']}")
+        axis = sheet.subplots()
+        _draw_rocks(axis, own[0] / "world")
+        for folder in own:
             way = read_parquet(folder / "trace.parquet", ("x_m", "y_m"))
-            above.plot(way["x_m"], way["y_m"], color=colours[mode], linewidth=1, alpha=0.8)
+            axis.plot(way["x_m"], way["y_m"], color=colours[folder.name.split("_")[0]], linewidth=1, alpha=0.8)
         for mode in modes:
-            above.plot([], [], color=colours[mode], label=mode)
-        above.set_aspect("equal")
-        above.set_xlabel("east, m")
-        above.set_ylabel("north, m")
-        above.legend(ncols=len(modes), loc="lower right")
-        for axis, (metric, text) in zip(parts[1].subplots(1, len(SHOWN)), SHOWN.items(), strict=True):
-            own = table[(table["metric"] == metric) & table["sun"].isin(["all", "any"])].set_index("mode")
-            for place, mode in enumerate(modes):
-                if mode not in own.index:
-                    continue
-                value, low, high = own.loc[mode, ["value", "low", "high"]].to_numpy(float)
-                axis.bar(place, value, color=colours[mode], width=0.7)
-                if np.isfinite(low):
-                    axis.plot([place, place], [low, high], color=INK, linewidth=1.2)
-            axis.set_xticks(range(len(modes)), modes)
-            axis.set_xlim(-0.6, len(modes) - 0.4)
-            axis.set_ylim(0, max(1.0, axis.get_ylim()[1]))  # without a collision there is no bar, and no scale
-            axis.set_title(text)
+            axis.plot([], [], color=colours[mode], label=mode)
+        axis.set_aspect("equal")
+        axis.set_xlabel("east, m")
+        axis.set_ylabel("north, m")
+        axis.legend(ncols=len(modes), loc="lower right")
 
 
-def _draw_rocks(axis, world: Path) -> None:  # type: ignore[no-untyped-def]
+def _draw_rocks(axis: Any, world: Path) -> None:
     from matplotlib.patches import Circle
 
     ground = read_arrays(world / "ground.npz", ("x0_m", "y0_m", "cell_m", "level_m"))
     rows, columns = ground["level_m"].shape
     x0, y0, cell = (float(ground[name]) for name in ("x0_m", "y0_m", "cell_m"))
-    axis.imshow(
-        ground["level_m"],
-        extent=(x0, x0 + cell * columns, y0, y0 + cell * rows),
-        origin="lower",
-        cmap="gray",
-        alpha=0.4,
-    )
+    extent = (x0, x0 + cell * columns, y0, y0 + cell * rows)
+    axis.imshow(ground["level_m"], extent=extent, origin="lower", cmap="gray", alpha=0.4)
     axis.set_xlim(x0, x0 + cell * columns)
     axis.set_ylim(y0, y0 + cell * rows)  # rocks may lie beyond
     for rock in read_parquet(world / "rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):

@@ -14,6 +14,7 @@ from polarsim.formats.files import writing
 DPI = 100
 FIGURE_WIDTH = 1600  # px: what a screen shows at once
 NOTE_LETTERS = 70  # of a line: what fits on the page, for letters grow with it
+COLUMN_IN, PRINTED_PT = 3.5, 7.5  # a column of a paper's page, and letters on it
 INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito: apart for all eyes
 LETTER_M = (0.09, 0.13)  # metres: width and height of a digit on a map of the sandbox that fills half the page
@@ -41,16 +42,20 @@ _STYLE = {
 
 
 @contextmanager
-def page(path: Path, width_px: int, height_px: int) -> Iterator[Any]:
-    """A Matplotlib figure, written to a PNG of that size at the end; fonts grow with the width from 1200 px on."""
+def page(path: Path, width_px: int, height_px: int, printed_in: float | None = None) -> Iterator[Any]:
+    """A Matplotlib figure, written to a PNG of that size at the end; fonts grow with the width from 1200 px on.
+
+    `printed_in`: it is for print, so many inches wide: fonts then have the sizes of a paper's captions.
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    zoom = max(1.0, width_px / 1300)
+    dpi = width_px / printed_in if printed_in else DPI
+    zoom = PRINTED_PT / 12 if printed_in else max(1.0, width_px / 1300)
     style: Any = {**_STYLE, "font.size": 12 * zoom, "axes.titlesize": 13 * zoom}
     with matplotlib.rc_context(style):
-        figure = Figure(figsize=(width_px / DPI, height_px / DPI), dpi=DPI, layout="constrained")
+        figure = Figure(figsize=(width_px / dpi, height_px / dpi), dpi=dpi, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
         with writing(path) as temporary:

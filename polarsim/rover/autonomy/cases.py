@@ -1,37 +1,75 @@
-"""Which drives there are: a name of each, `<mode>_<Sun>_<exposure>_seed<seed>`, and what a name says."""
+"""Which drives there are. A name says what a drive depends on: `<mode>_<Sun>_<exposure>_<lights>_<detector>_seed<N>`.
+
+By labels or blind that is `<mode>_seed<N>`, by stereo there is no detector.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
-from polarsim.rover.autonomy.options import AUTO, AutonomyOptions, Mode
+from polarsim.rover.autonomy.options import AUTO, ON, AutonomyOptions, Mode
 
-ANY = "any"  # light of modes that take no pictures
-UNLIT = ("truth", "blind")
+ANY = "any"  # in the place of what a drive does not depend on
+AXES = ("mode", "sun", "exposure", "lights", "detector")
+UNLIT = ("truth", "blind")  # take no pictures
+DETECTING = ("detector", "both")
 
 
 @dataclass(frozen=True)
 class Light:
-    """Under which Sun, with which exposure."""
+    """Under which Sun, with which exposure, and whether the rover's lights are on."""
 
     sun: str
     exposure_ms: float | str
+    lit: bool = False
 
 
-def cases(options: AutonomyOptions) -> list[str]:
-    """Names of all drives, `<mode>_<Sun>_<exposure>_seed<seed>`; modes without pictures drive once a seed."""
+@dataclass(frozen=True)
+class Case:
+    """One drive."""
+
+    mode: Mode
+    seed: int
+    sun: str = ANY
+    exposure: str = ANY
+    lights: str = ANY
+    detector: str = ANY
+
+    @property
+    def name(self) -> str:
+        named = [value for value in self.axes.values() if value != ANY]
+        return "_".join([*named, f"seed{self.seed}"])
+
+    @property
+    def axes(self) -> dict[str, str]:
+        """What all tables know a drive by, beside its seed."""
+        return {axis: getattr(self, axis) for axis in AXES}
+
+    @property
+    def light(self) -> Light:
+        if self.sun == ANY:
+            return Light("3", 256.0)
+        exposure = self.exposure if self.exposure == AUTO else float(self.exposure)
+        return Light(self.sun, exposure, self.lights == ON)
+
+
+def cases(options: AutonomyOptions, detectors: Sequence[str]) -> list[Case]:
+    """All drives by detectors of these names, all of a seed before the next: drives cut short compare what is done."""
+    exposures = [f"{ms:04g}" if isinstance(ms, int | float) else ms for ms in options.exposures_ms]
+    lights = list(product(options.suns, exposures, options.lights))
     found = []
-    for mode in options.modes:
-        lights = [(ANY, ANY)] if mode in UNLIT else [
-            (sun, f"{ms:04g}" if isinstance(ms, (int, float)) else ms)
-            for sun in options.suns for ms in options.exposures_ms
-        ]  # fmt: skip
-        found += [f"{mode}_{sun}_{ms}_seed{seed}" for sun, ms in lights for seed in options.seeds]
+    for seed, mode in product(options.seeds, options.modes):
+        axes: list[tuple[str, ...]] = [()] if mode in UNLIT else list(lights)
+        if mode in DETECTING:
+            axes = [(*light, name) for light in lights for name in detectors]
+        found += [Case(mode, seed, *own) for own in axes]
     return found
 
 
-def parsed(case: str) -> tuple[Mode, Light, int]:
-    """Mode, light and seed of a case's name."""
-    mode, sun, exposure, seed = case.split("_")
-    shown = ("3", 256.0) if sun == ANY else (sun, exposure if exposure == AUTO else float(exposure))
-    return mode, Light(*shown), int(seed.removeprefix("seed"))  # type: ignore[return-value]
+def parsed(name: str) -> Case:
+    """The drive of a name."""
+    head, _, seed = name.rpartition("_seed")
+    mode, *axes = head.split("_", len(AXES) - 1)
+    return Case(mode, int(seed), *axes)  # type: ignore[arg-type]

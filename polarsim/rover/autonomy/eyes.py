@@ -94,7 +94,7 @@ class Eyes:
         self._suns = (
             {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
         )
-        self._lights = [vehicle.light(name) for name in options.lights]
+        self._lights = [vehicle.light(name) for name in options.lamps] if light.lit else []
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
         self._detector = self._read_detector() if self._detects else None

@@ -11,6 +11,7 @@ from polarsim.rover.cameras.options import SunName
 
 Mode = Literal["truth", "detector", "stereo", "both", "blind"]
 AUTO = "auto"  # exposure: the camera chooses it
+OFF, ON = "off", "on"
 
 
 class MapOptions(BaseModel, extra="forbid", frozen=True):
@@ -60,7 +61,10 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
-    """The rover decides in these drives, of which there is one of every mode, seed, Sun and exposure."""
+    """The rover decides in these drives: one of every mode, seed, Sun, exposure, state of its lights and detector.
+
+    Modes differ in what they depend on: by labels or blind there is one drive a seed, and stereo has no detector.
+    """
 
     run: bool = Field(False, description="The rover drives so; without it the run has no such drives.")
     modes: tuple[Mode, ...] = Field(
@@ -74,7 +78,18 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
         (256.0,), min_length=1, description="Pictures have each of these exposures, ms; auto: none of 1 % of it clips."
     )
     sun_elevation_deg: float = Field(8.0, gt=0, le=90, description="Suns stand this high above the horizon, degrees.")
-    lights: tuple[str, ...] = Field((), description="These lights of the vehicle's table are on.")
+    lights: tuple[Literal["off", "on"], ...] = Field(
+        ("off",), min_length=1, description="It drives with its lights off, on, or once so and once so."
+    )
+    lamps: tuple[str, ...] = Field(
+        ("navlight_left", "navlight_right", "hazlight_fore_port", "hazlight_fore_starboard"),
+        description="These lights of the vehicle's table are meant by `lights`.",
+    )
+    detectors: tuple[str, ...] = Field(
+        (),
+        description="It drives by each of these detectors: `packaged`, or the run's of a training domain, one a seed "
+        "of training. None: by the one that rover.detector or rover.cameras.onboard.weights names.",
+    )
     model: Model = Field("hapke", description="Pictures are made in this reflectance model.")
     scale: float = Field(0.5, gt=0, le=1, description="Pictures have this size over that of the camera.")
     around: tuple[str, ...] = Field(
@@ -96,7 +111,7 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     map: MapOptions = Field(MapOptions(), description="These options say how looks become a map of hazards.")
     planner: PlannerOptions = Field(PlannerOptions(), description="These options say how a path is found and followed.")
 
-    @field_validator("modes", "seeds", "suns", "exposures_ms", "around")
+    @field_validator("modes", "seeds", "suns", "exposures_ms", "lights", "lamps", "detectors", "around")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(values)) < len(values):

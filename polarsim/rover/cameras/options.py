@@ -22,6 +22,7 @@ SUN_AZIMUTHS_DEG = {"1": 0.0, "2": 315.0, "3": 225.0, "4": 180.0}  # the paper's
 NIGHT = "night"  # name of no Sun at all
 SunName = Literal["1", "2", "3", "4", "night"]
 REAL = "real"  # name of the real Sun
+PACKAGED_NAME: Literal["packaged"] = "packaged"  # of the detector that comes with polarsim
 
 
 def _utc(moment: datetime) -> datetime:
@@ -79,7 +80,7 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     @property
     def weights_file(self) -> Path | None:
         """The detector's file."""
-        return PACKAGED if self.weights == "packaged" else self.weights
+        return PACKAGED if self.weights == PACKAGED_NAME else self.weights
 
 
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):

@@ -23,7 +23,7 @@ from polarsim.formats.yaml_files import describe_error
 from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
-from polarsim.rover.autonomy.options import AutonomyOptions, Mode
+from polarsim.rover.autonomy.options import OFF, ON, AutonomyOptions, Mode
 from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
 from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, OnboardOptions
 from polarsim.rover.drive.control import Command, Path
@@ -119,7 +119,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         super().reset(seed=seed, options=options)
         own = int(self.np_random.integers(2**31))
         lit = self._lit(options or {})
-        self.light = Light(lit.suns[0], lit.exposures_ms[0])
+        self.light = Light(lit.suns[0], lit.exposures_ms[0], lit.lights[0] == ON)
         job = self.course.job(own)
         self.line = Path(np.array(job.drive.path_m, float))
         self.vehicle = job.vehicle
@@ -192,7 +192,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         chosen = drawn | given
         named = {"suns": (chosen["sun"],), "exposures_ms": (chosen["exposure_ms"],)}
         if "lights" in given:
-            named["lights"] = tuple(given["lights"])
+            named |= {"lights": (ON,), "lamps": tuple(given["lights"])} if given["lights"] else {"lights": (OFF,)}
         try:
             return AutonomyOptions.model_validate(self.options.model_dump() | named)
         except ValidationError as error:
@@ -230,7 +230,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             sun_elevation_deg=lit.sun_elevation_deg,
             model=lit.model,
             exposure_ms=lit.exposures_ms[0],
-            lights=lit.lights,
+            lights=lit.lamps if self.light.lit else (),
         )
         return LiveCamera(self.simulation.world, self.vehicle, self.line, options)
 

@@ -11,14 +11,19 @@ from scipy import ndimage
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from polarsim.rover.autonomy.cases import Light
-from polarsim.rover.autonomy.drive import drive, write
+from polarsim.rover.autonomy.drive import autonomous_job, drive, write
+from polarsim.rover.autonomy.eyes import Eyes
+from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.measure import figures
 from polarsim.rover.autonomy.options import AutonomyOptions
-from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.job import Job
 from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.ride import Ride
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import ROCK_COLUMNS, bare_world
@@ -82,3 +87,25 @@ def test_stereo_sees_the_boxes_and_knows_where_it_drives(job):
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
     rows = figures(outcome, job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
+
+
+def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):
+    ride = Ride(autonomous_job(job, OPTIONS))
+    ride.go_on(0.1)
+    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
+    pictures = {}
+    for lit in (False, True):
+        light = Light("night", 1024.0, lit)
+        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, OPTIONS, OnboardOptions(), 0)
+        pictures[lit] = eyes.look(state, level, grid).pair[0]
+    assert pictures[False].max() < 20  # noise alone
+    suite = CameraSuiteOptions(
+        views=(FRONT,), suns=("night",), lights=OPTIONS.lamps, models=("hapke",), exposures_ms=(1024,),
+        scale=OPTIONS.scale, finer=1, stars="none",
+    )  # fmt: skip
+    camera = CameraSuite(ride.trace(), job.vehicle, suite)
+    camera.show(0)
+    grey = camera.exposed(camera.render(FRONT, ("night",)), FRONT, "night", "hapke", 1024)
+    seen = eyes._pair([(grey, 1024.0)] * 2)[0]
+    assert pictures[True].mean() > pictures[False].mean() + 20
+    assert np.abs(pictures[True].astype(float) - seen).mean() < 2

@@ -1,0 +1,55 @@
+"""Figure and tables of drives in which the rover decides: every kind of drive has its place and its name."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from polarsim.formats.schemas import AUTONOMY, AUTONOMY_EFFECTS
+from polarsim.report.autonomy_table import format_autonomy, format_effects
+from polarsim.report.figures.autonomy import draw_modes, kinds_of, placed
+
+ORIGIN = {"source": "analog"}
+
+
+def drive(mode, sun="any", exposure="any", lights="any", detector="any", value=1.0, metric="collisions"):
+    return mode, sun, exposure, lights, detector, metric, "", 3, 3, value, value - 0.5, value + 0.5
+
+
+@pytest.fixture
+def table() -> pd.DataFrame:
+    found = [drive("blind"), drive("truth")]
+    for sun in ("1", "3", "all"):
+        exposure = "all" if sun == "all" else "0256"
+        found += [drive("stereo", sun, exposure, lit) for lit in ("off", "on")]
+        found += [drive("both", sun, exposure, "off", name, value) for name, value in (("a", 1), ("b", 3), ("all", 2))]
+    return pd.DataFrame(found, columns=list(AUTONOMY.columns))
+
+
+def test_a_kind_is_a_mode_with_its_lights_over_all_detectors(table):
+    own = kinds_of(table)
+    assert list(dict.fromkeys(own["kind"])) == ["truth", "stereo", "stereo, lit", "both", "blind"]
+    assert own.groupby("kind")["value"].apply(list)["both"] == [2.0, 2.0]  # a Sun each, over both detectors
+    x, edges, labels = placed(own)
+    assert labels == ["truth", "stereo", "stereo\nlit", "both", "blind"]
+    assert x.is_unique
+    for kind, low, high in zip(labels, edges, edges[1:], strict=False):
+        rows = x[own["kind"] == kind.replace("\n", ", ")]
+        assert rows.between(low, high).all()
+        assert rows.mean() == pytest.approx((low + high) / 2)
+
+
+def test_the_figure_is_grey_all_over(table, tmp_path):
+    draw_modes(table, tmp_path / "modes.png", ORIGIN, width=400)
+    pixels = np.asarray(Image.open(tmp_path / "modes.png").convert("RGB")).astype(int)
+    assert np.ptp(pixels, axis=2).max() < 16
+    assert (pixels.min(axis=2) < 100).mean() > 0.01  # something is drawn
+
+
+def test_what_was_not_measured_is_a_dash_and_intervals_stand_behind_their_value(table):
+    row = format_autonomy(table).set_index(["mode", "sun", "detector"]).loc[("both", "1", "b")]
+    assert row["collisions"] == "3.00 [2.50, 3.50]"
+    assert row["rock map, of 300"] == "–"
+    effect = ("both", "sun", "1", "collisions", "", 5, 3.0, 2.5, 3.5, 1.0, np.nan, np.nan)
+    shown = format_effects(pd.DataFrame([effect], columns=list(AUTONOMY_EFFECTS.columns)))
+    assert shown["collisions"].item() == "3.00 [2.50, 3.50] (+1.00)"
