@@ -21,7 +21,7 @@ from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import PlannerOptions
 
 STEP = 0.15  # m between nodes of the lattice
-FINE = 3  # cells of the field of distances along one of the map's
+FINE = 5  # cells of the field of distances along one of the map's
 _WAYS = ((1, 0), (2, 1), (1, 1), (1, 2))  # of a quarter turn: straight steps that end on nodes
 _REACH = 8  # cells within which a bend ends
 _ROUNDING_M = 1e-6
@@ -49,7 +49,10 @@ class Edge:
 
 @dataclass(frozen=True)
 class Field:
-    """Distances from points of the world to hazards, m: to those that wheels avoid, and those that the body does."""
+    """Distances from points of the world to the edges of hazards, m: those that wheels avoid, and that the body does.
+
+    A point's distance is that from the near side of its cell, so that rounding takes nothing from the gaps to be kept.
+    """
 
     x0: float
     y0: float
@@ -76,10 +79,15 @@ def field_of(grid: HazardGrid, hazards: np.ndarray, high: np.ndarray, seen: np.n
         float(grid.x[0] - grid.options.cell_m / 2),
         float(grid.y[0] - grid.options.cell_m / 2),
         cell,
-        ndimage.distance_transform_edt(~blocked) * cell,
-        ndimage.distance_transform_edt(~tall) * cell if tall.any() else far,
+        _to_edges(blocked, cell),
+        _to_edges(tall, cell) if tall.any() else far,
         ~known,
     )
+
+
+def _to_edges(blocked: np.ndarray, cell: float) -> np.ndarray:
+    """Distances to the nearest blocked cell: those between centres less half a cell here and half a cell there."""
+    return np.asarray(np.maximum(ndimage.distance_transform_edt(~blocked) - 1, 0) * cell)
 
 
 def angles() -> np.ndarray:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import AutonomyOptions, MapOptions, PlannerOptions
 from polarsim.rover.autonomy.pilot import Pilot
-from polarsim.rover.autonomy.planner import Planner, edges, field_of
+from polarsim.rover.autonomy.planner import FINE, Planner, edges, field_of
 from polarsim.rover.world.surface import bare_world
 
 WHEELS = np.array([[0.642, 0.61], [0.642, -0.61], [-0.642, 0.61], [-0.642, -0.61]])
@@ -15,6 +15,7 @@ GRID = HazardGrid(bare_world(np.zeros((81, 121)), 0.1, -2.0, -4.0), MapOptions()
 PLANNER = Planner(WHEELS, PlannerOptions())
 GOAL = np.array([8.0, 0.0])
 X, Y = np.meshgrid(GRID.x, GRID.y)
+ROUNDED = (np.sqrt(2) - 1) * GRID.options.cell_m / FINE  # of distances: between cells of the field across corners
 
 
 def blocked(*rocks: tuple[float, float]) -> np.ndarray:
@@ -39,10 +40,26 @@ def test_a_path_keeps_its_wheels_off_hazards_and_bends_no_more_than_allowed(rock
                        for x, y, a in path[1:] for u, v in WHEELS])  # fmt: skip
     for x, y in zip(X[blocked(*rocks)], Y[blocked(*rocks)], strict=True):
         beyond = np.maximum(np.abs(wheels - [x, y]) - GRID.options.cell_m / 2, 0)
-        assert np.hypot(*beyond.T).min() > PLANNER.options.wheel_gap_m - 0.05  # cells of the field of distances
+        assert np.hypot(*beyond.T).min() > PLANNER.options.wheel_gap_m - ROUNDED
     turned = np.abs(np.diff(path[:, 2]))
     moved = np.hypot(*np.diff(path[:, :2], axis=0).T)
     assert (turned <= PLANNER.options.curvature_1_m * moved * 1.02 + 1e-9).all()  # a chord is shorter than its arc
+
+
+def test_distances_are_to_the_edges_of_hazards_and_rounded_down(rng):
+    """They were between centres of cells, 7 cm too large at worst, and a wheel kept 8 cm of a gap of 15."""
+    cells = blocked((3.0, 0.0), (4.0, 0.6))
+    field = field_of(GRID, cells, cells, np.ones_like(cells))
+    x, y = rng.uniform(2.0, 5.0, 2000), rng.uniform(-1.0, 1.6, 2000)
+    beyond = [
+        np.maximum(np.abs(at[:, None] - centres[cells]) - GRID.options.cell_m / 2, 0)
+        for at, centres in ((x, X), (y, Y))
+    ]
+    true = np.hypot(*beyond).min(axis=1)
+    for distances in (field.wheels, field.body):
+        found = field.at(distances, x, y)
+        assert (found <= true + ROUNDED + 1e-9).all()
+        assert (found >= true - 2.5 * field.cell).all()
 
 
 def test_free_ground_is_crossed_straight_and_a_low_rock_straddled():

@@ -6,31 +6,38 @@ import pytest
 from polarsim.rover.world.relief import amplitudes, relief, spacings
 
 
-def made(x, y, hurst, seed=0, deviation=0.03):
-    spacing = spacings(0.1, 40.0)
+def made(x, y, hurst, seed=0, deviation=0.03, finest=0.1):
+    spacing = spacings(finest, 40.0)
     amplitude = amplitudes(spacing, hurst, deviation)
     return relief(x, y, spacing=spacing, amplitude=amplitude, half_m=30.0, far_m=30.0, seed=seed)
 
 
 @pytest.mark.parametrize("hurst", [0.4, 0.7])
 def test_heights_differ_with_the_stated_power_of_the_distance(hurst):
-    x = np.arange(-30, 30.01, 0.25)
+    x = np.arange(-30, 30.01, 0.05)
     squares = []
     for seed in range(4):
-        level = made(x, x, hurst, seed)
-        squares.append([np.mean((level[:, lag:] - level[:, :-lag]) ** 2) for lag in (2, 4, 8, 16)])
+        level = made(x, x[200:-200], hurst, seed)
+        squares.append([np.mean((level[:, lag:] - level[:, :-lag]) ** 2) for lag in (10, 20, 40, 80)])
     deviation = np.sqrt(np.mean(squares, axis=0))
     assert deviation[1] == pytest.approx(0.03, rel=0.05)  # over 1 m
     power = np.polyfit(np.log([0.5, 1, 2, 4]), np.log(deviation), 1)[0]
     assert power == pytest.approx(hurst, abs=0.05)
 
 
-def test_one_ground_on_fine_nodes_and_on_coarse_ones():
-    fine, coarse = np.linspace(-3, 3, 61), np.array([-30.0, -2.0, 0.5, 1.0, 30.0])
-    both = np.searchsorted(fine, coarse[1:4] - 1e-9)
+def test_one_ground_on_fine_nodes_and_on_coarse_ones_that_show_its_octaves():
+    fine = np.linspace(-3, 3, 61)
+    coarse = fine[::6]
     np.testing.assert_allclose(
-        made(coarse, coarse, 0.8)[1:4, 1:4], made(fine, fine, 0.8)[np.ix_(both, both)], atol=1e-12
+        made(coarse, coarse, 0.8, finest=1.2), made(fine, fine, 0.8, finest=1.2)[::6, ::6], atol=1e-12
     )
+
+
+def test_fine_columns_show_no_ridges_across_coarse_rows():
+    """Rows 1 m apart cannot show octaves of less; fine columns drew them as ridges: a fan of specks at the horizon."""
+    x = np.arange(-2, 2, 0.02)
+    coarse, fine = (made(x, y, 0.4) for y in (np.arange(-20, 20.5, 1.0), x))
+    assert np.diff(coarse, axis=1).std() < 0.25 * np.diff(fine, axis=1).std()
 
 
 def test_far_away_fine_octaves_fade_without_a_step():
