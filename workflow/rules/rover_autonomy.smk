@@ -93,8 +93,8 @@ rule tabulate_autonomy:
 rule rank_detectors:
     """Detectors that drove by their gap and by their drives, and how these orders agree."""
     input:
-        each="results/{run}/rover/every_autonomy.parquet",
         **{name: f"results/{{run}}/detect/{name}.parquet" for name in GAP_TABLES},
+        each="results/{run}/rover/every_autonomy.parquet",
     output:
         by_detector="results/{run}/rover/autonomy_detectors.parquet",
         ranks="results/{run}/rover/autonomy_rank.parquet",
