@@ -198,9 +198,10 @@ class FineTuningOptions(BaseModel, extra="forbid", frozen=True):
     """A detector of scenes goes on with labelled cover photos of the terrains that it is not tested on."""
 
     windows: int = Field(
-        40,
-        ge=1,
-        description="So many windows of each photo, shrunk at random, are trained on; some are the whole photo.",
+        0,
+        ge=0,
+        description="So many windows of each photo, shrunk at random, are trained on, every tenth of the whole photo. "
+        "0: no detector is fine-tuned.",
     )
     widest_px: int = Field(
         1792,
@@ -244,10 +245,10 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         "start from random weights.",
     )
     carved_epochs: int = Field(24, ge=1, description="That detector's training passes over its pictures so often.")
-    fine_tuning: FineTuningOptions | None = Field(
-        None,
+    fine_tuning: FineTuningOptions = Field(
+        FineTuningOptions(),
         description="Detectors of scenes are tested as they are, and once more after a fine-tuning on the labelled "
-        "cover photos of all terrains but those of their fold; none: only as they are.",
+        "cover photos of all terrains but those of their fold.",
     )
     widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
         (512, 640, 768, 896, 1024, 1280, 1536, 1792),

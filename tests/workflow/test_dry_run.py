@@ -261,7 +261,7 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_wit
 def test_widths_are_chosen_on_scenes_of_the_terrains_that_a_fold_is_trained_on(dry_run, release_with_covers):
     done = dry_run(
         "real", "--configfile", "config/covers.yaml", "--config",
-        "covers={widths_chosen_on: scenes, fine_tuning: null}", "detect={seeds: [0, 1]}",
+        "covers={widths_chosen_on: scenes, fine_tuning: {windows: 0}}", "detect={seeds: [0, 1]}",
         POLAR_SIM_ROOT=str(release_with_covers),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
@@ -280,7 +280,7 @@ def test_widths_are_chosen_on_scenes_of_the_terrains_that_a_fold_is_trained_on(d
 @pytest.mark.parametrize(
     "setting",
     [
-        ["covers={widths_chosen_on: none, fine_tuning: null}", "detect={seeds: [0]}"],
+        ["covers={widths_chosen_on: none, fine_tuning: {windows: 0}}", "detect={seeds: [0]}"],
         ["covers={widths_chosen_on: scenes}", "detect={seeds: [0], prediction: {widths: [640]}}"],
     ],
 )

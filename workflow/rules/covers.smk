@@ -144,7 +144,7 @@ rule cut_windows:
         mem_mb=growing(500),
         runtime=10,
     params:
-        options=options("covers.fine_tuning") if CONFIG.covers.fine_tuning else {},
+        options=options("covers.fine_tuning"),
         stored_px=CONFIG.detect.pictures.longer_side,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("cut_windows"),
@@ -170,7 +170,7 @@ rule make_fine_tuning_dataset:
     params:
         train=trained_in,
         test=tested_in,
-        scene_pictures=CONFIG.covers.fine_tuning.scene_pictures if CONFIG.covers.fine_tuning else 0,
+        scene_pictures=CONFIG.covers.fine_tuning.scene_pictures,
         val_share=CONFIG.covers.val_share,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("make_fine_tuning_dataset"),

@@ -17,7 +17,7 @@ NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
 SIZED = CONFIG.covers.widths_chosen_on == "scenes" and not CONFIG.detect.prediction.widths
 # On what detectors are trained: rendered scenes, and labelled photos of other terrains after these. The last are the best.
 RENDERED, FINE_TUNED = "rendered", "fine_tuned"
-TRAINED_ON = [RENDERED, *([FINE_TUNED] if CONFIG.covers.fine_tuning else [])]
+TRAINED_ON = [RENDERED, *([FINE_TUNED] if CONFIG.covers.fine_tuning.windows else [])]
 # What the detectors of several seeds see, merged.
 MERGED_PREDICTIONS = "results/{run}/covers/{trained}/merged/predictions.parquet" if len(SEEDS) > 1 else []
 
@@ -83,7 +83,7 @@ def training_of_fold(wildcards):
 def fine_tuning_of_fold():
     """How a fold's detector is fine-tuned."""
     own = CONFIG.covers.fine_tuning
-    return options("detect.training") | ({"epochs": own.epochs, "learning_rate": own.learning_rate} if own else {})
+    return options("detect.training") | {"epochs": own.epochs, "learning_rate": own.learning_rate}
 
 
 def scenes_of_fold(wildcards):
