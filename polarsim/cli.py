@@ -751,7 +751,7 @@ def detect(
         typer.Option("--masks", help="Write what every pixel shows too; for a detector that was trained with masks."),
     ] = False,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "auto",
-    threads: Annotated[int, typer.Option(min=1, help="Threads on a CPU.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Pictures looked at at a time, each by one thread.")] = 2,
 ) -> None:
     """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
     from polarsim.detect.find import find_in_pictures, prediction_options
