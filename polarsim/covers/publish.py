@@ -18,7 +18,7 @@ from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
-from polarsim.formats.schemas import COVER_SCORES, ONE
+from polarsim.formats.schemas import COVER_SCORES, FINE_TUNED, ONE
 from polarsim.photo import BOX_CLASSES
 
 
@@ -120,7 +120,7 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> s
         + (f", those below {gates[0]:g} px of 1,936 at the larger one" if gates else "")
         for kind, (widths, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
     )
-    tuned = (scores["trained"] == "fine_tuned").all()
+    tuned = (scores["trained"] == FINE_TUNED).all()
     photos = (
         f"Then windows of the {images} published cover photos with the boxes that people drew; the detectors of the "
         "table have seen those of other terrains than the tested one."

@@ -60,7 +60,7 @@ def score_covers(
     datasets : mapping of fold to Path
         Their data sets.
     trained : str
-        On what the detectors were trained: `rendered` (scenes), or `fine_tuned` (on labelled photos afterwards).
+        On what the detectors were trained, RENDERED or FINE_TUNED of `formats.schemas`.
     start : str
         What the detectors started from, as the table is to name it.
 

@@ -62,6 +62,8 @@ COVER_FOUND = _schema(
 )
 # Whose figures a row of cover scores has: one training's, the mean of all, those of all merged. These two have no seed.
 ONE, MEAN, MERGED = "one", "mean", "merged"
+# On what these detectors were trained: scenes alone, or labelled photos of other terrains after them.
+RENDERED, FINE_TUNED = "rendered", "fine_tuned"
 NO_SEED = -1
 COVER_SCORES = _schema(
     "covers/TRAINED/scores.parquet",

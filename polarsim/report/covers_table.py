@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.formats.schemas import COVER_SCORES, MEAN, MERGED, ONE
+from polarsim.formats.schemas import COVER_SCORES, FINE_TUNED, MEAN, MERGED, ONE, RENDERED
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.layout import origin_note, with_origin, write_table
@@ -27,11 +27,11 @@ SEVERAL = (
 )
 
 
-FINE_TUNED = (
+PHOTOS_TOO = (
     "Scenes, photos: after that fine-tuned on the labelled cover photos of all terrains but those of the tested "
     "photo's fold, which show the same sandbox and walls."
 )
-TRAINED_ON = {"rendered": "scenes", "fine_tuned": "scenes, photos"}
+TRAINED_ON = {RENDERED: "scenes", FINE_TUNED: "scenes, photos"}
 
 
 def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -> None:
@@ -42,7 +42,7 @@ def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -
         f"Detector {first['detector']} from {first['start']}, {first['epochs']} epochs of {first['pictures']} pictures "
         f"of scenes, {first['folds']} folds."
     )
-    notes = [*NOTES, trained, *([FINE_TUNED] if _are_fine_tuned(table) else [])]
+    notes = [*NOTES, trained, *([PHOTOS_TOO] if _are_fine_tuned(table) else [])]
     notes += [*([SEVERAL] if _are_several(table) else []), origin_note(origin)]
     write_table(stem, with_origin(table, origin), CAPTION, layout=tidy_covers(table), notes=notes)
 
@@ -83,4 +83,4 @@ def _are_several(table: pd.DataFrame) -> bool:
 
 
 def _are_fine_tuned(table: pd.DataFrame) -> bool:
-    return bool((table["trained"] != "rendered").any())
+    return bool((table["trained"] == FINE_TUNED).any())

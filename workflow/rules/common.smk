@@ -22,6 +22,7 @@ from polarsim.formats.release import (
     mesh_files,
     polygon_folder,
 )
+from polarsim.formats.schemas import FINE_TUNED, RENDERED
 from polarsim.grid import selected_grid
 from polarsim.photo import USUAL_EXPOSURE_MS, WIDTH
 from polarsim.photo import positions as positions_of_terrain

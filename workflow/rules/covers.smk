@@ -192,7 +192,7 @@ use rule train_detector as fine_tune_cover_detector with:
     benchmark:
         "results/{run}/benchmarks/covers/fine_tune_cover_detector_{fold}_seed{seed}.tsv"
     params:
-        options=fine_tuning_of_fold(),
+        options=fine_tuning(),
         prediction=validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuning_work",

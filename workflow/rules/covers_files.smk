@@ -15,8 +15,7 @@ CARVED_ROCKS = min(300, CONFIG.covers.carved_scenes)  # a scene shows several
 NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
 # Detectors have widths of their own where these are chosen on scenes.
 SIZED = CONFIG.covers.widths_chosen_on == "scenes" and not CONFIG.detect.prediction.widths
-# On what detectors are trained: rendered scenes, and labelled photos of other terrains after these. The last are the best.
-RENDERED, FINE_TUNED = "rendered", "fine_tuned"
+# On what detectors are trained; the last are the best.
 TRAINED_ON = [RENDERED, *([FINE_TUNED] if CONFIG.covers.fine_tuning.windows else [])]
 # What the detectors of several seeds see, merged.
 MERGED_PREDICTIONS = "results/{run}/covers/{trained}/merged/predictions.parquet" if len(SEEDS) > 1 else []
@@ -80,8 +79,8 @@ def training_of_fold(wildcards):
     return chosen | {"epochs": CONFIG.covers.carved_epochs} if wildcards.fold == "carved" else chosen
 
 
-def fine_tuning_of_fold():
-    """How a fold's detector is fine-tuned."""
+def fine_tuning():
+    """How every fold's detector is fine-tuned."""
     own = CONFIG.covers.fine_tuning
     return options("detect.training") | {"epochs": own.epochs, "learning_rate": own.learning_rate}
 
