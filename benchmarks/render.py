@@ -11,9 +11,10 @@ once, and no file is written.
 
 Last figures (AMD EPYC of Zen 4 with AVX-512, `--threads 1` on two cores at a load of 10, 776,482 triangles): 15.0 CPU
 seconds, the commit before compiled loops 22.7; Mitsuba 3.9.1, `llvm_ad_mono`, 0.94 a photo: ours is 15.8 times as fast
-by CPU time, 13.9 times by the clock. On two such cores with nothing else running (`--threads 2`): 28.5 photos/s, 15.4
-CPU seconds, 1.0 GB. Before that (two runs, AMD EPYC with AVX2, nothing else running, two threads):
-28.5 and 32.6 CPU seconds, 14.9 and 12.8 photos/s, 12.2 and 12.4 times as fast as Mitsuba, by CPU time 14.5 and 14.8.
+by CPU time, 13.9 times by the clock. On two such cores with nothing else running (`--threads 2`): 31.2 to 32.8
+photos/s in six runs, 14 CPU seconds, 1.0 GB. Before that (two runs, AMD EPYC with AVX2, nothing else running, two
+threads): 28.5 and 32.6 CPU seconds, 14.9 and 12.8 photos/s, 12.2 and 12.4 times as fast as Mitsuba, by CPU time 14.5
+and 14.8.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ import numpy as np
 from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.geometry.camera import Camera
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, by_bracket
 from polarsim.render.gain import default_gain
 from polarsim.render.ground_truth import boxes_of
 from polarsim.render.lamps import lamps_of
@@ -81,7 +81,10 @@ def main() -> None:
         gain = default_gain("hapke", options)
         timed(
             f"{len(keys)} photos, exposed and written",
-            lambda: write_photos(Path(folder), keys, by_lamp, lens, gain, options, threads),
+            lambda: [
+                write_photos(Path(folder), bracket, by_lamp, lens, gain, options)
+                for bracket in by_bracket(keys).values()
+            ],
         )
     vectors = np.random.default_rng(2).normal(size=(3, 400_000, 3)).astype(np.float32)
     vectors[:, :, 2] = np.abs(vectors[:, :, 2])

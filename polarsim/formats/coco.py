@@ -38,9 +38,9 @@ class Amodal:
     box: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Annotation:
-    """A rock or shadow of one photo: the box (4,) of its label, and the pixels of it that are to be seen."""
+    """A rock or shadow of a photo: the box (4,) of its label, and the pixels of it that are to be seen."""
 
     kind: str
     rock: int
@@ -104,14 +104,16 @@ def write_pictures(
         "licenses": [],
         "categories": [{"id": number, "name": name, "supercategory": "terrain"} for name, number in CATEGORIES.items()],
     }
-    coded = cache(lambda mask: _segmentation(mask, simplify_px))  # exposures share masks
-    annotations = (row for image, own in pictures for row in _annotation_rows(image["id"], own, coded))
+    coded = cache(lambda mask: _segmentation(mask, simplify_px))
+    columns = cache(lambda own: _columns(own, coded))  # exposures share annotations
+    encode = json.JSONEncoder(allow_nan=False).encode
+    annotations = (row for image, own in pictures for row in _annotation_rows(image["id"], own, columns))
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(json.dumps(head)[:-1])
         for name, rows in (("images", (image for image, _ in pictures)), ("annotations", annotations)):
             file.write(f',\n"{name}": [')
             for number, row in enumerate(rows):
-                file.write((",\n" if number else "\n") + json.dumps(row, allow_nan=False))
+                file.write((",\n" if number else "\n") + encode(row))
             file.write("\n]")
         file.write("}\n")
 
@@ -129,7 +131,7 @@ def _segmentation(mask: Rle | None, simplify_px: float | None) -> object:
 
 
 def _annotation_rows(
-    photo: int, annotations: Sequence[Annotation], coded: Callable[[Rle | None], object]
+    photo: int, annotations: Sequence[Annotation], columns: Callable[[Annotation], dict[str, object]]
 ) -> Iterator[dict[str, object]]:
     assert len(annotations) < PER_PHOTO
     ids = [photo * PER_PHOTO + number for number in range(1, len(annotations) + 1)]
@@ -138,22 +140,25 @@ def _annotation_rows(
         if own.kind == ROCK and own.rock != NO_ROCK:
             id_of_rock.setdefault(own.rock, number)
     for number, own in zip(ids, annotations, strict=True):
-        bbox, mask = _bbox(own.box), own.mask
-        yield {
-            "id": number,
-            "image_id": photo,
-            "category_id": CATEGORIES[own.kind],
-            "bbox": bbox,
-            "area": mask.area if mask else round(float(area(own.box)), 3),
-            "segmentation": coded(mask),
-            "iscrowd": 0,
-            "rock": own.rock,
-            "source": own.source,
-            "confidence": own.confidence,
-            **({"shadow_of": id_of_rock.get(own.rock)} if own.kind == SHADOW else {}),
-            **(_amodal_columns(own, coded) if own.amodal else {}),
-            "attributes": {"rock": own.rock, "confidence": own.confidence, "label_source": own.source},
-        }
+        shadow_of = {"shadow_of": id_of_rock.get(own.rock)} if own.kind == SHADOW else {}
+        yield {"id": number, "image_id": photo, **columns(own), **shadow_of}
+
+
+def _columns(own: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
+    """What is the same in every photo; `shadow_of` stands where it belongs, and is None."""
+    return {
+        "category_id": CATEGORIES[own.kind],
+        "bbox": _bbox(own.box),
+        "area": own.mask.area if own.mask else round(float(area(own.box)), 3),
+        "segmentation": coded(own.mask),
+        "iscrowd": 0,
+        "rock": own.rock,
+        "source": own.source,
+        "confidence": own.confidence,
+        **({"shadow_of": None} if own.kind == SHADOW else {}),
+        **(_amodal_columns(own, coded) if own.amodal else {}),
+        "attributes": {"rock": own.rock, "confidence": own.confidence, "label_source": own.source},
+    }
 
 
 def _bbox(box: np.ndarray) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -108,15 +109,18 @@ def made_from(folder: str | Path) -> dict[str, str]:
 
 
 @reader("terrain")
-def read_terrain(folder: str | Path, terrain: int) -> TerrainMesh:
-    """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj` (full ones where both are there).
+def read_terrain(folder: str | Path, terrain: int, pool: Executor | None = None) -> TerrainMesh:
+    """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj` (full ones where both are there), by a pool's
+    threads where one is given.
 
     Raises
     ------
     FormatError
         No ground, or a broken mesh.
     """
-    parts = [(rock, obj.read(path)) for rock, path in mesh_files(folder, terrain).items()]
+    files = mesh_files(folder, terrain)
+    meshes = (pool.map if pool else map)(obj.read, files.values())
+    parts = list(zip(files, meshes, strict=True))
     starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
     return TerrainMesh(
         np.concatenate([mesh.vertices for _, mesh in parts]),

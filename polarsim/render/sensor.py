@@ -38,4 +38,4 @@ def expose(
         spread = np.sqrt(electrons + np.float32(options.read_noise_electrons**2)) / per_grey_value
         signal = signal + spread * noise.standard_normal(signal.shape, np.float32)
     signal += np.float32(BLACK_LEVEL + 0.5)  # truncation then rounds
-    return np.clip(signal, 0, WHITE_LEVEL + 0.5).astype(np.uint16)
+    return np.clip(signal, 0, WHITE_LEVEL + 0.5, out=signal).astype(np.uint16)

@@ -18,7 +18,7 @@ from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor
-from polarsim.geometry.topology import is_watertight
+from polarsim.geometry.topology import open_edges
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
 
@@ -185,7 +185,7 @@ def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
     vertices, faces, normals, rocks = [mesh.vertices], [mesh.faces], [mesh.normals], [mesh.rock_of_face]
     count = len(mesh.vertices)
     for rock in mesh.rocks:
-        rim = low_rim(mesh.vertices, mesh.faces[mesh.rock_of_face == rock])
+        rim = low_rim(mesh.vertices, mesh.faces.take(np.flatnonzero(mesh.rock_of_face == rock), axis=0))
         if not len(rim):
             continue
         skirt, skirt_faces, skirt_normals = hang(mesh.vertices[rim[:, 0]], mesh.vertices[rim[:, 1]], depth)
@@ -199,16 +199,16 @@ def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
 
 def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(e, 2) vertex numbers of the edges that only one of the faces (f, 3) has, in its direction, low on the rock."""
-    if is_watertight(faces):
-        return np.zeros((0, 2), np.int64)
-    used = np.unique(faces)
-    vertex = np.unique(np.round(vertices[used] / _SAME_POSITION), axis=0, return_inverse=True)[1].ravel()
-    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    start, end = vertex[np.searchsorted(used, edges)].T
+    edges = open_edges(faces)
+    if not len(edges):
+        return edges
+    used, corners = np.unique(edges, return_inverse=True)
+    positions = np.round(vertices[used] / _SAME_POSITION)
+    start, end = np.unique(positions, axis=0, return_inverse=True)[1].ravel()[corners].reshape(-1, 2).T
     pair = np.minimum(start, end) * len(used) + np.maximum(start, end)
     _, first, times = np.unique(pair, return_index=True, return_counts=True)
     rim = edges[np.sort(first[times == 1])]
-    height = vertices[used, 2]
+    height = vertices[:, 2].take(faces)
     limit = height.min() + _LOWER_PART * np.ptp(height)
     return rim[(vertices[rim, 2] < limit).all(axis=1)]
 

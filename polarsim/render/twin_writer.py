@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -68,7 +68,6 @@ class TwinWriter:
     references: Mapping[PhotoKey, Path]
     fitted: FittedMaterials | None
     options: RenderOptions
-    threads: int
     _gains: dict[Model, tuple[float, dict[str, str]]] = field(default_factory=dict)  # and the photos behind them
 
     def __post_init__(self) -> None:
@@ -76,10 +75,16 @@ class TwinWriter:
             folder.mkdir(parents=True, exist_ok=True)
 
     def write(
-        self, keys: Sequence[PhotoKey], olat_images: OlatImages, lamps: Mapping[str, Lamp], camera: Camera
+        self,
+        keys: Sequence[PhotoKey],
+        olat_images: OlatImages,
+        lamps: Mapping[str, Lamp],
+        camera: Camera,
+        pool: Executor,
     ) -> None:
-        """Write `KEY.png` and `KEY.json` of one view into the folder of every model."""
-        for model, folder in self.twins.items():
+        """Write `KEY.png` and `KEY.json` of one view into the folder of every model, an exposure bracket a task."""
+        brackets, tasks = list(by_bracket(keys).values()), []
+        for model in self.twins:
             gain, photos = self._gain(model, olat_images)
             active_lamps = as_bright_as_fitted(lamps, self.fitted, model)
             own = {name: olat_image for (of, name), olat_image in olat_images.items() if of == model}
@@ -88,15 +93,29 @@ class TwinWriter:
                     name: olat_image * (active_lamps[name].intensity / lamps[name].intensity)
                     for name, olat_image in own.items()
                 }
-            write_photos(folder, keys, own, camera.lens, gain, self.options, self.threads)
-            sources: dict[str, str] = {}
-            for key in keys:
-                camera_file = self.cameras / f"Pos{key.position}.json"
-                sources = sources or {**self.sources, **photos, "camera": digest_of([camera_file])}
-                shot = Shot(camera, {name: active_lamps[name] for name in lit_by(key)}, float(key.exposure_ms), model)
-                seed = noise_seed(self.options, key)
-                sidecar = Sidecar(shot, self.terrain, self.options, gain, sources, seed)
-                write_sidecar(folder / f"{key}.json", sidecar.content())
+            for bracket in brackets:
+                tasks.append(pool.submit(self._write_bracket, bracket, model, own, active_lamps, camera, gain, photos))
+        for task in tasks:
+            task.result()
+
+    def _write_bracket(
+        self,
+        bracket: Sequence[PhotoKey],
+        model: Model,
+        olat_images: Mapping[str, np.ndarray],
+        lamps: Mapping[str, Lamp],
+        camera: Camera,
+        gain: float,
+        photos: Mapping[str, str],
+    ) -> None:
+        folder = self.twins[model]
+        write_photos(folder, bracket, olat_images, camera.lens, gain, self.options)
+        camera_file = self.cameras / f"Pos{bracket[0].position}.json"
+        sources = {**self.sources, **photos, "camera": digest_of([camera_file])}
+        for key in bracket:
+            shot = Shot(camera, {name: lamps[name] for name in lit_by(key)}, float(key.exposure_ms), model)
+            sidecar = Sidecar(shot, self.terrain, self.options, gain, sources, noise_seed(self.options, key))
+            write_sidecar(folder / f"{key}.json", sidecar.content())
 
     def _gain(self, model: Model, olat_images: OlatImages) -> tuple[float, dict[str, str]]:
         """Of the options, else as bright as the photos, else built in; of photos also their digest."""
@@ -112,21 +131,15 @@ class TwinWriter:
 
 def write_photos(
     folder: Path,
-    keys: Sequence[PhotoKey],
+    bracket: Sequence[PhotoKey],
     olat_images: Mapping[str, np.ndarray],
     lens: Lens,
     gain: float,
     options: RenderOptions,
-    threads: int,
 ) -> None:
-    """Write the photos of one view, `folder/KEY.png`, from its OLAT images by lamp."""
+    """Write the photos of an exposure bracket, `folder/KEY.png`, from its view's OLAT images by lamp."""
     dark = np.zeros(lens.shape, np.float32)
-
-    def write(bracket: list[PhotoKey]) -> None:
-        radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
-        for key in bracket:
-            noise = noise_of(options, key)
-            png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
-
-    with ThreadPoolExecutor(max(1, threads)) as pool:
-        list(pool.map(write, by_bracket(keys).values()))
+    radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
+    for key in bracket:
+        noise = noise_of(options, key)
+        png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))

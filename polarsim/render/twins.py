@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence, Set
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -15,6 +16,7 @@ from polarsim.formats.lamps import read_suns
 from polarsim.formats.materials import read_materials
 from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.scene import read_terrain
+from polarsim.geometry.camera import Camera
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
@@ -24,7 +26,7 @@ from polarsim.render.maps import lamps_of_maps, maps_of, write_view_maps
 from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import Surfaces, surfaces_of
 from polarsim.render.twin_writer import TwinWriter, sources_of
 
 log = logging.getLogger("polarsim.render")
@@ -106,7 +108,10 @@ def render_twins(
     rigs = read_all_localised(cameras)
     suns = read_suns(lamps or cameras, rigs)
     views = views_of(keys, rigs, cameras)
-    mesh = read_terrain(meshes, terrain)
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        sourced = pool.submit(sources_of, terrain, meshes, lamps or cameras, materials)
+        mesh = read_terrain(meshes, terrain, pool)
+        sources = sourced.result()
     fitted = None if materials is None else read_materials(materials, mesh)
     options = options.of(terrain)
     options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
@@ -115,8 +120,7 @@ def render_twins(
     calibrated = any(not options.gain.get(model) for model in twins)
     references = calibration_photos(photos, shown, options.calibration_photos) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
-    sources = sources_of(terrain, meshes, lamps or cameras, materials)
-    writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options, threads)
+    writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         rig, own = rigs[view[0]], [key for key in views[view] if only is None or key in only]
@@ -127,14 +131,28 @@ def render_twins(
         shadow_lamps = sorted({lit_by(key)[0] for key in own if lit_by(key)})
         rendering = render_view(surfaces, camera, active_lamps, list(twins), shadow_lamps, options, threads)
         whole = through_lens(rendering.whole, active_lamps, surfaces, camera, options, threads)
-        writer.write(own, whole, active_lamps, camera)
-        hidden = hidden_parts(surfaces, camera, rendering.ids[NO_LAMP])
-        found_labels |= label_view(own, rendering.ids, hidden, labels.boxes, labels.instances, options)
+        with ThreadPoolExecutor(max(1, threads)) as pool:
+            labelled = pool.submit(_label, own, rendering.ids, surfaces, camera, labels, options)
+            writer.write(own, whole, active_lamps, camera, pool)
+            found_labels |= labelled.result()
         if options.maps and labels.maps:
             mapped = {name: active_lamps[name] for name in lamps_of_maps(options.maps, shadow_lamps)}
             write_view_maps(labels.maps, own, maps_of(surfaces, camera, mapped, options, threads), options.maps)
     folder = next(iter(twins.values()))
     _write_labels(labels, found_labels, rigs, {key: folder / f"{key}.png" for key in found_labels})
+
+
+def _label(
+    keys: Sequence[PhotoKey],
+    ids: Mapping[str, np.ndarray],
+    surfaces: Surfaces,
+    camera: Camera,
+    labels: LabelPaths,
+    options: RenderOptions,
+) -> dict[PhotoKey, list[coco.Annotation]]:
+    """Write the boxes and ids of a view's twins; return their labels."""
+    hidden = hidden_parts(surfaces, camera, ids[NO_LAMP])
+    return label_view(keys, ids, hidden, labels.boxes, labels.instances, options)
 
 
 def _write_labels(
