@@ -8,6 +8,8 @@ import numpy as np
 
 from polarsim.geometry.vectors import cross
 
+_ROUNDING = 0.75  # share of the way from a flat triangle to the tangent planes at its corners
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -25,3 +27,21 @@ class Mesh:
         normals = np.stack(sums, axis=1)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+
+
+def subdivided(mesh: Mesh) -> Mesh:
+    """Four triangles for each of a mesh's: its vertices stay, the middles of edges bulge as the normals there say.
+
+    Boubekeur and Alexa, Phong Tessellation, ACM TOG 27 (2008) 141.
+    """
+    corners = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, number = np.unique(corners, axis=0, return_inverse=True)
+    ends, normals = mesh.vertices[edges], mesh.normals()[edges]
+    middle = ends.mean(axis=1, keepdims=True)
+    onto_planes = ((ends - middle) * normals).sum(axis=2, keepdims=True) * normals
+    bulged = (middle + _ROUNDING * onto_planes.mean(axis=1, keepdims=True))[:, 0]
+    a, b, c = mesh.faces.T
+    ab, bc, ca = number.reshape(-1, 3).T + len(mesh.vertices)
+    parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+    faces = np.concatenate([np.stack(part, axis=1) for part in parts])
+    return Mesh(np.concatenate([mesh.vertices, bulged]), faces)

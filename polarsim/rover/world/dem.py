@@ -19,7 +19,7 @@ from polarsim.rover.world.craters import dig, strewn_craters
 from polarsim.rover.world.options import DemOptions, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, with_rocks
 from polarsim.rover.world.relief import amplitudes, relief, spacings
-from polarsim.rover.world.rock_field import RING_RADII, RockField, Shape, posed, shapes_of, strewn_rocks
+from polarsim.rover.world.rock_field import RING_RADII, RockField, Shape, posed, shapes_of, smooth, strewn_rocks
 from polarsim.rover.world.stitch import Terrain
 from polarsim.rover.world.surface import Surroundings, World, bare_world
 
@@ -137,7 +137,7 @@ def _placed(
 ) -> Iterator[PlacedRock]:
     for rock in chosen.tolist():
         shape = shapes[field.shape[rock]]
-        mesh = shape.levels[0 if near[rock] else 1]
+        mesh = smooth(shape.levels[0], field.diameter[rock]) if near[rock] else shape.levels[1]
         points = posed(mesh, field.diameter[rock], field.angle[rock], foot[rock])
         yield PlacedRock(shape.terrain, shape.rock, points, mesh.faces)
 

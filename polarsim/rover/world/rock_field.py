@@ -18,7 +18,7 @@ from scipy.spatial import ConvexHull
 from scipy.special import expn
 
 from polarsim.errors import RoverError
-from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.meshes import Mesh, subdivided
 from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import top_at
@@ -27,6 +27,8 @@ from polarsim.rover.world.placed import outward
 from polarsim.rover.world.stitch import Terrain
 
 _TRIES = 50  # places for a rock before it may overlap another
+_FACET_M = 0.02  # of near rocks' triangles: with larger ones black corners show where light grazes
+_MOST_FACES = 50_000
 _SIZES = 2000  # at which the law is tabulated to draw from it
 _RING = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 RING_RADII = 0.65  # diameters from a rock's centre at which the ground round it is measured
@@ -157,6 +159,15 @@ def _fewer(mesh: Mesh, corners: int) -> Mesh:
     directions = np.stack([flat * np.cos(turn), flat * np.sin(turn), z])
     points = mesh.vertices[np.unique((mesh.vertices @ directions).argmax(axis=0))]
     return Mesh(points, hull_faces(points))
+
+
+def smooth(mesh: Mesh, diameter_m: float) -> Mesh:
+    """A shape with more triangles, where it is so large in the world that a camera near it would show them."""
+    edges = mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
+    facet_m = diameter_m * float(np.median(np.linalg.norm(edges, axis=2)))
+    while facet_m > _FACET_M and 4 * len(mesh.faces) <= _MOST_FACES:
+        mesh, facet_m = subdivided(mesh), facet_m / 2
+    return mesh
 
 
 def posed(mesh: Mesh, diameter_m: float, angle: float, foot: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.world.options import RockOptions
-from polarsim.rover.world.rock_field import Shape, covered_share, per_m2, posed, shapes_of, strewn_rocks
+from polarsim.rover.world.rock_field import Shape, covered_share, per_m2, posed, shapes_of, smooth, strewn_rocks
 from polarsim.rover.world.stitch import Terrain
 from tests.rover.made_world import ball, plane
 
@@ -84,6 +84,15 @@ def test_a_shape_is_a_rock_on_its_ground_with_an_outline_of_diameter_one():
 def test_a_turned_shape_turns_about_the_vertical():
     corner = Mesh(np.array([[1.0, 0.0, 0.5]]), np.zeros((0, 3), int))
     np.testing.assert_allclose(posed(corner, 2.0, np.pi / 2, np.array([1.0, 1, 1])), [[1.0, 3.0, 2.0]], atol=1e-12)
+
+
+def test_a_shape_has_as_many_triangles_as_its_size_in_the_world_asks_for():
+    mesh = ball(0, 0, 0, radius=0.5)
+    small, large, huge = (smooth(mesh, diameter_m) for diameter_m in (0.1, 0.5, 20.0))
+    assert small is mesh
+    edges = np.linalg.norm(large.vertices[large.faces] - large.vertices[np.roll(large.faces, 1, axis=1)], axis=2)
+    assert 0.01 <= 0.5 * np.median(edges) <= 0.021
+    assert len(large.faces) < len(huge.faces) <= 50_000
 
 
 def test_terrains_without_a_rock_lend_none():
