@@ -14,7 +14,7 @@ from polarsim.detect.frame import read_picture, resized
 from polarsim.errors import DetectError, about
 from polarsim.formats import class_masks, png, tables, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.geometry.boxes import area
+from polarsim.geometry.boxes import area, clip
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
 from polarsim.randomness import generator
 
@@ -107,7 +107,7 @@ def draw_windows(
         size = np.array([width, min(round(width * HEIGHT / WIDTH), pixels.shape[0])])
         for _ in range(_TRIES):
             start = random.integers(0, np.array(pixels.shape[::-1]) - size + 1)
-            inside = np.clip(scaled - np.tile(start, 2), 0, np.tile(size, 2))
+            inside = clip(scaled - np.tile(start, 2), *size)
             seen = area(inside) >= _LEAST_SEEN * area(scaled)
             if seen.any():
                 break

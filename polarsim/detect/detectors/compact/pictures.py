@@ -12,6 +12,7 @@ from polarsim.detect.dataset import MASKS, read_pictures
 from polarsim.detect.frame import PADDING, frame, read_picture
 from polarsim.errors import DetectError
 from polarsim.formats import class_masks, yolo
+from polarsim.geometry.boxes import area, clip
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEIGHT, WIDTH
 
@@ -124,7 +125,7 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
     pixels = np.clip(pixels * gain + 0.5, 0, 255).astype(np.uint8)
     low, high = picture.boxes[:, :2] * factor + offset, picture.boxes[:, 2:] * factor + offset
     moved = np.concatenate([np.minimum(low, high), np.maximum(low, high)], axis=1)
-    inside = np.clip(moved, 0, [width, height, width, height])
-    before, sides = (moved[:, 2:] - moved[:, :2]).prod(axis=1), inside[:, 2:] - inside[:, :2]
-    seen = (sides.min(axis=1) >= _LEAST_SIDE) & (sides.prod(axis=1) >= _LEAST_SEEN * before)
+    inside = clip(moved, width, height)
+    sides = inside[:, 2:] - inside[:, :2]
+    seen = (sides.min(axis=1) >= _LEAST_SIDE) & (area(inside) >= _LEAST_SEEN * area(moved))
     return Picture(pixels, picture.classes[seen], inside[seen], mask)
