@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.covers.widths import truth_of
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
-from polarsim.detect.dataset import BOX_COLUMNS, read_parts
+from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.split import TEST, TRAIN
@@ -38,6 +38,7 @@ def score_covers(
     predictions: Mapping[int, Path],
     merged: Path | None = None,
     datasets: Mapping[str, Path],
+    trained_on: Sequence[Path],
     scores: Path,
     trained: str,
     training: TrainingOptions,
@@ -58,11 +59,15 @@ def score_covers(
     merged : Path, optional
         The same of every fold's detectors of all seeds, merged.
     datasets : mapping of fold to Path
-        Their data sets.
+        Data sets whose test parts are the folds' cover photos.
+    trained_on : sequence of Path
+        Data sets that the folds' detectors were trained on last.
     trained : str
         On what the detectors were trained, RENDERED or FINE_TUNED of `formats.schemas`.
+    training : TrainingOptions
+        How they were trained last.
     start : str
-        What the detectors started from, as the table is to name it.
+        What the first training started from, as the table is to name it.
 
     Raises
     ------
@@ -70,8 +75,7 @@ def score_covers(
         A file is missing or broken.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    parts = {fold: read_parts(folder) for fold, folder in datasets.items()}
-    folds = {fold: own[TEST] for fold, own in parts.items()}
+    folds = {fold: read_pictures(folder, TEST) for fold, folder in datasets.items()}
     of_seed = {seed: _read(path, truth, folds) for seed, path in sorted(predictions.items())}
     rows = [(ONE, seed, [seen]) for seed, seen in of_seed.items()]
     rows += [(MEAN, NO_SEED, list(of_seed.values()))] if len(of_seed) > 1 else []
@@ -87,7 +91,7 @@ def score_covers(
         start=start,
         epochs=training.epochs,
         folds=len(datasets),
-        pictures=round(float(np.mean([len(own[TRAIN]) for own in parts.values()]))),
+        pictures=round(float(np.mean([len(read_pictures(folder, TRAIN)) for folder in trained_on]))),
     )
     tables.write_parquet(scores, table[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
 

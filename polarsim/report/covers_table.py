@@ -25,11 +25,9 @@ SEVERAL = (
     "boxes fusion: boxes that overlap become one, and one that only one of n detectors finds has an n-th of its "
     "confidence."
 )
-
-
 PHOTOS_TOO = (
-    "Scenes, photos: after that fine-tuned on the labelled cover photos of all terrains but those of the tested "
-    "photo's fold, which show the same sandbox and walls."
+    "Scenes, photos: after that {epochs} epochs of {pictures} pictures, windows of the labelled cover photos of all "
+    "terrains but those of the tested photo's fold, which show the same sandbox and walls, and of scenes."
 )
 TRAINED_ON = {RENDERED: "scenes", FINE_TUNED: "scenes, photos"}
 
@@ -42,7 +40,9 @@ def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -
         f"Detector {first['detector']} from {first['start']}, {first['epochs']} epochs of {first['pictures']} pictures "
         f"of scenes, {first['folds']} folds."
     )
-    notes = [*NOTES, trained, *([PHOTOS_TOO] if _are_fine_tuned(table) else [])]
+    notes = [*NOTES, trained]
+    for photos_too in table[table["trained"] == FINE_TUNED].head(1).to_dict("records"):
+        notes.append(PHOTOS_TOO.format_map(photos_too))
     notes += [*([SEVERAL] if _are_several(table) else []), origin_note(origin)]
     write_table(stem, with_origin(table, origin), CAPTION, layout=tidy_covers(table), notes=notes)
 

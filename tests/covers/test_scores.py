@@ -65,6 +65,7 @@ def scored(tmp_path):
     tables.write_parquet(tmp_path / "predictions.parquet", pd.concat(parts, ignore_index=True))
     score_covers(
         labels=tmp_path / "labels.parquet", predictions={0: tmp_path / "predictions.parquet"}, datasets=datasets,
+        trained_on=list(datasets.values()),
         scores=tmp_path / "scores.parquet", trained="rendered",
         training=TrainingOptions(model="compact", epochs=7), start="scratch",
         options=ComparisonOptions(resamples=100),
@@ -95,6 +96,7 @@ def two_seeds(tmp_path):
     merge_seeds(predictions=list(predictions.values()), merged=merged, options=PredictionOptions(nms_iou=0.5))
     score_covers(
         labels=tmp_path / "labels.parquet", predictions=predictions, merged=merged, datasets=datasets,
+        trained_on=list(datasets.values()),
         scores=tmp_path / "scores.parquet", trained="rendered",
         training=TrainingOptions(model="compact"), start="scratch",
         options=ComparisonOptions(resamples=100),
@@ -183,7 +185,7 @@ def test_the_table_shows_all_terrains_and_each_with_intervals(scored, tmp_path):
 
 def test_the_table_says_which_detectors_were_fine_tuned_on_photos(scored, tmp_path):
     table = tables.read_parquet(scored, COVER_SCORES.columns)
-    better = table.assign(trained="fine_tuned", map50=table["map50"] / 2)
+    better = table.assign(trained="fine_tuned", map50=table["map50"] / 2, epochs=3, pictures=11)
     tables.write_parquet(tmp_path / "better.parquet", better)
     tabulate_covers(scores=[scored, tmp_path / "better.parquet"], stem=tmp_path / "covers", origin=ORIGIN)
     rows = [line.split(" | ") for line in (tmp_path / "covers.md").read_text().splitlines() if line.startswith("| ")]
@@ -191,7 +193,9 @@ def test_the_table_says_which_detectors_were_fine_tuned_on_photos(scored, tmp_pa
         ("| terrain", "trained on"), ("| ---", "---"), ("| all", "scenes"), ("| all", "scenes, photos"),
         ("| 01", "scenes"), ("| 01", "scenes, photos"), ("| 03", "scenes"), ("| 03", "scenes, photos"),
     ]  # fmt: skip
-    assert "fine-tuned on the labelled cover photos" in (tmp_path / "covers.md").read_text()
+    notes = (tmp_path / "covers.md").read_text()
+    assert "from scratch, 7 epochs of 2 pictures of scenes, 2 folds" in notes
+    assert "after that 3 epochs of 11 pictures, windows of the labelled cover photos" in notes
 
 
 def test_every_photo_has_a_panel_with_its_labels_and_what_is_sure_enough(tmp_path):

@@ -340,6 +340,7 @@ rule score_covers:
         predictions=of_run("results/{run}/covers/{{trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
         merged=MERGED_PREDICTIONS,
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
+        trained_on=last_datasets,
         pictures="results/{run}/covers/photos",
     output:
         scores="results/{run}/covers/{trained}/scores.parquet",
@@ -353,7 +354,7 @@ rule score_covers:
     params:
         folds=list(COVER_FOLDS),
         seeds=SEEDS,
-        training=options("detect.training"),
+        training=last_training,
         start="carved rocks" if CONFIG.covers.carved_scenes else CONFIG.detect.training.start,
         options=options("detect.comparison"),
         code=code_of("score_covers"),

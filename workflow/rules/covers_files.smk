@@ -85,6 +85,17 @@ def fine_tuning():
     return options("detect.training") | {"epochs": own.epochs, "learning_rate": own.learning_rate}
 
 
+def last_training(wildcards):
+    """How detectors of scenes, and after them those of photos too, were trained last."""
+    return fine_tuning() if wildcards.trained == FINE_TUNED else options("detect.training")
+
+
+def last_datasets(wildcards):
+    """What every fold's detector was trained on last."""
+    name = "fine_tuning" if wildcards.trained == FINE_TUNED else "dataset"
+    return of_run(f"results/{{run}}/covers/folds/{{fold}}/{name}", fold=COVER_FOLDS)
+
+
 def scenes_of_fold(wildcards):
     return of_run(
         "results/{run}/covers/scenes/Terrain{terrain}",
