@@ -70,6 +70,10 @@ class ClassSizes:
         """See `Sizes.scaled`."""
         return ClassSizes(tuple(own.scaled(factor) for own in self.by_class))
 
+    def within(self, widest: int) -> ClassSizes:
+        """See `Sizes.within`."""
+        return ClassSizes(tuple(own.within(widest) for own in self.by_class))
+
 
 def merge(found: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float, most: int) -> np.ndarray:
     """What is found of one picture at each of `sizes.widths`, as one list of boxes.

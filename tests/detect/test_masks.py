@@ -1,6 +1,7 @@
 """A head for masks learns, is stored with the weights, and what it sees lies where the picture shows it."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -92,7 +93,7 @@ def test_a_training_without_masks_has_no_trace_of_them(dataset, tmp_path):
 
 
 def test_old_weights_get_a_head_and_a_head_that_nobody_asks_for_is_left_out(weights):
-    old = detectors.read_detector(PACKAGED).state
+    old = network("compact", detectors.read_detector(PACKAGED).state, masks=False).state_dict()
     with_head = network("compact", old, masks=True).state_dict()
     assert all(torch.equal(with_head[name], value.float()) for name, value in old.items() if value.is_floating_point())
     own = detectors.read_detector(weights).state
@@ -130,9 +131,12 @@ def test_yolo_is_refused():
 
 def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_path):
     png.write(tmp_path / "a.png", np.zeros((40, 64), np.uint8))
+    packaged = detectors.read_detector(PACKAGED)
+    state = network("compact", packaged.state, masks=False).state_dict()
+    detectors.write_detector(tmp_path / "rocks.pt", replace(packaged, state=state))
     with pytest.raises(DetectError, match=r"rocks\.pt: a detector without a head for masks: train one with"):
         find_in_pictures(
-            pictures=[tmp_path / "a.png"], weights=[PACKAGED], out=tmp_path / "out",
+            pictures=[tmp_path / "a.png"], weights=[tmp_path / "rocks.pt"], out=tmp_path / "out",
             options=prediction_options([], [], "cpu"), threads=1, masks=True,
         )  # fmt: skip
     assert not (tmp_path / "out").exists()

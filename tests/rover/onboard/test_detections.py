@@ -2,6 +2,7 @@
 
 import shutil
 
+import numpy as np
 import pytest
 
 from polarsim.detect.options import PredictionOptions
@@ -37,3 +38,20 @@ def test_the_packaged_detectors_boxes_lie_in_the_pictures_and_nothing_is_seen_tw
         assert found["x1"].max() <= 387.2  # a fifth of the camera's 1936
     monkeypatch.setattr("polarsim.detect.detectors.load_detector", lambda *_: pytest.fail("looked again"))
     detect_drive(folder, driven.vehicle(), suite, 3)
+
+
+def test_pictures_are_looked_at_no_wider_than_they_are(drive, tmp_path, monkeypatch):
+    made, options = drive
+    folder = shutil.copytree(made, tmp_path / "drive")
+    prediction = PredictionOptions(widths=(256, 1792), gates_px=(64.0,), device="cpu")
+    onboard = options.onboard.model_copy(update={"weights": "packaged", "prediction": prediction})
+    looks = []
+
+    def seen(loaded, pictures, sizes, nms_iou, full):
+        looks.append((sizes.widths, [picture.shape[1] for picture in pictures]))
+        return [np.zeros((0, 6))] * len(pictures)
+
+    monkeypatch.setattr("polarsim.rover.onboard.detections.detect", seen)
+    detect_drive(folder, driven.vehicle(), options.model_copy(update={"onboard": onboard}), 3)
+    assert {tuple(widths) for widths, _ in looks} == {(256, 384)}  # of a fifth of the camera's 1936
+    assert {width for _, pictures in looks for width in pictures} <= {384, 387}
