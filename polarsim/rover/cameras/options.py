@@ -57,7 +57,7 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     prediction: PredictionOptions = Field(
         PredictionOptions(), description="This section says how the detector looks at pictures."
     )
-    confidence: float = Field(0.25, gt=0, lt=1, description="Detections of less confidence do not count.")
+    confidence: float = Field(0.15, gt=0, lt=1, description="Detections of less confidence do not count.")
     iou: float = Field(0.5, gt=0, le=1, description="A rock is detected where a predicted rock overlaps it so much.")
     heights_m: tuple[PositiveFloat, ...] = Field(
         (0.05, 0.10), description="Rocks higher than each of these are counted, m."
