@@ -1,0 +1,16 @@
+"""A picture of what any detector of rocks finds: bright lumps on noisy grey sand, a black streak beside each."""
+
+import numpy as np
+
+CENTRES = np.array([(150 + 200 * column, 200 + 130 * row) for row in range(3) for column in range(4)])
+
+
+def lit_lumps() -> np.ndarray:
+    """(608, 968) uint8, twelve lumps about `CENTRES`, roughly as rocks and their shadows look."""
+    picture = 70 + 6 * np.random.default_rng(0).standard_normal((608, 968))
+    y, x = np.mgrid[:608, :968]
+    for cx, cy in CENTRES:
+        picture[((x - cx - 38) / 40) ** 2 + ((y - cy - 6) / 10) ** 2 < 1] = 6
+        lump = ((x - cx) / 22) ** 2 + ((y - cy) / 18) ** 2 < 1
+        picture[lump] = 150 + 60 * np.clip((cx - x[lump]) / 22, -1, 1)
+    return np.clip(picture, 0, 255).astype(np.uint8)
