@@ -14,6 +14,11 @@ STRIDE = 32  # a network's pictures have sides that are multiples of it
 PADDING = 114  # grey value around the picture, as in training
 
 
+def widest_look(width: int) -> int:
+    """The largest width at which a picture that is so wide is looked at without being made larger."""
+    return max(width // STRIDE, 1) * STRIDE
+
+
 def read_picture(path: Path) -> np.ndarray:
     """(h, w) uint8.
 

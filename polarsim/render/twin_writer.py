@@ -84,8 +84,10 @@ class TwinWriter:
     ) -> None:
         """Write `KEY.png` and `KEY.json` of one view into the folder of every model, an exposure bracket a task."""
         brackets, tasks = list(by_bracket(keys).values()), []
+        of_camera = {"camera": digest_of([self.cameras / f"Pos{keys[0].position}.json"])} if keys else {}
         for model in self.twins:
             gain, photos = self._gain(model, olat_images)
+            sources = {**self.sources, **photos, **of_camera}
             active_lamps = as_bright_as_fitted(lamps, self.fitted, model)
             own = {name: olat_image for (of, name), olat_image in olat_images.items() if of == model}
             if active_lamps is not lamps:
@@ -94,7 +96,7 @@ class TwinWriter:
                     for name, olat_image in own.items()
                 }
             for bracket in brackets:
-                tasks.append(pool.submit(self._write_bracket, bracket, model, own, active_lamps, camera, gain, photos))
+                tasks.append(pool.submit(self._write_bracket, bracket, model, own, active_lamps, camera, gain, sources))
         for task in tasks:
             task.result()
 
@@ -106,12 +108,10 @@ class TwinWriter:
         lamps: Mapping[str, Lamp],
         camera: Camera,
         gain: float,
-        photos: Mapping[str, str],
+        sources: Mapping[str, str],
     ) -> None:
         folder = self.twins[model]
         write_photos(folder, bracket, olat_images, camera.lens, gain, self.options)
-        camera_file = self.cameras / f"Pos{bracket[0].position}.json"
-        sources = {**self.sources, **photos, "camera": digest_of([camera_file])}
         for key in bracket:
             shot = Shot(camera, {name: lamps[name] for name in lit_by(key)}, float(key.exposure_ms), model)
             sidecar = Sidecar(shot, self.terrain, self.options, gain, sources, noise_seed(self.options, key))

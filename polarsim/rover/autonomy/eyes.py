@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.find import fast
-from polarsim.detect.frame import STRIDE
+from polarsim.detect.frame import widest_look
 from polarsim.detect.options import PicturesOptions, StereoOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
@@ -194,8 +194,8 @@ class Eyes:
             loaded = detectors.load_detector(detector, FilePath.cwd(), self.onboard.prediction, 1)
             loaded = fast(loaded, detector, self.onboard.prediction.device)
         sizes = sizes_of(detector, self.onboard.prediction).by_class[BOX_CLASSES.index(ROCK)]
-        widest = max(self.mount.lens.width // STRIDE, 1) * STRIDE
-        return loaded, ClassSizes.same(sizes.within(widest))  # shadows are not looked for
+        sizes = sizes.within(widest_look(self.mount.lens.width))
+        return loaded, ClassSizes.same(sizes)  # shadows are not looked for
 
     def _timed(self, part: str, work: Callable[[], T]) -> T:
         begun = time.process_time()

@@ -14,7 +14,7 @@ import pandas as pd
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.find import fast
-from polarsim.detect.frame import STRIDE
+from polarsim.detect.frame import widest_look
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.sizes import ClassSizes
@@ -65,8 +65,7 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
             with about(weights):
                 loaded = detectors.load_detector(detector, pictures, onboard.prediction, threads)
                 loaded = fast(loaded, detector, onboard.prediction.device)
-        widest = max(suite.mounts[FRONT].lens.width // STRIDE, 1) * STRIDE
-        sizes = sizes_of(detector, onboard.prediction).within(widest)
+        sizes = sizes_of(detector, onboard.prediction).within(widest_look(suite.mounts[FRONT].lens.width))
         _write_detections(pictures, paths, loaded, sizes, exposure_ms, onboard, identity)
         write_text(note, identity)
 
