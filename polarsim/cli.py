@@ -790,14 +790,13 @@ def drive(
     chosen = read_config(config)
     rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
     run = results / chosen.run
-    weights = run / chosen.first_training / f"detectors/{rover.detector}.pt" if rover.detector else None
     folder = out or run / f"rover/seed{number}"
     with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
         figures = run_all(
             meshes=run / "meshes",
             folder=folder,
             options=rover,
-            suite=rover.cameras_with(weights, chosen.detect if weights else None),
+            suite=chosen.cameras_on_board(run),
             seed=number,
             progress=progress,
             pictures=pictures,

@@ -26,7 +26,8 @@ from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
-from polarsim.rover.cameras.options import PACKAGED_NAME, OnboardOptions
+from polarsim.rover.cameras.options import PACKAGED_NAME, CameraSuiteOptions, OnboardOptions
+from polarsim.rover.onboard.options import FINE_TUNED
 from polarsim.rover.options import RoverOptions
 from polarsim.scoring.options import ScoringOptions
 
@@ -179,8 +180,10 @@ class Config(BaseModel, extra="forbid", frozen=True):
         if self.rover.detector is not None and self.rover.detector not in self.training_domains:
             known = ", ".join(self.training_domains) or "none: no detector is trained"
             raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
-        if unknown := sorted(set(self.rover.autonomy.detectors) - {PACKAGED_NAME, *self.training_domains}):
-            known = ", ".join([PACKAGED_NAME, *self.training_domains])
+        tuned = [FINE_TUNED] if self.rover.fine_tuning.drives else []
+        known_detectors = [PACKAGED_NAME, *tuned, *self.training_domains]
+        if unknown := sorted(set(self.rover.autonomy.detectors) - set(known_detectors)):
+            known = ", ".join(known_detectors)
             raise ValueError(f"rover.autonomy.detectors: {unknown[0]!r}, expected {known}")
         return self
 
@@ -272,26 +275,45 @@ class Config(BaseModel, extra="forbid", frozen=True):
         """
         return f"detect/{self.detect.splits[0]}/seed{self.detect.seeds[0]}"
 
-    def deciding_detectors(self, run: Path) -> dict[str, OnboardOptions]:
-        """Detectors by which the rover finds its way, as it takes them along: `packaged`, `<domain>-seed<N>` of a run.
+    def detector_before_drives(self, run: Path) -> Path | None:
+        """The detector on board before `rover.fine_tuning`: one of the run, or another that is named, or none."""
+        if self.rover.detector is None:
+            return self.rover.cameras.onboard.weights_file
+        return run / f"{self.first_training}/detectors/{self.rover.detector}.pt"
 
-        Where none is named that is the one of `rover.detector` or of `rover.cameras.onboard.weights`, or none.
+    def detector_on_board(self, run: Path) -> Path | None:
+        """The detector that looks through the front camera: that one, or what other drives have made of it."""
+        before = self.detector_before_drives(run)
+        return run / f"rover/{FINE_TUNED}.pt" if before and self.rover.fine_tuning.drives else before
+
+    def deciding_detectors(self, run: Path) -> dict[str, OnboardOptions]:
+        """Detectors by which the rover finds its way, as it takes them along, by name.
+
+        `packaged`; `<domain>-seed<N>` of a run; `fine_tuned`, what other drives have made of the one on board. Where
+        none is named that is the one on board, or none.
         """
-        own, onboard, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard, self.detect.seeds
+        names, onboard, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard, self.detect.seeds
+        on_board = self.detector_on_board(run)
+        single = onboard.weights.stem if isinstance(onboard.weights, Path) else onboard.weights or "none"
+        if not names and self.rover.fine_tuning.drives and on_board:
+            names = (FINE_TUNED,)
+        elif not names and self.rover.detector is not None:
+            names, seeds = (self.rover.detector,), seeds[:1]
         found: dict[str, OnboardOptions] = {}
-        if not own and self.rover.detector is not None:
-            own, seeds = (self.rover.detector,), seeds[:1]
-        for name in own:
+        for name in names:
             if name == PACKAGED_NAME:
                 found[name] = onboard.model_copy(update={"weights": PACKAGED_NAME})
-                continue
-            for seed in seeds:
-                weights = run / f"detect/{self.detect.splits[0]}/seed{seed}/detectors/{name}.pt"
-                found[f"{name}-seed{seed}"] = self.rover.cameras_with(weights, self.detect).onboard
-        if found:
-            return found
-        single = onboard.weights
-        return {single.stem if isinstance(single, Path) else single or "none": onboard}
+            elif name == FINE_TUNED:
+                found[name] = self.cameras_on_board(run).onboard
+            else:
+                for seed in seeds:
+                    weights = run / f"detect/{self.detect.splits[0]}/seed{seed}/detectors/{name}.pt"
+                    found[f"{name}-seed{seed}"] = self.rover.cameras_with(weights, self.detect).onboard
+        return found or {single: onboard}
+
+    def cameras_on_board(self, run: Path) -> CameraSuiteOptions:
+        """The rover's cameras with the detector on board; one of the run looks at pictures as `detect` says."""
+        return self.rover.cameras_with(self.detector_on_board(run), self.detect if self.rover.detector else None)
 
     @property
     def cover_folds(self) -> tuple[tuple[int, ...], ...]:

@@ -12,6 +12,7 @@ from polarsim.rover.cameras.layout import picture_set
 from polarsim.rover.cameras.options import REAL, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.onboard.options import DriveTuningOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, FRONT
 from polarsim.rover.world.options import WorldOptions
@@ -30,6 +31,9 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
         None,
         description="The run's detector of this training domain looks through the front camera; none: truth "
         "alone is measured.",
+    )
+    fine_tuning: DriveTuningOptions = Field(
+        DriveTuningOptions(), description="The detector on board is trained on pictures of other drives first."
     )
     bags: bool = Field(True, description="Every drive is written as an MCAP file of ROS 2 messages.")
     world: WorldOptions = Field(WorldOptions(), description="This section describes the ground that is driven over.")

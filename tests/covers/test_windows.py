@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from polarsim.covers.dataset import make_fine_tuning_dataset
 from polarsim.covers.options import FineTuningOptions
 from polarsim.covers.photos import label_rows
-from polarsim.covers.windows import cut_windows, draw_windows
+from polarsim.covers.windows import cut_windows
 from polarsim.detect.dataset import read_pictures
+from polarsim.detect.windows import draw_windows
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import class_masks, png, tables, yolo
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
@@ -43,8 +44,8 @@ def covers(tmp_path):
 @given(st.integers(0, 2**31), st.sampled_from([128, 512, 1280]))
 def test_a_window_is_bright_where_its_boxes_are_and_dark_elsewhere(seed, width):
     """But where the photo shows too little of a thing for a box."""
-    options = FineTuningOptions(windows=11, widest_px=1024)
-    drawn = list(draw_windows(photo_of(BOXES), np.array([0, 1]), BOXES, options, width, np.random.default_rng(seed)))
+    random = np.random.default_rng(seed)
+    drawn = list(draw_windows(photo_of(BOXES), np.array([0, 1]), BOXES, range(11), width, 1024, random))
     assert {window.pixels.shape for window in drawn} == {(round(width * HEIGHT / WIDTH), width)}
     assert [len(drawn[number].boxes) for number in (0, 10)] == [2, 2]  # the whole photo
     for window in drawn:

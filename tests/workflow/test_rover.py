@@ -86,12 +86,41 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
             {f"analog-seed{n}": f"run/detect/photo/seed{n}/detectors/analog.pt" for n in (3, 4)}
             | {"packaged": "packaged"},
         ),
+        (
+            {"cameras": {"onboard": {"weights": "packaged"}}, "fine_tuning": {"drives": ["other/seed0"]}},
+            {"fine_tuned": "run/rover/fine_tuned.pt"},
+        ),
+        (
+            {
+                "detector": "hapke",
+                "fine_tuning": {"drives": ["a"]},
+                "autonomy": {"detectors": ["fine_tuned", "packaged"]},
+            },
+            {"fine_tuned": "run/rover/fine_tuned.pt", "packaged": "packaged"},
+        ),
     ],
 )
 def test_detectors_by_which_the_rover_decides_have_names(rover, names):
     asked = {"run": True, "world": {"terrains": [1]}, **rover}
     config = parse_config(configured(**asked) | {"detect": {"splits": ["photo"], "seeds": [3, 4]}})
     assert {name: str(own.weights) for name, own in config.deciding_detectors(Path("run")).items()} == names
+
+
+def test_a_detector_is_trained_on_other_drives_before_it_looks(checkout, snakemake):
+    other = checkout / "results/other/rover/seed0"
+    (other / "front_end_cam").mkdir(parents=True)
+    (other / "front_end_cam/poses.parquet").touch()
+    tuned = {"rover": {"detector": None, "cameras": {"onboard": {"weights": "packaged"}}}}
+    tuned["rover"]["fine_tuning"] = {"drives": ["results/other/rover/seed0"]}
+    (checkout / "config/tuned.yaml").write_text(yaml.safe_dump(tuned))
+    done = snakemake(checkout, "rover", "--dry-run", "--configfile", "config/rover.yaml", "config/tuned.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    text = done.stdout + done.stderr
+    jobs = planned(text)
+    assert jobs["make_drive_dataset"] == jobs["fine_tune_on_drives"] == 1
+    assert "train_detector" not in jobs
+    assert len(re.findall(r"rule detect_drive:\n +input: .*results/demo/rover/fine_tuned\.pt", text)) == 3
+    assert re.search(r"rule make_drive_dataset:\n +input: results/other/rover/seed0/front_end_cam/poses\.parquet", text)
 
 
 @pytest.mark.slow

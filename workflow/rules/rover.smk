@@ -68,6 +68,52 @@ rule see_drive:
         "../scripts/see_drive.py"
 
 
+rule make_drive_dataset:
+    """Windows of the front camera's pictures of other drives, to fine-tune the detector on board on."""
+    input:
+        poses=poses_of_other_drives(),
+    output:
+        dataset=directory("results/{run}/rover/fine_tuning"),
+    log:
+        "results/{run}/logs/rover/make_drive_dataset.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/make_drive_dataset.tsv"
+    resources:
+        mem_mb=growing(1000),
+        runtime=60,
+    params:
+        options=options("rover.fine_tuning"),
+        pictures=camera_suite_options()["onboard"]["pictures"],
+        code=code_of("make_drive_dataset"),
+    script:
+        "../scripts/make_drive_dataset.py"
+
+
+rule fine_tune_on_drives:
+    """The detector on board, trained on pictures of other drives."""
+    input:
+        dataset="results/{run}/rover/fine_tuning",
+        start=detector_before_drives,
+    output:
+        weights="results/{run}/rover/fine_tuned.pt",
+        curve="results/{run}/rover/fine_tuned.csv",
+    log:
+        "results/{run}/logs/rover/fine_tune_on_drives.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/fine_tune_on_drives.tsv"
+    resources:
+        mem_mb=growing(2500),
+        runtime=720,
+        gpu=gpus_of("rover.cameras.onboard.prediction"),
+    params:
+        options=options("rover.fine_tuning"),
+        prediction=camera_suite_options()["onboard"]["prediction"],
+        work="results/{run}/rover/fine_tuning_work",
+        code=code_of("fine_tune_on_drives"),
+    script:
+        "../scripts/fine_tune_on_drives.py"
+
+
 rule detect_drive:
     """What a detector finds in the front camera's pictures."""
     input:

@@ -30,15 +30,18 @@ AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
 
 def camera_suite_options(*left_out):
     """Options of a drive's pictures and of what a detector sees in them, without some."""
-    cameras = ROVER.cameras_with(detector_weights(RUN), CONFIG.detect if ROVER.detector else None)
+    cameras = CONFIG.cameras_on_board(Path(f"results/{RUN}"))
     return cameras.model_dump(mode="json", exclude=set(left_out))
 
 
-def detector_weights(run):
-    """The detector that is taken along: one of the run, or another that the configuration names, or none."""
-    if ROVER.detector is None:
-        return ROVER.cameras.onboard.weights_file
-    return Path(f"results/{run}/{CONFIG.first_training}/detectors/{ROVER.detector}.pt")
+def detector_before_drives(wildcards):
+    """The detector that is trained on other drives."""
+    return str(CONFIG.detector_before_drives(Path(f"results/{wildcards.run}")))
+
+
+def poses_of_other_drives():
+    """A file of each drive that the detector on board is trained on: the last that is written with its pictures."""
+    return [f"{drive}/{FRONT}/poses.parquet" for drive in ROVER.fine_tuning.drives]
 
 
 def of_drive(*names, **wildcards):
@@ -77,14 +80,14 @@ def shown_sun():
 
 def shown_detections(wildcards):
     """What a detector found in the pictures that are shown, where one looked."""
-    if detector_weights(wildcards.run) is None:
+    if CONFIG.detector_on_board(Path(f"results/{wildcards.run}")) is None:
         return []
     return of_first_drive(f"{FRONT}/{ROVER.shown_set}/detections.parquet").format(run=wildcards.run)
 
 
 def weights_on_board(wildcards):
     """Weights of the detector that looks through the front camera, where there is one."""
-    weights = detector_weights(wildcards.run)
+    weights = CONFIG.detector_on_board(Path(f"results/{wildcards.run}"))
     return [] if weights is None else str(weights)
 
 
@@ -106,7 +109,7 @@ def detections_on_board():
 
 def detections_of_drive(wildcards):
     """The same, where a detector looks."""
-    if not ROVER.onboard or detector_weights(wildcards.run) is None:
+    if not ROVER.onboard or CONFIG.detector_on_board(Path(f"results/{wildcards.run}")) is None:
         return []
     return [name.format(run=wildcards.run, seed=wildcards.seed) for name in detections_on_board()]
 
