@@ -18,6 +18,9 @@ from polarsim.rover.drive.simulation import Simulation
 _AT_REST_M_S = 0.01
 _LOOKS_AT_REST = 2  # without a path, before the rover backs off: what one look got wrong another may put right
 _KEPT_M = 2.5  # of a plan that is still free: it is kept
+_SAME_PLACE_M = 1.5  # from an earlier stop: there the rover backs off farther than it did
+_FARTHEST_BACK = 4  # times as far as at first
+_BACK_STEP_M = 0.15  # between places on the way back at which room is checked
 _ROLLS_ON_M = 0.2  # after backing off, until it stands: that must be free too
 _ARRIVED_M = 0.3  # before the goal's line
 
@@ -53,7 +56,7 @@ class Pilot(Driver):
         self._next, self._at_rest, self._backed = 0.0, 0, 0
         self._plan: np.ndarray | None = None
         self._back_to: tuple[float, float] | None = None
-        self._back_steer = 0.0
+        self._back_by, self._back_steer = 0.0, 0.0
 
     @property
     def finished(self) -> bool:
@@ -70,7 +73,7 @@ class Pilot(Driver):
             self._decide(now, x, y, heading)
         self.turning = self._plan is None  # no headway is expected
         if self._back_to is not None:
-            if math.hypot(x - self._back_to[0], y - self._back_to[1]) < self.options.planner.back_m:
+            if math.hypot(x - self._back_to[0], y - self._back_to[1]) < self._back_by:
                 return Command(-self.options.speed_m_s, self._back_steer)
             self._back_to = None
         if self._plan is None:
@@ -126,10 +129,20 @@ class Pilot(Driver):
         return rest if self.planner.free(ground, rest[1:], np.array([x, y, heading])).all() else None
 
     def _back_off(self, ground: Field, x: float, y: float, heading: float) -> None:
-        """Backwards on the freest of three arcs."""
+        """Backwards on the freest of three arcs: where it stopped before, farther, to have room for another way."""
+        stops_here = sum(math.hypot(stop.x - x, stop.y - y) < _SAME_PLACE_M for stop in self.stops)
+        farther = min(max(stops_here, 1), _FARTHEST_BACK)
+        for times in range(farther, 0, -1):
+            if self._free_arc_back(ground, x, y, heading, times * self.options.planner.back_m):
+                self._back_to = (x, y)
+                return
+
+    def _free_arc_back(self, ground: Field, x: float, y: float, heading: float, distance: float) -> bool:
+        """Whether one of three arcs of this length is free; it is chosen then."""
         best, limit = -np.inf, 0.5 * self.options.planner.curvature_1_m
+        count = math.ceil((distance + _ROLLS_ON_M) / _BACK_STEP_M)
         for curvature in (0.0, limit, -limit):
-            steps = -np.linspace(0.1, self.options.planner.back_m + _ROLLS_ON_M, 6)
+            steps = -np.linspace(0.1, distance + _ROLLS_ON_M, count)
             headings = heading + curvature * steps
             places = np.column_stack(
                 [
@@ -141,8 +154,8 @@ class Pilot(Driver):
             room = float(self.planner.clearance(ground, places).min())
             if room > best + 1e-9:
                 best, self._back_steer = room, self._steer(curvature)
-        if best > self.planner.least_room(ground, np.array([x, y, heading])):
-            self._back_to = (x, y)
+        self._back_by = distance
+        return best > self.planner.least_room(ground, np.array([x, y, heading]))
 
     def _pursue(self, plan: np.ndarray, x: float, y: float, heading: float) -> float:
         """Pure pursuit (Coulter, CMU-RI-TR-92-01): the arc through the plan's point at the look-ahead distance."""

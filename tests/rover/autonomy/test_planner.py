@@ -1,12 +1,13 @@
 """Paths keep off hazards, bend no more than the rover can, and are none where there is none."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import AutonomyOptions, MapOptions, PlannerOptions
-from polarsim.rover.autonomy.pilot import Pilot
+from polarsim.rover.autonomy.pilot import Pilot, Stop
 from polarsim.rover.autonomy.planner import FINE, Planner, edges, field_of
 from polarsim.rover.world.surface import bare_world
 
@@ -83,14 +84,33 @@ def test_every_bend_of_the_lattice_ends_at_its_node_and_heading():
         np.testing.assert_allclose(edge.places[-1, :2], 0.15 * np.array([edge.columns, edge.rows]), atol=1e-12)
 
 
-def test_a_rover_backs_off_only_where_it_also_comes_to_rest_on_the_ground():
+def pilot_at(*stops):
+    """One that stopped at places (x, 0) before."""
     driver = Pilot.__new__(Pilot)
     driver.options, driver.planner, driver._wheelbase = AutonomyOptions(), PLANNER, 1.284
+    driver.stops = [Stop(0.0, x, 0.0, 0.0) for x in stops]
+    return driver
+
+
+def test_a_rover_backs_off_only_where_it_also_comes_to_rest_on_the_ground():
+    driver = pilot_at()
     free = field_of(GRID, blocked(), blocked(), np.ones_like(blocked()))
     for x, backs in ((0.3, True), (-0.1, False)):  # the ground ends at -2: rear wheels come to -1.14, and to -1.54 m
         driver._back_to = None
         driver._back_off(free, x, 0.0, 0.0)
         assert (driver._back_to == (x, 0.0)) is backs, x
+
+
+def test_a_rover_that_stops_where_it_stopped_before_backs_off_farther_where_there_is_room():
+    """Else it comes back to the same blind alley, from where it is too near to turn away."""
+    free = field_of(GRID, blocked(), blocked(), np.ones_like(blocked()))
+    for stops, x, times in (([3.0], 3.0, 1), ([1.0, 3.0], 3.0, 1), ([3.4, 3.0], 3.0, 2), ([2.0] * 9, 2.0, 4)):
+        driver = pilot_at(*stops)
+        driver._back_off(free, x, 0.0, 0.0)
+        assert driver._back_by == pytest.approx(times * 0.8), stops
+    driver = pilot_at(0.4, 0.3)  # there is room for once on the ground
+    driver._back_off(free, 0.3, 0.0, 0.0)
+    assert driver._back_by == pytest.approx(0.8)
 
 
 def test_a_rover_beside_a_hazard_leaves_it_and_comes_no_nearer_and_one_over_a_false_rock_goes_on():
