@@ -18,40 +18,69 @@ import pandas as pd
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-# A curve's path below the run, its job's benchmark file below `benchmarks`, and the name that the figure gives it.
+# A curve's path below the run, its job's benchmark file below `benchmarks`, the name that the figure gives to curves
+# that differ in the seed alone, and that seed. The first pattern counts.
 PLACES = (
-    (r"detect/(\w+)/seed(\d+)/detectors/(\w+)\.csv", r"detect/train_detector_\1_seed\2_\3.tsv", r"\3, \1, seed \2"),
+    (
+        r"detect/(\w+)/seed(\d+)/detectors/(\w+)\.csv",
+        r"detect/train_detector_\1_seed\2_\3.tsv",
+        r"\3, split by \1",
+        r"\2",
+    ),
     (
         r"detect/(\w+)/others/([\w-]+)/seed(\d+)/detectors/(\w+)\.csv",
         r"detect/train_other_detector_\1_\2_seed\3_\4.tsv",
-        r"\2 on \4, \1, seed \3",
+        r"\2 on \4, split by \1",
+        r"\3",
+    ),
+    (
+        r"covers/folds/(carved)/seed(\d+)/rendered/detector\.csv",
+        r"covers/train_cover_detector_\1_seed\2.tsv",
+        r"scenes of carved rocks",
+        r"\2",
+    ),
+    (
+        r"covers/folds/(all)/seed(\d+)/rendered/detector\.csv",
+        r"covers/train_cover_detector_\1_seed\2.tsv",
+        r"scenes of all terrains",
+        r"\2",
+    ),
+    (
+        r"covers/folds/(all)/seed(\d+)/fine_tuned/detector\.csv",
+        r"covers/fine_tune_cover_detector_\1_seed\2.tsv",
+        r"then photos of all terrains",
+        r"\2",
     ),
     (
         r"covers/folds/(\w+)/seed(\d+)/rendered/detector\.csv",
         r"covers/train_cover_detector_\1_seed\2.tsv",
-        r"scenes without \1, seed \2",
+        r"scenes without terrains \1",
+        r"\2",
     ),
     (
         r"covers/folds/(\w+)/seed(\d+)/fine_tuned/detector\.csv",
         r"covers/fine_tune_cover_detector_\1_seed\2.tsv",
-        r"photos without \1, seed \2",
+        r"then photos without terrains \1",
+        r"\2",
     ),
+    (r"(rover)/fine_tuned\.csv", r"rover/fine_tune_on_drives.tsv", r"pictures of drives", "0"),
 )
 
 
-def curves(run: Path) -> dict[str, pd.DataFrame]:
-    """By name: cpu_min since the start of a training, and val_map50, a row an epoch."""
+def curves(run: Path) -> dict[tuple[str, str], pd.DataFrame]:
+    """By name and seed: cpu_min since the start of a training, and val_map50, a row an epoch."""
     found = {}
     for path in sorted(run.rglob("*.csv")):
         place = path.relative_to(run).as_posix()
-        for pattern, benchmark, name in PLACES:
+        for pattern, benchmark, name, seed in PLACES:
             if match := re.fullmatch(pattern, place):
                 costs = run / "benchmarks" / match.expand(benchmark)
                 curve = pd.read_csv(path)
                 minutes = pd.read_csv(costs, sep="\t")["cpu_time"].sum() / 60
-                found[match.expand(name)] = pd.DataFrame(
+                found[match.expand(name), match.expand(seed)] = pd.DataFrame(
                     {"cpu_min": minutes * curve["epoch"] / curve["epoch"].max(), "val_map50": curve["val_map50"]}
                 )
+                break
     if not found:
         raise SystemExit(f"{run}: no learning curves")
     return found
@@ -62,15 +91,23 @@ def main() -> None:
     parser.add_argument("run", type=Path)
     parser.add_argument("--figure", type=Path, required=True)
     asked = parser.parse_args()
+    found = curves(asked.run)
+    names = list(dict.fromkeys(name for name, _ in found))
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
-    for name, curve in curves(asked.run).items():
-        axes.plot(curve["cpu_min"], curve["val_map50"], marker="o", markersize=3, linewidth=1, label=name)
-        print(
-            f"{name}: {curve['cpu_min'].iloc[-1]:.1f} CPU minutes, " + " ".join(f"{v:.3f}" for v in curve["val_map50"])
-        )
-    axes.set(xlabel="CPU time, minutes", ylabel="mAP@0.5, mean of rocks and shadows", ylim=(0, None), xlim=(0, None))
+    for (name, seed), curve in found.items():
+        colour, first = f"C{names.index(name)}", seed == min(one for other, one in found if other == name)
+        style = {"marker": "os^D"[int(seed) % 4], "markersize": 3, "linewidth": 1, "linestyle": "-" if first else "--"}
+        axes.plot(curve["cpu_min"], curve["val_map50"], color=colour, label=name if first else None, **style)
+        values = " ".join(f"{value:.3f}" for value in curve["val_map50"])
+        print(f"{name}, seed {seed}: {curve['cpu_min'].iloc[-1]:.1f} CPU minutes, {values}")
+    axes.set(
+        xlabel="CPU time of the training, minutes; seeds after the first are dashed",
+        ylabel="mAP@0.5 on pictures that choose the weights",
+        ylim=(0, None),
+        xlim=(0, None),
+    )
     axes.legend(fontsize=7)
-    figure.savefig(asked.figure, dpi=150)
+    figure.savefig(asked.figure, dpi=110)
 
 
 if __name__ == "__main__":

@@ -17,9 +17,8 @@ DRIVES_CAPTION = (
 )
 EACH_CAPTION = "Every drive, wheels together."
 ONBOARD_CAPTION = (
-    "What the front camera is worth on board; `truth` has the labels in the place of a detector, the most that any "
-    "detector "
-    "could reach. Exposure 0: all of them together."
+    "What the front camera is worth on board; `truth` has all labels in the place of a detector, `visible` those "
+    "that stand out in the picture, the most that any detector could reach. Exposure 0: all of them together."
 )
 SOIL_CAPTION = "Driven wheels against the limit of fine cells, small steps and stiff soil; normal of the contact."
 CHECKS_CAPTION = (

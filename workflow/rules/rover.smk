@@ -83,7 +83,7 @@ rule make_drive_dataset:
         runtime=60,
     params:
         options=options("rover.fine_tuning"),
-        pictures=camera_suite_options()["onboard"]["pictures"],
+        onboard=as_detectors_see(),
         code=code_of("make_drive_dataset"),
     script:
         "../scripts/make_drive_dataset.py"

@@ -39,6 +39,12 @@ def detector_before_drives(wildcards):
     return str(CONFIG.detector_before_drives(Path(f"results/{wildcards.run}")))
 
 
+def as_detectors_see():
+    """How detectors on board see pictures, whichever looks."""
+    onboard = camera_suite_options()["onboard"]
+    return {name: onboard[name] for name in ("pictures", "least_contrast")}
+
+
 def poses_of_other_drives():
     """A file of each drive that the detector on board is trained on: the last that is written with its pictures."""
     return [f"{drive}/{FRONT}/poses.parquet" for drive in ROVER.fine_tuning.drives]

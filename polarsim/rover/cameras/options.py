@@ -58,6 +58,13 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
         PredictionOptions(), description="This section says how the detector looks at pictures."
     )
     confidence: float = Field(0.15, gt=0, lt=1, description="Detections of less confidence do not count.")
+    least_contrast: float = Field(
+        0.06,
+        ge=0,
+        le=1,
+        description="A rock that stands out by less than this share of white in a picture, as one in the rover's own "
+        "shadow, cannot be seen in it: labels `visible` and pictures that detectors are fine-tuned on lack it.",
+    )
     iou: float = Field(0.5, gt=0, le=1, description="A rock is detected where a predicted rock overlaps it so much.")
     heights_m: tuple[PositiveFloat, ...] = Field(
         (0.05, 0.10), description="Rocks higher than each of these are counted, m."

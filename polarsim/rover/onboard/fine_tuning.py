@@ -9,7 +9,7 @@ from pathlib import Path
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.dataset import entry_of, write_dataset
-from polarsim.detect.options import PicturesOptions, PredictionOptions
+from polarsim.detect.options import PredictionOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.detect.train import train_detector
 from polarsim.detect.windows import draw_windows, make_folders, write_window
@@ -18,6 +18,8 @@ from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.onboard.contrast import shows
 from polarsim.rover.onboard.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 
@@ -35,15 +37,15 @@ class Picture:
     exposure_ms: float
 
 
-def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions, pictures: PicturesOptions) -> None:
+def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions, onboard: OnboardOptions) -> None:
     """Write a data set of windows of the pictures of `options.drives`, with no test part.
 
-    All windows of a picture lie in one part.
+    All windows of a picture lie in one part. What does not stand out in a picture has no label there.
 
     Parameters
     ----------
-    pictures : PicturesOptions
-        The tone curve of the detector's pictures.
+    onboard : OnboardOptions
+        How the detector's pictures are made, and what stands out.
 
     Raises
     ------
@@ -58,10 +60,13 @@ def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions, pictures: 
         for picture in [one for drive in options.drives for one in _pictures(drive, options.every)]:
             part = VAL if random.random() < options.val_share else TRAIN
             with about(picture.path):
-                eight = tone.to_8_bits(png.read(picture.path), pictures, picture.exposure_ms)
+                eight = tone.to_8_bits(png.read(picture.path), onboard.pictures, picture.exposure_ms)
             classes, boxes = yolo.read_boxes(picture.labels, eight.shape[::-1])
+            kept = shows(eight, boxes, onboard.least_contrast)
             numbers = range(count, count + options.windows)
-            drawn = draw_windows(eight, classes, boxes, numbers, options.window_px, options.widest_px, random)
+            drawn = draw_windows(
+                eight, classes[kept], boxes[kept], numbers, options.window_px, options.widest_px, random
+            )
             for number, window in zip(numbers, drawn, strict=True):
                 name = f"{picture.name}_w{number - count}"
                 write_window(raw, name, window)

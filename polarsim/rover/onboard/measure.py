@@ -1,7 +1,8 @@
 """What a detector's detections on a drive are worth, as tables.
 
 Below a drive's folder, in `onboard/`: `sightings`, `stable`, `map` and `stops`. Their column `source` is `detector`, or
-`truth`: the labels in the place of detections, the most that any detector could reach.
+`truth`: the labels in the place of detections, or `visible`: of these the ones that stand out in the picture, which is
+the most that any detector could reach: of what lies in the rover's own shadow a picture shows nothing.
 """
 
 from __future__ import annotations
@@ -13,20 +14,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import tables
+from polarsim.detect import tone
+from polarsim.formats import png, tables
 from polarsim.photo import ROCK
-from polarsim.rover.cameras.layout import DETECTION_COLUMNS, TRUTH_COLUMNS, picture_folder
-from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, TRUTH_COLUMNS, picture_folder, require_pictures
+from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.onboard import hazard_map, hazards
+from polarsim.rover.onboard.contrast import shows
 from polarsim.rover.onboard.hazards import Ride
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
 TABLES = ("sightings", "stable", "map", "stops")
 SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a figure is of
-DETECTOR, TRUTH = "detector", "truth"
+DETECTOR, TRUTH, VISIBLE = "detector", "truth", "visible"
 
 
 def measure_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int) -> dict[str, pd.DataFrame]:
@@ -88,14 +91,26 @@ def ride_of(suite: CameraSuite) -> Ride:
 
 
 def _cases(folder: Path, suite: CameraSuite) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
-    """Setting, truth and boxes: of each Sun the truth itself, then what the detector found in each set of pictures."""
+    """Setting, truth and boxes: of each Sun the truth itself, then what each set shows of it and the detector found."""
     for sun in suite.suns:
         truth = tables.read_parquet(folder / FRONT / f"{sun}_truth.parquet", TRUTH_COLUMNS)
         labels = truth[truth["kind"] == ROCK].assign(confidence=1.0)[list(DETECTION_COLUMNS)]
         yield {"sun": sun, "model": "", "exposure_ms": 0.0, "source": TRUTH}, truth, labels
-        if suite.options.onboard.weights_file is None:
-            continue
         for model, exposure in suite.options.pictures:
-            path = picture_folder(folder, FRONT, sun, model, exposure) / "detections.parquet"
-            row = {"sun": sun, "model": model, "exposure_ms": float(exposure), "source": DETECTOR}
-            yield row, truth, tables.read_parquet(path, DETECTION_COLUMNS)
+            pictures = picture_folder(folder, FRONT, sun, model, exposure)
+            row = {"sun": sun, "model": model, "exposure_ms": float(exposure)}
+            yield row | {"source": VISIBLE}, truth, _visible(labels, pictures, exposure, suite.options.onboard)
+            if suite.options.onboard.weights_file is not None:
+                found = tables.read_parquet(pictures / "detections.parquet", DETECTION_COLUMNS)
+                yield row | {"source": DETECTOR}, truth, found
+
+
+def _visible(labels: pd.DataFrame, pictures: Path, exposure_ms: float, options: OnboardOptions) -> pd.DataFrame:
+    """The labels that a set of pictures shows."""
+    kept = []
+    for frame, own in labels.groupby("frame"):
+        path = pictures / f"{frame:05d}.png"
+        require_pictures([path])
+        eight = tone.to_8_bits(png.read(path), options.pictures, exposure_ms)
+        kept.append(own[shows(eight, own[BOX].to_numpy(float), options.least_contrast)])
+    return pd.concat(kept) if kept else labels

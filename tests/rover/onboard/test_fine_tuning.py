@@ -7,14 +7,15 @@ import pytest
 
 from polarsim.detect import detectors
 from polarsim.detect.dataset import read_parts
-from polarsim.detect.options import PACKAGED, PicturesOptions, PredictionOptions, TrainingOptions
+from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
 from polarsim.errors import PolarsimError, RoverError
 from polarsim.formats import png, yolo
+from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.fine_tuning import fine_tune, make_drive_dataset
 from polarsim.rover.onboard.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 
-PICTURES = PicturesOptions()
+ONBOARD = OnboardOptions()
 TRAINING = TrainingOptions(model="compact", epochs=1, batch=4, learning_rate=0.0003)
 
 
@@ -25,7 +26,7 @@ def options_of(*drives, **changes):
 
 def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_with_their_labels(drive, tmp_path):
     folder, _ = drive
-    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(folder), pictures=PICTURES)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(folder), onboard=ONBOARD)
     parts = read_parts(tmp_path / "dataset")
     names = [name for part in ("train", "val") for name in parts[part]]
     frames = {path.stem for path in (folder / FRONT / "1_hapke_0256").glob("*.png")}
@@ -45,7 +46,7 @@ def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_wi
 
 
 def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_before(drive, tmp_path):
-    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], windows=1), pictures=PICTURES)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], windows=1), onboard=ONBOARD)
     fine_tune(
         dataset=tmp_path / "dataset", start=PACKAGED, weights=tmp_path / "tuned.pt", curve=tmp_path / "tuned.csv",
         options=options_of(drive[0]), prediction=PredictionOptions(), threads=1, work=tmp_path / "work",
@@ -61,11 +62,11 @@ def test_a_drive_without_pictures_or_labels_is_named(drive, tmp_path):
     empty = tmp_path / "seed7"
     empty.mkdir()
     with pytest.raises(RoverError, match="seed7: no pictures of front_end_cam"):
-        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(empty), pictures=PICTURES)
+        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(empty), onboard=ONBOARD)
     bare = shutil.copytree(drive[0], tmp_path / "bare")
     shutil.rmtree(bare / FRONT / "2_labels")
     with pytest.raises(PolarsimError, match="2_labels"):
-        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(bare), pictures=PICTURES)
+        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(bare), onboard=ONBOARD)
     assert not (tmp_path / "dataset").exists()
 
 

@@ -17,8 +17,9 @@ def test_figures_have_intervals_over_rides(drive):
     summary = pd.read_parquet(folder / "figures.parquet")
     assert summary.dtypes.astype(str).to_dict() == ONBOARD.dtypes
     assert (summary["rides"] <= 2).all()
-    recall = summary[summary["metric"] == "recall"]
-    assert (recall["value"] == 1).all()
+    recall = summary[summary["metric"] == "recall"].set_index("source")["value"]
+    assert (recall["truth"] == 1).all()
+    assert recall["visible"].between(0, 1).all()
     known = summary.dropna(subset=["value", "low", "high"])
     assert (known["low"] <= known["value"] + 1e-12).all()
     assert (known["value"] <= known["high"] + 1e-12).all()
