@@ -6,7 +6,7 @@ The large table, of modes, Suns, exposures, lights and detectors, of which those
 
 `python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 --modes truth detector stereo both blind --seeds 5`
 `  --suns 1 2 3 4 --exposures 64 256 auto --lights off on --detect results/demo/detect`
-`  --weights packaged hapke-seed0=results/demo/detect/position/seed0/detectors/hapke.pt ...`
+`  --weights packaged_rover hapke-seed0=results/demo/detect/position/seed0/detectors/hapke.pt ...`
 
 A folder a drive, as the rule `drive_alone` makes it, a row printed each. Drives that are there are kept, so a call that
 ran out of its minutes goes on with the next; all of a seed come before the next seed's, so what is there compares. At
@@ -32,7 +32,7 @@ from polarsim.rover.autonomy.cases import DETECTING, Case, cases
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.rank import rank_detectors
 from polarsim.rover.autonomy.table import drive_case, summarise_autonomy
-from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.cameras.options import PACKAGED_FILES, OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
@@ -93,12 +93,12 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
 
 
 def onboard_of(text: str) -> tuple[str, OnboardOptions]:
-    """Name and options of a detector: `packaged`, or `name=path`."""
+    """Name and options of a detector: one that comes with polarsim, or `name=path`."""
     name, _, path = text.partition("=")
     if path and not Path(path).is_file():
         raise argparse.ArgumentTypeError(f"{path}: no such file")
-    if not path and name != "packaged":
-        raise argparse.ArgumentTypeError(f"{text!r}, expected packaged or name=path")
+    if not path and name not in PACKAGED_FILES:
+        raise argparse.ArgumentTypeError(f"{text!r}, expected {', '.join(PACKAGED_FILES)} or name=path")
     return name, OnboardOptions.model_validate({"weights": path or name})
 
 
@@ -111,7 +111,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--suns", nargs="+", default=["3"])
     parser.add_argument("--exposures", nargs="+", default=["256"], help="ms, or auto")
     parser.add_argument("--lights", nargs="+", default=["off"], choices=("off", "on"))
-    parser.add_argument("--weights", nargs="+", default=[onboard_of("packaged")], type=onboard_of)
+    parser.add_argument("--weights", nargs="+", default=[onboard_of("packaged_rover")], type=onboard_of)
     parser.add_argument("--detect", type=Path, help="results/<run>/detect of the run that trained them")
     parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="its photos' domain, and that of pictures")
     parser.add_argument("--seeds", type=int, default=40)

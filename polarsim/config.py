@@ -26,7 +26,7 @@ from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
-from polarsim.rover.cameras.options import PACKAGED_NAME, CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
 from polarsim.rover.onboard.options import FINE_TUNED
 from polarsim.rover.options import RoverOptions
 from polarsim.scoring.options import ScoringOptions
@@ -181,7 +181,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             known = ", ".join(self.training_domains) or "none: no detector is trained"
             raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
         tuned = [FINE_TUNED] if self.rover.fine_tuning.drives else []
-        known_detectors = [PACKAGED_NAME, *tuned, *self.training_domains]
+        known_detectors = [*PACKAGED_FILES, *tuned, *self.training_domains]
         if unknown := sorted(set(self.rover.autonomy.detectors) - set(known_detectors)):
             known = ", ".join(known_detectors)
             raise ValueError(f"rover.autonomy.detectors: {unknown[0]!r}, expected {known}")
@@ -289,8 +289,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def deciding_detectors(self, run: Path) -> dict[str, OnboardOptions]:
         """Detectors by which the rover finds its way, as it takes them along, by name.
 
-        `packaged`; `<domain>-seed<N>` of a run; `fine_tuned`, what other drives have made of the one on board. Where
-        none is named that is the one on board, or none.
+        Those that come with polarsim; `<domain>-seed<N>` of a run; `fine_tuned`, what other drives have made of the
+        one on board. Where none is named that is the one on board, or none.
         """
         names, onboard, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard, self.detect.seeds
         on_board = self.detector_on_board(run)
@@ -301,8 +301,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
             names, seeds = (self.rover.detector,), seeds[:1]
         found: dict[str, OnboardOptions] = {}
         for name in names:
-            if name == PACKAGED_NAME:
-                found[name] = onboard.model_copy(update={"weights": PACKAGED_NAME})
+            if name in PACKAGED_FILES:
+                found[name] = onboard.model_copy(update={"weights": name})
             elif name == FINE_TUNED:
                 found[name] = self.cameras_on_board(run).onboard
             else:

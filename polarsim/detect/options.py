@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_va
 
 # The detector that comes with polarsim, its card beside it; docs/notes/detect.md says how it was made.
 PACKAGED = Path(__file__).parent / "packaged" / "rocks.pt"
+PACKAGED_ROVER = PACKAGED.with_name("rover.pt")  # the same, fine-tuned on pictures of drives
 VIEWS = "views"  # the training domain of pictures that nobody photographed
 SplitName = Literal["photo", "view", "position", "terrain"]
 

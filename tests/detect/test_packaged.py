@@ -8,9 +8,10 @@ import typer.testing
 
 from polarsim.cli import app
 from polarsim.detect import detectors
-from polarsim.detect.options import PACKAGED
+from polarsim.detect.options import PACKAGED, PACKAGED_ROVER
 from polarsim.formats import png
 from polarsim.photo import BOX_CLASSES
+from polarsim.rover.cameras.options import OnboardOptions
 from tests.detect.lumps import CENTRES, lit_lumps
 
 
@@ -22,6 +23,18 @@ def test_it_is_small_calibrated_and_has_a_card():
     card = PACKAGED.with_suffix(".md").read_text(encoding="utf-8")
     assert "| all | rock |" in card
     assert "Where it fails" in card
+
+
+def test_the_one_for_rovers_is_small_and_has_a_card():
+    assert PACKAGED_ROVER.stat().st_size < 10_000_000
+    detector = detectors.read_detector(PACKAGED_ROVER)
+    assert detector.model == "compact"
+    assert detector.sizes == detectors.read_detector(PACKAGED).sizes
+    card = PACKAGED_ROVER.with_suffix(".md").read_text(encoding="utf-8")
+    assert "| analog 3, 1, 11 |" in card
+    assert "Where it fails" in card
+    assert OnboardOptions(weights="packaged_rover").weights_file == PACKAGED_ROVER
+    assert f"{OnboardOptions().confidence:g}, the default" in card
 
 
 @pytest.mark.slow

@@ -40,10 +40,10 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
     jobs = planned(done.stdout + done.stderr)
     assert (jobs["drive_rover"], jobs["see_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
     assert jobs["measure_drive"] == drives
-    assert jobs["detect_drive"] == drives  # the release has no photos to train on: the packaged detector looks
+    assert jobs["detect_drive"] == drives  # by a detector that comes with polarsim
     assert jobs.get("film_drive") == (None if name == "rover" else drives)
     assert jobs["draw_front"] == jobs["draw_sequence"] == jobs["tabulate_rover"] == jobs["tabulate_onboard"] == 1
-    assert "train_detector" in jobs if name == "rover" else "train_detector" not in jobs
+    assert "train_detector" not in jobs
 
 
 def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, snakemake):
@@ -78,6 +78,7 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     ("rover", "names"),
     [
         ({"cameras": {"onboard": {"weights": "packaged"}}}, {"packaged": "packaged"}),
+        ({"cameras": {"onboard": {"weights": "packaged_rover"}}}, {"packaged_rover": "packaged_rover"}),
         ({"cameras": {"onboard": {"weights": "own/best.pt"}}}, {"best": "own/best.pt"}),
         ({}, {"none": "None"}),
         ({"detector": "hapke"}, {"hapke-seed3": "run/detect/photo/seed3/detectors/hapke.pt"}),  # as on plain drives
@@ -110,8 +111,7 @@ def test_a_detector_is_trained_on_other_drives_before_it_looks(checkout, snakema
     other = checkout / "results/other/rover/seed0"
     (other / "front_end_cam").mkdir(parents=True)
     (other / "front_end_cam/poses.parquet").touch()
-    tuned = {"rover": {"detector": None, "cameras": {"onboard": {"weights": "packaged"}}}}
-    tuned["rover"]["fine_tuning"] = {"drives": ["results/other/rover/seed0"]}
+    tuned = {"rover": {"fine_tuning": {"drives": ["results/other/rover/seed0"]}}}
     (checkout / "config/tuned.yaml").write_text(yaml.safe_dump(tuned))
     done = snakemake(checkout, "rover", "--dry-run", "--configfile", "config/rover.yaml", "config/tuned.yaml")
     assert done.returncode == 0, done.stdout + done.stderr

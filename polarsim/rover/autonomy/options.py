@@ -29,7 +29,7 @@ class MapOptions(BaseModel, extra="forbid", frozen=True):
     decay_s: PositiveFloat = Field(
         120.0, description="Log-odds fall to 1/e of what they were in this time without a look, s."
     )
-    confidence: float = Field(0.15, gt=0, lt=1, description="Detections of less confidence do not count.")
+    confidence: float = Field(0.3, gt=0, lt=1, description="Detections of less confidence do not count.")
     stereo_rock_m: PositiveFloat = Field(
         0.05, description="Stereo takes a cell for rock where it stands this high above the ground around, m."
     )
@@ -87,8 +87,9 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     )
     detectors: tuple[str, ...] = Field(
         (),
-        description="It drives by each of these detectors: `packaged`, or the run's of a training domain, one a seed "
-        "of training. None: by the one that rover.detector or rover.cameras.onboard.weights names.",
+        description="It drives by each of these detectors: `packaged_rover`, `packaged`, `fine_tuned`, or the run's "
+        "of a training domain, one a seed of training. None: by the one on board, which rover.detector or "
+        "rover.cameras.onboard.weights names.",
     )
     model: Model = Field("hapke", description="Pictures are made in this reflectance model.")
     scale: float = Field(0.5, gt=0, le=1, description="Pictures have this size over that of the camera.")

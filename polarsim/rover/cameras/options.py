@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator, model_validator
 
-from polarsim.detect.options import PACKAGED, PicturesOptions, PredictionOptions
+from polarsim.detect.options import PACKAGED, PACKAGED_ROVER, PicturesOptions, PredictionOptions
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.vehicle.mounts import FRONT
 
@@ -22,7 +22,8 @@ SUN_AZIMUTHS_DEG = {"1": 0.0, "2": 315.0, "3": 225.0, "4": 180.0}  # the paper's
 NIGHT = "night"  # name of no Sun at all
 SunName = Literal["1", "2", "3", "4", "night"]
 REAL = "real"  # name of the real Sun
-PACKAGED_NAME: Literal["packaged"] = "packaged"  # of the detector that comes with polarsim
+PackagedName = Literal["packaged", "packaged_rover"]
+PACKAGED_FILES: dict[str, Path] = {"packaged": PACKAGED, "packaged_rover": PACKAGED_ROVER}  # that come with polarsim
 
 
 def _utc(moment: datetime) -> datetime:
@@ -46,10 +47,10 @@ class RealSun(BaseModel, extra="forbid", frozen=True):
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     """These options say what a detector makes of the front camera's pictures while the rover drives."""
 
-    weights: Path | Literal["packaged"] | None = Field(
+    weights: Path | PackagedName | None = Field(
         None,
-        description="The detector has these weights of a run; `packaged` is the one that comes with polarsim, "
-        "and with none truth alone is measured.",
+        description="The detector has these weights of a run; two come with polarsim: `packaged_rover`, which has seen "
+        "drives, and `packaged`, which has seen photos. With none truth alone is measured.",
     )
     pictures: PicturesOptions = Field(
         PicturesOptions(), description="This section sets the tone curve of the detector's pictures."
@@ -57,7 +58,7 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     prediction: PredictionOptions = Field(
         PredictionOptions(), description="This section says how the detector looks at pictures."
     )
-    confidence: float = Field(0.15, gt=0, lt=1, description="Detections of less confidence do not count.")
+    confidence: float = Field(0.3, gt=0, lt=1, description="Detections of less confidence do not count.")
     least_contrast: float = Field(
         0.06,
         ge=0,
@@ -87,7 +88,7 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     @property
     def weights_file(self) -> Path | None:
         """The detector's file."""
-        return PACKAGED if self.weights == PACKAGED_NAME else self.weights
+        return PACKAGED_FILES[self.weights] if isinstance(self.weights, str) else self.weights
 
 
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
