@@ -121,6 +121,8 @@ def render_twins(
     references = calibration_photos(photos, shown, options.calibration_photos) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
     writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options)
+    for folder in (labels.boxes, labels.instances):  # there also where no key is written
+        folder.mkdir(parents=True, exist_ok=True)
     found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
         rig, own = rigs[view[0]], [key for key in views[view] if only is None or key in only]
@@ -138,8 +140,8 @@ def render_twins(
         if options.maps and labels.maps:
             mapped = {name: active_lamps[name] for name in lamps_of_maps(options.maps, shadow_lamps)}
             write_view_maps(labels.maps, own, maps_of(surfaces, camera, mapped, options, threads), options.maps)
-    folder = next(iter(twins.values()))
-    _write_labels(labels, found_labels, rigs, {key: folder / f"{key}.png" for key in found_labels})
+    pictures = next(iter(twins.values()))
+    _write_labels(labels, found_labels, rigs, {key: pictures / f"{key}.png" for key in found_labels})
 
 
 def _label(

@@ -159,6 +159,20 @@ def test_some_of_the_twins_are_those_of_the_whole_set_wherever_their_brightness_
         assert set(labels["key"]) == set(map(str, chosen))
 
 
+def test_a_terrain_of_whose_photos_none_is_asked_for_has_all_its_folders_and_an_empty_table(folders):
+    """Split by position a terrain may have no test photo; the gap's twins are of test photos."""
+    paths = label_paths(folders / "none")
+    render_twins(
+        terrain=1, keys=KEYS, only=set(), cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
+        twins={"hapke": folders / "none"}, labels=paths, options=OPTIONS, threads=1,
+    )  # fmt: skip
+    for folder in (folders / "none", paths.boxes, paths.instances):
+        assert folder.is_dir()
+        assert not list(folder.glob("0*"))
+    assert pd.read_parquet(paths.table).empty
+    assert paths.annotations.is_file()
+
+
 def test_lamps_may_stand_where_another_folder_says(folders):
     from polarsim.formats.lamps import write_suns
 
