@@ -29,7 +29,7 @@ _SET = re.compile(r"([^_]+)_\w+_([\d.]+)")  # Sun, reflectance model, exposure, 
 
 @dataclass(frozen=True)
 class Picture:
-    """The front camera's picture of a drive, the file of its labels, and its name among all drives."""
+    """The front camera's picture of a drive, the file of its labels, and its name."""
 
     name: str
     path: Path
@@ -57,7 +57,7 @@ def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions, onboard: O
     with writing_folder(dataset) as folder:
         raw = folder / "windows"
         make_folders(raw)
-        for picture in [one for drive in options.drives for one in _pictures(drive, options.every)]:
+        for picture in _all_pictures(options):
             part = VAL if random.random() < options.val_share else TRAIN
             with about(picture.path):
                 eight = tone.to_8_bits(png.read(picture.path), onboard.pictures, picture.exposure_ms)
@@ -115,6 +115,12 @@ def fine_tune(
     trained.unlink()
 
 
+def _all_pictures(options: DriveTuningOptions) -> Iterator[Picture]:
+    for number, drive in enumerate(options.drives):
+        for picture in _pictures(drive, options.every):
+            yield replace(picture, name=f"drive{number}_{picture.name}")
+
+
 def _pictures(drive: Path, every: int) -> Iterator[Picture]:
     """Every so many-th picture of each set of a drive's front camera.
 
@@ -132,5 +138,4 @@ def _pictures(drive: Path, every: int) -> Iterator[Picture]:
             raise RoverError("expected the name of a set of pictures, SUN_MODEL_EXPOSURE", path=folder)
         for path in sorted(folder.glob("*.png"))[::every]:
             labels = labels_folder(drive, FRONT, named[1]) / f"{path.stem}.txt"
-            name = f"{drive.parent.parent.name}_{drive.name}_{folder.name}_{path.stem}"
-            yield Picture(name, path, labels, float(named[2]))
+            yield Picture(f"{folder.name}_{path.stem}", path, labels, float(named[2]))

@@ -45,6 +45,14 @@ def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_wi
     assert labelled > len(names)  # of more than one rock or shadow a window
 
 
+def test_pictures_of_two_drives_are_told_apart_whatever_their_folders_are_called(drive, tmp_path):
+    other = shutil.copytree(drive[0], tmp_path / drive[0].name)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], other), onboard=ONBOARD)
+    parts = read_parts(tmp_path / "dataset")
+    names = {name for part in ("train", "val") for name in parts[part]}
+    assert len({name for name in names if name.startswith("drive1_")}) == len(names) / 2
+
+
 def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_before(drive, tmp_path):
     make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], windows=1), onboard=ONBOARD)
     fine_tune(
