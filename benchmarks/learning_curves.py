@@ -1,6 +1,6 @@
 """Learning curves of every detector of a run against CPU time: mAP@0.5 on what chooses its weights, an epoch a point.
 
-.venv/bin/python -m benchmarks.learning_curves results/demo --figure curves.png
+.venv/bin/python benchmarks/learning_curves.py results/demo --figure curves.png
 
 A training's CPU time is that of its job (Snakemake's benchmark file), shared out evenly to its epochs; one that was
 stopped and went on counts its last part alone.
