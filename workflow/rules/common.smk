@@ -88,9 +88,9 @@ def options(section):
     return chosen.stage_options() if section == "labels" else chosen.model_dump(mode="json")
 
 
-def validation_options():
-    """What a training's validation takes of `detect.prediction`; with the rest changed no detector is trained anew."""
-    return CONFIG.detect.prediction.model_dump(mode="json", include={"device", "confidence", "nms_iou"})
+def validation_options(prediction=CONFIG.detect.prediction):
+    """What a training's validation takes of how it looks; with the rest changed no detector is trained anew."""
+    return prediction.model_dump(mode="json", include={"device", "confidence", "nms_iou"})
 
 
 def shown(path, category, caption=None, **labels):

@@ -82,7 +82,7 @@ rule make_drive_dataset:
         mem_mb=growing(1000),
         runtime=60,
     params:
-        options=options("rover.fine_tuning"),
+        options=ROVER.fine_tuning.model_dump(mode="json", exclude={"training"}),
         onboard=as_detectors_see(),
         code=code_of("make_drive_dataset"),
     script:
@@ -107,7 +107,7 @@ rule fine_tune_on_drives:
         gpu=gpus_of("rover.cameras.onboard.prediction"),
     params:
         options=options("rover.fine_tuning"),
-        prediction=camera_suite_options()["onboard"]["prediction"],
+        prediction=validation_options(CONFIG.cameras_on_board(Path(f"results/{RUN}")).onboard.prediction),
         work="results/{run}/rover/fine_tuning_work",
         code=code_of("fine_tune_on_drives"),
     script:
