@@ -1,6 +1,6 @@
-"""Learning curves of every detector of a run against CPU time: mAP@0.5 on what chooses its weights, an epoch a point.
+"""Learning curves of every detector of runs against CPU time: mAP@0.5 on what chooses its weights, an epoch a point.
 
-.venv/bin/python benchmarks/learning_curves.py results/demo --figure curves.png
+.venv/bin/python benchmarks/learning_curves.py results/demo [results/OTHER ...] --figure curves.png
 
 A training's CPU time is that of its job (Snakemake's benchmark file), shared out evenly to its epochs; one that was
 stopped and went on counts its last part alone.
@@ -88,10 +88,15 @@ def curves(run: Path) -> dict[tuple[str, str], pd.DataFrame]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("run", type=Path)
+    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN")
     parser.add_argument("--figure", type=Path, required=True)
     asked = parser.parse_args()
-    found = curves(asked.run)
+    several = len(asked.runs) > 1
+    found = {
+        (f"{run.name}: {name}" if several else name, seed): curve
+        for run in asked.runs
+        for (name, seed), curve in curves(run).items()
+    }
     names = list(dict.fromkeys(name for name, _ in found))
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
     for (name, seed), curve in found.items():
