@@ -23,6 +23,7 @@ _FARTHEST_BACK = 4  # times as far as at first
 _BACK_STEP_M = 0.15  # between places on the way back at which room is checked
 _ROLLS_ON_M = 0.2  # after backing off, until it stands: that must be free too
 _ARRIVED_M = 0.3  # before the goal's line
+_MOVED_M = 0.05  # less is no headway: wheels that spin in place shake the body
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Pilot(Driver):
     glances: list[tuple[float, Glance]] = field(default_factory=list)
     plans: list[tuple[float, np.ndarray]] = field(default_factory=list)
     given_up: bool = False
+    travelled: float = 0.0  # m, whichever way: a way round may lead across the line, or back along it
 
     def board(self, simulation: Simulation) -> None:
         """Take the wheel of a simulation: what is looked at is its world as it is."""
@@ -57,15 +59,21 @@ class Pilot(Driver):
         self._plan: np.ndarray | None = None
         self._back_to: tuple[float, float] | None = None
         self._back_by, self._back_steer = 0.0, 0.0
+        self._was_at: tuple[float, float] | None = None
 
     @property
     def finished(self) -> bool:
         return self.done >= self.path.length - _ARRIVED_M
 
+    @property
+    def headway(self) -> float:
+        return self.travelled
+
     def command(self, x: float, y: float, heading: float) -> Command:
         """What to do here."""
         self.done, self.offset = self.path.beside(x, y, 0)
         self.heading_error = wrapped(heading - self.path.headings[0])
+        self._measure_way(x, y)
         now = self._simulation.time
         if now >= self._next - 1e-9:
             self._next += self._every
@@ -85,6 +93,12 @@ class Pilot(Driver):
         options = self.options
         hazards = self.grid.hazards(options.map.hazard_m)
         return field_of(self.grid, hazards, self.grid.hazards(options.planner.clearance_m), self.grid.seen)
+
+    def _measure_way(self, x: float, y: float) -> None:
+        before = self._was_at or (x, y)
+        moved = math.hypot(x - before[0], y - before[1])
+        if self._was_at is None or moved >= _MOVED_M:
+            self.travelled, self._was_at = self.travelled + moved, (x, y)
 
     def _see(self, now: float) -> None:
         assert self.eyes is not None

@@ -135,6 +135,11 @@ class Driver:
     def finished(self) -> bool:
         return self.done >= self.path.length
 
+    @property
+    def headway(self) -> float:
+        """What has to grow while the rover drives, m, or it is stuck."""
+        return self.done
+
     def command(self, x: float, y: float, heading: float) -> Command:
         """What to do here; also notes how far off the path this is."""
         along, self.offset = self.path.beside(x, y, self.line)

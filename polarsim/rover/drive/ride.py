@@ -89,7 +89,7 @@ class Ride:
         dt = self.simulation.dt
         self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", options.log_hz))}
         self.rows: list[np.ndarray] = []
-        self.done: list[float] = []  # m along the path, by row
+        self.headway: list[float] = []  # m, by row
         self.moving_since = 0  # row from which headway is expected
         self.frames: list[tuple[float, np.ndarray, np.ndarray]] = []
         self._shown = job.world.level.copy()
@@ -127,7 +127,7 @@ class Ride:
             path,
             digest=np.array(self._whose),
             rows=np.array(self.rows).reshape(-1, len(COLUMNS)),
-            done=np.array(self.done),
+            headway=np.array(self.headway),
             ride=np.array([self.step, self.moving_since, self.driver.line, self.driver.turning]),
             driver=np.array([self.driver.offset, self.driver.heading_error, self.driver.done, self.driver.drift]),
             frame_time=frames.time,
@@ -147,7 +147,7 @@ class Ride:
         if str(read_arrays(path, ("digest",))["digest"]) != self._whose:
             return
         saved = self.simulation.restore(path)
-        self.rows, self.done = list(saved["rows"]), [float(value) for value in saved["done"]]
+        self.rows, self.headway = list(saved["rows"]), [float(value) for value in saved["headway"]]
         self.step, self.moving_since, self.driver.line = (int(value) for value in saved["ride"][:3])
         self.driver.turning = bool(saved["ride"][3])
         driver = self.driver
@@ -179,7 +179,7 @@ class Ride:
         if self.step % self._every["log"] == 0:
             state = self.simulation.state()
             self.rows.append(state.row(self.driver.offset, self.driver.heading_error))
-            self.done.append(self.driver.done)
+            self.headway.append(self.driver.headway)
             self._check_headway()
         if self.step == self._frame_step(len(self.frames)):
             self._show()
@@ -188,12 +188,12 @@ class Ride:
 
     def _check_headway(self) -> None:
         """Whether the rover is stuck, or took too long."""
-        options, row = self.job.drive, len(self.done) - 1
+        options, row = self.job.drive, len(self.headway) - 1
         if self.driver.turning:
             self.moving_since = row
         span = round(STUCK_S / self._every["log"] / self.simulation.dt)
         if row - self.moving_since >= span:
-            headway = self.done[row] - self.done[row - span]
+            headway = self.headway[row] - self.headway[row - span]
             if headway < STUCK_SHARE * options.speed_m_s * STUCK_S:
                 self.ended = "stuck"
                 self.reason = f"{100 * headway:.1f} cm of headway in the last {STUCK_S:g} s"

@@ -16,8 +16,11 @@ from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.measure import figures
 from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.autonomy.pilot import Pilot
+from polarsim.rover.autonomy.planner import Planner
 from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
 from polarsim.rover.cameras.suite import CameraSuite
+from polarsim.rover.drive import ride as ride_module
 from polarsim.rover.drive.job import Job
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import Ride
@@ -74,6 +77,22 @@ def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job
     assert len(files) == 7
     for file in files:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+
+
+@pytest.mark.parametrize(("torque_n_m", "ended"), [(None, "out of time"), (1.0, "stuck")])
+def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, monkeypatch, torque_n_m, ended):
+    monkeypatch.setattr(ride_module, "STUCK_S", 2.0)
+    across = np.column_stack([np.full(27, 1.2), np.linspace(0, 2.6, 27), np.full(27, np.pi / 2)])
+    monkeypatch.setattr(Planner, "plan", lambda *_: across)
+    monkeypatch.setattr(Pilot, "_still_free", lambda *_: None)
+    motors = job.vehicle.drive.model_copy(update={"torque_limit_n_m": torque_n_m} if torque_n_m else {})
+    slow = replace(job, vehicle=job.vehicle.model_copy(update={"drive": motors}))
+    outcome = drive(slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), OnboardOptions())
+    assert outcome.trace.drive["ended"] == ended
+    if torque_n_m is None:
+        late = outcome.trace.table[outcome.trace.table["time_s"] > 8]
+        assert np.ptp(late["y_m"]) > 0.6
+        assert np.ptp(late["x_m"]) < 0.2
 
 
 def test_stereo_sees_the_boxes_and_knows_where_it_drives(job):
