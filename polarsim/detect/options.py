@@ -143,9 +143,9 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
     )
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "auto",
-        description="The detectors compact and compact-l compute convolutions in such numbers while they "
-        "train. auto: bfloat16 where the processor has instructions for it (about 1.7 times as "
-        "fast), else float32. Weights differ between the two by as much as between two machines.",
+        description="Detectors compute convolutions in such numbers while they train, Ultralytics' on a CPU alone. "
+        "auto: bfloat16 where the processor has instructions for it (1.5 to 1.7 times as fast), else float32. Weights "
+        "differ between the two by as much as between two machines.",
     )
 
     @model_validator(mode="after")

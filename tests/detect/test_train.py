@@ -246,6 +246,16 @@ def test_missing_pretrained_weights_are_named(matched, tmp_path):
         train(tmp_path, "none", options, dataset=matched / "real")
 
 
+def test_ultralytics_trains_in_either_precision(matched, tmp_path):
+    losses = []
+    for precision in ("float32", "bfloat16"):
+        options = OPTIONS.model_copy(update={"epochs": 1, "precision": precision})
+        train(tmp_path, precision, options, dataset=matched / "real")
+        losses.append(tables.read_csv(tmp_path / f"{precision}.csv")["train_class_loss"].iloc[0])
+    assert losses[0] != losses[1]
+    assert losses[0] == pytest.approx(losses[1], rel=0.1)
+
+
 @pytest.mark.parametrize("model", ["yolov8n", "yolov10n", "yolo11n", "yolo26n"])
 def test_newer_models_train_and_predict_by_name(matched, tmp_path, model):
     options = OPTIONS.model_copy(update={"model": model, "epochs": 1})
