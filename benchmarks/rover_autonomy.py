@@ -28,6 +28,7 @@ from polarsim.formats import tables
 from polarsim.formats.schemas import EVERY_AUTONOMY
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
 from polarsim.report.figures.autonomy import draw_autonomy
+from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.rover.autonomy.cases import DETECTING, Case, cases
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.rank import rank_detectors
@@ -83,6 +84,7 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
     tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
     figures = {"figure": drawn / "rover_autonomy.png", "ways": drawn / "rover_ways.png"}
     draw_autonomy(folders=folders, together=together, **figures, origin=origin)
+    draw_autonomy_maps(folders=folders, figure=drawn / "rover_maps.png", origin=origin)
     print((shown / "rover_autonomy.md").read_text(), (shown / "rover_autonomy_effects.md").read_text(), sep="\n")
     if any(case.mode in DETECTING for case in found):
         ranked = {"by_detector": rover / "autonomy_detectors.parquet", "ranks": rover / "autonomy_rank.parquet"}

@@ -93,6 +93,9 @@ ONBOARD = _schema(
     "source:s model:s exposure_ms:f:ms metric:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
 )
 _DECIDES = "mode:s sun:s exposure:s lights:s detector:s"
+AUTONOMY_EVENTS = _schema(
+    "rover/autonomy/<drive>/events.parquet", "what:s time_s:f:s x_m:f:m y_m:f:m rock:i height_m:f:m"
+)
 EVERY_AUTONOMY = _schema("rover/every_autonomy.parquet", _DECIDES, "seed:i ended:s metric:s unit:s value:f")
 AUTONOMY = _schema("rover/autonomy.parquet", _DECIDES, "metric:s unit:s drives:i seeds:i value:f low:f high:f")
 AUTONOMY_EFFECTS = _schema(
@@ -119,7 +122,7 @@ SOIL_CHECKS = _schema(
 )
 SCHEMAS = (
     PHOTOS, LABELS, MATCHES, ALIGNMENT, ROCKS, PREDICTIONS, CURVES, INSTANCES, COVER_FOUND, COVER_SCORES, MASK_SCORES,
-    OFFSETS, LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, EVERY_AUTONOMY, AUTONOMY,
+    OFFSETS, LABEL_PAIRS, TWIN_PAIRS, EVERY_DRIVE, DRIVES, ONBOARD, AUTONOMY_EVENTS, EVERY_AUTONOMY, AUTONOMY,
     AUTONOMY_EFFECTS, AUTONOMY_DETECTORS, AUTONOMY_RANK, SOIL_LIMIT, SOIL_MEASURED, SOIL_CHECKS,
 )  # fmt: skip
 

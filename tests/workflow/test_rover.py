@@ -66,11 +66,23 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == len(cases)  # a new ground is driven over anew
     trained = re.findall(r"site\.tif.*detect/position/(seed\d)/detectors/hapke\.pt", text)
     assert [trained.count(seed) for seed in ("seed0", "seed1")] == [8, 8]
-    for rule in ("summarise_autonomy", "tabulate_autonomy", "rank_detectors", "tabulate_rank", "draw_autonomy"):
+    for rule in (
+        "summarise_autonomy",
+        "tabulate_autonomy",
+        "rank_detectors",
+        "tabulate_rank",
+        "draw_autonomy",
+        "draw_autonomy_maps",
+    ):
         assert jobs[rule] == 1
     assert "results/demo/detect/ipd.parquet" in re.search(r"rule rank_detectors:\n +input: (.*)", text)[1]
     assert "drive_rover" not in jobs
-    for name in ("tables/rover_autonomy.csv", "tables/rover_autonomy_effects.csv", "figures/rover_ways.png"):
+    for name in (
+        "tables/rover_autonomy.csv",
+        "tables/rover_autonomy_effects.csv",
+        "figures/rover_ways.png",
+        "figures/rover_maps.png",
+    ):
         assert f"results/demo/{name}" in text
 
 

@@ -6,6 +6,7 @@ rule rover_autonomy:
     input:
         of_run("results/{run}/tables/rover_autonomy.csv") if AUTONOMY_CASES else [],
         of_run("results/{run}/figures/rover_autonomy.png") if AUTONOMY_CASES else [],
+        of_run("results/{run}/figures/rover_maps.png") if AUTONOMY_CASES else [],
         of_run("results/{run}/tables/rover_rank.csv") if len(DETECTORS_DRIVEN) > 1 else [],
 
 
@@ -21,6 +22,8 @@ rule drive_alone:
         figures="results/{run}/rover/autonomy/{case}/figures.parquet",
         trace="results/{run}/rover/autonomy/{case}/trace.parquet",
         map="results/{run}/rover/autonomy/{case}/map.npz",
+        events="results/{run}/rover/autonomy/{case}/events.parquet",
+        pictures=directory("results/{run}/rover/autonomy/{case}/pictures"),
         drive="results/{run}/rover/autonomy/{case}/drive.json",
     log:
         "results/{run}/logs/rover/drive_alone_{case}.log",
@@ -155,3 +158,25 @@ rule draw_autonomy:
         code=code_of("draw_autonomy"),
     script:
         "../scripts/draw_autonomy.py"
+
+
+rule draw_autonomy_maps:
+    """Map, way, hits and stops of one drive of each mode, and what the front camera showed on it."""
+    input:
+        drives=autonomy_of("trace.parquet"),
+        events=autonomy_of("events.parquet"),
+        pictures=autonomy_of("pictures"),
+    output:
+        figure=shown("results/{run}/figures/rover_maps.png", "Rover", picture="map, way, hits and pictures"),
+    log:
+        "results/{run}/logs/rover/draw_autonomy_maps.log",
+    benchmark:
+        "results/{run}/benchmarks/rover/draw_autonomy_maps.tsv"
+    resources:
+        mem_mb=growing(1000),
+        runtime=5,
+    params:
+        origin=ORIGIN,
+        code=code_of("draw_autonomy_maps"),
+    script:
+        "../scripts/draw_autonomy_maps.py"

@@ -14,11 +14,9 @@ import pandas as pd
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.schemas import AUTONOMY
 from polarsim.formats.tables import read_parquet
+from polarsim.report.figures.autonomy_names import ANY, HIGH_M, MODES, exposure_title, sun_title
 from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
 
-MODES = ("truth", "detector", "stereo", "both", "blind")
-ANY = "any"  # Sun of drives that take no pictures
-HIGH_M = 0.10
 PRINTED_PX = 1400
 SHOWN = {  # the first that the table has, as a panel's title says it
     "collisions": "Rocks above 10 cm hit, a drive",
@@ -141,14 +139,6 @@ def _draw_legend(sheet: Any, looks: Looks) -> None:
         sheet.legend(
             handles=keys, loc="outside lower center", ncols=4, columnspacing=1, handletextpad=0.4, handlelength=1
         )
-
-
-def sun_title(sun: str) -> str:
-    return sun if sun == "night" else f"Sun {sun}"
-
-
-def exposure_title(exposure: str) -> str:
-    return exposure if exposure == "auto" else f"{float(exposure):g} ms"
 
 
 def draw_ways(folders: Sequence[Path], figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:

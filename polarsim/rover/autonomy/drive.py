@@ -1,7 +1,7 @@
 """One drive in which the rover decides, or of the straight line beside it, and what is written of it.
 
-A folder holds a drive's trace as any drive's does, and `map.npz`: the rover's map as it was at the end. A blind drive
-has a map on which nothing was seen.
+A folder holds a drive's trace as any drive's does, `map.npz`: the rover's map as it was at the end, and `pictures/`. A
+blind drive has a map on which nothing was seen.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import AutonomyOptions, Mode
+from polarsim.rover.autonomy.pictures import write_pictures
 from polarsim.rover.autonomy.pilot import Pilot, pilot
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.drive.control import Path as Route
@@ -31,7 +32,7 @@ from polarsim.rover.world.options import WorldOptions
 _LOG_HZ = 20.0
 _GO_ON_S = 10.0
 _BEHIND_M = 1.5  # of ground behind the rover at the start: its rear wheels and some more
-MAP = "map.npz"
+MAP, PICTURES = "map.npz", "pictures"
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,9 @@ def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
     write_trace(folder, outcome.trace)
     write_arrays(
         folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
-        surface_m=grid.surface_of_cells(),
+        surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.map.hazard_m),
     )  # fmt: skip
+    write_pictures(folder / PICTURES, outcome.pilot.glances if outcome.pilot else [])
 
 
 def drive(job: Job, mode: Mode, light: Light, options: AutonomyOptions, onboard: OnboardOptions) -> Outcome:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TypeVar
 
@@ -58,11 +58,16 @@ _DARK, _EVEN, _EVEN_PX = 12, 1.5, 5
 
 @dataclass(frozen=True)
 class Glance:
-    """One moment: looks for the map, and the pair of pictures (h, w) uint8 where two were taken."""
+    """One moment: looks for the map, and the pair of pictures (h, w) uint8 where two were taken.
+
+    `shown`: the front camera's picture (h, w) uint8, where one was taken, and `found`, (n, 5) boxes in it that count.
+    """
 
     looks: list[Look]
     camera: Camera
     pair: tuple[np.ndarray, np.ndarray] | None = None
+    shown: np.ndarray | None = None
+    found: np.ndarray = field(default_factory=lambda: np.zeros((0, 5)))
 
 
 class Eyes:
@@ -117,8 +122,8 @@ class Eyes:
         ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
         if self.mode == "truth":
             cameras = [mount.at(base) for mount in self._round]
-            shown = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
-            points, rock = (np.concatenate(parts) for parts in zip(*shown, strict=True))
+            seen = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
+            points, rock = (np.concatenate(parts) for parts in zip(*seen, strict=True))
             return Glance([self._timed("map", lambda: look_of_pixels(points, rock, camera, ground, grid))], camera)
         lamps = self._suns | {f"light {name}": spot for name, spot in headlights(self._lights, links).items()}
         # Stereo matches small pictures, so the second camera, and without a detector the first, takes no larger ones.
@@ -127,18 +132,18 @@ class Eyes:
             cameras.append(right_of(self._small.at(base), self.options.stereo_base_m))
         taken = self._timed("pictures", lambda: [self._picture(one, lamps, k) for k, one in enumerate(cameras)])
         self._glances += 1
-        looks, pair = [], None
+        looks, pair, found = [], None, np.zeros((0, 5))
+        shown: np.ndarray | None = None
         if self._detects:
-            found = self._timed("detector", lambda: self._found(*taken[0]))
-            sure = found[:, 4] >= grid.options.confidence
-            looks.append(
-                self._timed("map", lambda: look_of_boxes(found[sure, :4], found[sure, 4], camera, ground, grid))
-            )
+            shown, found = self._timed("detector", lambda: self._found(*taken[0]))
+            found = found[found[:, 4] >= grid.options.confidence]
+            looks.append(self._timed("map", lambda: look_of_boxes(found[:, :4], found[:, 4], camera, ground, grid)))
+            found[:, :4] *= shown.shape[1] / camera.lens.width
         if self.pairs:
             pair = self._timed("stereo", lambda: self._pair(taken))
             points = self._timed("stereo", lambda: self._points(pair, camera))
             looks.append(self._timed("map", lambda: look_of_depth(points, camera, grid)))
-        return Glance(looks, camera, pair)
+        return Glance(looks, camera, pair, pair[0] if pair and shown is None else shown, found)
 
     def _shown(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, 3) of the world that pixels show, and (n,) rocks' numbers, 0 on the ground: no light is needed."""
@@ -160,15 +165,15 @@ class Eyes:
         name = ("autonomy", self.seed, self._glances, which, self.light.sun, self.light.exposure_ms)
         return expose(light, exposure * gain, render, noise_of(render, *name)), float(exposure)
 
-    def _found(self, grey: np.ndarray, exposure_ms: float) -> np.ndarray:
-        """(n, 5) boxes of rocks and their confidences."""
+    def _found(self, grey: np.ndarray, exposure_ms: float) -> tuple[np.ndarray, np.ndarray]:
+        """The picture as the detector sees it, and (n, 5) boxes of rocks, px of the camera, and their confidences."""
         assert self._detector is not None
         loaded, sizes = self._detector
         small = tone.shrink(grey, min(max(sizes.widths), max(grey.shape)))
         eight = tone.to_8_bits(small, self.onboard.pictures, exposure_ms)
         full = grey.shape[1], grey.shape[0]
         (rows,) = detect(loaded, [eight], sizes, self.onboard.prediction.nms_iou, full)
-        return np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
+        return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
 
     def _pair(self, taken: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Both pictures by one curve: matching compares their grey values."""

@@ -7,28 +7,41 @@ import math
 import numpy as np
 import pandas as pd
 
+from polarsim.formats.schemas import AUTONOMY_EVENTS
 from polarsim.rover.autonomy import challenge
 from polarsim.rover.autonomy.drive import Outcome
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.odometry import odometry
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.planner import Planner, field_of
-from polarsim.rover.autonomy.touches import TOUCH_M, touches
+from polarsim.rover.autonomy.touches import TOUCH_M
 from polarsim.rover.autonomy.trajectory import absolute_error, relative_error
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 
 HIGH_M = 0.10  # a touch of a rock above is a collision
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
+COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # kinds of events
+NO_ROCK = -1
 _CORRIDOR_M = 1.05  # either side of the straight line: the wheels' way and some more
 _BLIND_M = 2.2  # before base_link at the start, which the camera does not see
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # depths of odometry
 
 
-def figures(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
-    """Rows of metric, unit and value of a drive."""
+def events(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
+    """A row a rock that was touched (`rocks`: see `touches`), where it lies, and a row a stop; `AUTONOMY_EVENTS`."""
+    hit = rocks[rocks["gap_m"] <= TOUCH_M].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
+    what = np.where(hit["height_m"] > HIGH_M, COLLISION, TOUCH)
+    rows = [hit.assign(what=what)[list(AUTONOMY_EVENTS.columns)]]
+    if outcome.pilot is not None and outcome.pilot.stops:
+        stops = [(STOP, stop.time_s, stop.x, stop.y, NO_ROCK, math.nan) for stop in outcome.pilot.stops]
+        rows.append(pd.DataFrame(stops, columns=list(AUTONOMY_EVENTS.columns)))
+    return pd.concat([part for part in rows if len(part)] or rows).astype(AUTONOMY_EVENTS.dtypes).sort_values("time_s")
+
+
+def figures(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
+    """Rows of metric, unit and value of a drive; `rocks`: see `touches`."""
     drive, table = outcome.trace.drive, outcome.trace.table
-    rocks = touches(outcome.trace, vehicle)
     hit = rocks[rocks["gap_m"] <= TOUCH_M]
     high = rocks[rocks["height_m"] > HIGH_M]
     rows: list[tuple[str, str, float]] = [

@@ -13,14 +13,16 @@ from polarsim.formats import tables
 from polarsim.formats.schemas import AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
 from polarsim.rover.autonomy.cases import ANY, AXES, UNLIT, parsed
 from polarsim.rover.autonomy.drive import drive, job_for, write
-from polarsim.rover.autonomy.measure import figures
+from polarsim.rover.autonomy.measure import events, figures
 from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.autonomy.touches import touches
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
 
+EVENTS = "events.parquet"
 ALL = "all"  # over all levels of an axis
 OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the blind one's"}
 MAPS = {"geometric map", "rock map"}
@@ -40,7 +42,7 @@ def drive_case(
     options: AutonomyOptions,
     onboard: OnboardOptions,
 ) -> None:
-    """Drive a case, measure it and write its folder: the drive's files, and then `figures.parquet`.
+    """Drive a case, measure it and write its folder: the drive's files, its events, and then `figures.parquet`.
 
     Raises
     ------
@@ -50,8 +52,11 @@ def drive_case(
     own = parsed(case)
     job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=own.seed)
     outcome = drive(job, own.mode, own.light, options, onboard)
+    vehicle = read_vehicle(drive_options.vehicle)
+    rocks = touches(outcome.trace, vehicle)
     write(folder, outcome, options)
-    rows = figures(outcome, read_vehicle(drive_options.vehicle), options)
+    tables.write_parquet(folder / EVENTS, events(outcome, rocks))
+    rows = figures(outcome, rocks, vehicle, options)
     named = rows.assign(**own.axes, seed=own.seed, ended=str(outcome.trace.drive["ended"]))
     tables.write_parquet(folder / "figures.parquet", named[list(EVERY_AUTONOMY.columns)])
 

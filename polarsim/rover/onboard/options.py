@@ -19,7 +19,7 @@ class DriveTuningOptions(BaseModel, extra="forbid", frozen=True):
         description="It is trained on the front camera's pictures of these drives, such as "
         "`results/OTHER/rover/seed0`: of other runs, over other ground than this run's. None: it is taken as it is.",
     )
-    every: int = Field(2, ge=1, description="Every so many-th picture of a drive is trained on.")
+    every: int = Field(1, ge=1, description="Every so many-th picture of a drive is trained on.")
     windows: int = Field(
         3, ge=1, description="So many windows of each picture, resized at random, every tenth of the whole picture."
     )
@@ -32,6 +32,6 @@ class DriveTuningOptions(BaseModel, extra="forbid", frozen=True):
     )
     seed: int = Field(0, ge=0, description="Another seed draws other windows, and trains in another order.")
     training: TrainingOptions = Field(
-        TrainingOptions(model="compact", epochs=4, batch=4, learning_rate=0.0003, augment=True),
+        TrainingOptions(model="compact", epochs=6, batch=4, learning_rate=0.0003, augment=True),
         description="This section says how it is trained; its model is that of the detector, which it starts from.",
     )

@@ -1,23 +1,28 @@
 """A rover that decides, from pictures to wheels: round two boxes on flat ground, and the same bytes twice."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+from PIL import Image
 from scipy import ndimage
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
+from polarsim.report.figures.autonomy_maps import moments, read_times
 from polarsim.rover.autonomy.cases import Light
-from polarsim.rover.autonomy.drive import autonomous_job, drive, write
+from polarsim.rover.autonomy.drive import PICTURES, autonomous_job, drive, write
 from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
-from polarsim.rover.autonomy.measure import figures
+from polarsim.rover.autonomy.measure import events, figures
 from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.autonomy.pictures import WIDTH_PX
 from polarsim.rover.autonomy.pilot import Pilot
 from polarsim.rover.autonomy.planner import Planner
+from polarsim.rover.autonomy.touches import touches
 from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive import ride as ride_module
@@ -63,9 +68,14 @@ def value(rows: pd.DataFrame, metric: str) -> float:
 def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
     onboard = OnboardOptions()
     blind = drive(job, "blind", Light("3", 256), OPTIONS, onboard)
-    assert value(figures(blind, job.vehicle, OPTIONS), "collisions") == 2
+    rocks = touches(blind.trace, job.vehicle)
+    assert value(figures(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
+    found = events(blind, rocks)
+    assert found["what"].tolist() == ["collision"] * 2
+    assert sorted(zip(found["x_m"], found["y_m"], strict=True)) == sorted(BOXES)
+    assert found["time_s"].is_monotonic_increasing
     once, again = (drive(job, "truth", Light("3", 256), OPTIONS, onboard) for _ in range(2))
-    rows = figures(once, job.vehicle, OPTIONS)
+    rows = figures(once, touches(once.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
     assert value(rows, "closest pass of a rock above 10 cm") > 0.02
@@ -95,7 +105,7 @@ def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, mon
         assert np.ptp(late["x_m"]) < 0.2
 
 
-def test_stereo_sees_the_boxes_and_knows_where_it_drives(job):
+def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
     onboard = OnboardOptions()
     outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS.model_copy(update={"scale": 0.25}), onboard)
@@ -104,8 +114,23 @@ def test_stereo_sees_the_boxes_and_knows_where_it_drives(job):
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
     assert (grid.rock & near).sum() >= 4
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
-    rows = figures(outcome, job.vehicle, OPTIONS)
+    rows = figures(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
+    write(tmp_path, outcome, OPTIONS)
+    pictures = read_times(tmp_path / PICTURES)
+    assert list(pictures) == [0.0, 4.0]
+    with Image.open(pictures[4.0]) as picture:
+        assert picture.width == WIDTH_PX
+
+
+def test_pictures_before_hits_come_first_then_those_before_stops():
+    pictures = {float(time_s): Path(f"{time_s}.jpg") for time_s in range(0, 60, 4)}
+    happened = [("touch", 11.0), ("stop", 31.0), ("collision", 45.0)]
+    found = pd.DataFrame(happened, columns=["what", "time_s"])
+    assert list(moments(pictures, found)) == [24.0, 40.0]
+    assert list(moments(pictures, found.iloc[:0])) == [16.0, 36.0]
+    assert list(moments({0.0: Path("0.jpg")}, found)) == [0.0]
+    assert moments({}, found) == {}
 
 
 def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):

@@ -1,0 +1,124 @@
+"""One drive of each mode of a rover that finds its own way: its map, way, hits and stops, and what it saw on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats.files import read_json
+from polarsim.formats.npz import read_arrays
+from polarsim.formats.schemas import AUTONOMY_EVENTS
+from polarsim.formats.tables import read_parquet
+from polarsim.report.figures.autonomy_names import HIGH_M, MODES, exposure_title, sun_title
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, heading, legend_line, page, picture
+
+PICTURES = 2  # beside a map
+_ROW_PX = 375
+_BEFORE_S = 4.0  # a hit: its rock is in sight there
+_UNSEEN, _FREE, _LOW, _HIGH = "#c9ccd1", "#ffffff", "#f6c48a", "#d55e00"
+_MARKS = {
+    "collision": {"marker": "X", "color": "#b00020", "markersize": 11, "label": "rock above 10 cm hit"},
+    "touch": {"marker": "x", "color": "#b00020", "markersize": 7, "label": "lower rock touched"},
+    "stop": {"marker": "s", "color": "#0072b2", "markersize": 7, "label": "stop: no path"},
+}
+
+
+def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[str, str]) -> None:
+    """A row a mode: the first of its drives. Left the map at the drive's end, right what the front camera showed."""
+    first = {folder.name.split("_")[0]: folder for folder in reversed(folders)}
+    chosen = [first[mode] for mode in MODES if mode in first]
+    with page(figure, FIGURE_WIDTH, _ROW_PX * len(chosen) + 110) as sheet:
+        heading(sheet, f"What rovers that find their own way know, do and see; source {origin['source']}")
+        grid = sheet.add_gridspec(len(chosen), 1 + PICTURES, width_ratios=[1.35] + [1.0] * PICTURES)
+        for row, folder in enumerate(chosen):
+            way = read_parquet(folder / "trace.parquet", ("time_s", "x_m", "y_m"))
+            events = read_parquet(folder / "events.parquet", AUTONOMY_EVENTS.columns)
+            shown = moments(read_times(folder / "pictures"), events)
+            axis = sheet.add_subplot(grid[row, 0])
+            _draw_map(axis, folder)
+            _draw_way(axis, way, events, list(shown))
+            axis.set_title(_title(folder))
+            if not shown:
+                _say(sheet.add_subplot(grid[row, 1]), "takes no pictures")
+            for number, (time_s, path) in enumerate(shown.items()):
+                picture(sheet.add_subplot(grid[row, 1 + number]), _pixels(path), f"{number + 1}: after {time_s:.0f} s")
+        keys = [legend_line(linestyle="", **look) for look in _MARKS.values()]
+        keys += [
+            legend_line(linestyle="", marker="s", markersize=10, markeredgecolor=FAINT, color=colour, label=label)
+            for colour, label in ((_HIGH, "taken for a hazard"), (_LOW, "for a lower rock"), (_UNSEEN, "not seen"))
+        ]
+        keys += [legend_line(color=INK, label="the way; outlines: true rocks")]
+        sheet.legend(handles=keys, loc="outside lower center", ncols=4)
+
+
+def read_times(folder: Path) -> dict[float, Path]:
+    """Pictures of a drive's folder of pictures, `<milliseconds>.jpg`, by time, s."""
+    return {int(path.stem) / 1000: path for path in sorted(folder.glob("*.jpg"))}
+
+
+def moments(pictures: dict[float, Path], events: pd.DataFrame) -> dict[float, Path]:
+    """`PICTURES` of a drive's pictures by time: those before its first hits, then before stops, then evenly spread."""
+    times = np.array(sorted(pictures))
+    if not len(times):
+        return {}
+    order = events["what"].map({"collision": 0, "touch": 2, "stop": 1})
+    wanted = (events.loc[order.sort_values(kind="stable").index, "time_s"] - _BEFORE_S).tolist()
+    wanted += np.linspace(times[0], times[-1], PICTURES + 2)[1:-1].tolist()
+    found: list[float] = []
+    for time_s in wanted:
+        before = times[times <= max(time_s, times[0])]
+        if before[-1] not in found and len(found) < PICTURES:
+            found.append(before[-1])
+    return {time_s: pictures[time_s] for time_s in sorted(found)}
+
+
+def _title(folder: Path) -> str:
+    mode, *light = folder.name.rpartition("_seed")[0].split("_")
+    drive = read_json(folder / "drive.json")
+    told = [sun_title(light[0]), exposure_title(light[1])] if light else []
+    return f"{', '.join([mode, *told])}: {drive['ended']} after {drive['seconds']:.0f} s"
+
+
+def _draw_map(axis: Any, folder: Path) -> None:
+    """Cells as the rover knows them at the end, and outlines of the rocks that lie there."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Circle
+
+    cells = read_arrays(folder / "map.npz", ("x_m", "y_m", "log_odds", "seen", "hazard"))
+    kind = np.select([cells["hazard"], cells["log_odds"] > 0, cells["seen"]], [3, 2, 1], 0)
+    colours = ListedColormap([_UNSEEN, _FREE, _LOW, _HIGH])
+    axis.pcolormesh(cells["x_m"], cells["y_m"], kind, cmap=colours, vmin=-0.5, vmax=3.5)
+    for one in read_parquet(folder / "world/rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):
+        high = one["height_m"] > HIGH_M
+        outline = {"fill": False, "color": INK if high else FAINT, "linewidth": 1.3 if high else 0.7}
+        axis.add_patch(Circle((one["x_m"], one["y_m"]), one["width_m"] / 2, **outline))
+    axis.set_aspect("equal")
+    axis.set_ylabel("north, m")
+
+
+def _draw_way(axis: Any, way: pd.DataFrame, events: pd.DataFrame, shown: list[float]) -> None:
+    axis.plot(way["x_m"], way["y_m"], color=INK, linewidth=1.2)
+    for what, look in _MARKS.items():
+        own = events[events["what"] == what]
+        axis.plot(own["x_m"], own["y_m"], linestyle="", zorder=3, **look)
+    for number, time_s in enumerate(shown):
+        at = [float(np.interp(time_s, way["time_s"], way[name])) for name in ("x_m", "y_m")]
+        axis.annotate(
+            str(number + 1), at, ha="center", va="center", fontsize="small", color="white", zorder=4,
+            bbox={"boxstyle": "circle,pad=0.2", "color": INK},
+        )  # fmt: skip
+
+
+def _say(axis: Any, text: str) -> None:
+    axis.set_axis_off()
+    axis.text(0.0, 0.5, text, color=FAINT, va="center")
+
+
+def _pixels(path: Path) -> np.ndarray:
+    from PIL import Image
+
+    return np.asarray(Image.open(path).convert("RGB"))

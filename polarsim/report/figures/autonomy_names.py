@@ -1,0 +1,15 @@
+"""What figures of a rover that finds its own way call modes, Suns and exposures."""
+
+from __future__ import annotations
+
+MODES = ("truth", "detector", "stereo", "both", "blind")
+ANY = "any"  # Sun of drives that take no pictures
+HIGH_M = 0.10  # a hit of a rock above is a collision
+
+
+def sun_title(sun: str) -> str:
+    return sun if sun == "night" else f"Sun {sun}"
+
+
+def exposure_title(exposure: str) -> str:
+    return exposure if exposure == "auto" else f"{float(exposure):g} ms"
