@@ -130,9 +130,10 @@ def autonomy_of(name):
 
 
 def onboard_of_case(wildcards):
-    """How a drive's detector looks; modes without one are not driven anew for another."""
-    without = ROVER.cameras.onboard.model_copy(update={"weights": None})
-    return DECIDING.get(AUTONOMY_CASES[wildcards.case].detector, without).model_dump(mode="json")
+    """What a drive depends on of how its detector looks; modes without one depend on the ground alone."""
+    detecting = DECIDING.get(AUTONOMY_CASES[wildcards.case].detector)
+    own = {"weights", "pictures", "prediction", "confidence", "ground"} if detecting else {"ground"}
+    return (detecting or ROVER.cameras.onboard).model_dump(mode="json", include=own)
 
 
 def weights_of_case(wildcards):

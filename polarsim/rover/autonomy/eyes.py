@@ -136,7 +136,7 @@ class Eyes:
         shown: np.ndarray | None = None
         if self._detects:
             shown, found = self._timed("detector", lambda: self._found(*taken[0]))
-            found = found[found[:, 4] >= grid.options.confidence]
+            found = found[found[:, 4] >= self.onboard.confidence]
             looks.append(self._timed("map", lambda: look_of_boxes(found[:, :4], found[:, 4], camera, ground, grid)))
             found[:, :4] *= shown.shape[1] / camera.lens.width
         if self.pairs:

@@ -29,7 +29,6 @@ class MapOptions(BaseModel, extra="forbid", frozen=True):
     decay_s: PositiveFloat = Field(
         120.0, description="Log-odds fall to 1/e of what they were in this time without a look, s."
     )
-    confidence: float = Field(0.3, gt=0, lt=1, description="Detections of less confidence do not count.")
     stereo_rock_m: PositiveFloat = Field(
         0.05, description="Stereo takes a cell for rock where it stands this high above the ground around, m."
     )
