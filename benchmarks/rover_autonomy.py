@@ -113,6 +113,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--suns", nargs="+", default=["3"])
     parser.add_argument("--exposures", nargs="+", default=["256"], help="ms, or auto")
     parser.add_argument("--lights", nargs="+", default=["off"], choices=("off", "on"))
+    parser.add_argument("--models", nargs="+", help="reflectance models of the pictures; that of --pair")
     parser.add_argument("--weights", nargs="+", default=[onboard_of("packaged_rover")], type=onboard_of)
     parser.add_argument("--detect", type=Path, help="results/<run>/detect of the run that trained them")
     parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="its photos' domain, and that of pictures")
@@ -134,7 +135,7 @@ def main() -> None:
             "exposures_ms": [text if text == "auto" else float(text) for text in asked.exposures],
             "lights": asked.lights,
             "seeds": range(asked.seeds),
-            "model": asked.pair[1],
+            "models": asked.models or [asked.pair[1]],
             "ahead_m": asked.ahead,
             "longest_s": 80 * len(asked.terrains),  # a terrain takes half a minute without stops
         }

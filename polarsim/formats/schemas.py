@@ -92,7 +92,7 @@ ONBOARD = _schema(
     "rover/onboard.parquet",
     "source:s model:s exposure_ms:f:ms metric:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
 )
-_DECIDES = "mode:s sun:s exposure:s lights:s detector:s"
+_DECIDES = "mode:s sun:s exposure:s lights:s model:s detector:s"
 AUTONOMY_EVENTS = _schema(
     "rover/autonomy/<drive>/events.parquet", "what:s time_s:f:s x_m:f:m y_m:f:m rock:i height_m:f:m"
 )

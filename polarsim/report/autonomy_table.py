@@ -16,8 +16,8 @@ CAPTION = (
     "or blind along the straight line. `any`: drives do not depend on it; `all`: over all of them."
 )
 EFFECTS_CAPTION = (
-    "What drives are like under each Sun, with each exposure, with lights off and on, by each detector, over all else; "
-    "in brackets: against the mean of the others, by the same seeds."
+    "What drives are like under each Sun, with each exposure, with lights off and on, in each model, by each detector, "
+    "over all else; in brackets: against the mean of the others, by the same seeds."
 )
 RANK_CAPTION = "Does a detector with a smaller gap drive better? Rank correlations over detectors."
 DETECTORS_CAPTION = "Detectors that drove, means over their drives."
@@ -39,7 +39,7 @@ SHOWN = {
     "rock map": "rock map, of 300",
     "energy over the blind one's": "energy over blind",
 }
-_KEYS = ["mode", "sun", "exposure", "lights", "detector"]
+_KEYS = ["mode", "sun", "exposure", "lights", "model", "detector"]
 _GAPS = {"ipd": "IPD", "map50": "mAP@0.5", "rock_f1": "F1 of rock cells"}
 _DRIVES = {"collisions": "collisions", "success": "success", "rock_points": "rock map"}
 

@@ -12,8 +12,9 @@ from polarsim.report.figures.autonomy import draw_modes, kinds_of, placed
 ORIGIN = {"source": "analog"}
 
 
-def drive(mode, sun="any", exposure="any", lights="any", detector="any", value=1.0, metric="collisions"):
-    return mode, sun, exposure, lights, detector, metric, "", 3, 3, value, value - 0.5, value + 0.5
+def drive(mode, sun="any", exposure="any", lights="any", detector="any", value=1.0, metric="collisions", model=None):
+    model = model or ("any" if lights == "any" else "hapke")
+    return mode, sun, exposure, lights, model, detector, metric, "", 3, 3, value, value - 0.5, value + 0.5
 
 
 @pytest.fixture
@@ -37,6 +38,12 @@ def test_a_kind_is_a_mode_with_its_lights_over_all_detectors(table):
         rows = x[own["kind"] == kind.replace("\n", ", ")]
         assert rows.between(low, high).all()
         assert rows.mean() == pytest.approx((low + high) / 2)
+
+
+def test_models_have_kinds_of_their_own_where_there_are_several():
+    found = [drive(mode, "1", "0256", "off", model=model) for mode in ("stereo", "both") for model in ("a", "b")][:3]
+    own = kinds_of(pd.DataFrame(found, columns=list(AUTONOMY.columns)))
+    assert own["kind"].tolist() == ["stereo, a", "stereo, b", "both"]
 
 
 def test_the_figure_is_grey_all_over(table, tmp_path):

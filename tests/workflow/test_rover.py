@@ -57,7 +57,7 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
     jobs = planned(text)
-    lights = [f"{sun}_{ms}_{lit}" for sun in "13" for ms in ("0064", "auto") for lit in ("off", "on")]
+    lights = [f"{sun}_{ms}_{lit}_hapke" for sun in "13" for ms in ("0064", "auto") for lit in ("off", "on")]
     own = {"truth", "blind", *(f"stereo_{light}" for light in lights)}
     own |= {f"both_{light}_{name}" for light in lights for name in ("packaged", "hapke-seed0", "hapke-seed1")}
     cases = {f"{case}_seed5" for case in own}

@@ -1,4 +1,4 @@
-"""Drives in which the rover finds its own way: by mode, Sun, exposure, lights, detector and seed; their tables and figures."""
+"""Drives in which the rover finds its own way: by mode, Sun, exposure, lights, model, detector, seed; what is made of them."""
 
 
 rule rover_autonomy:
@@ -109,7 +109,7 @@ rule rank_detectors:
         mem_mb=growing(1000),
         runtime=10,
     params:
-        pair=[CONFIG.photo_domain, ROVER.autonomy.model],
+        pair=[CONFIG.photo_domain, ROVER.autonomy.models[0]],
         split=SPLITS[0],
         code=code_of("rank_detectors"),
     script:

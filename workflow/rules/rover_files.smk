@@ -121,7 +121,7 @@ def detections_of_drive(wildcards):
 
 
 # What a single drive does not depend on: which others there are. More seeds or Suns leave finished drives as they are.
-OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "detectors"}
+OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "models", "detectors"}
 
 
 def autonomy_of(name):

@@ -102,11 +102,15 @@ def placed(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[str]]:
 
 
 def kinds_of(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of single Suns and exposures with their `kind`: mode, and lights where it drove with both; all detectors."""
+    """Rows of single Suns and exposures with their `kind`: mode, lights and model where there are several of these.
+
+    Of several detectors all together.
+    """
     several = set(table.loc[table["detector"] == "all", "mode"])
     own = table[(table["sun"] != "all") & ((table["detector"] == "all") | ~table["mode"].isin(several))]
-    both = own.groupby("mode")["lights"].transform("nunique") > 1
+    both, models = (own.groupby("mode")[axis].transform("nunique") > 1 for axis in ("lights", "model"))
     kind = own["mode"].where(~both | (own["lights"] == "off"), own["mode"] + ", lit")
+    kind = kind.where(~models, kind + ", " + own["model"])
     order = kind.map(lambda name: (MODES.index(name.split(",")[0]), name))
     return own.assign(kind=kind).loc[order.sort_values(kind="stable").index]
 

@@ -1,6 +1,7 @@
-"""Which drives there are. A name says what a drive depends on: `<mode>_<Sun>_<exposure>_<lights>_<detector>_seed<N>`.
+"""Which drives there are. Their names say what they depend on.
 
-By labels or blind that is `<mode>_seed<N>`, by stereo there is no detector.
+That is `<mode>_<Sun>_<exposure>_<lights>_<model>_<detector>_seed<N>`; by labels or blind it is `<mode>_seed<N>`, by
+stereo there is no detector.
 """
 
 from __future__ import annotations
@@ -8,22 +9,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import cast
 
+from polarsim.render.options import Model
 from polarsim.rover.autonomy.options import AUTO, ON, AutonomyOptions, Mode
 
 ANY = "any"  # in the place of what a drive does not depend on
-AXES = ("mode", "sun", "exposure", "lights", "detector")
+AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
 UNLIT = ("truth", "blind")  # take no pictures
 DETECTING = ("detector", "both")
 
 
 @dataclass(frozen=True)
 class Light:
-    """Under which Sun, with which exposure, and whether the rover's lights are on."""
+    """Under which Sun, with which exposure, whether the rover's lights are on, and in which reflectance model."""
 
     sun: str
     exposure_ms: float | str
     lit: bool = False
+    model: Model = "hapke"
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Case:
     sun: str = ANY
     exposure: str = ANY
     lights: str = ANY
+    model: str = ANY
     detector: str = ANY
 
     @property
@@ -52,13 +57,13 @@ class Case:
         if self.sun == ANY:
             return Light("3", 256.0)
         exposure = self.exposure if self.exposure == AUTO else float(self.exposure)
-        return Light(self.sun, exposure, self.lights == ON)
+        return Light(self.sun, exposure, self.lights == ON, cast(Model, self.model))
 
 
 def cases(options: AutonomyOptions, detectors: Sequence[str]) -> list[Case]:
     """All drives by detectors of these names, all of a seed before the next: drives cut short compare what is done."""
     exposures = [f"{ms:04g}" if isinstance(ms, int | float) else ms for ms in options.exposures_ms]
-    lights = list(product(options.suns, exposures, options.lights))
+    lights = list(product(options.suns, exposures, options.lights, options.models))
     found = []
     for seed, mode in product(options.seeds, options.modes):
         axes: list[tuple[str, ...]] = [()] if mode in UNLIT else list(lights)

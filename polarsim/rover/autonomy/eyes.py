@@ -95,7 +95,7 @@ class Eyes:
         self.mount = mount_of(vehicle.camera(FRONT), options.scale)
         self._small = mount_of(vehicle.camera(FRONT), options.scale * options.stereo_scale)
         self._round = [mount_of(vehicle.camera(name), options.around_scale) for name in (FRONT, *options.around)]
-        self._scene = LiveScene(world, vehicle, path, options.model, _BESIDE_M)
+        self._scene = LiveScene(world, vehicle, path, light.model, _BESIDE_M)
         self._suns = (
             {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
         )
@@ -155,7 +155,7 @@ class Eyes:
 
     def _picture(self, camera: Camera, lamps: dict[str, Lamp], which: int) -> tuple[np.ndarray, float]:
         """(h, w) 12-bit grey values, and their exposure, ms."""
-        model, render = self.options.model, self._scene.render
+        model, render = self.light.model, self._scene.render
         light = light_of(self._scene.surfaces, camera, lamps, model, render)
         gain = render.gain.get(model, default_gain(model, render))
         exposure = self.light.exposure_ms

@@ -60,7 +60,7 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
-    """The rover decides in these drives: one of every mode, seed, Sun, exposure, state of its lights and detector.
+    """The rover decides in these drives: one of every mode, seed, Sun, exposure, state of lights, model and detector.
 
     Modes differ in what they depend on: by labels or blind there is one drive a seed, and stereo has no detector.
     """
@@ -90,7 +90,9 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
         "of a training domain, one a seed of training. None: by the one on board, which rover.detector or "
         "rover.cameras.onboard.weights names.",
     )
-    model: Model = Field("hapke", description="Pictures are made in this reflectance model.")
+    models: tuple[Model, ...] = Field(
+        ("hapke",), min_length=1, description="It drives with pictures in each of these reflectance models."
+    )
     scale: float = Field(0.5, gt=0, le=1, description="Pictures have this size over that of the camera.")
     around: tuple[str, ...] = Field(
         ("ncl", "acl", "hfp", "hfs", "hap", "has"),
@@ -111,7 +113,7 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     map: MapOptions = Field(MapOptions(), description="These options say how looks become a map of hazards.")
     planner: PlannerOptions = Field(PlannerOptions(), description="These options say how a path is found and followed.")
 
-    @field_validator("modes", "seeds", "suns", "exposures_ms", "lights", "lamps", "detectors", "around")
+    @field_validator("modes", "seeds", "suns", "exposures_ms", "lights", "models", "lamps", "detectors", "around")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(values)) < len(values):

@@ -44,7 +44,8 @@ def rank_detectors(
     detection, ipd
         detect/detection.parquet and detect/ipd.parquet of the run whose detectors drove as `<domain>-seed<N>`.
     pair
-        The photos' domain, and that of the rover's pictures: of these two is the IPD, in the second the mAP.
+        The photos' domain, and that of the rover's pictures: of these two is the IPD, in the second the mAP. Drives in
+        other models do not count.
     split
         By which photos were shared out for the trainings; the first in the tables where it is not named.
 
@@ -56,17 +57,17 @@ def rank_detectors(
         A table is missing or has other columns.
     """
     every = tables.read_parquet(each, EVERY_AUTONOMY.columns)
-    drives = driven(every)
+    drives = driven(every, pair[1])
     if not len(drives):
-        raise RoverError(f"{each}: no drive goes by a detector")
+        raise RoverError(f"{each}: no drive goes by a detector in {pair[1]}")
     gaps = gap_figures(detection, ipd, pair, split)
     tables.write_parquet(by_detector, figures_of(drives, gaps))
     tables.write_parquet(ranks, ranked(drives, gaps))
 
 
-def driven(every: pd.DataFrame) -> pd.DataFrame:
-    """A row a drive by a detector: mode, detector, light, seed and the figures of `DRIVES`."""
-    own = every[every["mode"].isin(DETECTING) & every["metric"].isin(_METRICS)]
+def driven(every: pd.DataFrame, model: str) -> pd.DataFrame:
+    """A row a drive by a detector in a model: mode, detector, light, seed and the figures of `DRIVES`."""
+    own = every[every["mode"].isin(DETECTING) & every["metric"].isin(_METRICS) & (every["model"] == model)]
     keys = ["mode", "detector", "sun", "exposure", "lights", "seed"]
     wide = own.pivot_table("value", keys, "metric").rename(columns=_METRICS).reset_index()
     return wide.rename_axis(columns=None)

@@ -119,7 +119,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         super().reset(seed=seed, options=options)
         own = int(self.np_random.integers(2**31))
         lit = self._lit(options or {})
-        self.light = Light(lit.suns[0], lit.exposures_ms[0], lit.lights[0] == ON)
+        self.light = Light(lit.suns[0], lit.exposures_ms[0], lit.lights[0] == ON, lit.models[0])
         job = self.course.job(own)
         self.line = Path(np.array(job.drive.path_m, float))
         self.vehicle = job.vehicle
@@ -228,7 +228,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             scale=_PICTURE_SCALE,
             sun_azimuth_deg=SUN_AZIMUTHS_DEG.get(self.light.sun),  # none at night
             sun_elevation_deg=lit.sun_elevation_deg,
-            model=lit.model,
+            model=self.light.model,
             exposure_ms=lit.exposures_ms[0],
             lights=lit.lamps if self.light.lit else (),
         )

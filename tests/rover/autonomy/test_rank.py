@@ -16,7 +16,7 @@ NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") 
 def every(hits: dict[str, list[float]], rock_map: float = 150.0) -> pd.DataFrame:
     """Drives of each detector, one a seed, with so many collisions."""
     found = [
-        ("detector", "3", "0256", "off", name, seed, "finished", metric, "", value)
+        ("detector", "3", "0256", "off", "hapke", name, seed, "finished", metric, "", value)
         for name, values in hits.items()
         for seed, hit in enumerate(values)
         for metric, value in (
@@ -33,7 +33,7 @@ def gaps(ipd: list[float]) -> pd.DataFrame:
 
 
 def ranks(hits: dict[str, list[float]], ipd: list[float]) -> pd.DataFrame:
-    return ranked(driven(every(hits)), gaps(ipd)).set_index(["gap", "drive"])
+    return ranked(driven(every(hits), "hapke"), gaps(ipd)).set_index(["gap", "drive"])
 
 
 def test_coefficients_are_scipys_ties_and_all():
