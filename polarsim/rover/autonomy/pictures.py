@@ -1,4 +1,4 @@
-"""Pictures of a drive to look at: what the front camera showed every few seconds, with the rocks found in it."""
+"""Pictures of a drive to look at: what the front camera showed, with the rocks found in it."""
 
 from __future__ import annotations
 
@@ -11,19 +11,16 @@ from polarsim.formats.files import write_bytes, writing_folder
 from polarsim.rover.autonomy.eyes import Glance
 
 WIDTH_PX = 640
-_EVERY_S = 4.0
 _QUALITY = 85
 _BOX = (0, 160, 255)  # blue, green, red
 
 
 def write_pictures(folder: Path, glances: Iterable[tuple[float, Glance]]) -> None:
-    """Write `<milliseconds>.jpg` of glances at (time, s); a mode that takes no pictures has an empty folder."""
-    due = 0.0
+    """Write `<milliseconds>.jpg` of glances at (time, s) that show one; without any it is an empty folder."""
     with writing_folder(folder) as temporary:
         for time_s, glance in glances:
-            if glance.shown is not None and time_s >= due - 1e-6:
+            if glance.shown is not None:
                 write_bytes(temporary / f"{1000 * time_s:07.0f}.jpg", _drawn(glance.shown, glance.found))
-                due = time_s + _EVERY_S
 
 
 def _drawn(grey: np.ndarray, boxes: np.ndarray) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ _FARTHEST_BACK = 4  # times as far as at first
 _BACK_STEP_M = 0.15  # between places on the way back at which room is checked
 _ROLLS_ON_M = 0.2  # after backing off, until it stands: that must be free too
 _ARRIVED_M = 0.3  # before the goal's line
+_SHOWN_EVERY_S = 4.0  # a picture is kept to be looked at: all of a long drive would fill the memory
 _MOVED_M = 0.05  # less is no headway: wheels that spin in place shake the body
 
 
@@ -56,6 +57,7 @@ class Pilot(Driver):
         self.planner = Planner(vehicle.wheel_centres[:, :2], self.options.planner)
         self._wheelbase, self._every = vehicle.wheelbase, 1 / self.options.rate_hz
         self._next, self._at_rest, self._backed = 0.0, 0, 0
+        self._next_shown = 0.0
         self._plan: np.ndarray | None = None
         self._back_to: tuple[float, float] | None = None
         self._back_by, self._back_steer = 0.0, 0.0
@@ -106,6 +108,10 @@ class Pilot(Driver):
         glance = self.eyes.look(self._simulation.state(), self._simulation.ground.level, self.grid)
         for look in glance.looks:
             self.grid.add(look)
+        if now < self._next_shown - 1e-9:
+            glance = replace(glance, shown=None)
+        else:
+            self._next_shown = now + _SHOWN_EVERY_S
         self.glances.append((now, glance))
 
     def _decide(self, now: float, x: float, y: float, heading: float) -> None:
