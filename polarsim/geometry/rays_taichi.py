@@ -2,6 +2,7 @@
 # mypy: ignore-errors
 # No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
 
+import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,6 +95,7 @@ class TaichiCaster:
                 laid(tree.order),
                 taichi_device.starts(),
             )
+            weakref.finalize(self, taichi_device.free_later, self._laid).atexit = False
         return self._laid
 
     @property

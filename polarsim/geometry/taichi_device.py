@@ -2,18 +2,21 @@
 
 Imported only where the configuration asks for it. Taichi can be called by the one thread that started it, so it has a
 thread of its own here: what any other thread asks for is done there in turn. Taichi shares its work out itself.
+CUDA frees memory on that thread only, or ends the process: arrays that outlive a call are handed to `free_later`.
 """
 # mypy: ignore-errors
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
 import os
 import threading
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import wraps
+from multiprocessing.pool import ThreadPool
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
@@ -21,10 +24,18 @@ import taichi as ti
 from polarsim.errors import PolarsimError
 from polarsim.geometry.rays import Device
 
-_NAME = "taichi"
-_thread = ThreadPoolExecutor(1, thread_name_prefix=_NAME)
+_this_thread = threading.local()
+_dropped: deque[object] = deque()  # arrays on the device that nothing uses any more
 _running: tuple[Device, int] | None = None  # device and threads that Taichi was started with
 _starts = 0
+
+
+def _mark() -> None:
+    _this_thread.is_taichis = True
+
+
+# Its thread is a daemon: it is still there when the interpreter ends, for `_stop`.
+_pool = ThreadPool(1, initializer=_mark)
 
 
 def on_its_thread(work: Callable) -> Callable:
@@ -32,11 +43,21 @@ def on_its_thread(work: Callable) -> Callable:
 
     @wraps(work)
     def asked(*args, **kwargs):
-        if threading.current_thread().name.startswith(_NAME):
+        if getattr(_this_thread, "is_taichis", False):
             return work(*args, **kwargs)
-        return _thread.submit(work, *args, **kwargs).result()
+        return _pool.apply(_free_and_do, (work, args, kwargs))
 
     return asked
+
+
+def free_later(arrays: object) -> None:
+    """Hold arrays until Taichi's thread frees them, before whatever it does next."""
+    _dropped.append(arrays)
+
+
+def _free_and_do(work: Callable, args: tuple, kwargs: dict) -> object:
+    _dropped.clear()
+    return work(*args, **kwargs)
 
 
 @on_its_thread
@@ -82,3 +103,10 @@ def is_there(device: Device) -> bool:
 
     core.set_logging_level("error")  # looking for a library that is not there is no news
     return {"cpu": lambda: True, "cuda": core.with_cuda, "vulkan": core.with_vulkan}[device]()
+
+
+@atexit.register
+def _stop() -> None:
+    """Leave the device on Taichi's thread: its arrays, which the interpreter drops later, are gone by then."""
+    if _running is not None:
+        on_its_thread(ti.reset)()

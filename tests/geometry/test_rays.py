@@ -1,3 +1,4 @@
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -240,6 +241,42 @@ def test_taichi_casts_from_any_thread(rng):
     with ThreadPoolExecutor(3) as pool:
         for distance, _ in pool.map(lambda _: cast.nearest(origins, directions), range(6)):
             np.testing.assert_array_equal(distance, expected)
+
+
+FREED_ELSEWHERE = """
+import threading, numpy as np
+from taichi.lang._ndarray import ScalarNdarray
+from polarsim.geometry import taichi_device
+from polarsim.geometry.casters import caster
+from polarsim.geometry.taichi_device import ti
+
+def telling(word, work):
+    def told(*args):
+        if ti.lang.impl.get_runtime().prog is not None:
+            print(word, threading.current_thread() is threading.main_thread())
+        return work(*args)
+    return told
+
+def cast():
+    ground = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
+    made = caster(*ground, "taichi")
+    made.nearest(np.array([[0.2, 0.2, 1.5]]), np.array([[0, 0, -1.0]]))
+    return made
+
+ScalarNdarray.__del__ = telling("freed", ScalarNdarray.__del__)
+taichi_device.ti.reset = telling("left", taichi_device.ti.reset)
+cast()
+kept = cast()
+"""
+
+
+def test_taichis_thread_frees_its_arrays_and_leaves_the_device():
+    # On any other thread CUDA has no context, and ends the process.
+    done = subprocess.run([sys.executable, "-c", FREED_ELSEWHERE], capture_output=True, text=True, check=True)
+    told = done.stdout.split("\n")[:-1]
+    assert "freed False" in told
+    assert "left False" in told
+    assert not [line for line in told if line.endswith("True")]
 
 
 def test_a_device_that_is_not_there_is_an_error(monkeypatch):
