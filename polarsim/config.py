@@ -214,6 +214,15 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self
 
     @model_validator(mode="after")
+    def _domains_of_others(self) -> Config:
+        for name, other in self.detect.others.items() if self.domains else ():
+            if unknown := sorted(set(other.trained_on) - set(self.training_domains)):
+                raise ValueError(
+                    f"detect.others.{name}.trained_on: {unknown[0]!r}, expected {', '.join(self.training_domains)}"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _possible_components(self) -> Config:
         if not self.gap.components:
             return self

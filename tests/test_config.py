@@ -112,6 +112,12 @@ def test_a_run_without_detectors_compares_no_domains_whatever_else_stands_in_tha
     assert found.photo_domain == "analog"
 
 
+def test_a_further_detector_is_trained_on_domains_that_are_there():
+    assert detect(others={"yolo": {"trained_on": ["hapke"]}}).detect.others["yolo"].trained_on == ("hapke",)
+    with pytest.raises(ConfigError, match=r"detect\.others\.yolo\.trained_on: 'real', expected analog, principled"):
+        detect(others={"yolo": {"trained_on": ["real"]}})
+
+
 def ablation(component, kind="analog", **gap):
     gap = {"components": {"one": component}, **gap}
     return parse_config({"source": {"kind": kind, "root": "data"}, "gap": gap})

@@ -171,6 +171,12 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
         return self.start_weights.name if self.start_weights else "scratch"
 
 
+class OtherDetector(TrainingOptions, extra="forbid", frozen=True):
+    """These options say how a detector of a further model is trained, and on what."""
+
+    trained_on: tuple[str, ...] = Field((), description="It is trained on these domains; none named: on all of them.")
+
+
 class PredictionOptions(BaseModel, extra="forbid", frozen=True):
     """These options say how a detector looks at pictures, those of the test and those that select its weights."""
 
@@ -284,11 +290,10 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         PicturesOptions(), description="This section says which pictures detectors are shown."
     )
     training: TrainingOptions = Field(TrainingOptions(), description="This section says how detectors are trained.")
-    others: dict[str, TrainingOptions] = Field(
+    others: dict[str, OtherDetector] = Field(
         {},
-        description="Detectors of further models are trained on every domain, by a name and how: "
-        "`yolo: {model: yolov8n}`. They have rows of their own in `tables/detection`; all else a run shows of "
-        "detectors is of those that `training` says.",
+        description="Detectors of further models are trained, by a name and how: `yolo: {model: yolov8n}`. They have "
+        "rows of their own in `tables/detection`; all else a run shows of detectors is of those that `training` says.",
     )
     prediction: PredictionOptions = Field(
         PredictionOptions(), description="This section says how detectors look at pictures."

@@ -86,6 +86,15 @@ def test_mixes_and_novel_views_are_trained_on_and_not_tested_on(checkout, snakem
     assert "_on_views" not in text
 
 
+def test_the_demo_trains_a_yolo_on_its_photos_alone(dry_run):
+    done = dry_run("detect")
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs, text = planned(done), done.stdout + done.stderr
+    assert [jobs[name] for name in ("train_other_detector", "predict_by_other", "evaluate_other")] == [1, 1, 1]
+    assert "others/yolo/seed0/predictions/analog_on_hapke.parquet" in text
+    assert "others/yolo/seed0/predictions/hapke_on_analog.parquet" not in text
+
+
 def test_yolo_is_trained_beside_the_demos_own_detector_by_one_more_configuration(dry_run):
     done = dry_run("detect", "tables", "--configfile", "config/config.yaml", "config/yolo.yaml")
     assert done.returncode == 0, done.stdout + done.stderr

@@ -224,7 +224,22 @@ def weights_of_mix(wildcards):
 
 
 def training_of_other(wildcards):
-    return OTHERS[wildcards.other].model_dump(mode="json")
+    return OTHERS[wildcards.other].model_dump(mode="json", exclude={"trained_on"})
+
+
+def domains_of_other(wildcards):
+    """Domains that a detector of another model is trained on."""
+    return list(OTHERS[wildcards.other].trained_on or TRAINED)
+
+
+def predictions_of_other(wildcards):
+    """What the detectors of another model see in the test pictures of every domain."""
+    return expand(
+        "results/{run}/detect/{split}/others/{other}/seed{seed}/predictions/{trained}_on_{evaluated}.parquet",
+        trained=domains_of_other(wildcards),
+        evaluated=DOMAINS,
+        **wildcards,
+    )
 
 
 def packaged_of_other(wildcards):

@@ -322,11 +322,7 @@ use rule predict as predict_by_other with:
 use rule evaluate as evaluate_other with:
     """The figures of the detectors of another model of a split and seed on every domain."""
     input:
-        predictions=expand(
-            "results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
-            trained=TRAINED,
-            evaluated=DOMAINS,
-        ),
+        predictions=predictions_of_other,
         labels=[path for domain in DOMAINS for path in labels_of(domain)],
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
