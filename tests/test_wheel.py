@@ -41,24 +41,26 @@ SQUARE = Mesh(np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]), np.a
 
 
 @pytest.fixture(scope="module")
-def installed() -> Iterator[Path]:
-    """A folder that holds what the wheel does, built from what git would keep.
+def installed(tmp_path_factory) -> Path:
+    """A folder that holds what the wheel does, built from what git would keep."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    source.mkdir()
+    parts = ("polarsim", "config", "pyproject.toml", "README.md", "LICENSE")
+    subprocess.run(["cp", "-rP", *parts, str(source)], cwd=CHECKOUT, check=True)
+    build = ("--no-deps", "--no-build-isolation", "-q", "-w", str(folder))
+    subprocess.run([sys.executable, "-m", "pip", "wheel", str(source), *build], check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder / "site")
+    return folder / "site"
 
-    Not below the checkout, as other tests' folders are: what a configuration names is looked for above it too, and
-    there a demo may have been made.
-    """
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        source = folder / "source"
-        source.mkdir()
-        parts = ("polarsim", "config", "pyproject.toml", "README.md", "LICENSE")
-        subprocess.run(["cp", "-rP", *parts, str(source)], cwd=CHECKOUT, check=True)
-        build = ("--no-deps", "--no-build-isolation", "-q", "-w", str(folder))
-        subprocess.run([sys.executable, "-m", "pip", "wheel", str(source), *build], check=True, capture_output=True)
-        (wheel,) = folder.glob("*.whl")
-        with zipfile.ZipFile(wheel) as archive:
-            archive.extractall(folder / "site")
-        yield folder / "site"
+
+@pytest.fixture
+def tmp_path() -> Iterator[Path]:
+    """Not below the checkout: what a configuration names is looked for above it, where a demo may have been made."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
 
 
 @pytest.fixture
