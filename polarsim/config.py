@@ -213,13 +213,14 @@ class Config(BaseModel, extra="forbid", frozen=True):
                 raise ValueError(f"detect.mixes.{name}: domain {unknown[0]!r}, expected {', '.join(sorted(single))}")
         return self
 
+    def _check_trained_on(self, section: str, domains: Sequence[str]) -> None:
+        if unknown := sorted(set(domains) - set(self.training_domains)):
+            raise ValueError(f"{section}.trained_on: {unknown[0]!r}, expected {', '.join(self.training_domains)}")
+
     @model_validator(mode="after")
     def _domains_of_others(self) -> Config:
         for name, other in self.detect.others.items() if self.domains else ():
-            if unknown := sorted(set(other.trained_on) - set(self.training_domains)):
-                raise ValueError(
-                    f"detect.others.{name}.trained_on: {unknown[0]!r}, expected {', '.join(self.training_domains)}"
-                )
+            self._check_trained_on(f"detect.others.{name}", other.trained_on)
         return self
 
     @model_validator(mode="after")
@@ -228,8 +229,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             return self
         if self.gap.model not in self.render.models or not self.domains:
             raise ValueError(f"gap.model: {self.gap.model} has no twins to compare with photos")
-        if unknown := sorted(set(self.gap.trained_on) - set(self.training_domains)):
-            raise ValueError(f"gap.trained_on: {unknown[0]!r}, expected {', '.join(self.training_domains)}")
+        self._check_trained_on("gap", self.gap.trained_on)
         for name, component in self.gap.components.items():
             if component.needs_truth and self.source.kind != "analog":
                 raise ValueError(f"gap.components.{name}: truth is known of the analog alone")

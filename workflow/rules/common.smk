@@ -227,16 +227,11 @@ def training_of_other(wildcards):
     return OTHERS[wildcards.other].model_dump(mode="json", exclude={"trained_on"})
 
 
-def domains_of_other(wildcards):
-    """Domains that a detector of another model is trained on."""
-    return list(OTHERS[wildcards.other].trained_on or TRAINED)
-
-
 def predictions_of_other(wildcards):
-    """What the detectors of another model see in the test pictures of every domain."""
+    """What another model's detectors, of the domains that it is trained on, see in the test pictures of every domain."""
     return expand(
         "results/{run}/detect/{split}/others/{other}/seed{seed}/predictions/{trained}_on_{evaluated}.parquet",
-        trained=domains_of_other(wildcards),
+        trained=OTHERS[wildcards.other].trained_on or TRAINED,
         evaluated=DOMAINS,
         **wildcards,
     )
