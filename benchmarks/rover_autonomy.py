@@ -1,4 +1,4 @@
-"""Drives in which the rover decides, one after the other, by the workflow's own functions: what they touch and cost.
+"""Drives in which the rover decides, by the workflow's own functions: what they touch and cost.
 
 `python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 3 8 12 [--modes truth] [--seeds 40] [--minutes 60]`
 
@@ -8,10 +8,11 @@ The large table, of modes, Suns, exposures, lights and detectors, of which those
 `  --suns 1 2 3 4 --exposures 64 256 auto --lights off on --detect results/demo/detect`
 `  --weights packaged_rover hapke-seed0=results/demo/detect/position/seed0/detectors/hapke.pt ...`
 
-A folder a drive, as the rule `drive_alone` makes it, a row printed each. Drives that are there are kept, so a call that
-ran out of its minutes goes on with the next; all of a seed come before the next seed's, so what is there compares. At
-the end tables and figures of all drives that are there, as the rules of `rover_autonomy` make them, in `OUT/tables` and
-`OUT/figures`. `--detect` names the tables of the run that trained the detectors: the gap that they are ranked by.
+A folder a drive, as the rule `drive_alone` makes it, a row printed each, `--jobs` at a time (with OMP_NUM_THREADS=1).
+Drives that are there are kept, so a call that ran out of its minutes goes on with the next; all of a seed come before
+the next seed's, so what is there compares. At the end tables and figures of all drives that are there, as the rules of
+`rover_autonomy` make them, in `OUT/tables` and `OUT/figures`. `--detect` names the tables of the run that trained the
+detectors: the gap that they are ranked by.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ import argparse
 import hashlib
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
 from pathlib import Path
 
 import pandas as pd
@@ -42,25 +45,32 @@ CONFIG = Path(__file__).parents[1] / "config"
 
 
 def driven(asked: argparse.Namespace, options: AutonomyOptions) -> Iterator[Case]:
-    """All drives that are there or that there is time for."""
-    begun = time.monotonic()
-    for case in cases(options, list(asked.weights)):
-        folder = asked.out / "drives" / case.name
-        if not (folder / "figures.parquet").exists():
-            if time.monotonic() - begun > 60 * asked.minutes:
-                continue
-            drive_case(
-                case=case.name,
-                meshes=asked.meshes,
-                folder=folder,
-                world=WorldOptions(terrains=tuple(asked.terrains)),
-                soil=SoilOptions(table=CONFIG / "soils.csv"),
-                drive_options=DriveOptions(vehicle=CONFIG / "viper.yaml"),
-                options=options,
-                onboard=asked.weights.get(case.detector, OnboardOptions()),
-            )
-        print(row_of(case, tables.read_parquet(folder / "figures.parquet", EVERY_AUTONOMY.columns)), flush=True)
-        yield case
+    """All drives that are there or that there is time for, some at a time."""
+    every = list(cases(options, list(asked.weights)))
+    end = time.monotonic() + 60 * asked.minutes  # of a clock that processes share
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        there = pool.map(_is_driven, every, repeat(asked), repeat(options), repeat(end))
+        yield from (case for case, is_there in zip(every, there, strict=True) if is_there)
+
+
+def _is_driven(case: Case, asked: argparse.Namespace, options: AutonomyOptions, end: float) -> bool:
+    """Make a drive, where it is not there yet and there is time; whether it is there now."""
+    folder = asked.out / "drives" / case.name
+    if not (folder / "figures.parquet").exists():
+        if time.monotonic() > end:
+            return False
+        drive_case(
+            case=case.name,
+            meshes=asked.meshes,
+            folder=folder,
+            world=WorldOptions(terrains=tuple(asked.terrains)),
+            soil=SoilOptions(table=CONFIG / "soils.csv"),
+            drive_options=DriveOptions(vehicle=CONFIG / "viper.yaml"),
+            options=options,
+            onboard=asked.weights.get(case.detector, OnboardOptions()),
+        )
+    print(row_of(case, tables.read_parquet(folder / "figures.parquet", EVERY_AUTONOMY.columns)), flush=True)
+    return True
 
 
 def row_of(case: Case, own: pd.DataFrame) -> str:
@@ -119,7 +129,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="its photos' domain, and that of pictures")
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--ahead", type=float, default=3.0, help="metres before the first terrain and behind the last")
-    parser.add_argument("--minutes", type=float, default=60)
+    parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
+    parser.add_argument("--jobs", type=int, default=1, help="drives at a time, each on one core")
     parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
     asked = parser.parse_args()
     asked.weights = dict(asked.weights)

@@ -93,6 +93,8 @@ ONBOARD = _schema(
     "source:s model:s exposure_ms:f:ms metric:s height_m:f:m from_m:f:m to_m:f:m value:f low:f high:f rides:i count:f",
 )
 _DECIDES = "mode:s sun:s exposure:s lights:s model:s detector:s"
+COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # what an event is
+HIGH_M = 0.10  # a touch of a rock above is a collision
 AUTONOMY_EVENTS = _schema(
     "rover/autonomy/<drive>/events.parquet", "what:s time_s:f:s x_m:f:m y_m:f:m rock:i height_m:f:m"
 )

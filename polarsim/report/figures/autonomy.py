@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.npz import read_arrays
-from polarsim.formats.schemas import AUTONOMY
+from polarsim.formats.schemas import AUTONOMY, HIGH_M
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.autonomy_names import ANY, HIGH_M, MODES, exposure_title, sun_title
+from polarsim.report.figures.autonomy_names import ANY, MODES, exposure_title, sun_title
 from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
 
 PRINTED_PX = 1400

@@ -11,9 +11,9 @@ import pandas as pd
 
 from polarsim.formats.files import read_json
 from polarsim.formats.npz import read_arrays
-from polarsim.formats.schemas import AUTONOMY_EVENTS
+from polarsim.formats.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.autonomy_names import HIGH_M, MODES, exposure_title, sun_title
+from polarsim.report.figures.autonomy_names import MODES, exposure_title, sun_title
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, heading, legend_line, page, picture
 
 PICTURES = 2  # beside a map
@@ -21,9 +21,9 @@ _ROW_PX = 375
 _BEFORE_S = 4.0  # a hit: its rock is in sight there
 _UNSEEN, _FREE, _LOW, _HIGH = "#c9ccd1", "#ffffff", "#f6c48a", "#d55e00"
 _MARKS = {
-    "collision": {"marker": "X", "color": "#b00020", "markersize": 11, "label": "rock above 10 cm hit"},
-    "touch": {"marker": "x", "color": "#b00020", "markersize": 7, "label": "lower rock touched"},
-    "stop": {"marker": "s", "color": "#0072b2", "markersize": 7, "label": "stop: no path"},
+    COLLISION: {"marker": "X", "color": "#b00020", "markersize": 11, "label": "rock above 10 cm hit"},
+    TOUCH: {"marker": "x", "color": "#b00020", "markersize": 7, "label": "lower rock touched"},
+    STOP: {"marker": "s", "color": "#0072b2", "markersize": 7, "label": "stop: no path"},
 }
 
 
@@ -65,7 +65,7 @@ def moments(pictures: dict[float, Path], events: pd.DataFrame) -> dict[float, Pa
     times = np.array(sorted(pictures))
     if not len(times):
         return {}
-    order = events["what"].map({"collision": 0, "touch": 2, "stop": 1})
+    order = events["what"].map({COLLISION: 0, TOUCH: 2, STOP: 1})
     wanted = (events.loc[order.sort_values(kind="stable").index, "time_s"] - _BEFORE_S).tolist()
     wanted += np.linspace(times[0], times[-1], PICTURES + 2)[1:-1].tolist()
     found: list[float] = []

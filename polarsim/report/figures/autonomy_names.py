@@ -4,7 +4,6 @@ from __future__ import annotations
 
 MODES = ("truth", "detector", "stereo", "both", "blind")
 ANY = "any"  # Sun of drives that take no pictures
-HIGH_M = 0.10  # a hit of a rock above is a collision
 
 
 def sun_title(sun: str) -> str:

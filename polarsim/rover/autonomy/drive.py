@@ -22,7 +22,7 @@ from polarsim.rover.autonomy.pilot import Pilot, pilot
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import Job, job_of
+from polarsim.rover.drive.job import Job, job_of, path_of
 from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.ride import Ride
 from polarsim.rover.drive.trace import Trace, write_trace
@@ -78,10 +78,9 @@ def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
 
 
 def _line(world: WorldOptions, drive: DriveOptions, options: AutonomyOptions) -> tuple[Point, Point]:
-    """The straight line from the path's first point to its last; the centre line where there is none."""
-    half = world.half_length_m + options.ahead_m
-    line = drive.path_m or ((half, 0.0), (-half, 0.0))
-    return line[0], line[-1]
+    """The straight line from the path's first point to its last."""
+    points = path_of(world, drive, options.ahead_m)
+    return points[0], points[-1]
 
 
 def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.schemas import AUTONOMY_EVENTS
+from polarsim.formats.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 from polarsim.rover.autonomy import challenge
 from polarsim.rover.autonomy.drive import Outcome
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
@@ -19,9 +19,7 @@ from polarsim.rover.autonomy.trajectory import absolute_error, relative_error
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 
-HIGH_M = 0.10  # a touch of a rock above is a collision
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
-COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # kinds of events
 NO_ROCK = -1
 _CORRIDOR_M = 1.05  # either side of the straight line: the wheels' way and some more
 _BLIND_M = 2.2  # before base_link at the start, which the camera does not see

@@ -13,7 +13,7 @@ import numpy as np
 from polarsim.randomness import generator
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.drive.control import Steering, SteeringLaw
-from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.state import EDGE, OffGridError, Start
 from polarsim.rover.soil.law import Soil, read_soil
 from polarsim.rover.soil.options import SoilOptions
@@ -70,7 +70,7 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
         Meshes, elevation model, soil or vehicle are missing or broken.
     """
     terrains = [read_terrain(meshes / f"Terrain{number:02d}", number) for number in world.terrains]
-    ground = dem_world(world, terrains, _points(world, drive)) if world.dem else stitch(terrains, world)
+    ground = dem_world(world, terrains, np.array(path_of(world, drive))) if world.dem else stitch(terrains, world)
     return Job(
         rough_world(ground, drive.spread.ground_m, seed),
         read_vehicle(drive.vehicle),
@@ -83,13 +83,14 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
 
 
 def route_of(job: Job) -> Route:
-    """The path's points; the centre line of the terrains, from east to west, where none are given."""
-    return Route(_points(job.rocks, job.drive))
+    """The path that a job's rover is to follow, see `path_of`."""
+    return Route(np.array(path_of(job.rocks, job.drive)))
 
 
-def _points(world: WorldOptions, drive: DriveOptions) -> np.ndarray:
-    half = world.half_length_m
-    return np.array(drive.path_m or ((half, 0.0), (-half, 0.0)), float)
+def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> tuple[Point, ...]:
+    """The path's points; where none are given the centre line, from so far east of the terrains to so far west."""
+    half = world.half_length_m + beyond_m
+    return drive.path_m or ((half, 0.0), (-half, 0.0))
 
 
 def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:

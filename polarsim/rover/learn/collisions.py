@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.rover.autonomy.measure import HIGH_M
+from polarsim.formats.schemas import HIGH_M
 from polarsim.rover.autonomy.touches import REACH_M, TOUCH_M, least_gap, surface_points
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import trace_table
