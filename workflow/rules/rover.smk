@@ -107,7 +107,7 @@ rule fine_tune_on_drives:
         gpu=gpus_of("rover.cameras.onboard.prediction"),
     params:
         options=options("rover.fine_tuning"),
-        prediction=validation_options(CONFIG.cameras_on_board(Path(f"results/{RUN}")).onboard.prediction),
+        prediction=validation_options(CAMERAS_ON_BOARD.onboard.prediction),
         work="results/{run}/rover/fine_tuning_work",
         code=code_of("fine_tune_on_drives"),
     script:
@@ -120,7 +120,7 @@ rule detect_drive:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
         truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),
         vehicle=str(ROVER.drive.vehicle),
-        weights=weights_on_board,
+        weights=[] if WEIGHTS_ON_BOARD is None else str(WEIGHTS_ON_BOARD),
     output:
         detections=detections_on_board(),
     log:

@@ -26,17 +26,20 @@ wildcard_constraints:
 
 # What a drive's pictures do not depend on: other views, and what is made of the pictures.
 AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
+RUN_FOLDER = Path(f"results/{RUN}")
+CAMERAS_ON_BOARD = CONFIG.cameras_on_board(RUN_FOLDER)
+# The detector that looks through the front camera, where there is one.
+WEIGHTS_ON_BOARD = CONFIG.detector_on_board(RUN_FOLDER)
 
 
 def camera_suite_options(*left_out):
     """Options of a drive's pictures and of what a detector sees in them, without some."""
-    cameras = CONFIG.cameras_on_board(Path(f"results/{RUN}"))
-    return cameras.model_dump(mode="json", exclude=set(left_out))
+    return CAMERAS_ON_BOARD.model_dump(mode="json", exclude=set(left_out))
 
 
 def detector_before_drives(wildcards):
     """The detector that is trained on other drives."""
-    return str(CONFIG.detector_before_drives(Path(f"results/{wildcards.run}")))
+    return str(CONFIG.detector_before_drives(RUN_FOLDER))
 
 
 def as_detectors_see():
@@ -86,15 +89,9 @@ def shown_sun():
 
 def shown_detections(wildcards):
     """What a detector found in the pictures that are shown, where one looked."""
-    if CONFIG.detector_on_board(Path(f"results/{wildcards.run}")) is None:
+    if WEIGHTS_ON_BOARD is None:
         return []
     return of_first_drive(f"{FRONT}/{ROVER.shown_set}/detections.parquet").format(run=wildcards.run)
-
-
-def weights_on_board(wildcards):
-    """Weights of the detector that looks through the front camera, where there is one."""
-    weights = CONFIG.detector_on_board(Path(f"results/{wildcards.run}"))
-    return [] if weights is None else str(weights)
 
 
 def pictures_of_drive(wildcards):
@@ -115,7 +112,7 @@ def detections_on_board():
 
 def detections_of_drive(wildcards):
     """The same, where a detector looks."""
-    if not ROVER.onboard or CONFIG.detector_on_board(Path(f"results/{wildcards.run}")) is None:
+    if not ROVER.onboard or WEIGHTS_ON_BOARD is None:
         return []
     return [name.format(run=wildcards.run, seed=wildcards.seed) for name in detections_on_board()]
 
