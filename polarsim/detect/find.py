@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
@@ -19,10 +19,9 @@ from polarsim.detect import detectors, tone
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, load_torch
 from polarsim.detect.frame import resized
 from polarsim.detect.fusion import fuse
-from polarsim.detect.masks import mask_widths, probabilities, surest, within_boxes
+from polarsim.detect.masks import LoadedAt, class_mask, mask_widths, within_boxes
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
-from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import class_masks, coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
@@ -35,6 +34,9 @@ ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _COLOURS = {"rock": (60, 220, 60), "shadow": (0, 150, 255)}  # BGR
 _TINT = 0.4  # weight of a mask's colour in a drawn picture
+# A picture as detectors see it, and width and height of the whole one -> boxes (n, 6): x0, y0, x1, y1 in pixels of the
+# whole one, confidence, class.
+Look = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
 Seen = TypeVar("Seen")
 Result = TypeVar("Result")
 _THREADS = 1  # of torch: pictures are looked at side by side, for one alone does not fill two cores
@@ -44,7 +46,7 @@ log = logging.getLogger("polarsim")
 
 @dataclass(frozen=True)
 class _Finds:
-    """Width and height of a picture, px, and the boxes (n, 6) that are written, as `see` gives them."""
+    """Width and height of a picture, px, and the boxes (n, 6) that are written, as a `Look` gives them."""
 
     size: tuple[int, int]
     boxes: np.ndarray
@@ -93,22 +95,24 @@ def find_in_pictures(
     with writing_folder(out) as folder:
         for name in ("labels", *(["masks"] if masks else []), *(["pictures"] if draw else [])):
             (folder / name).mkdir()
-        segment = _segmenting(trained, options) if masks else None
         looks = [_look(path, detector, folder, options) for path, detector in trained.items()]
+        segmenters = [_segmenter(path, detector, options) for path, detector in trained.items()] if masks else []
+        widest = max(width for _, widths in [*looks, *segmenters] for width in widths)
 
         def look_at(path: Path) -> _Finds | PolarsimError | OSError:
             try:
                 pixels = _grey(read_any(path))
             except (PolarsimError, OSError) as error:
                 return error
-            found = _merged([look(pixels) for look in looks], options.nms_iou)
+            size, shown = (pixels.shape[1], pixels.shape[0]), _as_seen(pixels, widest)
+            found = _merged([look(shown, size) for look, _ in looks], options.nms_iou)
             found = found[found[:, 4] >= confidence]
-            mask = within_boxes(segment(pixels), found) if segment else None
+            mask = within_boxes(class_mask(segmenters, shown, size), found) if segmenters else None
             if mask is not None:
                 class_masks.write(folder / "masks" / f"{path.stem}.png", mask)
             if draw:
                 _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found, mask)
-            return _Finds((pixels.shape[1], pixels.shape[0]), found)
+            return _Finds(size, found)
 
         for path, finds in _in_order(paths, look_at, threads):
             if not isinstance(finds, _Finds):
@@ -131,31 +135,24 @@ def find_in_pictures(
 
 def _look(
     path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions
-) -> Callable[[np.ndarray], np.ndarray]:
-    """What a detector of a file sees in a picture, see `see`, at its own widths where the options name none."""
+) -> tuple[Look, tuple[int, ...]]:
+    """What a detector of a file sees, and its widths: its own where the options name none."""
     sizes = sizes_of(detector, options)
     with about(path):
         loaded = fast(detectors.load_detector(detector, folder, options, _THREADS), detector, options.device)
-    return lambda pixels: see(loaded, pixels, sizes, options.nms_iou)
+
+    def look(shown: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+        (found,) = detect(loaded, [shown], sizes, options.nms_iou, size)
+        return found
+
+    return look, tuple(sizes.widths)
 
 
-def _segmenting(
-    trained: Mapping[Path, detectors.Detector], options: PredictionOptions
-) -> Callable[[np.ndarray], np.ndarray]:
-    """The class mask (h, w) that detectors of some files make of a picture (h, w): their mean probabilities' surest."""
-    loaded = []
-    for path, detector in trained.items():
-        with about(path):
-            own = fast(detectors.load_masks(detector, options, _THREADS), detector, options.device)
-            loaded.append((own, mask_widths(detector, options)))
-
-    def segment(pixels: np.ndarray) -> np.ndarray:
-        full = (pixels.shape[1], pixels.shape[0])
-        return surest(
-            np.sum([probabilities(own, _as_seen(pixels, max(widths)), widths, full) for own, widths in loaded], axis=0)
-        )
-
-    return segment
+def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOptions) -> LoadedAt:
+    """What makes masks with a detector of a file."""
+    with about(path):
+        loaded = fast(detectors.load_masks(detector, options, _THREADS), detector, options.device)
+    return loaded, mask_widths(detector, options)
 
 
 def _merged(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
@@ -185,13 +182,6 @@ def prediction_options(
         )
     except ValidationError as error:
         raise DetectError(describe_error(error, "options")) from error
-
-
-def see(loaded: detectors.LoadedDetector, pixels: np.ndarray, sizes: ClassSizes, nms_iou: float) -> np.ndarray:
-    """Boxes (n, 6) in one picture (h, w[, 3]) of 8 or 16 bits: x0, y0, x1, y1 in its pixels, confidence, class."""
-    full = (pixels.shape[1], pixels.shape[0])
-    (found,) = detect(loaded, [_as_seen(pixels, max(sizes.widths))], sizes, nms_iou, full)
-    return found
 
 
 def _as_seen(pixels: np.ndarray, longest: int) -> np.ndarray:

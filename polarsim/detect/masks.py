@@ -20,6 +20,8 @@ from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.progress import track
 
+LoadedAt = tuple[detectors.LoadedMasks, tuple[int, ...]]  # what makes masks, and the widths that it looks at
+
 
 def segment_pictures(
     *, weights: Sequence[Path], dataset: Path, masks: Path, options: PredictionOptions, threads: int
@@ -44,8 +46,7 @@ def segment_pictures(
     with writing_folder(masks) as folder:
         for key in track(read_pictures(dataset, TEST), "masks"):
             picture = read_picture(dataset / "images" / TEST / f"{key}.png")
-            shown = sum(probabilities(one, picture, widths) for one, widths in loaded)
-            class_masks.write(folder / f"{key}.png", surest(np.asarray(shown)))
+            class_masks.write(folder / f"{key}.png", class_mask(loaded, picture))
 
 
 def mask_widths(detector: detectors.Detector, options: PredictionOptions) -> tuple[int, ...]:
@@ -53,23 +54,18 @@ def mask_widths(detector: detectors.Detector, options: PredictionOptions) -> tup
     return options.mask_widths or tuple(sizes_of(detector, options).widths)
 
 
-def probabilities(
-    loaded: detectors.LoadedMasks, picture: np.ndarray, widths: Sequence[int], full: tuple[int, int] = (WIDTH, HEIGHT)
-) -> np.ndarray:
-    """(height, width, classes) float32 for every pixel of a whole picture, mean over the widths it is looked at.
+def class_mask(loaded: Sequence[LoadedAt], picture: np.ndarray, full: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
+    """(height, width) uint8: the likeliest class of every pixel of a whole picture.
+
+    Detectors' probabilities are averaged, each over the widths that it looks at.
 
     Parameters
     ----------
     picture
         (h, w) uint8, maybe smaller than the whole picture, which is `full` wide and high.
     """
-    shown = [_probabilities_at(loaded, picture, width, full) for width in widths]
-    return np.asarray(sum(shown[1:], start=shown[0]) / np.float32(len(shown)))
-
-
-def surest(shown: np.ndarray) -> np.ndarray:
-    """(h, w) uint8 class mask of probabilities (h, w, classes)."""
-    return shown.argmax(axis=-1).astype(np.uint8)
+    shown = [_probabilities(one, picture, widths, full) for one, widths in loaded]
+    return np.asarray(sum(shown[1:], start=shown[0])).argmax(axis=-1).astype(np.uint8)
 
 
 def within_boxes(mask: np.ndarray, found: np.ndarray) -> np.ndarray:
@@ -83,6 +79,14 @@ def within_boxes(mask: np.ndarray, found: np.ndarray) -> np.ndarray:
         number = class_masks.CLASSES.index(BOX_CLASSES[int(kind)])
         kept[inside][mask[inside] == number] = number
     return kept
+
+
+def _probabilities(
+    loaded: detectors.LoadedMasks, picture: np.ndarray, widths: Sequence[int], full: tuple[int, int]
+) -> np.ndarray:
+    """(height, width, classes) float32 for every pixel of a whole picture, mean over the widths it is looked at."""
+    shown = [_probabilities_at(loaded, picture, width, full) for width in widths]
+    return np.asarray(sum(shown[1:], start=shown[0]) / np.float32(len(shown)))
 
 
 def _probabilities_at(

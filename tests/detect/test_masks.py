@@ -11,7 +11,7 @@ import pytest
 from polarsim.detect import detectors
 from polarsim.detect.dataset import entry_of, read_pictures, write_dataset
 from polarsim.detect.find import find_in_pictures, prediction_options
-from polarsim.detect.masks import probabilities, segment_pictures, surest, within_boxes
+from polarsim.detect.masks import class_mask, segment_pictures, within_boxes
 from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
@@ -145,7 +145,9 @@ def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_pat
 def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(weights, tmp_path, monkeypatch):
     picture, mask, boxes = scene(np.random.default_rng(5))
     found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
-    monkeypatch.setattr("polarsim.detect.find.see", lambda *_: found)  # this small a training finds few boxes
+    monkeypatch.setattr(
+        "polarsim.detect.find.detect", lambda *_: iter([found])
+    )  # this small a training finds few boxes
     large = cv2.resize(picture, (150, 94), interpolation=cv2.INTER_LINEAR)
     png.write(tmp_path / "a.png", large)
     png.write(tmp_path / "b.png", large.astype(np.uint16) * 257)
@@ -176,7 +178,7 @@ def test_masks_lie_where_the_picture_shows_things(size):
     picture = np.full((height, width), 60, np.uint8)
     picture[round(0.4 * height) : round(0.7 * height), round(0.2 * width) : round(0.5 * width)] = 250
     for widths in ((640,), (320, 480)):
-        seen = surest(probabilities(bright_cells, picture, widths, size))
+        seen = class_mask([(bright_cells, widths)], picture, size)
         assert seen.shape == picture.shape
         rows, columns = np.nonzero(seen == ROCK)
         found = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]) / [*size, *size]
