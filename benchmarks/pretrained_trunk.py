@@ -10,6 +10,10 @@ does: by the stage's own functions with the options of `config/covers.yaml`, on 
 `snakemake real --configfile config/covers.yaml`. `--fold` trains one fold alone, on another machine if need be;
 without it, all folds are scored, and trained before where they are not. `--trunk compact` trains compact itself from
 random weights. `--seconds` measures CPU seconds a picture of both networks.
+
+Last figures (AMD EPYC, Zen 4, one thread of a busy machine): 0.030 CPU seconds a picture for compact in bfloat16, 0.340
+for the pretrained trunk in float32. Rocks of cover photos 0.717 [0.604, 0.819] where compact has 0.776 [0.677, 0.849]
+(`docs/notes/detect.md`).
 """
 
 from __future__ import annotations
