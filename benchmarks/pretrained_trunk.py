@@ -170,7 +170,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=Path, nargs="?", default=Path("results/covers"))
     parser.add_argument("out", type=Path, nargs="?", default=Path("results/pretrained"))
-    parser.add_argument("--epochs", type=int, default=6, help="on scenes; as many as the stage's")
+    parser.add_argument("--epochs", type=int, help="on scenes; as many as the stage's where none are given")
     parser.add_argument("--trunk", choices=list(TRUNKS), default=TRUNK)
     parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto")
     parser.add_argument("--threads", type=int, default=2)
@@ -189,7 +189,8 @@ def main() -> None:
     with patch.object(weights, "Compact", TRUNKS[given.trunk]):
         for fold in folds:
             folder = given.run / "covers" / "folds" / fold
-            train_fold(config, folder, given.out, given.epochs, given.device, given.threads)
+            epochs = given.epochs or config.detect.training.epochs
+            train_fold(config, folder, given.out, epochs, given.device, given.threads)
         for trained in () if given.fold else (RENDERED, FINE_TUNED):
             score(config, given.run, given.out, given.trunk, folds, trained, given.threads)
 

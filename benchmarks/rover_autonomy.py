@@ -46,7 +46,7 @@ CONFIG = Path(__file__).parents[1] / "config"
 
 def driven(asked: argparse.Namespace, options: AutonomyOptions) -> Iterator[Case]:
     """All drives that are there or that there is time for, some at a time."""
-    every = list(cases(options, list(asked.weights)))
+    every = cases(options, list(asked.weights))
     end = time.monotonic() + 60 * asked.minutes  # of a clock that processes share
     with ProcessPoolExecutor(asked.jobs) as pool:
         there = pool.map(_is_driven, every, repeat(asked), repeat(options), repeat(end))

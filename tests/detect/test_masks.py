@@ -145,9 +145,8 @@ def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_pat
 def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(weights, tmp_path, monkeypatch):
     picture, mask, boxes = scene(np.random.default_rng(5))
     found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
-    monkeypatch.setattr(
-        "polarsim.detect.find.detect", lambda *_: iter([found])
-    )  # this small a training finds few boxes
+    # This small a training finds few boxes.
+    monkeypatch.setattr("polarsim.detect.find.detect", lambda *_: iter([found]))
     large = cv2.resize(picture, (150, 94), interpolation=cv2.INTER_LINEAR)
     png.write(tmp_path / "a.png", large)
     png.write(tmp_path / "b.png", large.astype(np.uint16) * 257)
