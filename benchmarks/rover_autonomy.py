@@ -12,7 +12,8 @@ A folder a drive, as the rule `drive_alone` makes it, a row printed each, `--job
 Drives that are there are kept, so a call that ran out of its minutes goes on with the next; all of a seed come before
 the next seed's, so what is there compares. At the end tables and figures of all drives that are there, as the rules of
 `rover_autonomy` make them, in `OUT/tables` and `OUT/figures`. `--detect` names the tables of the run that trained the
-detectors: the gap that they are ranked by.
+detectors: the gap that they are ranked by. `OUT/drives.csv` has a row a drive; `--known` takes such files of other
+machines: their drives are not made again, and show in tables, not in figures of single drives.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from polarsim.formats.schemas import EVERY_AUTONOMY
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
 from polarsim.report.figures.autonomy import draw_autonomy
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
-from polarsim.rover.autonomy.cases import DETECTING, Case, cases
+from polarsim.rover.autonomy.cases import AXES, DETECTING, Case, cases
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.rank import rank_detectors
 from polarsim.rover.autonomy.table import drive_case, summarise_autonomy
@@ -42,6 +43,7 @@ from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
 CONFIG = Path(__file__).parents[1] / "config"
+DRIVE = [*AXES, "seed", "ended"]  # what a row of drives.csv begins with
 
 
 def driven(asked: argparse.Namespace, options: AutonomyOptions) -> Iterator[Case]:
@@ -73,6 +75,24 @@ def _is_driven(case: Case, asked: argparse.Namespace, options: AutonomyOptions, 
     return True
 
 
+def take_over(known: Path, drives: Path) -> None:
+    """Write the figures of drives that another machine made, by its `drives.csv`, where they are not there yet."""
+    for _, row in pd.read_csv(known, dtype=dict.fromkeys(AXES, str)).iterrows():
+        file = drives / Case(row["mode"], row["seed"], *row[list(AXES[1:])]).name / "figures.parquet"
+        if not file.exists():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            own = row.drop(DRIVE).dropna().rename("value").rename_axis("named").reset_index().assign(**row[DRIVE])
+            own[["metric", "unit"]] = own["named"].str.extract(r"(.+) \[(.*)\]")
+            tables.write_parquet(file, own[list(EVERY_AUTONOMY.columns)].astype(EVERY_AUTONOMY.dtypes))
+
+
+def write_rows(files: list[Path], file: Path) -> None:
+    """A row a drive, a column a metric with its unit."""
+    every = pd.concat([tables.read_parquet(path, EVERY_AUTONOMY.columns) for path in files])
+    named = every.assign(metric=every["metric"] + " [" + every["unit"] + "]")
+    named.pivot_table("value", DRIVE, "metric", sort=False).reset_index().to_csv(file, index=False, float_format="%.5g")
+
+
 def row_of(case: Case, own: pd.DataFrame) -> str:
     value = own.set_index("metric")["value"]
     return (
@@ -90,11 +110,13 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
     each, together, effects = (rover / f"{name}.parquet" for name in ("every_autonomy", "autonomy", "autonomy_effects"))
     files = [folder / "figures.parquet" for folder in folders]
     summarise_autonomy(drives=files, each=each, together=together, effects=effects)
+    write_rows(files, asked.out / "drives.csv")
     stems = {"stem": shown / "rover_autonomy", "effects_stem": shown / "rover_autonomy_effects"}
     tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
-    figures = {"figure": drawn / "rover_autonomy.png", "ways": drawn / "rover_ways.png"}
-    draw_autonomy(folders=folders, together=together, **figures, origin=origin)
-    draw_autonomy_maps(folders=folders, figure=drawn / "rover_maps.png", origin=origin)
+    if whole := [folder for folder in folders if (folder / "trace.parquet").exists()]:
+        figures = {"figure": drawn / "rover_autonomy.png", "ways": drawn / "rover_ways.png"}
+        draw_autonomy(folders=whole, together=together, **figures, origin=origin)
+        draw_autonomy_maps(folders=whole, figure=drawn / "rover_maps.png", origin=origin)
     print((shown / "rover_autonomy.md").read_text(), (shown / "rover_autonomy_effects.md").read_text(), sep="\n")
     if any(case.mode in DETECTING for case in found):
         ranked = {"by_detector": rover / "autonomy_detectors.parquet", "ranks": rover / "autonomy_rank.parquet"}
@@ -131,6 +153,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--ahead", type=float, default=3.0, help="metres before the first terrain and behind the last")
     parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
     parser.add_argument("--jobs", type=int, default=1, help="drives at a time, each on one core")
+    parser.add_argument("--known", type=Path, nargs="+", default=[], help="files drives.csv of other machines")
     parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
     asked = parser.parse_args()
     asked.weights = dict(asked.weights)
@@ -151,6 +174,8 @@ def main() -> None:
             "longest_s": 80 * len(asked.terrains),  # a terrain takes half a minute without stops
         }
     )
+    for known in asked.known:
+        take_over(known, asked.out / "drives")
     found = list(driven(asked, options))
     told = hashlib.sha256(f"{asked.terrains} {options.model_dump_json()}".encode()).hexdigest()[:12]
     if found:
