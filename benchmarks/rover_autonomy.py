@@ -171,7 +171,7 @@ def main() -> None:
             "seeds": range(asked.seeds),
             "models": asked.models or [asked.pair[1]],
             "ahead_m": asked.ahead,
-            "longest_s": 80 * len(asked.terrains),  # a terrain takes half a minute without stops
+            "longest_s": max(160, 80 * len(asked.terrains)),  # a terrain takes half a minute without stops
         }
     )
     for known in asked.known:
