@@ -1,0 +1,27 @@
+"""Drives of other machines, as the benchmark of autonomy takes them over."""
+
+import pandas as pd
+
+from benchmarks.rover_autonomy import take_over, write_rows
+from polarsim.formats import tables
+from polarsim.formats.schemas import EVERY_AUTONOMY
+from polarsim.rover.autonomy.cases import Case
+
+
+def test_rows_of_drives_come_back_as_their_figures(tmp_path):
+    detecting = Case("detector", 3, "1", "0064", "off", "hapke", "analog-seed0")
+    cases = {detecting: [("collisions", "", 2.0), ("rock map", "points of 300", 64.28)], Case("blind", 3): []}
+    files = []
+    for case, metrics in cases.items():
+        named = {**case.axes, "seed": case.seed, "ended": "finished"}
+        rows = [{**named, "metric": name, "unit": unit, "value": value} for name, unit, value in metrics]
+        rows.append({**named, "metric": "path", "unit": "m", "value": 9.5})
+        files.append(tmp_path / "made" / case.name / "figures.parquet")
+        files[-1].parent.mkdir(parents=True)
+        tables.write_parquet(files[-1], pd.DataFrame(rows, columns=list(EVERY_AUTONOMY.columns)))
+    write_rows(files, tmp_path / "drives.csv")
+    take_over(tmp_path / "drives.csv", tmp_path / "taken")
+    for file in files:
+        taken = tables.read_parquet(tmp_path / "taken" / file.relative_to(tmp_path / "made"), EVERY_AUTONOMY.columns)
+        own = tables.read_parquet(file, EVERY_AUTONOMY.columns)
+        pd.testing.assert_frame_equal(*(each.sort_values("metric", ignore_index=True) for each in (own, taken)))
