@@ -96,7 +96,7 @@ def main() -> None:
 
 
 def told(table: pd.DataFrame) -> dict[str, str]:
-    """The figures of labels, of labels that stand out and of the detector, with intervals where there are any."""
+    """The figures of labels, of labels that stand out and of the detector, with intervals."""
     rows = table[(table["exposure_ms"] > 0) & table["metric"].isin(METRICS)]
     names = rows["source"] + ": " + rows["metric"]
     figures = [f"{value:.3f} [{low:.3f}, {high:.3f}]" for value, low, high in rows[["value", "low", "high"]].to_numpy()]
