@@ -153,7 +153,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--ahead", type=float, default=3.0, help="metres before the first terrain and behind the last")
     parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
     parser.add_argument("--jobs", type=int, default=1, help="drives at a time, each on one core")
-    parser.add_argument("--known", type=Path, nargs="+", default=[], help="files drives.csv of other machines")
+    parser.add_argument("--known", type=Path, nargs="+", default=[], help="drives.csv of others, same terrains")
     parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
     asked = parser.parse_args()
     asked.weights = dict(asked.weights)

@@ -20,6 +20,11 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from polarsim.formats.schemas import FINE_TUNED
+from polarsim.report.seeds import with_interval
+from polarsim.rover.vehicle.mounts import FRONT
+
+CONFIG = Path(__file__).parents[1] / "config"
 RESULTS = Path("results")
 SEEDS = (0, 1)
 TRAINED_SUNS, TESTED_SUNS = ("1", "3"), ("1", "2", "3", "4")
@@ -27,29 +32,18 @@ LOOK_PX = 960  # as packaged_rover looks: a picture's whole width
 METRICS = ("rock cell F1", "false stops per 100 m")
 
 
-def configuration(run: str, terrains: list[int], suns: tuple[str, ...], root: str) -> dict[str, Any]:
+def configuration(run: str, terrains: list[int], suns: tuple[str, ...]) -> dict[str, Any]:
     """A run that drives over terrains of the release, front camera at half size."""
-    return {
-        "run": run,
-        "terrains": terrains,
-        "positions": ["A", "B", "C"],
-        "source": {"kind": "release", "root": root},
-        "labels": {"seeds": {"light": "off", "camera": "L", "exposure": "best"}},
-        "rover": {
-            "run": True,
-            "bags": False,
-            "seeds": list(SEEDS),
-            "world": {"terrains": terrains},
-            "drive": {"picture_hz": 2},
-            "cameras": {
-                "views": ["front_end_cam"],
-                "suns": list(suns),
-                "models": ["hapke"],
-                "exposures_ms": [256],
-                "scale": 0.5,
-            },
-        },
+    content = yaml.safe_load((CONFIG / "rover_release.yaml").read_text()) | {"run": run, "terrains": terrains}
+    cameras = {"views": [FRONT], "suns": list(suns), "models": ["hapke"], "exposures_ms": [256], "scale": 0.5}
+    content["rover"] |= {
+        "bags": False,
+        "seeds": list(SEEDS),
+        "world": {"terrains": terrains},
+        "drive": {"picture_hz": 2},
+        "cameras": cameras,
     }
+    return content
 
 
 def make(chosen: dict[str, Any], targets: list[str], cores: int) -> None:
@@ -69,23 +63,22 @@ def drives_of(fold: str) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("covers", type=Path, help="folder of a finished run of `snakemake real`")
-    parser.add_argument("--root", default="data/polar-sim", help="folder of the release, or POLAR_SIM_ROOT")
     parser.add_argument("--cores", type=int, default=2)
     asked = parser.parse_args()
     detectors = {
         path.parents[2].name: path
-        for path in sorted(asked.covers.glob("covers/folds/*/seed0/fine_tuned/detector.pt"))
+        for path in sorted(asked.covers.glob(f"covers/folds/*/seed0/{FINE_TUNED}/detector.pt"))
         if re.fullmatch(r"\d\d(_\d\d)*", path.parents[2].name)
     }
     if len(detectors) < 2:
         raise SystemExit(f"{asked.covers}: expected detectors of two folds or more in covers/folds")
     terrains = {fold: [int(terrain) for terrain in fold.split("_")] for fold in detectors}
     for fold in detectors:
-        chosen = configuration(f"drives_{fold}", terrains[fold], TRAINED_SUNS, asked.root)
-        make(chosen, [f"{drive}/front_end_cam/poses.parquet" for drive in drives_of(fold)], asked.cores)
+        chosen = configuration(f"drives_{fold}", terrains[fold], TRAINED_SUNS)
+        make(chosen, [f"{drive}/{FRONT}/poses.parquet" for drive in drives_of(fold)], asked.cores)
     rows = {}
     for fold, weights in detectors.items():
-        chosen = configuration(f"onboard_{fold}", terrains[fold], TESTED_SUNS, asked.root)
+        chosen = configuration(f"onboard_{fold}", terrains[fold], TESTED_SUNS)
         chosen["rover"]["cameras"]["onboard"] = {"weights": str(weights), "prediction": {"widths": [LOOK_PX]}}
         others = [drive for other in detectors if other != fold for drive in drives_of(other)]
         chosen["rover"]["fine_tuning"] = {"drives": others}
@@ -98,9 +91,9 @@ def main() -> None:
 def told(table: pd.DataFrame) -> dict[str, str]:
     """The figures of labels, of labels that stand out and of the detector, with intervals."""
     rows = table[(table["exposure_ms"] > 0) & table["metric"].isin(METRICS)]
+    rows = rows.rename(columns={"low": "value_low", "high": "value_high"})
     names = rows["source"] + ": " + rows["metric"]
-    figures = [f"{value:.3f} [{low:.3f}, {high:.3f}]" for value, low, high in rows[["value", "low", "high"]].to_numpy()]
-    return dict(zip(names, figures, strict=True))
+    return dict(zip(names, [with_interval(row, "value") for _, row in rows.iterrows()], strict=True))
 
 
 if __name__ == "__main__":
