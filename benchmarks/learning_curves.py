@@ -100,7 +100,8 @@ def main() -> None:
     names = list(dict.fromkeys(name for name, _ in found))
     figure, axes = plt.subplots(figsize=(7, 4.5), layout="constrained")
     for (name, seed), curve in found.items():
-        colour, first = f"C{names.index(name)}", seed == min(one for other, one in found if other == name)
+        colour = plt.get_cmap("tab20").colors[names.index(name) % 20]
+        first = seed == min(one for other, one in found if other == name)
         style = {"marker": "os^D"[int(seed) % 4], "markersize": 3, "linewidth": 1, "linestyle": "-" if first else "--"}
         axes.plot(curve["cpu_min"], curve["val_map50"], color=colour, label=name if first else None, **style)
         values = " ".join(f"{value:.3f}" for value in curve["val_map50"])
