@@ -271,9 +271,9 @@ def _grey(pixels: np.ndarray) -> np.ndarray:
 
 
 def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
-    """As detectors see pictures: 8 bits as they are, 12 and 16 bits through the tone curve of training pictures."""
+    """As detectors see pictures: 8 bits brightened where underexposed, 12 and 16 through the tone curve of training."""
     if depth == np.uint8:
-        return pixels
+        return tone.brightened(pixels, PicturesOptions())
     light = pixels.astype(np.float32)
     if tone.bits_in_use(pixels, depth) == 16:  # black is 0
         light = BLACK_LEVEL + light * ((WHITE_LEVEL - BLACK_LEVEL) / np.iinfo(np.uint16).max)

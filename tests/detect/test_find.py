@@ -240,6 +240,22 @@ def test_eight_bits_are_shrunk_as_light_is(rng):
     np.testing.assert_allclose(resized(pixels, 112), tone.shrink(pixels, 112), atol=0.51)
 
 
+@pytest.mark.parametrize("darker", [4, 8])
+def test_rocks_of_an_underexposed_picture_are_found(darker, tmp_path):
+    """The packaged detector finds every lump in a quarter of the light, and in an eighth."""
+    cv2.imwrite(str(tmp_path / "dark.png"), lit_lumps() // darker)
+    options = prediction_options(["960"], [], "cpu")
+    found = find_in_pictures(
+        pictures=[tmp_path / "dark.png"], weights=[PACKAGED], out=tmp_path / "out", options=options, threads=1,
+        confidence=0.5,
+    )  # fmt: skip
+    rocks = found[found["kind"] == ROCK]
+    middles = np.column_stack([rocks["x0"] + rocks["x1"], rocks["y0"] + rocks["y1"]]) / 2
+    near = np.linalg.norm(middles[:, None] - CENTRES, axis=2).min(axis=0)
+    assert near.max() < 12
+    assert cv2.imread(str(tmp_path / "out" / "pictures" / "dark.jpg"), 0).max() > 200  # drawn as it was seen
+
+
 def test_a_picture_that_cannot_be_drawn_is_an_error_and_leaves_nothing(weights, block_finder, tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")

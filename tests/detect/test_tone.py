@@ -4,7 +4,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.options import PicturesOptions
-from polarsim.detect.tone import bits_in_use, shrink, to_8_bits
+from polarsim.detect.tone import bits_in_use, brightened, shrink, to_8_bits
 from polarsim.errors import DetectError
 
 RAMP = np.linspace(16, 4095, 4080).round().astype(np.uint16)[None].repeat(4, axis=0)
@@ -78,3 +78,11 @@ def test_a_picture_has_as_many_bits_as_its_brightest_pixel_asks_for(kind, most, 
     picture = np.array([[0, most]], kind)
     assert bits_in_use(picture, picture.dtype) == bits
     assert bits_in_use(picture[:, :0], picture.dtype) in (8, 12)
+
+
+def test_underexposed_pictures_of_eight_bits_become_as_bright_as_others():
+    ramp = np.tile(np.arange(256, dtype=np.uint8), (64, 1))
+    np.testing.assert_array_equal(brightened(ramp, PicturesOptions()), ramp)
+    np.testing.assert_allclose(brightened(ramp // 4, PicturesOptions()), ramp, atol=5)
+    assert brightened(ramp // 64, PicturesOptions()).max() == 8 * 3  # what is that dark is noise
+    assert not brightened(np.zeros((8, 8), np.uint8), PicturesOptions()).any()
