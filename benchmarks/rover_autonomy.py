@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import math
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -95,9 +96,10 @@ def write_rows(files: list[Path], file: Path) -> None:
 
 def row_of(case: Case, own: pd.DataFrame) -> str:
     value = own.set_index("metric")["value"]
+    closest = value.get("closest pass of a rock above 10 cm", math.nan)  # a drive may never be near one
     return (
         f"{case.name}: {own['ended'].iloc[0]} after {value['time']:.1f} s, {value['collisions']:.0f} collisions, "
-        f"closest {value['closest pass of a rock above 10 cm']:.3f} m, "
+        f"closest {closest:.3f} m, "
         f"{value['CPU for a second driven'] * value['time']:.0f} s of CPU, "
         f"{value['CPU for a second driven']:.2f} a second"
     )

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from benchmarks.rover_autonomy import take_over, write_rows
+from benchmarks.rover_autonomy import row_of, take_over, write_rows
 from polarsim.formats import tables
 from polarsim.formats.schemas import EVERY_AUTONOMY
 from polarsim.rover.autonomy.cases import Case
@@ -25,3 +25,11 @@ def test_rows_of_drives_come_back_as_their_figures(tmp_path):
         taken = tables.read_parquet(tmp_path / "taken" / file.relative_to(tmp_path / "made"), EVERY_AUTONOMY.columns)
         own = tables.read_parquet(file, EVERY_AUTONOMY.columns)
         pd.testing.assert_frame_equal(*(each.sort_values("metric", ignore_index=True) for each in (own, taken)))
+
+
+def test_a_drive_that_was_near_no_rock_has_a_line_too():
+    own = pd.DataFrame(
+        [("finished", "time", 9.0), ("finished", "collisions", 0.0), ("finished", "CPU for a second driven", 0.5)],
+        columns=["ended", "metric", "value"],
+    )
+    assert "closest nan m" in row_of(Case("blind", 3), own)
