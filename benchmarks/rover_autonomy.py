@@ -30,9 +30,9 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats import tables
-from polarsim.formats.schemas import EVERY_AUTONOMY
+from polarsim.formats.schemas import AUTONOMY, EVERY_AUTONOMY
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
-from polarsim.report.figures.autonomy import draw_autonomy
+from polarsim.report.figures.autonomy import draw_modes, draw_ways
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.rover.autonomy.cases import AXES, DETECTING, Case, cases
 from polarsim.rover.autonomy.options import AutonomyOptions
@@ -115,9 +115,9 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
     write_rows(files, asked.out / "drives.csv")
     stems = {"stem": shown / "rover_autonomy", "effects_stem": shown / "rover_autonomy_effects"}
     tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
+    draw_modes(tables.read_parquet(together, AUTONOMY.columns), drawn / "rover_autonomy.png", origin)
     if whole := [folder for folder in folders if (folder / "trace.parquet").exists()]:
-        figures = {"figure": drawn / "rover_autonomy.png", "ways": drawn / "rover_ways.png"}
-        draw_autonomy(folders=whole, together=together, **figures, origin=origin)
+        draw_ways(whole, drawn / "rover_ways.png", origin)
         draw_autonomy_maps(folders=whole, figure=drawn / "rover_maps.png", origin=origin)
     print((shown / "rover_autonomy.md").read_text(), (shown / "rover_autonomy_effects.md").read_text(), sep="\n")
     if any(case.mode in DETECTING for case in found):
