@@ -24,7 +24,7 @@ import pandas as pd
 from polarsim.covers.scores import cover_figures
 from polarsim.detect.find import read_any
 from polarsim.formats.schemas import FINE_TUNED
-from polarsim.photo import BOX_CLASSES, ROCK
+from polarsim.photo import ROCK
 from polarsim.report.seeds import with_interval
 
 RESAMPLES = 500
@@ -102,7 +102,7 @@ def figures(covers: Path, name: str, seeds: list[int]) -> dict[str, str]:
     scored = cover_figures(
         pd.read_parquet(covers / "labels.parquet"), tables, [p.stem for p in photos], seed=0, resamples=RESAMPLES
     )
-    return {row["kind"]: with_interval(row, "map50") for _, row in scored.iterrows() if row["kind"] in BOX_CLASSES}
+    return {row["kind"]: with_interval(row, "map50") for _, row in scored.iterrows()}
 
 
 def main() -> None:
