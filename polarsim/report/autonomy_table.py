@@ -17,7 +17,7 @@ CAPTION = (
 )
 EFFECTS_CAPTION = (
     "What drives are like under each Sun, with each exposure, with lights off and on, in each model, by each detector, "
-    "over all else; in brackets: against the mean of the others, by the same seeds."
+    "over all else that was driven at every level; in brackets: against the mean of the others, by the same seeds."
 )
 RANK_CAPTION = "Does a detector with a smaller gap drive better? Rank correlations over detectors."
 DETECTORS_CAPTION = "Detectors that drove, means over their drives."
@@ -26,7 +26,8 @@ RANK_NOTES = (
     "Coefficients above 0: the detector with the smaller IPD, the larger mAP@0.5 of rocks or the larger F1 of rock "
     "cells of its own maps has fewer collisions, more successes or more points of the rock map.",
     "Intervals: 95 %, bootstrapped over `units`: seeds, or Suns with exposures and lights where one seed drove, the "
-    "same for all detectors. p of Kendall's coefficient is of chance orders of the detectors.",
+    "same for all detectors. Only drives in light and with seeds that all detectors of a mode drove count. p of "
+    "Kendall's coefficient is of chance orders of the detectors.",
     "Fewer than 5 detectors: nothing is claimed. Else `better` or `worse` where the interval of Kendall's coefficient "
     "leaves out 0 and p is below 0.05, not corrected for the number of rows.",
 )
@@ -138,5 +139,5 @@ def _interval_text(value: float, low: float, high: float, sign: str = "") -> str
     if value != value:
         return MISSING
     digits = 0 if max(abs(value), abs(high) if high == high else 0) >= 100 else 2
-    text = f"{value:{sign}.{digits}f}"
-    return f"{text} [{low:{sign}.{digits}f}, {high:{sign}.{digits}f}]" if low == low else text
+    text = f"{value:{sign}z.{digits}f}"  # z: no minus before a 0
+    return f"{text} [{low:{sign}z.{digits}f}, {high:{sign}z.{digits}f}]" if low == low else text

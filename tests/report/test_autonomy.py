@@ -46,6 +46,14 @@ def test_models_have_kinds_of_their_own_where_there_are_several():
     assert own["kind"].tolist() == ["stereo, a", "stereo, b", "both"]
 
 
+def test_detectors_that_did_not_all_drive_alike_are_not_averaged():
+    """Only b drove with lights on: beside that stands b with lights off, not the mean of a and b."""
+    lights = [("off", "a", 1.0), ("off", "b", 3.0), ("off", "all", 2.0), ("on", "b", 4.0), ("on", "all", 4.0)]
+    found = [drive("detector", "1", "0256", lit, name, value) for lit, name, value in lights]
+    own = kinds_of(pd.DataFrame(found, columns=list(AUTONOMY.columns)))
+    assert dict(zip(own["kind"], own["value"], strict=True)) == {"detector": 3.0, "detector, lit": 4.0}
+
+
 def test_the_figure_is_grey_all_over(table, tmp_path):
     draw_modes(table, tmp_path / "modes.png", ORIGIN, width=400)
     pixels = np.asarray(Image.open(tmp_path / "modes.png").convert("RGB")).astype(int)

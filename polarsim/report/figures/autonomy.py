@@ -17,6 +17,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.report.figures.autonomy_names import ANY, MODES, exposure_title, sun_title
 from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
 
+ALL = "all"  # Suns, exposures and detectors together
 PRINTED_PX = 1400
 SHOWN = {  # the first that the table has, as a panel's title says it
     "collisions": "Rocks above 10 cm hit, a drive",
@@ -78,7 +79,7 @@ def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width:
                 axis.axvline(edge, color=LINE, linewidth=0.6, zorder=0)
         axes[-1].set_xticks([(low + high) / 2 for low, high in pairwise(edges)], labels, fontsize="small")
         axes[-1].set_xlim(edges[0], edges[-1])
-        axes[-1].set_xlabel(f"what the rover goes by (source {origin['source']})")
+        axes[-1].set_xlabel(f"what the rover goes by ({_told(own, origin)})")
         _draw_legend(sheet, looks)
 
 
@@ -102,17 +103,26 @@ def placed(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[str]]:
 
 
 def kinds_of(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of single Suns and exposures with their `kind`: mode, lights and model where there are several of these.
-
-    Of several detectors all together.
-    """
-    several = set(table.loc[table["detector"] == "all", "mode"])
-    own = table[(table["sun"] != "all") & ((table["detector"] == "all") | ~table["mode"].isin(several))]
+    """Rows of single Suns and exposures with their `kind`: mode, lights and model where there are several of these."""
+    own = table[(table["sun"] != ALL) & (table["detector"] == table["mode"].map(compared_detectors(table)))]
     both, models = (own.groupby("mode")[axis].transform("nunique") > 1 for axis in ("lights", "model"))
     kind = own["mode"].where(~both | (own["lights"] == "off"), own["mode"] + ", lit")
     kind = kind.where(~models, kind + ", " + own["model"])
     order = kind.map(lambda name: (MODES.index(name.split(",")[0]), name))
     return own.assign(kind=kind).loc[order.sort_values(kind="stable").index]
+
+
+def compared_detectors(table: pd.DataFrame) -> dict[str, str]:
+    """Of each mode the detector whose drives are shown, so that kinds compare: `all` of several, if these drove alike.
+
+    Where one drove in light, by lights or in a model in which others did not, it is the first that drove in all.
+    """
+    found = {}
+    for mode, own in table[table["detector"] != ALL].groupby("mode"):
+        names = own.groupby(["sun", "exposure", "lights", "model"])["detector"].agg(set)
+        every, common = set.union(*names), set.intersection(*names)
+        found[str(mode)] = ALL if len(every) > 1 and common in (every, set()) else min(common)
+    return found
 
 
 def _draw_panel(axis: Any, part: pd.DataFrame, looks: Looks, from_zero: bool) -> None:
@@ -128,6 +138,12 @@ def _draw_panel(axis: Any, part: pd.DataFrame, looks: Looks, from_zero: bool) ->
         axis.set_ylim(
             low - 0.05 * abs(high), high + 0.05 * abs(high)
         )  # what hardly differs shall not look as if it did
+
+
+def _told(own: pd.DataFrame, origin: dict[str, str]) -> str:
+    """Where the drives come from, and by which detector they are where only some are shown."""
+    names = sorted(set(own["detector"]) - {ANY, ALL})
+    return ", ".join([f"source {origin['source']}", *(f"detector {name}" for name in names)])
 
 
 def _draw_legend(sheet: Any, looks: Looks) -> None:

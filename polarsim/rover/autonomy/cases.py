@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from itertools import product
 from typing import cast
 
+import pandas as pd
+
 from polarsim.render.options import Model
 from polarsim.rover.autonomy.options import AUTO, ON, AutonomyOptions, Mode
 
@@ -78,3 +80,14 @@ def parsed(name: str) -> Case:
     head, _, seed = name.rpartition("_seed")
     mode, *axes = head.split("_", len(AXES) - 1)
     return Case(mode, int(seed), *axes)  # type: ignore[arg-type]
+
+
+def matched(drives: pd.DataFrame, axis: str) -> pd.DataFrame:
+    """Rows of drives that were made at every level of an axis, all else alike; columns: some of `AXES`, and `seed`.
+
+    So levels are compared over the same Suns, exposures, lights, models, detectors and seeds, also where not every
+    combination was driven.
+    """
+    alike = [name for name in (*AXES, "seed") if name != axis and name in drives]
+    levels = drives.groupby(alike)[axis].transform("nunique")
+    return drives[levels == drives[axis].nunique()]

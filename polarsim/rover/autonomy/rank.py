@@ -13,7 +13,7 @@ from polarsim.errors import RoverError
 from polarsim.formats import tables
 from polarsim.formats.schemas import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
 from polarsim.photo import ROCK
-from polarsim.rover.autonomy.cases import DETECTING
+from polarsim.rover.autonomy.cases import DETECTING, matched
 
 ENOUGH = 5  # detectors: of fewer no order says anything, for even Kendall's p is 0.08 at best
 SURE = 0.05
@@ -66,11 +66,14 @@ def rank_detectors(
 
 
 def driven(every: pd.DataFrame, model: str) -> pd.DataFrame:
-    """A row a drive by a detector in a model: mode, detector, light, seed and the figures of `DRIVES`."""
+    """A row a drive by a detector in a model: mode, detector, light, seed and the figures of `DRIVES`.
+
+    Of a mode only lights and seeds that all its detectors drove: one that drove in easier light is no better.
+    """
     own = every[every["mode"].isin(DETECTING) & every["metric"].isin(_METRICS) & (every["model"] == model)]
     keys = ["mode", "detector", "sun", "exposure", "lights", "seed"]
     wide = own.pivot_table("value", keys, "metric").rename(columns=_METRICS).reset_index()
-    return wide.rename_axis(columns=None)
+    return wide.rename_axis(columns=None).groupby("mode", group_keys=False)[list(wide)].apply(matched, "detector")
 
 
 def gap_figures(detection: Path | None, ipd: Path | None, pair: tuple[str, str], split: str | None) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.detect.bootstrap import draws, interval
 from polarsim.formats import tables
 from polarsim.formats.schemas import AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
-from polarsim.rover.autonomy.cases import ANY, AXES, UNLIT, parsed
+from polarsim.rover.autonomy.cases import ANY, AXES, UNLIT, matched, parsed
 from polarsim.rover.autonomy.drive import drive, job_for, write
 from polarsim.rover.autonomy.measure import events, figures
 from polarsim.rover.autonomy.options import AutonomyOptions
@@ -122,7 +122,9 @@ def effects_of(every: pd.DataFrame) -> pd.DataFrame:
     """What drives are like at each level of an axis, over all levels of the others; `AUTONOMY_EFFECTS`.
 
     `change` is against the mean of the axis's other levels, by the same seeds, so what a seed's ground and start do
-    cancels. Seeds with fewer drives than others (a table not yet finished) are left out. Mode `all`: mean of modes.
+    cancels. Like is compared with like: only drives count that were made at every level (a detector that drove with
+    lights on where others did not says nothing of lights by those, nor of itself against them). Seeds with fewer of
+    these than others (a table not yet finished) are left out. Mode `all`: mean of modes.
     """
     seen = every[~every["mode"].isin(UNLIT)]
     rows = []
@@ -130,15 +132,16 @@ def effects_of(every: pd.DataFrame) -> pd.DataFrame:
         own = seen if mode == ALL else seen[seen["mode"] == mode]
         for axis in AXES[1:]:
             levelled = own[own[axis] != ANY]
-            if len(set(levelled[axis])) > 1 and (mode != ALL or len(set(levelled["mode"])) > 1):
-                rows += [(mode, axis, *row) for row in _effects_on(levelled, axis)]
+            alike = matched(levelled, axis)
+            if len(set(alike[axis])) > 1 and (mode != ALL or len(set(alike["mode"])) > 1):
+                rows += [(mode, axis, *row) for row in _effects_on(alike, axis)]
     return pd.DataFrame(rows, columns=list(AUTONOMY_EFFECTS.columns)).astype(AUTONOMY_EFFECTS.dtypes)
 
 
 def _effects_on(drives: pd.DataFrame, axis: str) -> list[tuple[object, ...]]:
     rows: list[tuple[object, ...]] = []
     for metric in AFFECTED:
-        own = drives[drives["metric"] == metric].dropna(subset="value")
+        own = matched(drives[drives["metric"] == metric].dropna(subset="value"), axis)
         if not len(own):
             continue
         count = own.groupby("seed").size()

@@ -103,3 +103,12 @@ def test_without_a_drive_by_a_detector_there_is_nothing_to_rank(tmp_path):
         rank_detectors(
             each=tmp_path / "every.parquet", by_detector=tmp_path / "by.parquet", ranks=tmp_path / "ranks.parquet"
         )
+
+
+def test_a_detector_that_drove_in_easier_light_is_not_ranked_by_it():
+    """With lights on, driven by one detector alone, nothing is hit."""
+    drives = every({name: [2.0, 2.0] for name in NAMES})
+    easy = every({NAMES[0]: [0.0, 0.0]}).assign(lights="on")
+    kept = driven(pd.concat([drives, easy]), "hapke")
+    assert len(kept) == 2 * len(NAMES)
+    assert set(kept["lights"]) == {"off"}

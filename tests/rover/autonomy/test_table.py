@@ -1,5 +1,7 @@
 """Tables of drives in which the rover decides: what drives there are, means over seeds, ratios to blind, effects."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -98,3 +100,21 @@ def test_an_effect_is_of_the_same_seeds_so_what_a_seed_does_cancels():
     assert table.loc[("all", "sun", "4"), "change"] == -2.0
     assert table.loc[("stereo", "exposure", "0064"), "change"] == 0
     assert set(table.index.get_level_values("axis")) == {"sun", "exposure"}  # one detector, lights off
+
+
+def test_an_effect_compares_drives_that_are_alike_but_for_it():
+    """One detector drove with lights on too, and it is the better one; exposures were driven with lights off alone."""
+    hits = {"good": 1.0, "bad": 5.0}
+    drives = [
+        seen("detector", "1", seed, hits[name] - (lit == "on"), "collisions", lights=lit, detector=name, exposure=ms)
+        for seed in (0, 1) for name, ms, lit in (
+            *product(hits, ("0064", "0256"), ("off",)), ("good", "0256", "on"),
+        )
+    ]  # fmt: skip
+    table = effects_of(rows(*drives)).set_index(["axis", "level"])
+    assert table.loc[("lights", "on"), ["value", "change"]].tolist() == [0.0, -1.0]
+    assert table.loc[("lights", "off"), "value"] == 1.0  # of the one that drove both ways
+    assert table.loc[("exposure", "0256"), ["value", "change"]].tolist() == [3.0, 0.0]
+    assert table.loc[("detector", "good"), ["value", "change"]].tolist() == [1.0, -4.0]
+    stereo = [seen("stereo", "1", seed, 0.0, "collisions") for seed in (0, 1)]  # in one light: has no effects
+    assert "all" not in set(effects_of(rows(*drives, *stereo))["mode"])
