@@ -61,6 +61,18 @@ def test_the_figure_is_grey_all_over(table, tmp_path):
     assert (pixels.min(axis=2) < 100).mean() > 0.01  # something is drawn
 
 
+def test_many_kinds_take_two_columns_of_print(tmp_path):
+    found = [
+        drive(mode, "1", "0256", lit, model=model)
+        for mode in ("detector", "stereo", "both") for lit in ("off", "on") for model in ("hapke", "principled")
+    ]  # fmt: skip
+    for kinds, width in ((8, 400), (9, 800)):
+        draw_modes(
+            pd.DataFrame(found[:kinds], columns=list(AUTONOMY.columns)), tmp_path / "modes.png", ORIGIN, width=400
+        )
+        assert Image.open(tmp_path / "modes.png").size == (width, 580)
+
+
 def test_what_was_not_measured_is_a_dash_and_intervals_stand_behind_their_value(table):
     row = format_autonomy(table).set_index(["mode", "sun", "detector"]).loc[("both", "1", "b")]
     assert row["collisions"] == "3.00 [2.50, 3.50]"

@@ -27,6 +27,7 @@ SHOWN = {  # the first that the table has, as a panel's title says it
 }
 INSTEAD = {"energy over the blind one's": ("energy", "Energy, J")}  # where nothing drove blind
 _SUNS = {"1": "o", "2": "s", "3": "^", "4": "D", "night": "v", ANY: "_"}
+_IN_A_COLUMN = 8  # kinds whose names a column of print holds
 _LEAST_ROOM = 10  # places: a name has room above
 _FROM_ZERO = {"Rocks above 10 cm hit, a drive", "Share of drives that succeed"}
 _MARK = {"linestyle": "", "markersize": 3.2, "markeredgewidth": 0.6}
@@ -60,13 +61,17 @@ def draw_autonomy(
 
 
 def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width: int = PRINTED_PX) -> None:
-    """A panel a figure, in it a mark for every kind of drive, Sun and exposure, with its interval over seeds."""
+    """A panel a figure, in it a mark for every kind of drive, Sun and exposure, with its interval over seeds.
+
+    For a column of print `width` wide, or two where there are many kinds.
+    """
     own = kinds_of(table)
     seen = own[own["sun"] != ANY]
     looks = Looks(sorted(set(seen["sun"])), sorted(set(seen["exposure"])))
     places, edges, labels = placed(own)
     own = own.assign(x=places)
-    with page(figure, width, round(width * 1.45), COLUMN_IN) as sheet:
+    columns = 1 if len(labels) <= _IN_A_COLUMN else 2
+    with page(figure, columns * width, round(width * 1.45), columns * COLUMN_IN) as sheet:
         axes = sheet.subplots(len(SHOWN), 1, sharex=True)
         for axis, (metric, title) in zip(axes, SHOWN.items(), strict=True):
             part = own[own["metric"] == metric]
@@ -79,8 +84,8 @@ def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width:
                 axis.axvline(edge, color=LINE, linewidth=0.6, zorder=0)
         axes[-1].set_xticks([(low + high) / 2 for low, high in pairwise(edges)], labels, fontsize="small")
         axes[-1].set_xlim(edges[0], edges[-1])
-        axes[-1].set_xlabel(f"what the rover goes by ({_told(own, origin)})")
-        _draw_legend(sheet, looks)
+        axes[-1].set_xlabel(f"what the rover goes by\n({_told(own, origin)})")
+        _draw_legend(sheet, looks, columns)
 
 
 def placed(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[str]]:
@@ -146,7 +151,7 @@ def _told(own: pd.DataFrame, origin: dict[str, str]) -> str:
     return ", ".join([f"source {origin['source']}", *(f"detector {name}" for name in names)])
 
 
-def _draw_legend(sheet: Any, looks: Looks) -> None:
+def _draw_legend(sheet: Any, looks: Looks, columns: int) -> None:
     """Suns by their shapes, exposures by their greys."""
     from matplotlib.patches import Patch
 
@@ -157,7 +162,12 @@ def _draw_legend(sheet: Any, looks: Looks) -> None:
         keys.append(Patch(facecolor=grey, edgecolor=INK, linewidth=0.6, label=exposure_title(exposure)))
     if keys:
         sheet.legend(
-            handles=keys, loc="outside lower center", ncols=4, columnspacing=1, handletextpad=0.4, handlelength=1
+            handles=keys,
+            loc="outside lower center",
+            ncols=columns * 4,
+            columnspacing=1,
+            handletextpad=0.4,
+            handlelength=1,
         )
 
 
