@@ -36,7 +36,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.sensor import expose, noise_of
 from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
-from polarsim.rover.autonomy.looks import look_of_boxes, look_of_depth, look_of_pixels
+from polarsim.rover.autonomy.looks import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
 from polarsim.rover.autonomy.options import AUTO, AutonomyOptions, Mode
 from polarsim.rover.cameras.lights import headlights
 from polarsim.rover.cameras.live_camera import LiveScene, auto_exposure_ms, light_of
@@ -53,7 +53,7 @@ T = TypeVar("T")
 _BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
 _NEAREST_M = 1.5  # depth that stereo looks for
 # Grey values of 255: what is darker, or more even over so many pixels, such as shadow, stereo matches with anything.
-_DARK, _EVEN, _EVEN_PX = 12, 1.5, 5
+_EVEN, _EVEN_PX = 1.5, 5
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,7 @@ class Eyes:
         self._small = mount_of(vehicle.camera(FRONT), options.scale * options.stereo_scale)
         self._round = [mount_of(vehicle.camera(name), options.around_scale) for name in (FRONT, *options.around)]
         self._scene = LiveScene(world, vehicle, path, light.model, _BESIDE_M)
+        self._render = self._scene.render.model_copy(update={"noise": options.noise})
         self._suns = (
             {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
         )
@@ -137,11 +138,13 @@ class Eyes:
         if self._detects:
             shown, found = self._timed("detector", lambda: self._found(*taken[0]))
             found = found[found[:, 4] >= self.onboard.confidence]
-            looks.append(self._timed("map", lambda: look_of_boxes(found[:, :4], found[:, 4], camera, ground, grid)))
+            lit = self._lit(taken[0][0])
+            boxes, sure = found[:, :4], found[:, 4]
+            looks.append(self._timed("map", lambda: look_of_boxes(boxes, sure, lit, camera, ground, grid)))
             found[:, :4] *= shown.shape[1] / camera.lens.width
         if self.pairs:
             pair = self._timed("stereo", lambda: self._pair(taken))
-            points = self._timed("stereo", lambda: self._points(pair, camera))
+            points = self._timed("stereo", lambda: self._points(pair, self._lit(self._small_picture(taken[0])), camera))
             looks.append(self._timed("map", lambda: look_of_depth(points, camera, grid)))
         return Glance(looks, camera, pair, pair[0] if pair and shown is None else shown, found)
 
@@ -155,7 +158,7 @@ class Eyes:
 
     def _picture(self, camera: Camera, lamps: dict[str, Lamp], which: int) -> tuple[np.ndarray, float]:
         """(h, w) 12-bit grey values, and their exposure, ms."""
-        model, render = self.light.model, self._scene.render
+        model, render = self.light.model, self._render
         light = light_of(self._scene.surfaces, camera, lamps, model, render)
         gain = render.gain.get(model, default_gain(model, render))
         exposure = self.light.exposure_ms
@@ -177,15 +180,21 @@ class Eyes:
 
     def _pair(self, taken: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, np.ndarray]:
         """Both pictures by one curve: matching compares their grey values."""
-        size = max(self.rectification.lens.width, self.rectification.lens.height)
-        both = np.stack([tone.shrink(grey, size) for grey, _ in taken])
+        both = np.stack([self._small_picture(one) for one in taken])
         left, right = tone.to_8_bits(both, PicturesOptions(tone="gamma"))
         return left, right
 
-    def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, camera: Camera) -> np.ndarray:
+    def _small_picture(self, taken: tuple[np.ndarray, float]) -> np.ndarray:
+        """The 12-bit picture as large as stereo matches it."""
+        return tone.shrink(taken[0], max(self.rectification.lens.width, self.rectification.lens.height))
+
+    def _lit(self, grey: np.ndarray) -> np.ndarray:
+        return lit_pixels(grey, self.options.map.least_grey)
+
+    def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, lit: np.ndarray, camera: Camera) -> np.ndarray:
         assert pair is not None
         options = StereoOptions(nearest_m=_NEAREST_M, farthest_m=2 * self.options.map.farthest_m)
-        depth = np.where(has_texture(pair[0]), match(*pair, self.rectification, options), np.nan)
+        depth = np.where(lit & has_texture(pair[0]), match(*pair, self.rectification, options), np.nan)
         left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
         points = left * depth[..., None]
         return camera.world_from_camera.apply(points.reshape(-1, 3))
@@ -210,10 +219,10 @@ class Eyes:
 
 
 def has_texture(grey: np.ndarray) -> np.ndarray:
-    """(h, w) bool of a picture (h, w) uint8: lit, and not all alike around."""
+    """(h, w) bool of a picture (h, w) uint8: not all alike around."""
     values = grey.astype(np.float32)
     mean, square = (ndimage.uniform_filter(some, _EVEN_PX) for some in (values, values**2))
-    return np.asarray((grey > _DARK) & (square - mean**2 > _EVEN**2))
+    return np.asarray(square - mean**2 > _EVEN**2)
 
 
 def right_of(camera: Camera, base_m: float) -> Camera:

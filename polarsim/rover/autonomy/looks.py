@@ -8,11 +8,13 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.geometry.camera import Camera
+from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.autonomy.hazard_grid import PARTS, HazardGrid, Look, of_parts
 from polarsim.rover.autonomy.options import MapOptions
 from polarsim.rover.onboard.ground_view import Heights, estimate
 
 _RIM_PX = 2.0  # boxes so near to the picture's rim are cut: what they show is not known
+_ABOUT_PX = 9  # over which light is averaged: noise of single pixels is no light
 _LEAST_SHARE = 0.5  # of a cell's points that must be in the picture
 _MOST_SURE = 0.95  # confidence of a detection that counts no more than this
 _POINTS = 12  # of depth in a cell, which say something of it
@@ -23,10 +25,13 @@ SURE = 1.0  # confidence of labels
 _STEREO_SURE = 0.4  # of stereo: a look that shows a rock counts about as much as one that shows none
 
 
-def look_of_boxes(boxes: np.ndarray, confidence: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:
-    """From rocks' boxes (n, 4) in a picture and their confidences (n,); ground in view without one is no rock.
+def look_of_boxes(
+    boxes: np.ndarray, confidence: np.ndarray, lit: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
+) -> Look:
+    """From rocks' boxes (n, 4) in a picture and their confidences (n,); lit ground in view without one is no rock.
 
-    A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts.
+    A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts. Of
+    pixels that are not `lit`, (h, w) bool, a picture without a box says nothing: a detector finds none in the dark.
     """
     options = grid.options
     x, y = (_parts(values, options.cell_m) for values in (grid.x, grid.y))
@@ -50,17 +55,25 @@ def look_of_boxes(boxes: np.ndarray, confidence: np.ndarray, camera: Camera, gro
         odds = np.where(own > height, _log_odds(float(sure)), odds)
         height = np.maximum(height, own)
         rise = np.maximum(rise, own * np.sqrt(np.maximum(1 - squared, 0)))
-    surface = np.where(inside, points[..., 2] + rise, np.nan)
-    full = [np.zeros(grid.surface.shape) for _ in range(4)] + [np.full(grid.surface.shape, np.nan)]
+    column, row = np.moveaxis(np.where(inside[..., None], pixel, 0).astype(int), -1, 0)
+    seen = inside & (lit[row, column] | (odds > 0))
+    surface = np.where(seen, points[..., 2] + rise, np.nan)
+    full = [np.zeros(grid.surface.shape) for _ in range(5)] + [np.full(grid.surface.shape, np.nan)]
     for into, values in zip(
-        full, (inside, np.where(inside, height, 0), np.where(inside, odds, 0), distance, surface), strict=True
+        full, (inside, seen, np.where(inside, height, 0), np.where(inside, odds, 0), distance, surface), strict=True
     ):
         into[rows, columns] = values
-    share, top, sure, far = (
-        of_parts(values, how) for values, how in zip(full[:4], ("mean", "max", "max", "max"), strict=True)
+    in_view, share, top, sure, far = (
+        of_parts(values, how) for values, how in zip(full[:5], ("mean", "mean", "max", "max", "max"), strict=True)
     )
-    weight = np.where(share >= _LEAST_SHARE, _weight(far, options), 0.0)
-    return Look(weight, sure, np.where(sure > 0, top, np.nan), full[4])
+    known = np.where(sure > 0, in_view, share) >= _LEAST_SHARE
+    return Look(np.where(known, _weight(far, options), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
+
+
+def lit_pixels(grey: np.ndarray, least: float) -> np.ndarray:
+    """(h, w) bool: pixels of a 12-bit picture (h, w) about which so many grey values over the black level are seen."""
+    above = grey.astype(np.float32) - BLACK_LEVEL
+    return np.asarray(ndimage.uniform_filter(above, _ABOUT_PX) >= least)
 
 
 def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:

@@ -32,6 +32,12 @@ class MapOptions(BaseModel, extra="forbid", frozen=True):
     stereo_rock_m: PositiveFloat = Field(
         0.05, description="Stereo takes a cell for rock where it stands this high above the ground around, m."
     )
+    least_grey: float = Field(
+        12.0,
+        ge=0,
+        description="What has fewer grey values over the black level (of 4,095) was not seen: there no find of a "
+        "detector does not mean free ground, and stereo has no depth.",
+    )
     hazard_m: PositiveFloat = Field(0.07, description="Rocks that are taken for this high or more are hazards, m.")
     fill_m: float = Field(
         0.6,
@@ -93,6 +99,7 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     models: tuple[Model, ...] = Field(
         ("hapke",), min_length=1, description="It drives with pictures in each of these reflectance models."
     )
+    noise: bool = Field(True, description="Pictures have shot and read noise.")
     scale: float = Field(0.5, gt=0, le=1, description="Pictures have this size over that of the camera.")
     around: tuple[str, ...] = Field(
         ("ncl", "acl", "hfp", "hfs", "hap", "has"),

@@ -30,6 +30,7 @@ _BEND_COST = 0.05  # m, of every bend
 _GREED = 2.5  # a metre nearer to the goal is worth so many of the path
 _TURNED_COST = 0.4  # m, of a radian away from the goal at the path's end
 _LEAST_GAIN = 2.0  # m nearer to the goal, or there: less is a blind alley, no path
+_MOST_UNSEEN = 0.5  # of the wheels at a path's end
 _THERE_M = 0.4  # of the goal
 _LEAVING_M = 1.0  # from where the rover stands: there a path may be as near to hazards as it already is
 _EDGE_M = 0.25  # of the world, that wheels keep off beside their gap
@@ -183,7 +184,8 @@ class Planner:
     def plan(self, field: Field, x: float, y: float, heading: float, goal: np.ndarray) -> np.ndarray | None:
         """Places (n, 3) x, y, heading from here towards the goal (2,), in the world; None: there is no path.
 
-        Where the rover stands it can leave, see `free`.
+        Where the rover stands it can leave, see `free`. Paths may lead over ground never seen, at a cost, and end where
+        half of the wheels or more stand on ground that was: who sees nothing stops.
         """
         least = self.least_room(field, np.array([x, y, heading]))
         number = np.arange(np.prod(self._shape)).reshape(self._shape)
@@ -212,7 +214,8 @@ class Planner:
         )
         here = int(number[0, len(self._rows) // 2, 3])
         distance, before = csgraph.dijkstra(graph, indices=np.array(here), return_predecessors=True)
-        best = self._best(distance.reshape(self._shape), x, y, heading, goal)
+        distance = np.where(self._ends_unseen(field, x, y, heading), np.inf, distance.reshape(self._shape))
+        best = self._best(distance, x, y, heading, goal)
         return None if best is None else self._path(best, here, before, x, y, heading)
 
     def _points(self, places: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,6 +237,13 @@ class Planner:
         bend = _BEND_COST * (edge.start != edge.end)
         free = np.asarray((clearance > np.where(near, least, 0.0)).all(axis=-1))
         return edge.length * (1 + nearness + options.unseen_cost * unseen) + bend, free
+
+    def _ends_unseen(self, field: Field, x: float, y: float, heading: float) -> np.ndarray:
+        """Of every node (headings, rows, columns) whether more than half of the wheels stand on ground never seen."""
+        cos, sin = math.cos(heading), math.sin(heading)
+        angle, v, u = np.meshgrid(angles(), STEP * self._rows, STEP * self._columns, indexing="ij")
+        places = np.stack([x + cos * u - sin * v, y + sin * u + cos * v, heading + angle], axis=-1)
+        return np.asarray(field.at(field.unseen, *self._points(places, self.wheels)).mean(axis=-1) > _MOST_UNSEEN)
 
     def _best(self, distance: np.ndarray, x: float, y: float, heading: float, goal: np.ndarray) -> int | None:
         cos, sin = math.cos(heading), math.sin(heading)

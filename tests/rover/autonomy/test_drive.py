@@ -137,12 +137,13 @@ def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):
     ride = Ride(autonomous_job(job, OPTIONS))
     ride.go_on(0.1)
     state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
+    clean = OPTIONS.model_copy(update={"noise": False})
     pictures = {}
     for lit in (False, True):
         light = Light("night", 1024.0, lit)
-        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, OPTIONS, OnboardOptions(), 0)
+        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, clean, OnboardOptions(), 0)
         pictures[lit] = eyes.look(state, level, grid).pair[0]
-    assert pictures[False].max() < 20  # noise alone
+    assert pictures[False].max() == 0
     suite = CameraSuiteOptions(
         views=(FRONT,), suns=("night",), lights=OPTIONS.lamps, models=("hapke",), exposures_ms=(1024,),
         scale=OPTIONS.scale, finer=1, stars="none",
@@ -153,3 +154,13 @@ def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):
     seen = eyes._pair([(grey, 1024.0)] * 2)[0]
     assert pictures[True].mean() > pictures[False].mean() + 20
     assert np.abs(pictures[True].astype(float) - seen).mean() < 2
+
+
+def test_noise_in_the_dark_is_no_ground_that_was_seen(job):
+    ride = Ride(autonomous_job(job, OPTIONS))
+    ride.go_on(0.1)
+    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
+    eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", Light("night", 1024.0), OPTIONS, OnboardOptions(), 0)
+    glance = eyes.look(state, level, grid)
+    assert glance.pair[0].std() > 0
+    assert not (glance.looks[0].weight > 0).any()

@@ -6,15 +6,17 @@ import pytest
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
+from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.autonomy.eyes import has_texture
 from polarsim.rover.autonomy.hazard_grid import PARTS, HazardGrid
-from polarsim.rover.autonomy.looks import look_of_boxes, look_of_depth, look_of_pixels
+from polarsim.rover.autonomy.looks import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
 from polarsim.rover.autonomy.options import MapOptions
 from polarsim.rover.world.surface import bare_world
 
 LENS = Lens(500.0, 500.0, 242.0, 152.0, width=484, height=304)
 CAMERA = Camera(looking(np.array([0.0, 0.0, 1.25]), 0.0, 30.0 * np.pi / 180, 0.0), LENS)
 LEVEL = 0.3  # of the ground
+ALL_LIT = np.ones((LENS.height, LENS.width), bool)
 
 
 def grid() -> HazardGrid:
@@ -60,13 +62,41 @@ def test_ground_beside_a_box_is_seen_at_its_height_and_higher_where_the_box_puts
     own = grid()
     foot, head = CAMERA.project(np.array([[1.6, 0.0, LEVEL], [1.75, 0.0, LEVEL + 0.2]]))
     box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
-    look = look_of_boxes(box, np.array([0.9]), CAMERA, flat, own)
+    look = look_of_boxes(box, np.array([0.9]), ALL_LIT, CAMERA, flat, own)
     centre = cell(own, 1.75, 0.0)
     assert look.rock[centre] > 0
     assert look.surface[PARTS * centre[0], PARTS * centre[1]] > LEVEL + 0.1
     aside = cell(own, 1.75, 0.6)
     assert look.rock[aside] == 0
     assert look.surface[PARTS * aside[0], PARTS * aside[1]] == pytest.approx(LEVEL)
+
+
+def test_the_dark_tells_nothing_of_free_ground_but_of_rocks_that_are_found_in_it():
+    """No find in a black picture was free ground, so the rover drove on into its own shadow, and by night."""
+    own = grid()
+    foot, head = CAMERA.project(np.array([[1.6, -0.4, LEVEL], [1.75, -0.4, LEVEL + 0.2]]))
+    box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
+    lit = ALL_LIT.copy()
+    lit[:, 242:] = False  # the picture's right half: the ground to the right of the rover, where the rock lies
+    bright, dark = (look_of_boxes(box, np.array([0.9]), some, CAMERA, flat, own) for some in (ALL_LIT, lit))
+    free = bright.rock == 0
+    for y, seen in ((0.5, True), (-0.8, False)):
+        at = cell(own, 1.75, y)
+        assert bright.weight[at] > 0
+        assert free[at]
+        assert (dark.weight[at] > 0) == seen
+        assert np.isfinite(dark.surface[PARTS * at[0], PARTS * at[1]]) == seen
+    np.testing.assert_array_equal(dark.weight[~free], bright.weight[~free])
+    assert (dark.rock > 0).sum() == (bright.rock > 0).sum() > 0
+
+
+def test_noise_is_no_light(rng):
+    read = rng.normal(0, 1, (40, 60))
+    black = np.clip(BLACK_LEVEL + read, 0, None).round().astype(np.uint16)
+    dim = (BLACK_LEVEL + 20 + 2 * read).round().astype(np.uint16)
+    assert not lit_pixels(black, 12).any()
+    assert lit_pixels(dim, 12).all()
+    assert lit_pixels(np.hstack([black, dim]), 12)[:, 65:].all()
 
 
 def test_depth_tells_heights_by_parts():
@@ -80,15 +110,12 @@ def test_depth_tells_heights_by_parts():
     assert heights[cell(own, 1.3, 0.3)] == pytest.approx(LEVEL, abs=1e-6)
 
 
-def test_a_picture_without_light_or_texture_has_nothing_to_match():
-    rng = np.random.default_rng(0)
+def test_a_picture_without_texture_has_nothing_to_match():
     grey = np.full((40, 60), 120, np.uint8)
-    grey[:, :20] = rng.integers(80, 160, (40, 20))
-    grey[:, 40:] = rng.integers(0, 10, (40, 20))
+    grey[:, :20] = np.random.default_rng(0).integers(80, 160, (40, 20))
     found = has_texture(grey)
     assert found[:, 3:17].all()
-    assert not found[:, 24:36].any()
-    assert not found[:, 44:].any()
+    assert not found[:, 24:].any()
 
 
 def test_what_shows_at_a_parts_centre_outweighs_a_rocks_steep_side_at_its_edge():

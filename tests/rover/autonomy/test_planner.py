@@ -31,6 +31,18 @@ def planned(cells: np.ndarray, tall: np.ndarray | None = None) -> np.ndarray | N
     return PLANNER.plan(field, 0.0, 0.0, 0.0, GOAL)
 
 
+def test_a_path_ends_on_ground_that_was_seen_and_there_is_none_where_nothing_was():
+    """By night, without lights, the rover drove on over rocks that it did not see."""
+    free = np.zeros(X.shape, bool)
+    left = (Y > 0.9) & (X > 1.0)
+    for seen, there in ((free, False), (left, True)):
+        path = PLANNER.plan(field_of(GRID, free, free, seen), 0.0, 0.0, 0.0, GOAL)
+        assert (path is not None) == there
+    _, y, heading = path[-1]
+    wheels = np.array([y + np.sin(heading) * u + np.cos(heading) * v for u, v in WHEELS])
+    assert (wheels > 0.8).sum() >= 2
+
+
 @settings(max_examples=6, deadline=None)
 @given(st.lists(st.tuples(st.floats(1.8, 6.0), st.floats(-2.0, 2.0)), max_size=5))
 def test_a_path_keeps_its_wheels_off_hazards_and_bends_no_more_than_allowed(rocks):
