@@ -46,8 +46,8 @@ accuracy: setup ## poses, rocks and meshes against the truth of three analog san
 test: setup ## lint, formats, types, dry-runs and tests
 	@$(MAKE) --no-print-directory -j 2 lint pytest
 
-pytest: setup
-	$(BIN)/python -m pytest -n $(CORES) --dist worksteal --basetemp .pytest
+pytest: setup # workers share the cores, so each has one thread
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 --basetemp .pytest
 
 cluster: setup ## the workflow on a real SLURM of one node that is started here (root, apt-get install slurm-wlm munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest

@@ -13,7 +13,8 @@ Drives that are there are kept, so a call that ran out of its minutes goes on wi
 the next seed's, so what is there compares. At the end tables and figures of all drives that are there, as the rules of
 `rover_autonomy` make them, in `OUT/tables` and `OUT/figures`. `--detect` names the tables of the run that trained the
 detectors: the gap that they are ranked by. `OUT/drives.csv` has a row a drive; `--known` takes such files of other
-machines: their drives are not made again, and show in tables, not in figures of single drives.
+machines, with the same terrains and options: their drives are not made again, and show in tables, not in figures of
+single drives.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ from polarsim.rover.world.options import WorldOptions
 
 CONFIG = Path(__file__).parents[1] / "config"
 DRIVE = [*AXES, "seed", "ended"]  # what a row of drives.csv begins with
+OPTIONS = "options"  # the last column: how they were made
+CASES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "models", "detectors"}  # say which drives, not how
 
 
 def driven(asked: argparse.Namespace, options: AutonomyOptions) -> Iterator[Case]:
@@ -76,9 +79,24 @@ def _is_driven(case: Case, asked: argparse.Namespace, options: AutonomyOptions, 
     return True
 
 
-def take_over(known: Path, drives: Path) -> None:
-    """Write the figures of drives that another machine made, by its `drives.csv`, where they are not there yet."""
-    for _, row in pd.read_csv(known, dtype=dict.fromkeys(AXES, str)).iterrows():
+def made_with(terrains: list[int], options: AutonomyOptions) -> str:
+    """Tells drives of other terrains or options apart, whichever of the cases they are."""
+    return hashlib.sha256(f"{terrains} {options.model_dump_json(exclude=CASES)}".encode()).hexdigest()[:12]
+
+
+def take_over(known: Path, drives: Path, options: str) -> None:
+    """Write the figures of drives that another machine made, by its `drives.csv`, where they are not there yet.
+
+    Raises
+    ------
+    SystemExit
+        They were made with other options or over other terrains, by `made_with`.
+    """
+    rows = pd.read_csv(known, dtype=dict.fromkeys([*AXES, OPTIONS], str))
+    own = set(rows[OPTIONS]) if OPTIONS in rows else {"none told"}
+    if own != {options}:
+        raise SystemExit(f"{known}: drives with other options or terrains ({', '.join(sorted(own))}, not {options})")
+    for _, row in rows.drop(columns=OPTIONS).iterrows():
         file = drives / Case(row["mode"], row["seed"], *row[list(AXES[1:])]).name / "figures.parquet"
         if not file.exists():
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -87,11 +105,12 @@ def take_over(known: Path, drives: Path) -> None:
             tables.write_parquet(file, own[list(EVERY_AUTONOMY.columns)].astype(EVERY_AUTONOMY.dtypes))
 
 
-def write_rows(files: list[Path], file: Path) -> None:
-    """A row a drive, a column a metric with its unit."""
+def write_rows(files: list[Path], file: Path, options: str) -> None:
+    """A row a drive, a column a metric with its unit; in the last how they were made, by `made_with`."""
     every = pd.concat([tables.read_parquet(path, EVERY_AUTONOMY.columns) for path in files])
     named = every.assign(metric=every["metric"] + " [" + every["unit"] + "]")
-    named.pivot_table("value", DRIVE, "metric", sort=False).reset_index().to_csv(file, index=False, float_format="%.5g")
+    wide = named.pivot_table("value", DRIVE, "metric", sort=False).reset_index()
+    wide.assign(**{OPTIONS: options}).to_csv(file, index=False, float_format="%.5g")
 
 
 def row_of(case: Case, own: pd.DataFrame) -> str:
@@ -112,7 +131,7 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
     each, together, effects = (rover / f"{name}.parquet" for name in ("every_autonomy", "autonomy", "autonomy_effects"))
     files = [folder / "figures.parquet" for folder in folders]
     summarise_autonomy(drives=files, each=each, together=together, effects=effects)
-    write_rows(files, asked.out / "drives.csv")
+    write_rows(files, asked.out / "drives.csv", origin["config"])
     stems = {"stem": shown / "rover_autonomy", "effects_stem": shown / "rover_autonomy_effects"}
     tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
     draw_modes(tables.read_parquet(together, AUTONOMY.columns), drawn / "rover_autonomy.png", origin)
@@ -176,10 +195,10 @@ def main() -> None:
             "longest_s": max(160, 80 * len(asked.terrains)),  # a terrain takes half a minute without stops
         }
     )
+    told = made_with(asked.terrains, options)
     for known in asked.known:
-        take_over(known, asked.out / "drives")
+        take_over(known, asked.out / "drives", told)
     found = list(driven(asked, options))
-    told = hashlib.sha256(f"{asked.terrains} {options.model_dump_json()}".encode()).hexdigest()[:12]
     if found:
         sum_up(asked, found, {"run": asked.out.name, "source": asked.source, "config": told})
 

@@ -1,11 +1,13 @@
 """Drives of other machines, as the benchmark of autonomy takes them over."""
 
 import pandas as pd
+import pytest
 
-from benchmarks.rover_autonomy import row_of, take_over, write_rows
+from benchmarks.rover_autonomy import made_with, row_of, take_over, write_rows
 from polarsim.formats import tables
 from polarsim.formats.schemas import EVERY_AUTONOMY
 from polarsim.rover.autonomy.cases import Case
+from polarsim.rover.autonomy.options import AutonomyOptions
 
 
 def test_rows_of_drives_come_back_as_their_figures(tmp_path):
@@ -19,8 +21,10 @@ def test_rows_of_drives_come_back_as_their_figures(tmp_path):
         files.append(tmp_path / "made" / case.name / "figures.parquet")
         files[-1].parent.mkdir(parents=True)
         tables.write_parquet(files[-1], pd.DataFrame(rows, columns=list(EVERY_AUTONOMY.columns)))
-    write_rows(files, tmp_path / "drives.csv")
-    take_over(tmp_path / "drives.csv", tmp_path / "taken")
+    made = made_with([4], AutonomyOptions())
+    assert made == made_with([4], AutonomyOptions(seeds=(3,), suns=("1",)))
+    write_rows(files, tmp_path / "drives.csv", made)
+    take_over(tmp_path / "drives.csv", tmp_path / "taken", made)
     for file in files:
         taken = tables.read_parquet(tmp_path / "taken" / file.relative_to(tmp_path / "made"), EVERY_AUTONOMY.columns)
         own = tables.read_parquet(file, EVERY_AUTONOMY.columns)
@@ -33,3 +37,15 @@ def test_a_drive_that_was_near_no_rock_has_a_line_too():
         columns=["ended", "metric", "value"],
     )
     assert "closest nan m" in row_of(Case("blind", 3), own)
+
+
+def test_drives_with_other_options_are_not_taken_over(tmp_path):
+    """Drives whose pictures had no noise would have stood beside those with it."""
+    noisy, clean = (made_with([4], AutonomyOptions(noise=noise)) for noise in (True, False))
+    rows = pd.DataFrame([{**Case("blind", 3).axes, "seed": 3, "ended": "finished", "path [m]": 9.5}])
+    for number, found in enumerate((rows, rows.assign(options=clean))):
+        rows_file = tmp_path / f"{number}.csv"
+        found.to_csv(rows_file, index=False)
+        with pytest.raises(SystemExit, match="other options or terrains"):
+            take_over(rows_file, tmp_path / "taken", noisy)
+    assert not (tmp_path / "taken").exists()
