@@ -14,10 +14,9 @@ import pandas as pd
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.schemas import AUTONOMY, HIGH_M
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.autonomy_names import ANY, MODES, exposure_title, sun_title
+from polarsim.report.figures.autonomy_names import ALL, ANY, MODES, exposure_title, sun_title
 from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
 
-ALL = "all"  # Suns, exposures and detectors together
 PRINTED_PX = 1400
 SHOWN = {  # the first that the table has, as a panel's title says it
     "collisions": "Rocks above 10 cm hit, a drive",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 MODES = ("truth", "detector", "stereo", "both", "blind")
 ANY = "any"  # Sun of drives that take no pictures
+ALL = "all"  # Suns, exposures and detectors together
 
 
 def sun_title(sun: str) -> str:

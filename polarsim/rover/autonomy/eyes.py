@@ -138,13 +138,14 @@ class Eyes:
         if self._detects:
             shown, found = self._timed("detector", lambda: self._found(*taken[0]))
             found = found[found[:, 4] >= self.onboard.confidence]
-            lit = self._lit(taken[0][0])
+            lit = self._timed("map", lambda: self._lit(taken[0][0]))
             boxes, sure = found[:, :4], found[:, 4]
             looks.append(self._timed("map", lambda: look_of_boxes(boxes, sure, lit, camera, ground, grid)))
             found[:, :4] *= shown.shape[1] / camera.lens.width
         if self.pairs:
-            pair = self._timed("stereo", lambda: self._pair(taken))
-            points = self._timed("stereo", lambda: self._points(pair, self._lit(self._small_picture(taken[0])), camera))
+            small = self._timed("stereo", lambda: [self._small_picture(grey) for grey, _ in taken])
+            pair = self._timed("stereo", lambda: self._pair(small))
+            points = self._timed("stereo", lambda: self._points(pair, self._lit(small[0]), camera))
             looks.append(self._timed("map", lambda: look_of_depth(points, camera, grid)))
         return Glance(looks, camera, pair, pair[0] if pair and shown is None else shown, found)
 
@@ -178,15 +179,14 @@ class Eyes:
         (rows,) = detect(loaded, [eight], sizes, self.onboard.prediction.nms_iou, full)
         return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
 
-    def _pair(self, taken: list[tuple[np.ndarray, float]]) -> tuple[np.ndarray, np.ndarray]:
-        """Both pictures by one curve: matching compares their grey values."""
-        both = np.stack([self._small_picture(one) for one in taken])
-        left, right = tone.to_8_bits(both, PicturesOptions(tone="gamma"))
-        return left, right
-
-    def _small_picture(self, taken: tuple[np.ndarray, float]) -> np.ndarray:
+    def _small_picture(self, grey: np.ndarray) -> np.ndarray:
         """The 12-bit picture as large as stereo matches it."""
-        return tone.shrink(taken[0], max(self.rectification.lens.width, self.rectification.lens.height))
+        return tone.shrink(grey, max(self.rectification.lens.width, self.rectification.lens.height))
+
+    def _pair(self, small: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Both pictures by one curve: matching compares their grey values."""
+        left, right = tone.to_8_bits(np.stack(small), PicturesOptions(tone="gamma"))
+        return left, right
 
     def _lit(self, grey: np.ndarray) -> np.ndarray:
         return lit_pixels(grey, self.options.map.least_grey)

@@ -151,7 +151,7 @@ def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):
     camera = CameraSuite(ride.trace(), job.vehicle, suite)
     camera.show(0)
     grey = camera.exposed(camera.render(FRONT, ("night",)), FRONT, "night", "hapke", 1024)
-    seen = eyes._pair([(grey, 1024.0)] * 2)[0]
+    seen = eyes._pair([eyes._small_picture(grey)] * 2)[0]
     assert pictures[True].mean() > pictures[False].mean() + 20
     assert np.abs(pictures[True].astype(float) - seen).mean() < 2
 
