@@ -74,6 +74,7 @@ def _is_driven(case: Case, asked: argparse.Namespace, options: AutonomyOptions, 
             drive_options=DriveOptions(vehicle=CONFIG / "viper.yaml"),
             options=options,
             onboard=asked.weights.get(case.detector, OnboardOptions()),
+            threads=asked.threads,
         )
     print(row_of(case, tables.read_parquet(folder / "figures.parquet", EVERY_AUTONOMY.columns)), flush=True)
     return True
@@ -173,7 +174,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--ahead", type=float, default=3.0, help="metres before the first terrain and behind the last")
     parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
-    parser.add_argument("--jobs", type=int, default=1, help="drives at a time, each on one core")
+    parser.add_argument("--jobs", type=int, default=1, help="drives at a time")
+    parser.add_argument("--threads", type=int, default=1, help="that render a drive's pictures")
     parser.add_argument("--known", type=Path, nargs="+", default=[], help="drives.csv of others, same terrains")
     parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
     asked = parser.parse_args()

@@ -45,6 +45,7 @@ class Outcome:
     trace: Trace
     pilot: Pilot | None
     cpu_s: float  # of the whole
+    wall_s: float
 
 
 def job_for(
@@ -94,20 +95,23 @@ def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
     write_pictures(folder / PICTURES, outcome.pilot.glances if outcome.pilot else [])
 
 
-def drive(job: Job, mode: Mode, light: Light, options: AutonomyOptions, onboard: OnboardOptions) -> Outcome:
-    """Drive from the first point of a job's path to the last.
+def drive(
+    job: Job, mode: Mode, light: Light, options: AutonomyOptions, onboard: OnboardOptions, threads: int = 1
+) -> Outcome:
+    """Drive from the first point of a job's path to the last; pictures are rendered on so many threads.
 
     Raises
     ------
     PolarsimError
         The path leaves the grid, no detector, an unknown light.
     """
-    begun = time.process_time()
+    cpu, wall = time.process_time(), time.perf_counter()
     job = autonomous_job(job, options)
     route = Route(np.array(job.drive.path_m, float))
     driver: Pilot | None = None
     if mode != "blind":
-        driver = pilot(route, Eyes(job.world, job.vehicle, route, mode, light, options, onboard, job.seed), options)
+        eyes = Eyes(job.world, job.vehicle, route, mode, light, options, onboard, job.seed, threads)
+        driver = pilot(route, eyes, options)
     ride = Ride(job, driver)
     if driver is not None:
         driver.board(ride.simulation)
@@ -118,4 +122,4 @@ def drive(job: Job, mode: Mode, light: Light, options: AutonomyOptions, onboard:
             ride.ended, ride.reason = "energy", str(error)
         if driver is not None and driver.given_up and ride.ended is None:
             ride.ended, ride.reason = "gave up", "no path after backing off"
-    return Outcome(mode, light, job.seed, ride.trace(), driver, time.process_time() - begun)
+    return Outcome(mode, light, job.seed, ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall)

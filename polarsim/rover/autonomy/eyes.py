@@ -83,15 +83,21 @@ class Eyes:
         options: AutonomyOptions,
         onboard: OnboardOptions,
         seed: int,
+        threads: int = 1,
     ) -> None:
         """
+        Parameters
+        ----------
+        threads : int
+            That render pictures; they are the same, however many.
+
         Raises
         ------
         PolarsimError
             An unknown light, no detector where the mode has one.
         """
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
-        self.options, self.onboard, self.seed = options, onboard, seed
+        self.options, self.onboard, self.seed, self._threads = options, onboard, seed, threads
         self.mount = mount_of(vehicle.camera(FRONT), options.scale)
         self._small = mount_of(vehicle.camera(FRONT), options.scale * options.stereo_scale)
         self._round = [mount_of(vehicle.camera(name), options.around_scale) for name in (FRONT, *options.around)]
@@ -160,7 +166,7 @@ class Eyes:
     def _picture(self, camera: Camera, lamps: dict[str, Lamp], which: int) -> tuple[np.ndarray, float]:
         """(h, w) 12-bit grey values, and their exposure, ms."""
         model, render = self.light.model, self._render
-        light = light_of(self._scene.surfaces, camera, lamps, model, render)
+        light = light_of(self._scene.surfaces, camera, lamps, model, render, self._threads)
         gain = render.gain.get(model, default_gain(model, render))
         exposure = self.light.exposure_ms
         if not isinstance(exposure, int | float):

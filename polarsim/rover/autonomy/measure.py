@@ -40,6 +40,7 @@ def events(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
 def figures(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
     """Rows of metric, unit and value of a drive; `rocks`: see `touches`."""
     drive, table = outcome.trace.drive, outcome.trace.table
+    seconds = max(float(drive["seconds"]), 1e-9)
     hit = rocks[rocks["gap_m"] <= TOUCH_M]
     high = rocks[rocks["height_m"] > HIGH_M]
     rows: list[tuple[str, str, float]] = [
@@ -58,7 +59,8 @@ def figures(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: Au
         ("time", "s", float(drive["seconds"])),
         ("path", "m", float(np.hypot(*np.diff(way, axis=0).T).sum())),
         ("energy", "J", float(drive["energy_j"]["motor"])),
-        ("CPU for a second driven", "s", outcome.cpu_s / max(float(drive["seconds"]), 1e-9)),
+        ("CPU for a second driven", "s", outcome.cpu_s / seconds),
+        ("wall time for a second driven", "s", outcome.wall_s / seconds),
     ]
     if outcome.pilot is not None:
         rows += _of_pilot(outcome, vehicle, options)

@@ -41,6 +41,7 @@ def drive_case(
     drive_options: DriveOptions,
     options: AutonomyOptions,
     onboard: OnboardOptions,
+    threads: int = 1,
 ) -> None:
     """Drive a case, measure it and write its folder: the drive's files, its events, and then `figures.parquet`.
 
@@ -51,7 +52,7 @@ def drive_case(
     """
     own = parsed(case)
     job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=own.seed)
-    outcome = drive(job, own.mode, own.light, options, onboard)
+    outcome = drive(job, own.mode, own.light, options, onboard, threads)
     vehicle = read_vehicle(drive_options.vehicle)
     rocks = touches(outcome.trace, vehicle)
     write(folder, outcome, options)

@@ -110,12 +110,17 @@ class LiveCamera:
 
 
 def light_of(
-    surfaces: MovingSurfaces, camera: Camera, lamps: Mapping[str, Lamp], model: Model, render: RenderOptions
+    surfaces: MovingSurfaces,
+    camera: Camera,
+    lamps: Mapping[str, Lamp],
+    model: Model,
+    render: RenderOptions,
+    threads: int = 1,
 ) -> np.ndarray:
     """(h, w) light that a camera gets from all lamps together; without lamps there is none."""
     if not lamps:
         return np.zeros(camera.lens.shape, np.float32)
-    found = render_view(surfaces, camera, dict(lamps), (model,), None, render, 1)
+    found = render_view(surfaces, camera, dict(lamps), (model,), None, render, threads)
     return np.asarray(np.sum(list(found.olat_images.values()), axis=0))
 
 

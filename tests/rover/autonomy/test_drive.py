@@ -164,3 +164,15 @@ def test_noise_in_the_dark_is_no_ground_that_was_seen(job):
     glance = eyes.look(state, level, grid)
     assert glance.pair[0].std() > 0
     assert not (glance.looks[0].weight > 0).any()
+
+
+def test_pictures_are_the_same_on_any_number_of_threads(job):
+    ride = Ride(autonomous_job(job, OPTIONS))
+    ride.go_on(0.1)
+    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
+    light, pairs = Light("3", 256.0), []
+    for threads in (1, 3):
+        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, OPTIONS, OnboardOptions(), 0, threads)
+        pairs.append(eyes.look(state, level, grid).pair)
+    assert pairs[0][0].std() > 0
+    np.testing.assert_array_equal(*pairs)
