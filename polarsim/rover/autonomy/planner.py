@@ -49,6 +49,20 @@ class Edge:
 
 
 @dataclass(frozen=True)
+class Stand:
+    """Where the rover stands in the world, and where it heads, m and rad: the frame of the lattice."""
+
+    x: float
+    y: float
+    heading: float
+
+    def to_world(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points u ahead and v to the left of it, as x and y of the world."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return self.x + cos * u - sin * v, self.y + sin * u + cos * v
+
+
+@dataclass(frozen=True)
 class Field:
     """Distances from points of the world to the edges of hazards, m: those that wheels avoid, and that the body does.
 
@@ -187,18 +201,16 @@ class Planner:
         Where the rover stands it can leave, see `free`. Paths may lead over ground never seen, at a cost, and end where
         half of the wheels or more stand on ground that was: who sees nothing stops.
         """
-        least = self.least_room(field, np.array([x, y, heading]))
+        stand, least = Stand(x, y, heading), self.least_room(field, np.array([x, y, heading]))
         number = np.arange(np.prod(self._shape)).reshape(self._shape)
-        cos, sin = math.cos(heading), math.sin(heading)
         starts, ends, costs, all_edges = [], [], [], edges(self.options.curvature_1_m)
         for edge in all_edges:
             rows = slice(max(-edge.rows, 0), len(self._rows) - max(edge.rows, 0))
             columns = slice(max(-edge.columns, 0), len(self._columns) - max(edge.columns, 0))
             u = STEP * self._columns[columns][None, :, None] + edge.places[:, 0]
             v = STEP * self._rows[rows][:, None, None] + edge.places[:, 1]
-            places = np.stack(
-                np.broadcast_arrays(x + cos * u - sin * v, y + sin * u + cos * v, heading + edge.places[:, 2]), axis=-1
-            )
+            headings = heading + edge.places[:, 2]
+            places = np.stack(np.broadcast_arrays(*stand.to_world(u, v), headings), axis=-1)
             cost, free = self._cost(field, places, edge, np.hypot(u, v) < _LEAVING_M, least)
             from_here = number[edge.start, rows, columns]
             there = number[edge.end][
@@ -214,9 +226,9 @@ class Planner:
         )
         here = int(number[0, len(self._rows) // 2, 3])
         distance, before = csgraph.dijkstra(graph, indices=np.array(here), return_predecessors=True)
-        distance = np.where(self._ends_unseen(field, x, y, heading), np.inf, distance.reshape(self._shape))
-        best = self._best(distance, x, y, heading, goal)
-        return None if best is None else self._path(best, here, before, x, y, heading)
+        distance = np.where(self._ends_unseen(field, stand), np.inf, distance.reshape(self._shape))
+        best = self._best(distance, stand, goal)
+        return None if best is None else self._path(best, here, before, stand)
 
     def _points(self, places: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         cos, sin = np.cos(places[..., 2])[..., None], np.sin(places[..., 2])[..., None]
@@ -238,21 +250,19 @@ class Planner:
         free = np.asarray((clearance > np.where(near, least, 0.0)).all(axis=-1))
         return edge.length * (1 + nearness + options.unseen_cost * unseen) + bend, free
 
-    def _ends_unseen(self, field: Field, x: float, y: float, heading: float) -> np.ndarray:
+    def _ends_unseen(self, field: Field, stand: Stand) -> np.ndarray:
         """Of every node (headings, rows, columns) whether more than half of the wheels stand on ground never seen."""
-        cos, sin = math.cos(heading), math.sin(heading)
         angle, v, u = np.meshgrid(angles(), STEP * self._rows, STEP * self._columns, indexing="ij")
-        places = np.stack([x + cos * u - sin * v, y + sin * u + cos * v, heading + angle], axis=-1)
+        places = np.stack([*stand.to_world(u, v), stand.heading + angle], axis=-1)
         return np.asarray(field.at(field.unseen, *self._points(places, self.wheels)).mean(axis=-1) > _MOST_UNSEEN)
 
-    def _best(self, distance: np.ndarray, x: float, y: float, heading: float, goal: np.ndarray) -> int | None:
-        cos, sin = math.cos(heading), math.sin(heading)
-        u, v = STEP * self._columns[None, None], STEP * self._rows[None, :, None]
-        dx, dy = goal[0] - (x + cos * u - sin * v), goal[1] - (y + sin * u + cos * v)
+    def _best(self, distance: np.ndarray, stand: Stand, goal: np.ndarray) -> int | None:
+        x, y = stand.to_world(STEP * self._columns[None, None], STEP * self._rows[None, :, None])
+        dx, dy = goal[0] - x, goal[1] - y
         left = np.hypot(dx, dy)
-        off = np.arctan2(dy, dx) - heading - angles()[:, None, None]
+        off = np.arctan2(dy, dx) - stand.heading - angles()[:, None, None]
         off = np.abs((off + np.pi) % (2 * np.pi) - np.pi) * (left > 0.5)
-        gain = math.hypot(goal[0] - x, goal[1] - y) - left
+        gain = math.hypot(goal[0] - stand.x, goal[1] - stand.y) - left
         total = np.where(
             np.isfinite(distance) & ((gain >= _LEAST_GAIN) | (left < _THERE_M)) & (distance > 0),
             distance + _GREED * (left + _TURNED_COST * off),
@@ -261,7 +271,7 @@ class Planner:
         best = int(np.argmin(total))
         return best if np.isfinite(total.ravel()[best]) else None
 
-    def _path(self, best: int, here: int, before: np.ndarray, x: float, y: float, heading: float) -> np.ndarray:
+    def _path(self, best: int, here: int, before: np.ndarray, stand: Stand) -> np.ndarray:
         nodes = [best]
         while nodes[-1] != here:
             nodes.append(int(before[nodes[-1]]))
@@ -272,11 +282,4 @@ class Planner:
             edge = by_ends[int(k), int(m), int(next_column - column), int(next_row - row)]
             places.append(edge.places + np.array([STEP * self._columns[column], STEP * self._rows[row], 0.0]))
         local = np.concatenate(places)
-        cos, sin = math.cos(heading), math.sin(heading)
-        return np.column_stack(
-            [
-                x + cos * local[:, 0] - sin * local[:, 1],
-                y + sin * local[:, 0] + cos * local[:, 1],
-                heading + local[:, 2],
-            ]
-        )
+        return np.column_stack([*stand.to_world(*local[:, :2].T), stand.heading + local[:, 2]])
