@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from math import isqrt
+from typing import cast
 
 import numpy as np
 from scipy.special import ndtri
@@ -91,13 +93,18 @@ def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None:
     """Do the work for every strip of rows, on so many threads; strips write to points of their own."""
     strips = [slice(start, min(start + STRIP, height)) for start in range(0, height, STRIP)]
-    with _blas().limit(limits=1):  # its own threads would wait busily beside ours
+    with one_blas_thread():  # its own would wait busily beside ours
         if threads <= 1:
             for strip in strips:
                 work(strip)
             return
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(work, strips))
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Within it linear algebra, of small matrices, takes one thread."""
+    return cast("AbstractContextManager[object]", _blas().limit(limits=1))
 
 
 @cache

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats.npz import write_arrays
+from polarsim.render.hits import one_blas_thread
 from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
@@ -115,11 +116,12 @@ def drive(
     ride = Ride(job, driver)
     if driver is not None:
         driver.board(ride.simulation)
-    while ride.ended is None:
-        try:
-            ride.go_on(_GO_ON_S)
-        except EnergyError as error:
-            ride.ended, ride.reason = "energy", str(error)
-        if driver is not None and driver.given_up and ride.ended is None:
-            ride.ended, ride.reason = "gave up", "no path after backing off"
+    with one_blas_thread():  # what is multiplied at a look is small: threads that wait for it cost more
+        while ride.ended is None:
+            try:
+                ride.go_on(_GO_ON_S)
+            except EnergyError as error:
+                ride.ended, ride.reason = "energy", str(error)
+            if driver is not None and driver.given_up and ride.ended is None:
+                ride.ended, ride.reason = "gave up", "no path after backing off"
     return Outcome(mode, light, job.seed, ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall)
