@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ HEIGHTS = {  # what the colours of the map mean, by what the ground was made fro
     FITTED: "height, m, on a smooth ground fitted under the rocks",
 }
 _LINES = 30  # of text between the lower and the upper end of the view from the side
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1, y upwards
 SAND, STONE = np.array([0.78, 0.74, 0.68]), np.array([0.93, 0.62, 0.25])
 
 
@@ -76,7 +78,7 @@ def _draw_meshes(
     _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks", heights)
     for rock in scene.rocks:
         _draw_outline(above, top, rock)
-        _write_id(above, rock, *_centre(top, rock, scene))
+    _write_ids(above, {str(rock): _box(top, rock, scene) for rock in scene.rocks}, LETTER_M)
     picture(aslant, slanted_view(scene, rays, round(width * 0.52)), "From tripod A's side, lamp at Sun azimuth 30")
 
 
@@ -185,24 +187,26 @@ def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str, lette
     boxes = {str(int(rock)): (float(x0), float(y0), float(x1), float(y1)) for rock, x0, y0, x1, y1 in rows}
     for box in boxes.values():
         rectangle(axes, box, OUTLINE, linewidth=1.3)
-    for rock, (x, y) in beside(boxes, letter).items():
-        _write_id(axes, rock, x, y, "center")
+    _write_ids(axes, boxes, letter)
 
 
-def _write_id(axes: Any, rock: object, x: float, y: float, upright: str = "bottom") -> None:
+def _write_ids(axes: Any, boxes: Mapping[str, Box], letter: tuple[float, float]) -> None:
+    """Rocks' numbers beside their boxes, where they hide the least."""
     from matplotlib.patheffects import withStroke
 
     white = [withStroke(linewidth=3, foreground="white")]
-    axes.text(x, y, str(rock), ha="center", va=upright, color=INK, path_effects=white)
+    for rock, (x, y) in beside(boxes, letter).items():
+        axes.text(x, y, rock, ha="center", va="center", color=INK, path_effects=white)
 
 
-def _centre(top: TopView, rock: int, scene: TerrainMesh) -> tuple[float, float]:
-    """Where a rock's number stands: at its upper edge on the map, or where its mesh is when it lies below others."""
+def _box(top: TopView, rock: int, scene: TerrainMesh) -> Box:
+    """About what the map shows of a rock, or about its mesh where it lies below others."""
     shown = np.argwhere(top.rock == rock)
-    if not len(shown):
-        centre = scene.rock_vertices(rock).mean(axis=0)
-        return float(centre[0]), float(centre[1])
-    return float(_columns(top)[shown[:, 1]].mean()), float(_rows(top)[shown[:, 0]].max())
+    if len(shown):
+        x, y = _columns(top)[shown[:, 1]], _rows(top)[shown[:, 0]]
+    else:
+        x, y = scene.rock_vertices(rock)[:, :2].T
+    return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 
 def _columns(top: TopView) -> np.ndarray:
