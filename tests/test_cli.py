@@ -19,7 +19,7 @@ GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
 def started(*arguments: object) -> subprocess.CompletedProcess:
     """The command as a process of its own."""
     return subprocess.run(
-        [sys.executable, "-c", "from polarsim.cli import main; main()", *map(str, arguments)],
+        [sys.executable, "-m", "polarsim", *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=300,
