@@ -57,7 +57,7 @@ def test_condas_environment_holds_the_lock_as_the_virtual_one_does():
 
     wanted = [line for line in installs("workflow/setup.sh") if not line.startswith("#")]
     assert installs("workflow/envs/polarsim.post-deploy.sh") == wanted
-    assert len(wanted) == 4
+    assert len(wanted) == 5
 
 
 def test_with_conda_every_job_runs_in_that_one_environment(snakemake, checkout, tmp_path_factory):

@@ -3,5 +3,6 @@
 set -euo pipefail
 torch=$(grep '^torch==' requirements.lock)
 python -m pip install --quiet --disable-pip-version-check "$torch"
-grep -v '^torch==' requirements.lock | python -m pip install --quiet --disable-pip-version-check --no-deps -r /dev/stdin
+grep -v '^torch==' requirements.lock |
+    xargs -n 40 -P 2 python -m pip install --quiet --disable-pip-version-check --no-deps
 python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
