@@ -176,7 +176,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
     parser.add_argument("--jobs", type=int, default=1, help="drives at a time")
     parser.add_argument("--threads", type=int, default=1, help="that render a drive's pictures")
-    parser.add_argument("--known", type=Path, nargs="+", default=[], help="drives.csv of others, same terrains")
+    parser.add_argument("--known", type=Path, nargs="+", default=[], help="drives.csv of others, same options")
     parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
     asked = parser.parse_args()
     asked.weights = dict(asked.weights)

@@ -11,7 +11,6 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
 from math import isqrt
-from typing import cast
 
 import numpy as np
 from scipy.special import ndtri
@@ -104,7 +103,8 @@ def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None
 
 def one_blas_thread() -> AbstractContextManager[object]:
     """Within it linear algebra, of small matrices, takes one thread."""
-    return cast("AbstractContextManager[object]", _blas().limit(limits=1))
+    limited: AbstractContextManager[object] = _blas().limit(limits=1)
+    return limited
 
 
 @cache
