@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import GREY_VALUES, PhotoKey
@@ -24,6 +25,13 @@ def started(*arguments: object) -> subprocess.CompletedProcess:
         text=True,
         timeout=300,
     )
+
+
+def test_help_lists_every_command_in_a_panel_of_its_subject():
+    panels = [command.rich_help_panel for command in app.registered_commands]
+    subjects = ["Runs of the pipeline", "Labels", "Rendering", "Detectors", "Rover", "For other tools"]
+    assert list(dict.fromkeys(panels)) == subjects
+    assert panels == sorted(panels, key=subjects.index)
 
 
 def test_a_folder_scored_against_itself_is_perfect(polarsim, tmp_path):

@@ -1,0 +1,63 @@
+"""The application that all commands belong to, what several of them share, and how a call ends."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from polarsim.arguments import Checked, call, writes_file
+from polarsim.reporting import reporting
+
+app = typer.Typer(
+    context_settings={"help_option_names": ["-h", "--help"]},
+    pretty_exceptions_enable=False,
+    help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, detectors and tables. "
+    "`run` runs the pipeline, by snakemake; the other commands look at its parts.",
+)
+
+JsonFile = Annotated[
+    Path | None, typer.Option("--json", callback=writes_file(), help="Write the whole report to this JSON file.")
+]
+Results = Annotated[Path, typer.Option(help="Folder of results.")]
+
+
+def main() -> None:
+    """Entry point: bad input ends in one line and exit code 1, a call that cannot be in one line and exit code 2."""
+    with reporting():
+        sys.exit(call(app))
+
+
+def commands_of(panel: str) -> Callable[..., Any]:
+    """What makes functions commands of the application, listed by `--help` in a panel of this name."""
+    return partial(app.command, cls=Checked, rich_help_panel=panel)
+
+
+def listed(text: str) -> list[str]:
+    """What an option names with commas between."""
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def _print_version(asked: bool) -> None:
+    from polarsim import __version__
+
+    if asked:
+        typer.echo(f"polarsim {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _start(
+    context: typer.Context,
+    version: Annotated[  # noqa: ARG001  its callback does all
+        bool,
+        typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
+    ] = False,
+) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help(), nl=False)
+        raise typer.Exit(2)

@@ -1,0 +1,194 @@
+"""Commands that render one scene or many, and print reflectances."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from polarsim.arguments import PLOTS, refuse_existing_folder, sun_above_horizon, writes_file, writes_folder
+from polarsim.cli.application import commands_of
+from polarsim.photo import USUAL_EXPOSURE_MS
+from polarsim.reporting import reporting
+
+command = commands_of("Rendering")
+Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
+
+
+@command()
+def render(
+    context: typer.Context,
+    meshes: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MESHES|VIEWS.yaml",
+            help="Folder of a terrain's meshes, results/<run>/meshes/TerrainNN; or a file of views such as "
+            "config/views.yaml, for many pictures.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Argument(help="16-bit PNG to write: 12-bit values, black level 16; of views: a folder.")
+    ],
+    terrain: Annotated[
+        int | None, typer.Option(min=1, max=13, help="Number of the terrain; default: that of the meshes.")
+    ] = None,
+    camera: Annotated[tuple[float, float, float], typer.Option(help="Camera centre x y z, m, sandbox frame.")] = (
+        3.6,
+        -0.4,
+        1.55,
+    ),
+    yaw: Annotated[float, typer.Option(help="Heading of the optical axis, deg from +X towards +Y.")] = 180.0,
+    pitch: Annotated[float, typer.Option(min=-90, max=90, help="Downwards, deg.")] = 25.0,
+    roll: Annotated[float, typer.Option(help="Right side down, deg.")] = 0.0,
+    lamp: Annotated[tuple[float, float, float], typer.Option(help="Sun lamp x y z, m, sandbox frame.")] = (
+        3.594,
+        1.422,
+        0.783,
+    ),
+    intensity: Annotated[
+        float, typer.Option(min=0, help="Radiant intensity of the lamp over that of POLAR's Sun lamp.")
+    ] = 1.0,
+    lamp_radius: Annotated[float, typer.Option(min=0, help="Radius of the lamp's disc, m; 0: a point.")] = 0.0,
+    sun: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            callback=sun_above_horizon,
+            help="The Sun instead of the lamp: azimuth, deg from +X towards +Y, and elevation, deg above 0 up to 90.",
+        ),
+    ] = None,
+    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = USUAL_EXPOSURE_MS,
+    model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
+    engine: Annotated[
+        Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default is the configuration's.")
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE", help="Any key of the configuration's `render`, as samples=4; may be repeated."
+        ),
+    ] = None,
+    cameras: Annotated[
+        Path | None, typer.Option(help="PosX.json whose left lens is used; default is the real rig's stated one.")
+    ] = None,
+    preview: Annotated[bool, typer.Option("--preview", help="Write an 8-bit tone-mapped PNG instead.")] = False,
+    maps: Annotated[
+        Path | None,
+        typer.Option(
+            callback=writes_folder,
+            help="Folder for 16-bit PNGs: depth (mm), normal, ids, angles (0.01 deg), shading, lit.",
+        ),
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads; they change no byte.")] = 1,
+    limit: Annotated[int | None, typer.Option(min=1, help="Of views: only the first pictures.")] = None,
+    scale: Annotated[
+        float, typer.Option(min=0.01, max=4, help="Of views: size of the pictures over that of the lens.")
+    ] = 1.0,
+) -> None:
+    """Render one scene: any camera pose, lamp position, exposure and reflectance model; or many, with labels, by a
+    file of views. A JSON file beside each picture says what made it.
+    """
+    if meshes.suffix in (".yaml", ".yml"):
+        _refuse_others(context, {"meshes", "out", "limit", "scale", "threads", "preview"})
+        writes_folder(out)
+        _render_views(meshes, out, limit, scale, preview, threads)
+        return
+    _refuse_others(context, set(context.params) - {"limit", "scale"})
+    import numpy as np
+
+    from polarsim.config import render_options
+    from polarsim.formats import png
+    from polarsim.formats.rigs import read_localised
+    from polarsim.formats.scene import terrain_in
+    from polarsim.formats.tone import to_8bit
+    from polarsim.geometry.camera import Camera
+    from polarsim.geometry.poses import looking
+    from polarsim.geometry.stereo import stated_rig
+    from polarsim.render.lamps import Lamp
+    from polarsim.render.maps import write_maps
+    from polarsim.render.scene import Scene, Shot
+    from polarsim.render.sidecar import write_sidecar
+
+    writes_file(".png")(out)
+    sidecar = out.with_suffix(".json")
+    refuse_existing_folder(sidecar)
+    rig = read_localised(cameras).rig if cameras else stated_rig()
+    shot = Shot(
+        camera=Camera(looking(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
+        lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
+        exposure_ms=exposure,
+        model=model,
+    )
+    assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]
+    scene = Scene(meshes, terrain or terrain_in(meshes), render_options(assignments))
+    scene.refuse_positions(shot)
+    picture = scene.picture(shot, threads)
+    png.write(out, to_8bit(picture) if preview else picture)
+    write_sidecar(sidecar, scene.sidecar(shot))
+    if maps:
+        write_maps(maps, scene.maps(shot, threads))
+    typer.echo(str(out))
+
+
+@command()
+def brdf(
+    model: Annotated[Model, typer.Argument(help="Reflectance model.")],
+    incidence: Annotated[float, typer.Option(min=0, max=90, help="Of the light, deg from the normal.")] = 30.0,
+    emergence: Annotated[float, typer.Option(min=0, max=90, help="Of the view, deg from the normal.")] = 0.0,
+    azimuth: Annotated[
+        float, typer.Option(min=0, max=180, help="Between both, deg; 0: viewer on the lamp's side, 180: opposite.")
+    ] = 0.0,
+    soil: Annotated[
+        str | None, typer.Option("--set", help="Parameter set of Hapke's models; default: chrono_lunar.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            callback=writes_file(*PLOTS),
+            help="Draw it over the phase angle into this picture, for every set unless --set.",
+        ),
+    ] = None,
+) -> None:
+    """Print a reflectance, f_r in 1/sr, and the reflectance factor pi f_r (1: a perfectly white matt surface)."""
+    import numpy as np
+
+    from polarsim.render.goniometer import panels_of, parameters_of, phase_deg, reflectance_at
+    from polarsim.render.options import HAPKE_SETS
+
+    angles = (np.array([incidence]), np.array([emergence]), np.array([azimuth]))
+    value = reflectance_at(parameters_of(model, soil), *angles)[0]
+    typer.echo(f"phase   {phase_deg(*angles)[0]:.6g} deg")
+    typer.echo(f"f_r     {value:.6g} 1/sr")
+    typer.echo(f"pi f_r  {np.pi * value:.6g}")
+    if plot:
+        from polarsim.report.figures.brdf import draw_brdf
+
+        names = list(HAPKE_SETS) if soil is None and model in ("hapke", "hapke_chrono") else [soil]
+        chosen = {name or model: parameters_of(model, name) for name in names}
+        draw_brdf(plot, panels_of(chosen, incidence))
+        typer.echo(str(plot))
+
+
+def _render_views(file: Path, out: Path, limit: int | None, scale: float, preview: bool, threads: int) -> None:
+    from functools import partial
+
+    from polarsim.formats.tone import to_8bit
+    from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+    from polarsim.render.views.options import read_views
+    from polarsim.render.views.run import render_views
+
+    tone = partial(to_8bit, white=WHITE_LEVEL - BLACK_LEVEL)  # one white for all: exposures stay apart
+    with reporting():  # typer keeps Ctrl-C to itself
+        count, new = render_views(
+            read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads
+        )
+    typer.echo(f"{count} labelled pictures in {out}, {new} of them new; {out / 'contact.jpg'} shows them")
+
+
+def _refuse_others(context: typer.Context, known: set[str]) -> None:
+    """End where the call names an option that its form of the command does not have."""
+    for name in context.params:
+        source = context.get_parameter_source(name)
+        if name not in known and source is not None and source.name == "COMMANDLINE":
+            form = "one picture" if "limit" not in known else "a file of views"
+            raise typer.BadParameter(f"--{name.replace('_', '-')} is no option with {form}")

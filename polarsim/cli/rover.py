@@ -1,0 +1,55 @@
+"""The command that drives a rover over a run's terrains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from polarsim.arguments import writes_folder
+from polarsim.cli.application import commands_of
+from polarsim.reporting import reporting
+
+command = commands_of("Rover")
+
+
+@command()
+def drive(
+    config: Annotated[Path, typer.Option(help="Configuration with a section `rover`.")] = Path("config/rover.yaml"),
+    seed: Annotated[int | None, typer.Option(min=0, help="Which drive; default is the configuration's first.")] = None,
+    pictures: Annotated[bool, typer.Option(help="Take pictures, and run a detector on them on board.")] = True,
+    results: Annotated[Path, typer.Option(help="Folder of results, with the run's meshes.")] = Path("results"),
+    out: Annotated[
+        Path | None,
+        typer.Option(callback=writes_folder, help="Folder to write; default results/<run>/rover/seed<N>."),
+    ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the renderer; they change no byte.")] = 1,
+) -> None:
+    """Drive over a run's terrains once, without Snakemake: physics, pictures, what a detector sees, an MCAP bag, a
+    URDF.
+
+    A stopped drive goes on from its last saved state, pictures from the last one that was written.
+    """
+    from polarsim.config import read_config
+    from polarsim.progress import share_bar
+    from polarsim.rover.run import run_all
+
+    chosen = read_config(config)
+    rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
+    run = results / chosen.run
+    folder = out or run / f"rover/seed{number}"
+    with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
+        figures = run_all(
+            meshes=run / "meshes",
+            folder=folder,
+            options=rover,
+            suite=chosen.cameras_on_board(run),
+            seed=number,
+            progress=progress,
+            pictures=pictures,
+            threads=threads,
+        )
+    for row in figures.to_dict("records"):
+        typer.echo(f"{row['metric']:24} {row['value']:.4g} {row['unit']}".rstrip())
+    typer.echo(f"{figures['ended'].iloc[0]}: {folder}")

@@ -1,0 +1,204 @@
+"""Commands about runs of the pipeline: make one, look at it, compare it with others."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, writes_folder
+from polarsim.cli.application import Results, commands_of
+from polarsim.errors import PolarsimError
+
+command = commands_of("Runs of the pipeline")
+
+
+@command(context_settings={"ignore_unknown_options": True})
+def run(
+    targets: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Stages (labels, render, tables ...) or files; default: all. Options that are not listed here go to "
+            "snakemake, after the targets."
+        ),
+    ] = None,
+    configfile: Annotated[
+        list[Path] | None,
+        typer.Option(help="Configuration; may be repeated, later ones are laid over. Default: config/config.yaml."),
+    ] = None,
+    config: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE", help="A key of the configuration, the value as in YAML; may be repeated."),
+    ] = None,
+    cores: Annotated[
+        int | None, typer.Option(min=1, help="Processor cores; default: 2, or what --profile says.")
+    ] = None,
+    min_free: Annotated[
+        float | None, typer.Option(min=0, help="Free space to start with, GB; default: an estimate of the run.")
+    ] = None,
+) -> None:
+    """Run the workflow in this folder. The same command goes on where a run was stopped, killed, or out of disk.
+
+    Exit code 0: all is there; 1: a job failed, or the run cannot start; 2: a call that cannot be; 130: stopped.
+    """
+    from polarsim.running.run import Call
+    from polarsim.running.run import run as supervise
+
+    words = targets or []
+    asked = next((number for number, word in enumerate(words) if word.startswith("-")), len(words))
+    if wrong := [word for word in words[:asked] if "=" in word]:
+        raise typer.BadParameter(f"{wrong[0]!r} is no target: expected --config {wrong[0]}")
+    call = Call(tuple(words[:asked]), tuple(configfile or ()), tuple(config or ()), cores, tuple(words[asked:]))
+    if code := supervise(call, None if min_free is None else round(1e9 * min_free)):
+        raise typer.Exit(code)
+
+
+@command()
+def report(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
+    configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
+    cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 1,
+) -> None:
+    """Make results/<run>/report.html, Snakemake's own, where a table or figure is newer than it, and print where
+    everything lies: the tables, that report, and last results.html, the page to open first.
+    """
+    import subprocess
+
+    from polarsim.formats.files import writing
+
+    folder = run_folder(Path("results"), run)
+    parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
+    if not parts:
+        raise PolarsimError("no tables; polarsim run makes them", path=folder)
+    page = folder / "report.html"
+    if not Path("Snakefile").exists():
+        raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
+    if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
+        with writing(page) as temporary:
+            command = [
+                *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
+                *("--configfile", str(configfile), "--report", str(temporary)),
+            ]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
+    first = folder / "results.html"
+    for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
+        typer.echo(str(path))
+
+
+@command()
+def compare(
+    runs: Annotated[list[str], typer.Argument(help="Names of runs, below results/.")],
+    out: Annotated[Path, typer.Option(callback=writes_file(), help="Table to write, without its ending.")] = Path(
+        "comparison"
+    ),
+    results: Results = Path("results"),
+) -> None:
+    """Put the evaluation of several runs side by side: of other seeds, options, versions. In four forms."""
+    from polarsim.report.evaluation_table import compare_runs
+
+    for form in (".csv", ".md", ".tex", ".parquet"):
+        refuse_existing_folder(out.with_name(out.name + form))
+    compare_runs(runs=[run_folder(results, run) for run in runs], stem=out)
+    typer.echo(f"{out}.md")
+
+
+@command()
+def explore(
+    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            callback=writes_folder,
+            help="Write the page to this new folder, for any static host, instead of serving it.",
+        ),
+    ] = None,
+    width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 968,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    results: Results = Path("results"),
+) -> None:
+    """Look at a run in the browser: photos, twins, labels, rocks in 3-D, detectors, drives; correct boxes.
+
+    The page is served on this machine alone until Ctrl-C.
+    """
+    from polarsim.explore.run import Run
+    from polarsim.explore.site import site, write_site
+
+    chosen = Run.at(run_folder(results, run))
+    if out:
+        count = write_site(chosen, out, width)
+        typer.echo(f"{count} files in {out}; any static host shows them: python -m http.server -d {out} -b 127.0.0.1")
+        return
+    import webbrowser
+
+    from polarsim.explore.server import server
+
+    with server(site(chosen, width), port) as served:
+        address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
+        typer.echo(f"{address}   Ctrl-C ends it")
+        if browser:
+            webbrowser.open(address)
+        try:
+            served.serve_forever()
+        except KeyboardInterrupt:
+            typer.echo("ended")
+
+
+@command()
+def undo(
+    drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo of a seed or of a correction.")],
+    configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
+    run: Annotated[str | None, typer.Option(help="Name of the run; default is the configuration's.")] = None,
+    results: Results = Path("results"),
+) -> None:
+    """Show what followed from one drawing, a seed or a correction, and how it is taken back.
+
+    Labels of its terrain are propagated with and without it; results/<run>/labels/undone/KEY.parquet has what differs,
+    which `polarsim explore` shows.
+    """
+    from polarsim.config import read_config
+    from polarsim.errors import LabelError
+    from polarsim.grid import selected_grid
+    from polarsim.labels.seeds import read_corrections
+    from polarsim.labels.undo import what_followed
+    from polarsim.photo import PhotoKey, positions
+
+    key, config = PhotoKey.parse(drawing), read_config(configfile)
+    folder, terrain = run_folder(results, run or config.run), f"Terrain{key.terrain:02d}"
+    seeds = folder / "acquire" / terrain / "seeds"
+    if not (seeds / f"{key}.txt").exists() and key not in read_corrections(config.labels.corrections, key.terrain):
+        raise LabelError(f"no seed and no correction of {key}", path=seeds)
+    here = [position for position in config.positions if position in positions(key.terrain)]
+    found = what_followed(
+        drawing=key,
+        keys=selected_grid(key.terrain, here, config.grid),
+        photos=folder / "acquire" / terrain / "photos.parquet",
+        inventory=folder / "acquire" / terrain / "inventory.json",
+        seeds=seeds,
+        cameras=folder / "cameras" / terrain,
+        meshes=folder / "meshes" / terrain,
+        options=config.labels,
+        out=folder / "labels" / "undone" / f"{key}.parquet",
+    )
+    changes = found.groupby(["kind", "change"]).agg(labels=("key", "size"), photos=("key", "nunique"))
+    for row in changes.reset_index().to_dict("records"):
+        typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
+    typer.echo(
+        f"{found['key'].nunique()} photos follow from {key}. Taken back it is by these lines in the configuration, and "
+        f"snakemake:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
+    )
+
+
+@command()
+def schema(
+    views: Annotated[bool, typer.Option("--views", help="Of files of views, such as config/views.yaml.")] = False,
+) -> None:
+    """Print the configuration's JSON schema, with the meaning and unit of every key."""
+    from polarsim.config import schema as of_configuration
+    from polarsim.render.views.options import schema as of_views
+
+    typer.echo(of_views() if views else of_configuration(), nl=False)
