@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -27,6 +28,7 @@ SHOWN = {  # the first that the table has, as a panel's title says it
 INSTEAD = {"energy over the blind one's": ("energy", "Energy, J")}  # where nothing drove blind
 _SUNS = {"1": "o", "2": "s", "3": "^", "4": "D", "night": "v", ANY: "_"}
 _IN_A_COLUMN = 8  # kinds whose names a column of print holds
+_IN_A_ROW = 4  # keys of the legend that a column of print holds
 _LEAST_ROOM = 10  # places: a name has room above
 _FROM_ZERO = {"Rocks above 10 cm hit, a drive", "Share of drives that succeed"}
 _MARK = {"linestyle": "", "markersize": 3.2, "markeredgewidth": 0.6}
@@ -160,10 +162,11 @@ def _draw_legend(sheet: Any, looks: Looks, columns: int) -> None:
         grey = looks.of(ANY, exposure)["markerfacecolor"]
         keys.append(Patch(facecolor=grey, edgecolor=INK, linewidth=0.6, label=exposure_title(exposure)))
     if keys:
+        rows = math.ceil(len(keys) / (columns * _IN_A_ROW))
         sheet.legend(
             handles=keys,
             loc="outside lower center",
-            ncols=columns * 4,
+            ncols=math.ceil(len(keys) / rows),  # filled column by column: of as many rows each
             columnspacing=1,
             handletextpad=0.4,
             handlelength=1,
