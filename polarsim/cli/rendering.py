@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -170,8 +171,6 @@ def brdf(
 
 
 def _render_views(file: Path, out: Path, limit: int | None, scale: float, preview: bool, threads: int) -> None:
-    from functools import partial
-
     from polarsim.formats.tone import to_8bit
     from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
     from polarsim.render.views.options import read_views
