@@ -11,7 +11,6 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 
-from polarsim.annotate.overlay import COLOURS
 from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import coco, png, release, yolo
@@ -20,7 +19,7 @@ from polarsim.formats.run_files import pictures_of
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
-from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, TERRAINS, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, COLOURS, HEIGHT, NO_ROCK, ROCK, SHADOW, TERRAINS, WIDTH, PhotoKey
 from polarsim.progress import track
 
 TOOLS = ("labelimg", "cvat", "label-studio")

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, WIDTH
+from polarsim.photo import BOX_CLASSES, COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH
 
 Rectangle = tuple[float, float, float, float]
 Colour = tuple[int, int, int]
-COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}  # apart for colour-blind eyes too, and from any grey
 LINK = (120, 245, 255)  # of lines from shadows to their rocks: the shadows' blue, brighter than their boxes
 INK, PAPER = (32, 33, 36), (255, 255, 255)
 _FILL = 0.35  # share of the kind's colour in a fill

@@ -27,12 +27,11 @@ from polarsim.formats import class_masks, coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
-_COLOURS = {"rock": (60, 220, 60), "shadow": (0, 150, 255)}  # BGR
 _TINT = 0.4  # weight of a mask's colour in a drawn picture
 # A picture as detectors see it, and width and height of the whole one -> boxes (n, 6): x0, y0, x1, y1 in pixels of the
 # whole one, confidence, class.
@@ -284,11 +283,11 @@ def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray], mask: np.
     import cv2
 
     canvas = cv2.cvtColor(_eight_bits(pixels, pixels.dtype), cv2.COLOR_GRAY2BGR)
-    for kind, colour in _COLOURS.items() if mask is not None else ():
+    for kind, colour in COLOURS.items() if mask is not None else ():
         shown = mask == class_masks.CLASSES.index(kind)
-        canvas[shown] = ((1 - _TINT) * canvas[shown] + _TINT * np.array(colour)).astype(np.uint8)
+        canvas[shown] = ((1 - _TINT) * canvas[shown] + _TINT * np.array(colour[::-1])).astype(np.uint8)
     line = max(1, round(canvas.shape[1] / 700))
     for row in found:
         x0, y0, x1, y1 = np.rint(row[:4]).astype(int).tolist()
-        cv2.rectangle(canvas, (x0, y0), (x1, y1), _COLOURS[BOX_CLASSES[int(row[5])]], line)
+        cv2.rectangle(canvas, (x0, y0), (x1, y1), COLOURS[BOX_CLASSES[int(row[5])]][::-1], line)
     write_bytes(path, cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes())

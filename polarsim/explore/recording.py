@@ -20,11 +20,11 @@ from polarsim.formats import lamps, rigs
 from polarsim.formats.files import writing
 from polarsim.formats.run_files import polygons_of
 from polarsim.geometry.camera import Camera
-from polarsim.photo import CAMERAS, NO_ROCK, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey, by_bracket
+from polarsim.photo import CAMERAS, COLOURS, NO_ROCK, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey, by_bracket
 
 TIMELINE = "lamp"
 PICTURE_PX = 800  # width of the pictures
-CLASSES = {ROCK: (1, (255, 176, 0)), SHADOW: (2, (70, 190, 255))}  # class and colour
+CLASSES = {ROCK: (1, COLOURS[ROCK]), SHADOW: (2, COLOURS[SHADOW])}  # class and colour
 SAND, ROCKS = (150, 144, 132), (196, 176, 140)
 
 

@@ -4,13 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.annotate.overlay import COLOURS
 from polarsim.annotate.show import show_of_run
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import png, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
-from polarsim.photo import PhotoKey
+from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report.figures.contact import draw_contact
 
 KEYS = [PhotoKey.parse(f"03_A_off_30_{camera}_{exposure}") for camera in "LR" for exposure in ("0064", "0256")]

@@ -4,7 +4,7 @@ import pytest
 
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
-from polarsim.photo import PhotoKey
+from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report.figures import contact
 
 KEYS = [
@@ -80,7 +80,7 @@ def test_same_rows_make_the_same_bytes_and_labels_keep_their_colours(tmp_path):
     drawn(tmp_path, "two.png", rows, width=1600)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     for kind in ("rock", "shadow"):
-        off = np.abs(shown - contact.COLOURS[kind]).max(axis=-1)
+        off = np.abs(shown - COLOURS[kind]).max(axis=-1)
         assert (off <= 2).sum() > 300
 
 

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.annotate.overlay import COLOURS, Marks, draw_labels
+from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.formats.tables import label_table
+from polarsim.photo import COLOURS
 from polarsim.render.options import HAPKE_SETS
 from polarsim.report.figures.brdf import look
 from polarsim.report.figures.canvas import FIGURE_WIDTH, beside, note, page

@@ -18,7 +18,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import read_json, relative_to, write_json, write_text, writing
 from polarsim.geometry.poses import yaw_pitch_roll
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, SHADOW
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, ROCK, SHADOW
 from polarsim.randomness import generator
 from polarsim.render.views.options import Views
 from polarsim.render.views.plan import AUTO, Picture
@@ -29,7 +29,6 @@ MOST = 1024  # pictures on a sheet; of more a seeded choice
 _WIDTH, _WIDEST, _GAP = 4000, 480, 2  # px: of the sheet, of one picture, between two
 _EVERY = 5  # viewpoints of a camera, the last of which is for validation
 _NAMED_FROM = 300  # px: narrower pictures have no room for a name
-_COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}
 _OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # of a scene's sidecar: views may have several
 Entry = tuple[Picture, float, list[coco.Annotation]]  # a picture, its exposure in ms, its labels
 
@@ -69,7 +68,7 @@ class Sheet:
         scale = self._wide / picture.shape[1]
         for label in sorted(labels, key=lambda label: label.kind, reverse=True):  # rocks on top
             x0, y0, x1, y1 = (round(float(edge) * scale) for edge in label.box)
-            cv2.rectangle(tile, (x0, y0), (x1 - 1, y1 - 1), _COLOURS[label.kind], 1)
+            cv2.rectangle(tile, (x0, y0), (x1 - 1, y1 - 1), COLOURS[label.kind], 1)
         if self._wide >= _NAMED_FROM:
             cv2.putText(
                 tile, name, (4, self._high - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.38, (255, 255, 255), 1, cv2.LINE_AA

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.annotate.overlay import COLOURS
 from polarsim.formats import png
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
 from polarsim.geometry.matching import match
-from polarsim.photo import HEIGHT, ROCK, WIDTH
+from polarsim.photo import COLOURS, HEIGHT, ROCK, WIDTH
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
 
 _COLUMNS = 2

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.annotate.overlay import COLOURS
 from polarsim.formats import png, yolo
-from polarsim.photo import BOX_CLASSES
+from polarsim.photo import BOX_CLASSES, COLOURS
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
 
 _COLUMNS = 4  # pictures of each terrain, of different scenes where there are so many

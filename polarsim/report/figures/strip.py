@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.annotate.overlay import COLOURS, Marks, draw_labels
+from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.files import write_json, writing_folder
@@ -15,7 +15,7 @@ from polarsim.formats.run_files import STRIP_TEXT, pictures_at
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit, white_of
-from polarsim.photo import PhotoKey
+from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import boxed
 from polarsim.report.figures.difference import STOPS, difference_of_photo

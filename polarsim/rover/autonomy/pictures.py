@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats.files import write_bytes, writing_folder
+from polarsim.photo import COLOURS, ROCK
 from polarsim.rover.autonomy.eyes import Glance
 
 WIDTH_PX = 640
 _QUALITY = 85
-_BOX = (0, 160, 255)  # blue, green, red
+_BOX = COLOURS[ROCK][::-1]  # blue, green, red
 
 
 def write_pictures(folder: Path, glances: Iterable[tuple[float, Glance]]) -> None:

@@ -23,7 +23,7 @@ from polarsim.errors import RoverError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text, writing
 from polarsim.formats.tone import to_8bit
-from polarsim.photo import BLACK_LEVEL, ROCK, WHITE_LEVEL
+from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.render.options import Model
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
@@ -34,8 +34,6 @@ from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
 _PRESET, _QUALITY = "10", "32"  # of SVT-AV1: fast; constant quality, 0 best to 63
-_COLOURS = {ROCK: (255, 150, 40)}  # of boxes, RGB; shadows are blue
-_BLUE = (90, 170, 255)
 _BRDF = {"principled": "default"}  # the paper's word for it
 
 
@@ -157,7 +155,7 @@ def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
     picture = picture.copy()
     width = max(1, round(picture.shape[1] / 640))
     for row in boxes.to_dict("records"):
-        colour = _COLOURS.get(str(row["kind"]), _BLUE)
+        colour = COLOURS[str(row["kind"])]
         x0, y0, x1, y1 = (round(float(row[corner])) for corner in BOX)
         cv2.rectangle(picture, (x0, y0), (x1, y1), colour, width)
         content = f"{row['confidence']:.2f}"
