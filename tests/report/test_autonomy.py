@@ -1,12 +1,16 @@
 """Figure and tables of drives in which the rover decides: every kind of drive has its place and its name."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from polarsim.formats.schemas import AUTONOMY, AUTONOMY_EFFECTS
 from polarsim.report.autonomy_table import format_autonomy, format_effects
+from polarsim.report.figures import autonomy
 from polarsim.report.figures.autonomy import draw_modes, kinds_of, placed
 
 ORIGIN = {"source": "analog"}
@@ -59,6 +63,18 @@ def test_the_figure_is_grey_all_over(table, tmp_path):
     pixels = np.asarray(Image.open(tmp_path / "modes.png").convert("RGB")).astype(int)
     assert np.ptp(pixels, axis=2).max() < 16
     assert (pixels.min(axis=2) < 100).mean() > 0.01  # something is drawn
+
+
+@pytest.mark.parametrize("exposures", [["0256"], ["0064", "0256"]])
+def test_one_exposure_stands_below_the_axis_and_several_in_the_legend(exposures, tmp_path, monkeypatch):
+    """A legend of one grey told nothing, and cost the Suns their row."""
+    found = [drive("stereo", sun, exposure, "off") for sun in ("1", "3") for exposure in exposures]
+    sheet = Figure(layout="constrained")
+    monkeypatch.setattr(autonomy, "page", lambda *_: nullcontext(sheet))
+    draw_modes(pd.DataFrame(found, columns=list(AUTONOMY.columns)), tmp_path / "modes.png", ORIGIN)
+    several = len(exposures) > 1
+    below, legend = sheet.axes[-1].get_xlabel(), [text.get_text() for text in sheet.legends[0].get_texts()]
+    assert ("256 ms" in below, "256 ms" in legend, len(legend)) == (not several, several, 4 if several else 2)
 
 
 def test_many_kinds_take_two_columns_of_print(tmp_path):

@@ -85,7 +85,7 @@ def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width:
                 axis.axvline(edge, color=LINE, linewidth=0.6, zorder=0)
         axes[-1].set_xticks([(low + high) / 2 for low, high in pairwise(edges)], labels, fontsize="small")
         axes[-1].set_xlim(edges[0], edges[-1])
-        axes[-1].set_xlabel(f"what the rover goes by\n({_told(own, origin)})")
+        axes[-1].set_xlabel(f"what the rover goes by\n({_told(own, looks, origin)})")
         _draw_legend(sheet, looks, columns)
 
 
@@ -146,19 +146,20 @@ def _draw_panel(axis: Any, part: pd.DataFrame, looks: Looks, from_zero: bool) ->
         )  # what hardly differs shall not look as if it did
 
 
-def _told(own: pd.DataFrame, origin: dict[str, str]) -> str:
-    """Where the drives come from, and by which detector they are where only some are shown."""
+def _told(own: pd.DataFrame, looks: Looks, origin: dict[str, str]) -> str:
+    """Where the drives come from, the detector where only some are shown, and the exposure of all, if it is one."""
     names = sorted(set(own["detector"]) - {ANY, ALL})
-    return ", ".join([f"source {origin['source']}", *(f"detector {name}" for name in names)])
+    exposure = [exposure_title(one) for one in looks.exposures if len(looks.exposures) == 1]
+    return ", ".join([f"source {origin['source']}", *(f"detector {name}" for name in names), *exposure])
 
 
 def _draw_legend(sheet: Any, looks: Looks, columns: int) -> None:
-    """Suns by their shapes, exposures by their greys."""
+    """Suns by their shapes, exposures, where there are several, by their greys."""
     from matplotlib.patches import Patch
 
     white = {"markerfacecolor": "white"}
     keys = [legend_line(**looks.of(sun, "") | white, **_MARK, label=sun_title(sun)) for sun in looks.suns]
-    for exposure in looks.exposures:
+    for exposure in looks.exposures if len(looks.exposures) > 1 else []:
         grey = looks.of(ANY, exposure)["markerfacecolor"]
         keys.append(Patch(facecolor=grey, edgecolor=INK, linewidth=0.6, label=exposure_title(exposure)))
     if keys:
