@@ -159,8 +159,8 @@ def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(wei
     assert np.mean(first == shown) > 0.9
     assert class_masks.read(tmp_path / "out/masks/b.png").shape == first.shape
     drawn = cv2.imread(str(tmp_path / "out/pictures/a.jpg")).astype(int)
-    orange = drawn[..., 2] - drawn[..., 0]  # red over blue
-    assert orange[first == ROCK].mean() > orange[first == GROUND].mean() + 20
+    yellow = drawn[..., 2] - drawn[..., 0]  # red over blue
+    assert yellow[first == ROCK].mean() > yellow[first == GROUND].mean() + 20
     assert len(json.loads((tmp_path / "out/coco.json").read_text())["images"]) == 2
 
 

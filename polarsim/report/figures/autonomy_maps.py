@@ -42,6 +42,8 @@ def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[st
             _draw_map(axis, folder)
             _draw_way(axis, way, events, list(shown))
             axis.set_title(_title(folder))
+            if folder == chosen[-1]:
+                axis.set_xlabel("east, m")
             if not shown:
                 _say(sheet.add_subplot(grid[row, 1]), "takes no pictures")
             for number, (time_s, path) in enumerate(shown.items()):

@@ -149,7 +149,7 @@ def shown(pixels: np.ndarray) -> np.ndarray:
 
 
 def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
-    """The picture (h, w, 3) with boxes, columns kind, confidence and corners: rocks orange, shadows blue."""
+    """The picture (h, w, 3) with boxes, columns kind, confidence and corners: rocks yellow, shadows blue."""
     import cv2
 
     picture = picture.copy()
