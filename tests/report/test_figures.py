@@ -1,5 +1,6 @@
 import itertools
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,7 +16,8 @@ from polarsim.geometry.casters import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report import detection_table, ipd_table
 from polarsim.report.figures.canvas import FIGURE_WIDTH
-from polarsim.report.figures.comparison import cover_key, draw_comparison
+from polarsim.report.figures.comparison import draw_comparison
+from polarsim.report.figures.cover_photos import cover_key
 from polarsim.report.figures.labels import draw_label_errors, edge_errors
 from polarsim.report.figures.matrices import draw_detection, draw_ipd
 from polarsim.report.figures.offsets import draw_offsets
@@ -98,21 +100,21 @@ def test_the_map_of_offsets_leaves_room_for_its_label(tmp_path):  # by _words_ar
     offsets_drawn(tmp_path, rows, "offsets.png", FIGURE_WIDTH)
 
 
-def described(folder, photos):
-    """Table of photos, and inventory of a terrain without cover photos."""
+def described(folder, photos, covers=None):
+    """Table of photos, and inventory of a terrain with its cover photos by position."""
     rows = [{"key": str(key), "path": str(path)} for key, path in photos.items()]
     write_parquet(folder / "photos.parquet", pd.DataFrame(rows, columns=["key", "path"]))
-    write_inventory(folder / "inventory.json", Inventory(3, "analog"))
+    write_inventory(folder / "inventory.json", Inventory(3, "analog", cover_photos=covers or {}))
     return {"photos": folder / "photos.parquet", "inventory": folder / "inventory.json"}
 
 
-def residuals_drawn(folder, name, twins=None):
+def residuals_drawn(folder, name, twins=None, covers=None):
     draw_residuals(
         terrain=3,
         cameras=folder / "cameras",
         meshes=folder / "meshes",
         seeds=folder / "seeds",
-        **described(folder, {}),
+        **described(folder, {}, covers),
         twins=twins,
         figure=folder / name,
         width=WIDE,
@@ -144,6 +146,21 @@ def test_where_there_is_no_photo_a_twin_stands_behind_the_residuals(tmp_path, wo
     middle = bare.shape[0] // 2
     assert np.median(bare[middle, 50:300]) == 90
     assert np.median(on_twin[middle, 50:300]) == 255
+
+
+@pytest.mark.parametrize(("off_px", "grey"), [(0, 200), (130, 90)])
+def test_a_cover_photo_of_the_right_camera_does_not_stand_behind_the_residuals(tmp_path, world, off_px, grey):
+    """Release 12 A: left boxes on a right photo lay 130 px beside every rock."""
+    world.write(tmp_path)
+    position = sorted(read_all_localised(tmp_path / "cameras"))[0]
+    boxes = np.array([[400.0, 500, 520, 580], [1200, 700, 1290, 760]])
+    yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes)
+    cover = np.full((1216, 1936, 3), 200, np.uint8)
+    for x0, y0, x1, y1 in boxes.astype(int):
+        cv2.rectangle(cover, (x0 + off_px, y0), (x1 + off_px, y1), (255, 0, 0), 4)
+    png.write(tmp_path / "cover.png", cover)
+    shown = residuals_drawn(tmp_path, "drawn.png", covers={position: "cover.png"})
+    assert np.median(shown[shown.shape[0] // 2, 50:300]) == grey
 
 
 def test_residuals_need_neither_photos_nor_seeds(tmp_path, world):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.ndimage import maximum_filter
 
 from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.annotate.show import rows_of
@@ -19,6 +18,7 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page, picture
+from polarsim.report.figures.cover_photos import cover_key, near_red
 from polarsim.report.figures.difference import (
     STOPS,
     TONES,
@@ -30,9 +30,6 @@ from polarsim.report.figures.difference import (
 )
 
 GAP = 130  # pixels of a title and a colour bar
-_SAME = 0.35  # share of our boxes' outlines on drawn red lines from which a cover photo is taken to show that photo
-_ALIKE = 0.1  # difference of two such shares that says nothing
-_REACH = 9  # pixels between our line and the red one
 
 
 def draw_comparison(
@@ -110,29 +107,6 @@ class Panel:
     stops: Mapping[str, np.ndarray] | None = None
 
 
-def cover_key(cover: np.ndarray, labels: pd.DataFrame, keys: Iterable[PhotoKey]) -> PhotoKey | None:
-    """The photo, of some keys, whose rock boxes lie on the red boxes drawn into a cover photo (h, w, 3) uint8.
-
-    None when no photo's boxes do: covers show either camera and any azimuth, and some have numbers only. Of photos that
-    fit nearly alike the first one wins.
-    """
-    near_red = maximum_filter(_red(cover), _REACH)
-    scale = np.array([cover.shape[1] / WIDTH, cover.shape[0] / HEIGHT] * 2)
-    best, best_share = None, _SAME
-    rocks = labels[labels["kind"] == ROCK]
-    for key in keys:
-        boxes = rocks.loc[rocks["key"] == str(key), ["x0", "y0", "x1", "y1"]].to_numpy(float) * scale
-        share = float(np.mean([_share_on(near_red, box) for box in boxes])) if len(boxes) else 0.0
-        if share > best_share + (_ALIKE if best else 0):
-            best, best_share = key, share
-    return best
-
-
-def _red(cover: np.ndarray) -> np.ndarray:
-    """(h, w) bool: the lines and digits that its authors drew into a cover photo."""
-    return (cover[..., 0] > 150) & (cover[..., 1] < 90) & (cover[..., 2] < 90)
-
-
 def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey | None:
     """The photo that a cover photo of a key's position shows, told by its red boxes."""
     keys = [PhotoKey.parse(str(name)) for name in sorted(set(table["key"]))]
@@ -143,7 +117,7 @@ def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey
 def _cover_differences(
     cover: np.ndarray, shown: PhotoKey, twins: Mapping[str, np.ndarray], width: int
 ) -> dict[str, Panel]:
-    red = maximum_filter(_red(cover), _REACH)
+    red = near_red(cover)
     return {
         model: Panel(
             f"Twin less published photo, {model}\n{shown}, tones matched",
@@ -169,16 +143,6 @@ def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None,
         return Panel("Published photo\nids drawn by its authors", draw_labels(cover, table[:0], width))
     rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # its azimuth is not known: no shadows
     return Panel(f"Published photo, red: its authors\nyellow: our rocks of {shown}", rocks)
-
-
-def _share_on(mask: np.ndarray, box: np.ndarray) -> float:
-    """Share of a box's outline on a mask."""
-    x0, y0, x1, y1 = box
-    along = np.linspace(0, 1, 50)
-    x, y = x0 + (x1 - x0) * along, y0 + (y1 - y0) * along
-    columns = np.concatenate([x, x, np.full(50, x0), np.full(50, x1)]).clip(0, mask.shape[1] - 1).astype(int)
-    rows = np.concatenate([np.full(50, y0), np.full(50, y1), y, y]).clip(0, mask.shape[0] - 1).astype(int)
-    return float(mask[rows, columns].mean())
 
 
 def _draw(path: Path, panels: list[Panel], width: int, empty: str) -> None:

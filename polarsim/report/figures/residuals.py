@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, legend_line, note, page, picture
+from polarsim.report.figures.cover_photos import SAME, near_red, share_on_red
 from polarsim.scoring.surface import Surface
 
 LENGTHENED = 20  # times that arrows are longer than what they show
@@ -45,12 +47,12 @@ def draw_residuals(
     ----------
     photos, inventory : Path
         Table and inventory of the terrain's photos. A position is drawn on a left photo with seeds, else on its cover
-        photo, else on a twin.
+        photo if the seeds lie on the red boxes there (some are of the right camera), else on a twin.
     twins : Path or None
         Folder of the terrain's twins.
     """
     localised, drawn = read_all_localised(cameras), read_rock_boxes(seeds, terrain)
-    backgrounds = _backgrounds(seeds, photos, inventory, twins)
+    backgrounds = _backgrounds(seeds, drawn, photos, inventory, twins)
     outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)))
     columns = min(2, max(1, len(localised)))
     rows = -(-len(localised) // columns)
@@ -73,17 +75,29 @@ def draw_residuals(
         sheet.legend(lines, labels, loc="outside lower center", ncols=3)
 
 
-def _backgrounds(seeds: Path, photos: Path, inventory: Path, twins: Path | None) -> dict[str, Path | None]:
-    """By position, the left photo of its first seed that has one, else its cover photo, else a twin of usual light."""
+def _backgrounds(
+    seeds: Path, drawn: Mapping[str, Sequence[np.ndarray]], photos: Path, inventory: Path, twins: Path | None
+) -> dict[str, Path | None]:
+    """By position, the left photo of its first seed that has one, else its left cover, else a twin of usual light."""
     pictures, rendered = pictures_at(photos), pictures_at(twins) if twins else {}
     found: dict[str, Path | None] = {}
     for key in (PhotoKey.parse(path.stem) for path in sorted(seeds.glob("*.txt"))):
         if key.camera == "L" and found.get(key.position) is None:
-            found[key.position] = pictures.get(key) or cover_photo(inventory, key.position)
+            found[key.position] = pictures.get(key)
+    for position, boxes in drawn.items():
+        found[position] = found.get(position) or _left_cover(cover_photo(inventory, position), boxes)
     for key in sorted(rendered, key=lambda key: (key.azimuth == "no", key.light == "on", key.stops_off_usual, key)):
         if key.camera == "L" and found.get(key.position) is None:
             found[key.position] = rendered[key]
     return found
+
+
+def _left_cover(cover: Path | None, drawn: Sequence[np.ndarray]) -> Path | None:
+    """A cover photo on whose red boxes some left photo's boxes lie: beside those of a right one all looks misplaced."""
+    if cover is None or not cover.exists():
+        return None
+    red = near_red(to_8bit(png.read(cover)))
+    return cover if max((share_on_red(red, boxes) for boxes in drawn), default=0.0) > SAME else None
 
 
 def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:
