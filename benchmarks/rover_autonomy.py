@@ -35,6 +35,7 @@ from polarsim.formats.schemas import AUTONOMY, EVERY_AUTONOMY
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
 from polarsim.report.figures.autonomy import draw_modes, draw_ways
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
+from polarsim.reporting import reporting
 from polarsim.rover.autonomy.cases import AXES, DETECTING, Case, cases
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.rank import rank_detectors
@@ -206,4 +207,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with reporting():
+        main()

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from functools import wraps
 from inspect import signature
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, ParamSpec, TypeVar
 
 from polarsim.errors import FormatError, PolarsimError
@@ -68,6 +69,8 @@ def reading(what: str, path: str | Path | None = None, error: type[PolarsimError
 
 def reason_of(error: Exception) -> str:
     """What an exception complains about, in one line."""
+    if isinstance(error, UnpicklingError):  # PyTorch's own text advises to run whatever code the file holds
+        return "PyTorch finds no weights in it, or code beside them"
     text = _one_line((isinstance(error, OSError) and error.strerror) or str(error))
     terse = isinstance(error, (LookupError, TypeError, AttributeError, ArithmeticError, AssertionError)) or not text
     return f"{type(error).__name__}: {text}".removesuffix(": ") if terse else text

@@ -1,8 +1,12 @@
 """Drives of other machines, as the benchmark of autonomy takes them over."""
 
+import runpy
+import sys
+
 import pandas as pd
 import pytest
 
+from benchmarks import rover_autonomy
 from benchmarks.rover_autonomy import made_with, row_of, take_over, write_rows
 from polarsim.formats import tables
 from polarsim.formats.schemas import EVERY_AUTONOMY
@@ -49,3 +53,14 @@ def test_drives_with_other_options_are_not_taken_over(tmp_path):
         with pytest.raises(SystemExit, match="other options or terrains"):
             take_over(rows_file, tmp_path / "taken", noisy)
     assert not (tmp_path / "taken").exists()
+
+
+def test_meshes_that_are_not_there_are_one_line(tmp_path, monkeypatch, capfd):
+    asked = [str(tmp_path / "meshes"), str(tmp_path / "out"), "--terrains=4", "--modes=truth", "--seeds=1"]
+    monkeypatch.setattr(sys, "argv", ["rover_autonomy.py", *asked])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(rover_autonomy.__file__, run_name="__main__")
+    assert ended.value.code == 1
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith(f"error: {tmp_path / 'meshes'}")
+    assert not (tmp_path / "out").exists()
