@@ -95,9 +95,9 @@ def take_over(known: Path, drives: Path, options: str) -> None:
         They were made with other options or over other terrains, by `made_with`.
     """
     rows = pd.read_csv(known, dtype=dict.fromkeys([*AXES, OPTIONS], str))
-    own = set(rows[OPTIONS]) if OPTIONS in rows else {"none told"}
-    if own != {options}:
-        raise SystemExit(f"{known}: drives with other options or terrains ({', '.join(sorted(own))}, not {options})")
+    theirs = set(rows[OPTIONS]) if OPTIONS in rows else {"none told"}
+    if theirs != {options}:
+        raise SystemExit(f"{known}: drives with other options or terrains ({', '.join(sorted(theirs))}, not {options})")
     for _, row in rows.drop(columns=OPTIONS).iterrows():
         file = drives / Case(row["mode"], row["seed"], *row[list(AXES[1:])]).name / "figures.parquet"
         if not file.exists():
