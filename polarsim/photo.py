@@ -33,6 +33,7 @@ CENTRE_GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: t
 ROCK, SHADOW = "rock", "shadow"
 BOX_CLASSES = (ROCK, SHADOW)  # the class number of a box is its index here
 COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}  # RGB, apart for colour-blind eyes too, and from any grey
+HEX_COLOURS = {kind: "#{:02x}{:02x}{:02x}".format(*colour) for kind, colour in COLOURS.items()}
 POLYGON_CLASSES = ("background", "ground", ROCK, SHADOW)  # and that of a polygon here: they differ
 SHADOWS_ANNOTATED_FROM_MS = 128  # exposure from which people draw shadows; another annotator did at every one
 GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the release's grey maps

@@ -19,11 +19,10 @@ from polarsim.formats.run_files import pictures_of
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
-from polarsim.photo import BOX_CLASSES, COLOURS, HEIGHT, NO_ROCK, ROCK, SHADOW, TERRAINS, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, SHADOW, TERRAINS, WIDTH, PhotoKey
 from polarsim.progress import track
 
 TOOLS = ("labelimg", "cvat", "label-studio")
-_COLOURS = {kind: "#{:02x}{:02x}{:02x}".format(*COLOURS[kind]) for kind in BOX_CLASSES}
 DECIMALS = 6  # of a percent: a hundred-thousandth of a pixel
 LOCAL_FILES = "/data/local-files/?d="  # how Label Studio names pictures below its document root
 _RECTANGLES, _IMAGE = "label", "image"  # names of the interface's parts
@@ -146,7 +145,7 @@ def cvat_labels() -> list[dict[str, Any]]:
     ]
     return [
         {"name": kind, "color": colour, "type": "rectangle", "attributes": attributes}
-        for kind, colour in _COLOURS.items()
+        for kind, colour in HEX_COLOURS.items()
     ]
 
 
@@ -162,7 +161,7 @@ def _attribute(name: str, input_type: str, default: str, values: list[str]) -> d
 
 def label_studio_interface() -> str:
     """The labelling interface (XML) that shows the tasks of `label_studio_tasks`."""
-    labels = "\n".join(f'    <Label value="{kind}" background="{colour}"/>' for kind, colour in _COLOURS.items())
+    labels = "\n".join(f'    <Label value="{kind}" background="{colour}"/>' for kind, colour in HEX_COLOURS.items())
     return (
         f'<View>\n  <Image name="{_IMAGE}" value="${_IMAGE}" zoom="true"/>\n'
         f'  <RectangleLabels name="{_RECTANGLES}" toName="{_IMAGE}" canRotate="false" strokeWidth="2">\n'

@@ -18,13 +18,13 @@ from polarsim.geometry.boxes import assign, centres, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
-from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, legend_line, note, page, picture
 from polarsim.report.figures.cover_photos import SAME, near_red, share_on_red
 from polarsim.scoring.surface import Surface
 
 LENGTHENED = 20  # times that arrows are longer than what they show
-DRAWN, PROJECTED, ARROW = "#ffb000", SERIES[5], SERIES[1]
+DRAWN, PROJECTED, ARROW = HEX_COLOURS[ROCK], SERIES[5], SERIES[1]
 _LEGEND_PX = 50
 GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)  # where there is no picture
 

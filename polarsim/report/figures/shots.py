@@ -11,12 +11,12 @@ from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.photo import ROCK
+from polarsim.photo import HEX_COLOURS, ROCK
 from polarsim.report.figures.canvas import FIGURE_WIDTH, heading, note, page, picture, rectangle
 
 POSES, SHOTS = ["frame", "time_s"], 6
 BOX = ["frame", "kind", "x0", "y0", "x1", "y1"]
-ROCKS, SEEN = "#ffb000", "#56b4e9"  # true rocks, and what a detector takes for one
+ROCKS, SEEN = HEX_COLOURS[ROCK], "#56b4e9"  # true rocks, and what a detector takes for one
 
 
 def draw_sequence(*, view: Path, pictures: str, figure: Path, width: int = FIGURE_WIDTH) -> None:
