@@ -19,7 +19,7 @@ from polarsim.covers.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError, about
-from polarsim.formats.yaml_files import describe_error, read_yaml
+from polarsim.formats.yaml_files import describe_error, parse_yaml, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, PhotoKey, positions
@@ -384,7 +384,7 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
         if not key or not equals:
             raise ConfigError(f"{assignment!r} is no option: expected KEY=VALUE")
         try:
-            value = yaml.safe_load(text)
+            value = parse_yaml(text)
         except yaml.YAMLError as error:
             raise ConfigError(f"{key}: {text!r} is no YAML value") from error
         *sections, last = key.split(".")

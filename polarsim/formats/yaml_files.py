@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +15,8 @@ from polarsim.formats.readers import reader
 
 MOST_VALUES, DEEPEST = 200_000, 50  # of a YAML file
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's takes a tenth of the time
+_LEADING_ZERO = re.compile(r"[-+]?0[0-9_]+")  # YAML 1.1 reads 010 as octal 8, and 08 as text
+_SEXAGESIMAL = re.compile(r"[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?")  # YAML 1.1 reads 1:30 as 90
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -30,14 +33,18 @@ def read_yaml(path: str | Path) -> Any:
 
 
 def parse_yaml(text: str) -> Any:
-    """What a YAML text holds, if that is not beyond any use: aliases of aliases name billions of values in a line.
+    """Parse a YAML text.
+
+    Stricter than YAML 1.1 where its rules silently change what a person wrote.
 
     Raises
     ------
     yaml.YAMLError
         No YAML.
     ConfigError
-        More than `MOST_VALUES` values with all aliases written out, or one that holds itself.
+        A key given twice in one mapping; a number with leading zeros or with colons; more than `MOST_VALUES` values
+        with all aliases written out (aliases of aliases name billions of values in a line), or a value that contains
+        itself.
     """
     depth = 0
     for event in yaml.parse(text, Loader=_Loader):  # before anything is built: building goes as deep as the text
@@ -50,6 +57,7 @@ def parse_yaml(text: str) -> Any:
         if node is None:
             return None
         _count(node, {})
+        _check_nodes(node, set())
         return loader.construct_document(node)
     finally:
         loader.dispose()
@@ -65,6 +73,40 @@ def _count(node: yaml.Node, counted: dict[int, int]) -> int:
     if counted[id(node)] >= MOST_VALUES:
         raise ConfigError(f"more than {MOST_VALUES} values with all aliases written out")
     return counted[id(node)]
+
+
+def _check_nodes(node: yaml.Node, checked: set[int]) -> None:
+    """Refuse repeated keys and ambiguous numbers in a node and in all nodes below it, with their lines."""
+    if id(node) in checked:  # an alias
+        return
+    checked.add(id(node))
+    if isinstance(node, yaml.ScalarNode):
+        _check_number(node)
+    elif isinstance(node, yaml.SequenceNode):
+        for item in node.value:
+            _check_nodes(item, checked)
+    elif isinstance(node, yaml.MappingNode):
+        first_line: dict[tuple[str, str], int] = {}
+        for key, value in node.value:
+            _check_nodes(key, checked)
+            if isinstance(key, yaml.ScalarNode):
+                name, line = (key.tag, key.value), key.start_mark.line + 1
+                if name in first_line and not key.tag.endswith(":merge"):
+                    reason = f"the key {key.value!r} is given twice, first in line {first_line[name]}: merge the two"
+                    raise ConfigError(reason, line=line)
+                first_line[name] = line
+            _check_nodes(value, checked)
+
+
+def _check_number(node: yaml.ScalarNode) -> None:
+    if node.style:  # quoted: text
+        return
+    line = node.start_mark.line + 1
+    if _LEADING_ZERO.fullmatch(node.value):
+        plain = node.value.replace("_", "").lstrip("+-0") or "0"
+        raise ConfigError(f"{node.value} has a leading zero: write {plain}, or '{node.value}' for text", line=line)
+    if _SEXAGESIMAL.fullmatch(node.value) and not node.tag.endswith((":str", ":timestamp")):
+        raise ConfigError(f"{node.value} is a number to the base 60 in YAML: write '{node.value}' for text", line=line)
 
 
 @reader("YAML file", largest_mb=1, error=ConfigError)
