@@ -11,7 +11,8 @@ from typing import Any
 import pandas as pd
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
-from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels
+from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels, no_seed_error
+from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import nasa, png, release
 from polarsim.formats.inventory import Inventory, write_inventory
@@ -99,9 +100,9 @@ def index_terrain(
     Raises
     ------
     FormatError
-        The source has nothing of the terrain, or a file of it is broken.
+        The source has nothing of the terrain, a file of it is broken, or its calibration does not fit its photos.
     LabelError
-        There is neither a seed nor a scan; or there is no scan and there shall be no seeds.
+        No seed, although `seed_options` are not "none"; or no scan where they are.
     """
     if not source.root.is_dir():
         raise FormatError(f"no such folder, it is the root of the source {source.kind!r}", path=source.root)
@@ -115,6 +116,8 @@ def index_terrain(
         _check_scanned(terrain, positions, found, source.root)
         chosen = []
     rig = nasa.read_calibration(found.calibration) if found.calibration else stated_rig()
+    recorded = {PhotoKey.parse(key): Path(path) for key, path in zip(table["key"], table["path"], strict=True)}
+    check_calibration(recorded, rig, Path(found.calibration) if found.calibration else None)
     write_parquet(photos, table)  # from here on nothing of the source can be wrong any more
     write_rig(calibration, rig, Path(found.calibration).name if found.calibration else STATED)
     write_inventory(inventory, found)
@@ -188,17 +191,12 @@ def _seeds(
     terrain: int, positions: Sequence[str], found: Inventory, root: Path, options: SeedOptions
 ) -> list[tuple[PhotoKey, Path]]:
     files, folder = find_labels(root, terrain)
-    if found.kind != "release" and folder != root:  # those of a release are in its inventory
-        release.log_strays(release.key_files(folder).stray, str(folder))
+    if found.kind != "release":  # those of a release are in its inventory
+        stray = release.key_files(folder).stray
+        release.log_strays((path for path in stray if folder != root or path.suffix.lower() == ".txt"), str(folder))
     chosen = choose_seeds(files, positions, options)
-    if not chosen and not found.scanned:
-        wanted = (
-            f"light {options.light}, azimuth {', '.join(options.azimuths)}, camera {options.camera}, "
-            f"exposure {options.exposure}"
-        )
-        raise LabelError(
-            f"no seed of terrain {terrain:02d} ({wanted}) among {len(files)} label files, and no scan", path=folder
-        )
+    if not chosen:
+        raise no_seed_error(terrain, options, files, folder)
     unknown = set(positions) - {key.position for key, _ in chosen} - set(found.scanned)
     if unknown:
         log.warning("%s: neither a seed nor a scan of position %s", folder, ", ".join(sorted(unknown)))

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.acquire.options import SeedOptions
+from polarsim.acquire.options import NO_SEEDS, SeedOptions
+from polarsim.errors import FormatError, LabelError
 from polarsim.formats import release, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.consensus import rocks_called_shadows
@@ -27,15 +28,48 @@ def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
 
 
 def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
-    """Label files of a terrain below `root`, which has the release's layout or holds label files; and their folder.
+    """Return the label files of a terrain and their folder.
 
-    Polygons serve where the release's layout has no boxes.
+    Parameters
+    ----------
+    root : Path
+        A folder in the layout of the release, or a folder of label files. In the release's layout, polygons are used
+        for a terrain without boxes.
+
+    Raises
+    ------
+    FormatError
+        No such folder.
     """
-    if (root / release.BOXES).is_dir():
-        return release.label_files(root, terrain), release.label_folder(root, terrain)
-    if (root / release.POLYGONS).is_dir():
-        return release.polygon_files(root, terrain), release.polygon_folder(root, terrain)
-    return {key: path for key, path in release.key_files(root).files.items() if key.terrain == terrain}, root
+    if not root.is_dir():
+        reason = "a file, expected a folder of label files" if root.exists() else "no such folder of label files"
+        raise FormatError(f"{reason}; `labels.seeds: {NO_SEEDS}` runs without seeds", path=root)
+    if not any((root / name).is_dir() for name in (release.BOXES, release.POLYGONS)):
+        return {key: path for key, path in release.key_files(root).files.items() if key.terrain == terrain}, root
+    boxes = release.label_files(root, terrain)
+    if not boxes and (polygons := release.polygon_files(root, terrain)):
+        return polygons, release.polygon_folder(root, terrain)
+    return boxes, release.label_folder(root, terrain)
+
+
+def no_seed_error(terrain: int, options: SeedOptions, files: Mapping[PhotoKey, Path], folder: Path) -> LabelError:
+    """Return the error for a terrain without a single seed.
+
+    Parameters
+    ----------
+    files
+        The label files of the terrain, none of which the options allow.
+    folder
+        The folder in which label files were searched.
+    """
+    wanted = (
+        f"light {options.light}, azimuth {', '.join(options.azimuths)}, camera {options.camera}, "
+        f"exposure {options.exposure}"
+    )
+    reason = f"no seed of terrain {terrain:02d} ({wanted}) among {len(files)} label files"
+    if stray := [path.name for path in release.key_files(folder).stray if path.suffix.lower() == ".txt"]:
+        reason += f"; {len(stray)} text files have no photo key as name, such as {stray[0]!r}"
+    return LabelError(f"{reason}; `labels.seeds: {NO_SEEDS}` runs without seeds", path=folder)
 
 
 def choose_seeds(

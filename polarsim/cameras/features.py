@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,24 +20,16 @@ from polarsim.formats.best_photos import Photos, Pictures, read_shrunk
 from polarsim.formats.rigs import FEATURES, LocalisedRig
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.lens import HALF_PIXEL, Lens
+from polarsim.geometry.features import Features, match_features, sift_features
+from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 
 SCALE = 0.5  # of the photos in which features are looked for
 _MOST = 6000  # features of a photo
-_RATIO = 0.8  # the second best match is at least so much farther (Lowe)
 _OFF_PX = 2.0  # farthest of a point from where the pose sees it, in pixels of the shrunk photo
 _DRAWS = 5000
 LEAST_MATCHES, LEAST_SHARE = 30, 0.25  # that agree with the pose; of all matches
 log = logging.getLogger("polarsim")
-
-
-@dataclass(frozen=True)
-class Features:
-    """Features of a photo: pixels (n, 2), and descriptors (n, 128)."""
-
-    pixels: np.ndarray
-    descriptors: np.ndarray
 
 
 def localise_by_features(
@@ -70,7 +61,7 @@ def localise_by_features(
             camera = known.camera("L").scaled(SCALE)
             for azimuth in sorted(set(features[position]) & set(features.get(other, ()))):
                 here, there = features[position][azimuth], features[other][azimuth]
-                first, second = _matches(there, here)
+                first, second = match_features(there, here)
                 on_mesh, hit = _points(surface, camera, there.pixels[first])
                 points.append(on_mesh[hit])
                 pixels.append(here.pixels[second][hit])
@@ -85,31 +76,11 @@ def localise_by_features(
 
 
 def _features(photos: Photos) -> dict[str, Features]:
-    """By the azimuth of the Sun lamp."""
-    import cv2
-
-    sift = cv2.SIFT.create(_MOST)
-    found = {}
-    for azimuth, photo in photos.items():
-        grey = to_8bit(np.rint(photo).astype(np.uint16))[..., 0]
-        points, descriptors = sift.detectAndCompute(np.ascontiguousarray(grey), None)
-        if len(points) > 1:
-            found[azimuth] = Features(np.array([one.pt for one in points]) + HALF_PIXEL, descriptors)
-    return found
-
-
-def _matches(one: Features, other: Features) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (m,) of features of one photo and the other that are each other's best, far before the next best."""
-    import cv2
-
-    def best(a: Features, b: Features) -> dict[int, int]:
-        pairs = cv2.BFMatcher(cv2.NORM_L2).knnMatch(a.descriptors, b.descriptors, k=2)
-        return {first.queryIdx: first.trainIdx for first, second in pairs if first.distance < _RATIO * second.distance}
-
-    back = best(other, one)
-    mutual = [(a, b) for a, b in best(one, other).items() if back.get(b) == a]
-    first, second = np.array(mutual, int).reshape(-1, 2).T
-    return first, second
+    """Return the features of each photo, by the azimuth of the Sun lamp."""
+    return {
+        azimuth: sift_features(to_8bit(np.rint(photo).astype(np.uint16))[..., 0], _MOST)
+        for azimuth, photo in photos.items()
+    }
 
 
 def _points(surface: Surface, camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,12 +30,14 @@ CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".ply")
 MM = 0.001  # metres
 
 _SHORTEST_BASELINE, _LONGEST_BASELINE = 0.25, 0.35  # metres; NASA's is 0.3016
+_MAX_TILT = 0.5  # of the baseline against the left camera's x axis, sine
+_MAX_OFF_CENTRE = 0.15  # of a principal point from the middle of the image, as a share of its width and height
 _ENTRY = re.compile(r"([A-Z0-9_]+):(.*)")
 _COUNTS = {
     "CAMERA_MATRIX_LEFT": (9,),
-    "DISTORTION_COEFFICIENTS_LEFT": (4, 5, 8),
+    "DISTORTION_COEFFICIENTS_LEFT": (4, 5, 8, 12, 14),
     "CAMERA_MATRIX_RIGHT": (9,),
-    "DISTORTION_COEFFICIENTS_RIGHT": (4, 5, 8),
+    "DISTORTION_COEFFICIENTS_RIGHT": (4, 5, 8, 12, 14),
     "ROTATION_MATRIX": (9,),
     "TRANSLATION_VECTOR": (3,),
 }
@@ -51,16 +53,23 @@ def read_calibration(path: str | Path) -> StereoRig:
     Raises
     ------
     FormatError
-        No text, a key is missing or has another count of numbers, a camera matrix or rotation that is none,
-        distortion beyond k3, or cameras that do not stand about 0.30 m apart.
+        No text; a key that is missing, given twice or with another count of numbers; no camera matrix or rotation;
+        distortion beyond k3; a principal point far from the middle of a photo; cameras that are not about 0.30 m
+        apart, or with the right camera on the left.
     """
     entries = _entries(Path(path).read_text(encoding="ascii"))
     rotation = checked_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
     translation = entries["TRANSLATION_VECTOR"]
     if not _SHORTEST_BASELINE <= np.linalg.norm(translation) <= _LONGEST_BASELINE:
         raise FormatError(f"TRANSLATION_VECTOR is {np.linalg.norm(translation):.4g} m long, expected about 0.30")
-    right_from_left = Pose(rotation, translation)  # OpenCV: x_right = R x_left + T
-    return StereoRig(_lens(entries, "LEFT"), _lens(entries, "RIGHT"), right_from_left.inverse())
+    left_from_right = Pose(rotation, translation).inverse()  # OpenCV: x_right = R x_left + T
+    x, y, z = left_from_right.translation
+    if x < 0 or np.hypot(y, z) > _MAX_TILT * np.linalg.norm(translation):
+        raise FormatError(
+            f"TRANSLATION_VECTOR puts the right camera at x {x:.3g}, y {y:.3g}, z {z:.3g} m in the left one's frame, "
+            "expected x 0.30, y 0, z 0: left and right exchanged? (x_right = R x_left + T, x of T < 0)"
+        )
+    return StereoRig(_lens(entries, "LEFT"), _lens(entries, "RIGHT"), left_from_right)
 
 
 def _entries(text: str) -> dict[str, np.ndarray]:
@@ -69,6 +78,8 @@ def _entries(text: str) -> dict[str, np.ndarray]:
         found = _ENTRY.fullmatch(line.strip())
         if not found or found[1] not in _COUNTS:
             continue
+        if found[1] in entries:
+            raise FormatError(f"{found[1]} is given twice")
         try:
             entries[found[1]] = np.array([float(field) for field in found[2].split()])
         except ValueError as error:
@@ -93,7 +104,13 @@ def _lens(entries: dict[str, np.ndarray], side: str) -> Lens:
     skew, bottom = matrix[[0, 1], [1, 0]], matrix[2]
     if np.any(skew) or np.any(bottom != [0, 0, 1]) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
         raise FormatError(f"CAMERA_MATRIX_{side} is no camera matrix fx 0 cx 0 fy cy 0 0 1")
-    return Lens.from_opencv(matrix, distortion[:5], (WIDTH, HEIGHT))
+    lens = Lens.from_opencv(matrix, distortion[:5], (WIDTH, HEIGHT))
+    if abs(lens.cx / WIDTH - 0.5) > _MAX_OFF_CENTRE or abs(lens.cy / HEIGHT - 0.5) > _MAX_OFF_CENTRE:
+        raise FormatError(
+            f"CAMERA_MATRIX_{side}: principal point {lens.cx:.0f}, {lens.cy:.0f} px, expected near "
+            f"{WIDTH // 2}, {HEIGHT // 2}: calibrated on images of another size than {WIDTH} x {HEIGHT}?"
+        )
+    return lens
 
 
 def write_calibration(path: str | Path, rig: StereoRig) -> None:

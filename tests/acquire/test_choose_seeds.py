@@ -87,7 +87,8 @@ def test_labels_are_found_in_the_releases_layout_and_in_a_flat_folder(tmp_path):
         write(tmp_path / folder, "04_A_off_30_L_0064", 1)
     for root in ("release", "flat"):
         assert list(find_labels(tmp_path / root, 3)[0]) == [KEY]
-    assert find_labels(tmp_path / "nowhere", 3)[0] == {}
+    with pytest.raises(FormatError, match="nowhere"):
+        find_labels(tmp_path / "nowhere", 3)
 
 
 def test_seeds_may_be_polygons_where_there_are_no_boxes(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from polarsim.acquire.index import index_terrain, merge_photos
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import SeedOptions, SourceOptions
+from polarsim.acquire.seeds import find_labels
 from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.inventory import read_inventory
@@ -35,7 +36,7 @@ def index(tmp_path, source, *, terrain=11, positions="ABC", seeds=None, grid=Non
         terrain=terrain,
         positions=list(positions),
         source=source,
-        seed_options=seeds or SeedOptions(),
+        seed_options=seeds or (SeedOptions() if (source.root / "Labels").is_dir() else "none"),
         photos=out / "photos.parquet",
         calibration=out / "calibration.json",
         inventory=out / "inventory.json",
@@ -131,8 +132,8 @@ def test_a_release_without_seeds_is_an_error_that_names_the_folder(tmp_path, rel
     assert not (tmp_path / "out").exists()
 
 
-def test_scans_and_calibration_alone_are_enough(tmp_path, polar):
-    out = index(tmp_path, polar)
+def test_scans_and_calibration_are_enough_where_seeds_are_none(tmp_path, polar):
+    out = index(tmp_path, polar, seeds="none")
     inventory = read_inventory(out / "inventory.json")
     assert inventory.scanned == ["A", "C"]
     assert inventory.calibration.endswith("Terrain11_FreshCrater/stereo.calibration")
@@ -146,6 +147,38 @@ def test_scans_and_calibration_alone_are_enough(tmp_path, polar):
 def test_seeds_may_come_from_another_folder_than_the_scans(tmp_path, polar, release):
     out = index(tmp_path, polar, seeds=SeedOptions(root=release.root))
     assert [path.name for path in (out / "seeds").iterdir()] == ["11_A_off_30_L_0256.txt"]
+
+
+@pytest.mark.parametrize(
+    "content", ["missing", "a file", "empty", "names of other photos", "another terrain", "lower case"]
+)
+def test_a_root_of_seeds_without_a_usable_label_is_an_error(tmp_path, polar, content):
+    root = tmp_path / "seeds"
+    if content == "a file":
+        write(root, BOX)
+    elif content != "missing":
+        root.mkdir()
+    names = {
+        "names of other photos": "IMG_0001.txt",
+        "another terrain": "03_A_off_30_L_0256.txt",
+        "lower case": "11_a_off_30_l_0256.txt",
+    }
+    if content in names:
+        write(root / names[content], BOX)
+    with pytest.raises(PolarsimError) as caught:
+        index(tmp_path, polar, seeds=SeedOptions(root=root))
+    assert caught.value.path == root
+    assert "labels.seeds: none" in caught.value.reason
+    assert content not in names or content == "another terrain" or names[content] in caught.value.reason
+    assert not (tmp_path / "out").exists()
+
+
+def test_polygons_are_the_seeds_of_a_terrain_without_boxes(tmp_path):
+    root = tmp_path / "release"
+    write(root / "Labels/Terrain03/03_A_off_30_L_0256.txt", BOX)
+    polygon = root / "SegmentationLabels/terrain11/labels/11_A_off_30_L_0256.txt"
+    write(polygon, "2 0.1 0.1 0.2 0.1 0.2 0.2\n")
+    assert find_labels(root, 11)[0] == {PhotoKey.parse("11_A_off_30_L_0256"): polygon}
 
 
 def test_without_seeds_no_label_file_is_opened_and_the_folder_of_seeds_is_empty(tmp_path, polar):
@@ -180,7 +213,7 @@ def test_label_files_are_watched_only_where_they_may_be_seeds(polar):
 
 def test_only_the_positions_of_the_run_are_taken(tmp_path, polar, release, photo):
     add_photo(photo, polar, "11_A_off_30_L_0256")
-    out = index(tmp_path, polar, positions="C", seeds=SeedOptions(root=release.root))
+    out = index(tmp_path, polar, positions="C", seeds="none")
     assert read_inventory(out / "inventory.json").scanned == ["C"]
     assert list((out / "seeds").iterdir()) == []
     assert len(read_parquet(out / "photos.parquet")) == 0

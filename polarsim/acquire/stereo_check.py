@@ -1,0 +1,115 @@
+"""Check a stereo calibration against the photos that it is used for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.errors import FormatError, PolarsimError
+from polarsim.formats import png
+from polarsim.formats.tone import to_8bit
+from polarsim.geometry.epipolar import epipolar_distances, triangulated_depth
+from polarsim.geometry.features import Features, match_features, sift_features
+from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import SUNS, PhotoKey
+
+_SCALE = 0.5  # of the photos in which features are detected
+_MAX_FEATURES = 2000
+_MIN_MATCHES = 40  # that fit one epipolar geometry; with fewer, a pair is not checked
+_RANSAC_PX = 1.0  # farthest of a match from its epipolar line, in the reduced photo
+# Median distance of matches from the epipolar lines of the calibration, in the photo. On eight pairs of the analog 0.2
+# to 0.4 px; with a calibration at half the size 5 to 13 px, with exchanged lenses 16 to 23 px.
+_MAX_DISTANCE_PX = 3.0
+_MIN_IN_FRONT = 0.5  # share of matches that must lie in front of the cameras
+
+log = logging.getLogger("polarsim")
+
+
+@dataclass(frozen=True)
+class StereoAgreement:
+    """Agreement of matched features of a stereo pair with a calibration."""
+
+    matches: int
+    distance_px: float  # median Sampson distance
+    in_front: float  # share of the matches with positive depth
+
+
+def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibration: Path | None) -> None:
+    """Compare a calibration with one stereo pair of each position.
+
+    Parameters
+    ----------
+    calibration : Path or None
+        The file of the calibration; None: the stated calibration of terrain 11.
+
+    Raises
+    ------
+    FormatError
+        The photos of a position show left and right exchanged, or matched features are far from their epipolar lines.
+        The latter is a warning for the stated calibration, which nobody measured for these photos.
+    """
+    for left, right in _pairs(photos):
+        agreement = stereo_agreement(_features(photos[left]), _features(photos[right]), rig)
+        if agreement is None:
+            log.info("%s: too few features in both photos to check the stereo calibration", left)
+            continue
+        where = f"{left} and {right} ({agreement.matches} matched features)"
+        if agreement.in_front < _MIN_IN_FRONT:
+            reason = f"left and right are exchanged: {1 - agreement.in_front:.0%} of the points in {where}"
+            raise FormatError(f"{reason} would be behind the cameras", path=calibration or photos[left])
+        if agreement.distance_px > _MAX_DISTANCE_PX:
+            off = f"matches are {agreement.distance_px:.1f} px off the epipolar lines in {where}"
+            reason = f"calibration does not fit the photos: {off}"
+            if calibration:
+                raise FormatError(reason, path=calibration)
+            log.warning("no stereo.calibration, and the stated %s", reason)
+
+
+def stereo_agreement(left: Features, right: Features, rig: StereoRig) -> StereoAgreement | None:
+    """Match features of both photos, in pixels of the full photos; None with too few matches.
+
+    Wrong matches are removed by a fundamental matrix fitted to the matches (RANSAC), independent of the calibration.
+    """
+    import cv2
+
+    first, second = match_features(left, right)
+    if len(first) < _MIN_MATCHES:
+        return None
+    a, b = left.pixels[first], right.pixels[second]
+    cv2.setRNGSeed(0)
+    _, fits = cv2.findFundamentalMat(a, b, cv2.FM_RANSAC, _RANSAC_PX / _SCALE, 0.999, 2000)
+    chosen = np.zeros(len(a), bool) if fits is None else fits.ravel().astype(bool)
+    if chosen.sum() < _MIN_MATCHES:
+        return None
+    a, b = a[chosen], b[chosen]
+    distance = float(np.median(epipolar_distances(rig, a, b)))
+    return StereoAgreement(len(a), distance, float(np.mean(triangulated_depth(rig, a, b) > 0)))
+
+
+def _pairs(photos: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
+    """Return the left and right photo of each position that are exposed best: lit by a Sun lamp, about 256 ms."""
+    best: dict[str, PhotoKey] = {}
+    for key in sorted(photos):
+        if key.camera == "L" and key.azimuth in SUNS and key.other_camera in photos:
+            known = best.get(key.position)
+            if known is None or (key.stops_off_usual, key.light == "on") < (known.stops_off_usual, known.light == "on"):
+                best[key.position] = key
+    return [(key, key.other_camera) for key in best.values()]
+
+
+def _features(path: Path) -> Features:
+    """Return the features of a photo, in pixels of the full photo."""
+    import cv2
+
+    try:
+        grey = to_8bit(png.read_photo(path))[..., 0]
+    except PolarsimError as error:
+        log.warning("%s: not used to check the calibration", error)
+        return Features(np.empty((0, 2)), np.empty((0, 128), np.float32))
+    small = cv2.resize(grey, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_AREA)
+    found = sift_features(small, _MAX_FEATURES)
+    return Features(found.pixels / _SCALE, found.descriptors)

@@ -1,0 +1,80 @@
+"""A calibration is compared with the photos; photos here are textured planes seen through the stated rig."""
+
+import logging
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from polarsim.acquire.stereo_check import check_calibration
+from polarsim.errors import FormatError
+from polarsim.formats import png
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+
+LEFT = PhotoKey.parse("03_A_off_30_L_0256")
+RIG = stated_rig()
+EXCHANGED = StereoRig(RIG.left, RIG.right, Pose(RIG.left_from_right.rotation, -RIG.left_from_right.translation))
+
+
+def seen(lens, left_from_camera):
+    """A photo of a plane 3 m in front of the left camera, covered with blurred noise."""
+    texture = cv2.GaussianBlur(np.random.default_rng(0).uniform(0, 4000, (1000, 1400)).astype(np.float32), (0, 0), 4)
+    texture = np.clip((texture - 2000) * 8 + 2000, 16, 4095)
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
+    directions = left_from_camera.rotate(lens.directions(np.stack([columns, rows], -1)))
+    origin = left_from_camera.translation
+    points = origin + directions * ((3.0 - origin[2]) / directions[..., 2:])
+    u, v = ((points[..., k] + shift) * 300 for k, shift in ((0, 2.3), (1, 1.6)))
+    return cv2.remap(texture, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR).astype(np.uint16)
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pair")
+    found = {LEFT: folder / "left.png", LEFT.other_camera: folder / "right.png"}
+    png.write(found[LEFT], seen(RIG.left, Pose.identity()))
+    png.write(found[LEFT.other_camera], seen(RIG.right, RIG.left_from_right))
+    return found
+
+
+def test_the_calibration_of_the_photos_passes(photos, tmp_path):
+    check_calibration(photos, RIG, tmp_path / "stereo.calibration")
+
+
+@pytest.mark.parametrize(
+    "rig",
+    [
+        EXCHANGED,
+        StereoRig(RIG.right, RIG.left, RIG.left_from_right),
+        StereoRig(RIG.left.scaled(0.5), RIG.right.scaled(0.5), RIG.left_from_right),
+        replace(RIG, left_from_right=Pose.from_rotvec(np.array([0.01, 0, 0]), RIG.left_from_right.translation)),
+    ],
+    ids=["sign of the baseline", "lenses exchanged", "half size", "tilted by 0.6 degrees"],
+)
+def test_another_calibration_is_an_error_with_its_file(photos, tmp_path, rig):
+    with pytest.raises(FormatError) as caught:
+        check_calibration(photos, rig, tmp_path / "stereo.calibration")
+    assert caught.value.path == tmp_path / "stereo.calibration"
+
+
+def test_exchanged_photos_are_an_error(photos, tmp_path):
+    other = {LEFT: photos[LEFT.other_camera], LEFT.other_camera: photos[LEFT]}
+    with pytest.raises(FormatError):
+        check_calibration(other, RIG, tmp_path / "stereo.calibration")
+    with pytest.raises(FormatError):
+        check_calibration(other, RIG, None)
+
+
+def test_the_stated_calibration_only_warns_where_it_does_not_fit(photos, caplog):
+    with caplog.at_level(logging.WARNING):
+        check_calibration(photos, replace(RIG, left=RIG.right, right=RIG.left), None)
+    assert len(caplog.records) == 1
+
+
+def test_photos_without_features_or_without_a_pair_are_not_checked(photos, tmp_path):
+    check_calibration({LEFT: photos[LEFT]}, EXCHANGED, tmp_path)
+    png.write(tmp_path / "black.png", np.full((HEIGHT, WIDTH), 16, np.uint16))
+    check_calibration(dict.fromkeys((LEFT, LEFT.other_camera), tmp_path / "black.png"), EXCHANGED, tmp_path)
