@@ -30,7 +30,7 @@ def test_the_renderer_is_no_part_of_the_meshes():
 
 
 FLOORS = (  # from the bottom up: a package or module sees the floors below and itself, never one beside it
-    {"errors", "digest", "progress", "public", "randomness", "survey"},
+    {"errors", "digest", "progress", "public", "randomness", "survey", "user_path"},
     {"kernels", "photo"},
     {"geometry", "grid"},
     {"formats"},

@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from polarsim.grid import as_text
 from polarsim.photo import SUNS, Azimuth, Light, PhotoKey, is_exposure
 from polarsim.photo import CameraSide as Camera
+from polarsim.user_path import UserPath
 
 NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
 Kind = Literal["analog", "release", "polar"]
@@ -48,7 +49,7 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
         default="analog",
         description="Raw data are of this kind: 'analog' (made here), 'release' (published labels) or 'polar' (NASA).",
     )
-    root: Path = Field(
+    root: UserPath = Field(
         default=Path("data/analog"), description="Raw data lie in this folder; it is stated for 'release' and 'polar'."
     )
     urls: dict[str, str] = Field(
@@ -80,7 +81,7 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
 class SeedOptions(BaseModel, extra="forbid", frozen=True):
     """Propagation starts from these label files; no stage but scoring reads any other."""
 
-    root: Path | None = Field(
+    root: UserPath | None = Field(
         default=None,
         description="Seeds are read from this folder, in the release's layout or of label files; null: from the "
         "source's.",

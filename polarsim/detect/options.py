@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
+from polarsim.user_path import UserPath
+
 # The detector that comes with polarsim, its card beside it; docs/notes/detect.md says how it was made.
 PACKAGED = Path(__file__).parent / "packaged" / "rocks.pt"
 PACKAGED_ROVER = PACKAGED.with_name("rover.pt")  # the same, fine-tuned on pictures of drives
@@ -113,7 +115,7 @@ class TrainingOptions(BaseModel, extra="forbid", frozen=True):
         description="This detector is trained: compact and compact-l are our own (BSD-3-Clause), all others "
         "Ultralytics' (AGPL-3.0).",
     )
-    pretrained: Path | Literal["packaged"] | None = Field(
+    pretrained: UserPath | Literal["packaged"] | None = Field(
         None,
         description="Training starts from these weights (.pt); `packaged`: from those of the detector that "
         "comes with polarsim, for model compact. None: from random weights.",
@@ -272,7 +274,7 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         "position and camera; position: terrain and position, both cameras; terrain: whole "
         "terrains.",
     )
-    views: Path | None = Field(
+    views: UserPath | None = Field(
         None,
         description="The training domain `views` is read from this folder, which `polarsim render VIEWS.yaml` "
         "wrote without --preview.",

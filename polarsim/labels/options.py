@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, Field, field_validator
@@ -12,12 +11,13 @@ from polarsim.labels import rover_light
 from polarsim.labels.annotator_model import COEFFICIENTS
 from polarsim.photo import PhotoKey
 from polarsim.survey import WALL_HEIGHT, is_surveyed
+from polarsim.user_path import UserPath
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     """How seed boxes are propagated the photo grid, and how their outlines are annotated."""
 
-    corrections: Path | None = Field(
+    corrections: UserPath | None = Field(
         None,
         description="Label files in this folder were edited by people, KEY.txt as `polarsim export` writes them or "
         "COCO: each wins for its photo, and is propagated to others as seeds are.",
@@ -127,6 +127,10 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
     def of(self, terrain: int) -> LabelsOptions:
         """These options, without walls where nobody stated those of a terrain."""
         return self if is_surveyed(terrain) else self.model_copy(update={"wall_height_m": 0.0})
+
+    def excluded(self, terrain: int) -> tuple[PhotoKey, ...]:
+        """Return the photos of a terrain whose annotations are excluded."""
+        return tuple(key for key in map(PhotoKey.parse, self.taken_back) if key.terrain == terrain)
 
     def shadow_start(self, terrain: int) -> int:
         """Shortest exposure under a Sun lamp with shadow labels, ms."""

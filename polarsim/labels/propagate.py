@@ -101,7 +101,7 @@ def propagate_labels(
     Raises
     ------
     LabelError
-        The inventory is another terrain's.
+        The inventory is another terrain's; or an excluded photo is neither a seed nor a correction.
     FormatError
         A broken seed, camera or mesh file.
     """
@@ -141,9 +141,13 @@ def labels_of_terrain(
     _warn_of_gaps(photos, keys)
     localised = rigs.read_all_localised(cameras)
     suns = lamps.read_suns(cameras, localised)
-    corrections = _left(read_corrections(options.corrections, terrain), options)
+    corrected = read_corrections(options.corrections, terrain)
+    corrections = _left(corrected, options)
     scene = read_terrain(meshes, terrain)
-    drawings = _left(without_strangers(read_drawings(seeds, terrain), scene, localised), options)
+    seeded = read_drawings(seeds, terrain)
+    if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
+        raise LabelError(f"labels.taken_back: {unknown[0]} is neither a seed nor a correction", path=seeds)
+    drawings = _left(without_strangers(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
     starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
     chosen = choose_seeds(drawings, corrections, starts.shadows)

@@ -186,15 +186,19 @@ def without_strangers(drawings: Drawings, terrain: TerrainMesh, localised: Mappi
 
 
 def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Annotated]:
-    """What people drew in photos of a terrain, as `KEY.txt` or as COCO files (`*.json`); nothing without a folder.
+    """Return the corrected photos of a terrain, see `read_all_corrections`; none without a folder."""
+    found = {} if folder is None else read_all_corrections(folder)
+    return {key: annotated for key, annotated in found.items() if key.terrain == terrain}
+
+
+def read_all_corrections(folder: Path) -> dict[PhotoKey, Annotated]:
+    """Read the boxes that people corrected, by photo, from `KEY.txt` and COCO files (`*.json`).
 
     Raises
     ------
     FormatError
         No such folder, a broken file in it, or a photo that is corrected twice.
     """
-    if folder is None:
-        return {}
     found = read_annotated(folder)
     for path in sorted(Path(folder).rglob("*.json")):
         for key, annotated in read_coco(path).items():
@@ -202,7 +206,7 @@ def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Annota
                 raise FormatError(f"{key} is corrected in another file of {folder} too", path=path)
             classes = np.array([BOX_CLASSES.index(one.kind) for one in annotated], int)
             found[key] = classes, np.array([one.box for one in annotated]).reshape(-1, 4)
-    return {key: Annotated.of(*found[key]) for key in sorted(found) if key.terrain == terrain}
+    return {key: Annotated.of(*found[key]) for key in sorted(found)}
 
 
 def as_annotated(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:

@@ -23,8 +23,9 @@ import yaml
 from polarsim.config import Config, parse_config
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats.files import packaged, write_text
-from polarsim.formats.yaml_files import read_yaml
+from polarsim.formats.yaml_files import parse_yaml, read_yaml
 from polarsim.running import cluster, disk, processes
+from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
 
 STOPPED = 130
@@ -73,7 +74,7 @@ class Call:
             if not key or not equals:
                 raise ConfigError(f"--config {setting!r}: expected KEY=VALUE")
             try:
-                _lay_over(content, {key: yaml.safe_load(text)})
+                _lay_over(content, {key: parse_yaml(text)})
             except yaml.YAMLError as error:
                 raise ConfigError(f"--config {key}: {text!r} is no YAML value") from error
         return parse_config(content)
@@ -98,6 +99,7 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
     if refused := _REFUSED.intersection(call.rest):
         raise ConfigError(f"{sorted(refused)[0]}: polarsim run never does that")
     config = call.config()
+    check_paths(config)
     if _DRY.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
     root = Path(config.source.root)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pydantic import BaseModel, Field
+
+from polarsim.user_path import UserPath
 
 
 class ScoringOptions(BaseModel, extra="forbid", frozen=True):
     """These options say how results are scored; none of them changes a result, only what is said about it."""
 
-    annotated_root: Path | None = Field(
+    annotated_root: UserPath | None = Field(
         None,
         description="Our labels are scored against those that people drew in this folder, which has the "
         "release's layout; null: that of the seeds, else the source's.",

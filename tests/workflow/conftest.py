@@ -99,8 +99,15 @@ def small(tmp_path_factory, make_checkout, snakemake) -> Path:
 
 @pytest.fixture(scope="session")
 def dry_run(tmp_path_factory, make_checkout, snakemake) -> Callable[..., subprocess.CompletedProcess]:
-    """Plan the jobs of a checkout that nobody changed, each set of arguments once."""
+    """Plan the jobs of a checkout that nobody changed, each set of arguments once.
+
+    The paths that `config/*.yaml` name exist: NASA's folder without content, a seed of each terrain, weights.
+    """
     folder = make_checkout(tmp_path_factory.mktemp("planned"))
+    seeds = [f"data/polar-sim/Labels/Terrain{n:02d}/{n:02d}_A_off_30_L_0256.txt" for n in range(1, 14)]
+    for name in ("data/polar/README", "data/weights/yolov5nu.pt", *seeds):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("0 0.5 0.5 0.1 0.1\n")
     known: dict[tuple, subprocess.CompletedProcess] = {}
 
     def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess:

@@ -46,9 +46,7 @@ def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
         "gather_evaluation",
     } <= set(jobs)
     scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
-    assert len(scored) == (
-        3 if name in ("config", "full", "release") else 0
-    )  # the others' labels are not in this folder
+    assert len(scored) == 3
     assert ("train_detector" in jobs) == (name not in ("full", "release"))  # the release has no photos
 
 
@@ -141,7 +139,9 @@ def test_fitted_materials_are_not_scored_where_no_truth_is_known(dry_run, releas
 
 def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
     root = tmp_path / "release"
-    (root / "TerrainMeshes/Terrain06").mkdir(parents=True)
+    polygons = root / "SegmentationLabels/terrain06/labels"  # the seeds, since nobody drew boxes
+    polygons.mkdir(parents=True)
+    (polygons / "06_A_off_30_L_0256.txt").write_text("2 0.1 0.1 0.2 0.1 0.2 0.2\n")
     content = yaml.safe_load((checkout / "config/release.yaml").read_text()) | {"terrains": [6]}
     (checkout / "config/unannotated.yaml").write_text(yaml.safe_dump(content))
     done = snakemake(
@@ -219,6 +219,25 @@ def test_an_impossible_configuration_ends_in_one_line_that_names_the_key(checkou
     lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
     assert len(lines) == 1
     assert "terains" in lines[0]
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("labels: {min_contrast_dn: 20}\nlabels: {corrections: null}\n", "labels"),
+        ("terrains: [010]\n", "010"),
+        ("labels: {corrections: nowhere}\n", "nowhere"),
+        ("labels: {seeds: {root: ~/nowhere}}\n", "nowhere"),
+        ("labels: {taken_back: [04_A_off_30_L_0256]}\n", "04_A_off_30_L_0256"),
+    ],
+)
+def test_what_snakemake_itself_accepts_silently_is_an_error_before_any_job(checkout, snakemake, text, named):
+    (checkout / "config/mine.yaml").write_text(text)
+    done = snakemake(checkout, "--dry-run", "--configfile", "config/config.yaml", "config/mine.yaml")
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
+    assert (done.returncode, len(lines)) == (1, 1)
+    assert named in lines[0]
     assert "Traceback" not in done.stderr
 
 

@@ -14,7 +14,7 @@ from polarsim.config import parse_config
 from polarsim.covers.options import CARVED
 from polarsim.detect.options import PACKAGED
 from polarsim.digest import script_digest
-from polarsim.errors import ConfigError
+from polarsim.errors import PolarsimError
 from polarsim.formats.release import (
     cover_photos,
     label_files,
@@ -23,14 +23,20 @@ from polarsim.formats.release import (
     polygon_folder,
 )
 from polarsim.formats.schemas import FINE_TUNED, RENDERED
+from polarsim.formats.yaml_files import read_yaml
 from polarsim.grid import selected_grid
 from polarsim.photo import USUAL_EXPOSURE_MS, WIDTH
 from polarsim.photo import positions as positions_of_terrain
 from polarsim.publish.options import FORM_NAMES
+from polarsim.running.inputs import check_paths
 
 try:
+    for _file in workflow.configfiles:  # Snakemake's reader accepts repeated keys and octal numbers, ours does not
+        read_yaml(_file)
     CONFIG = parse_config(config)
-except ConfigError as error:
+    if workflow.is_main_process:  # jobs need not check again
+        check_paths(CONFIG)
+except PolarsimError as error:
     sys.exit(f"error: configuration: {error}")
 
 RUN = CONFIG.run

@@ -13,6 +13,7 @@ from polarsim.formats.files import found_from
 from polarsim.formats.yaml_files import read_model
 from polarsim.render.options import RenderOptions
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
+from polarsim.user_path import UserPath
 
 Name = Annotated[  # no _: it stands between the parts of file names
     str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$", description="Files of its pictures have this name in theirs.")
@@ -37,7 +38,7 @@ AnyPart = TypeVar("AnyPart", bound=Section)
 class TerrainPart(Section):
     """A terrain is given by its meshes and by where they lie in the scene."""
 
-    meshes: Path = Field(description="The terrain's meshes lie in this folder, `results/<run>/meshes/TerrainNN`.")
+    meshes: UserPath = Field(description="The terrain's meshes lie in this folder, `results/<run>/meshes/TerrainNN`.")
     terrain: int = Field(ge=1, le=99, description="The terrain has this number in its files' names.")
     offset_m: Point = Field((0, 0, 0), description="The terrain's origin lies here in the scene, metres.")
     heading_deg: Finite = Field(0, description="The terrain's +X points here in the scene, degrees from +X towards +Y.")
@@ -56,7 +57,7 @@ class RigLens(Section):
     """Pictures are taken through the calibrated rig's lenses."""
 
     kind: Literal["rig"] = Field("rig", description="This lens is one of the calibrated rig.")
-    localised: Path | None = Field(
+    localised: UserPath | None = Field(
         None, description="The lenses of this PosX.json are used; none: the real rig's stated ones are."
     )
 

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_vali
 from polarsim.detect.options import PACKAGED, PACKAGED_ROVER, PicturesOptions, PredictionOptions
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.user_path import UserPath
 
 PAPER_VIEWS = (
     "CamBirdViewLeft", "CamBirdViewRight",
@@ -47,7 +48,7 @@ class RealSun(BaseModel, extra="forbid", frozen=True):
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     """These options say what a detector makes of the front camera's pictures while the rover drives."""
 
-    weights: Path | PackagedName | None = Field(
+    weights: UserPath | PackagedName | None = Field(
         None,
         description="The detector has these weights of a run; two come with polarsim: `packaged_rover`, which has seen "
         "drives, and `packaged`, which has seen photos. With none truth alone is measured.",

@@ -8,6 +8,8 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, PositiveFloat, model_validator
 
+from polarsim.user_path import UserPath
+
 Point = tuple[float, float]
 
 
@@ -29,7 +31,7 @@ class StartSpread(BaseModel, extra="forbid", frozen=True):
 class DriveOptions(BaseModel, extra="forbid", frozen=True):
     """The section says where the rover goes and how it is steered."""
 
-    vehicle: Path = Field(
+    vehicle: UserPath = Field(
         Path("config/viper.yaml"),
         description="The rover's table is read from this file: masses, wheels, cameras, lights.",
     )

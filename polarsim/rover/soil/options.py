@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field, PositiveFloat
 
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.contact import Rule
+from polarsim.user_path import UserPath
 
 _EVERY_S = 0.01  # between two moves of displaced soil
 
@@ -32,7 +33,7 @@ class SoilOptions(BaseModel, extra="forbid", frozen=True):
     """These options set the soil and how its law is stepped."""
 
     soil: str = Field("lunar", description="The soil is the set of this name in the table.")
-    table: Path = Field(
+    table: UserPath = Field(
         Path("config/soils.csv"),
         description="Sets of constants are read from this file, each with its source and gravity.",
     )

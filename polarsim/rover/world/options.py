@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.photo import TERRAINS
+from polarsim.user_path import UserPath
 
 
 class FineReliefOptions(BaseModel, extra="forbid", frozen=True):
@@ -66,7 +65,7 @@ class RockOptions(BaseModel, extra="forbid", frozen=True):
 class DemOptions(BaseModel, extra="forbid", frozen=True):
     """The ground is a square of an elevation model, with craters and rocks strewn by laws, up to the horizon."""
 
-    path: Path | None = Field(
+    path: UserPath | None = Field(
         None,
         description="Heights are read from this GeoTIFF, in a projected frame in metres; null: relief alone is made "
         "up.",

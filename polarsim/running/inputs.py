@@ -1,0 +1,145 @@
+"""Check that the paths of a configuration lead to usable data, before any job starts.
+
+Snakemake removes the outputs of a job before it runs the job. A path that only a job finds wrong would therefore cost
+the results of an earlier run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from polarsim.acquire.options import NO_SEEDS, SeedOptions
+from polarsim.acquire.seeds import choose_seeds, find_labels, no_seed_error
+from polarsim.config import Config
+from polarsim.errors import ConfigError
+from polarsim.formats import release
+from polarsim.formats.files import packaged
+from polarsim.grid import selected_grid
+from polarsim.labels.seeds import read_all_corrections
+from polarsim.photo import PhotoKey, positions
+
+_FOLDERS = ("source.root", "labels.seeds.root", "labels.corrections", "scoring.annotated_root", "detect.views")
+_OPTIONAL_SECTIONS = ("detect", "rover", "covers")  # their paths are used only where their key `run` is true
+
+
+def check_paths(config: Config) -> None:
+    """Check every path of a configuration, the seeds, the corrections and the excluded photos.
+
+    Raises
+    ------
+    ConfigError
+        A path that is missing, a file in place of a folder or the reverse, or a folder without usable content; a
+        correction of no photo of the run; an excluded photo that is neither seed nor correction.
+    FormatError, LabelError
+        A label file that cannot be read, or a terrain without seeds.
+    """
+    for key, path in _used_paths(config):
+        _check_kind(key, path)
+    _check_source(config)
+    _check_seeds(config)
+    _check_annotated(config)
+    _check_excluded(config, _checked_corrections(config))
+
+
+def _used_paths(config: Config) -> Iterator[tuple[str, Path]]:
+    """Yield key and path of every path that the run reads, in the order of the configuration."""
+    for name, section in config:
+        if isinstance(section, BaseModel) and (name not in _OPTIONAL_SECTIONS or getattr(section, "run", True)):
+            yield from _paths_in(section, name)
+
+
+def _paths_in(value: object, key: str) -> Iterator[tuple[str, Path]]:
+    if isinstance(value, Path):
+        yield key, value
+    elif isinstance(value, BaseModel):
+        for name, inner in value:
+            if name == "pretrained" and getattr(value, "pretrained_url", None):
+                continue  # downloaded where it is missing
+            yield from _paths_in(inner, f"{key}.{name}")
+    elif isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _paths_in(inner, f"{key}.{name}")
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        for number, inner in enumerate(value):
+            yield from _paths_in(inner, f"{key}.{number}")
+
+
+def _check_kind(key: str, path: Path) -> None:
+    path = packaged(path)
+    if key == "source.root" and not path.exists():  # data may have to be generated or downloaded
+        return
+    if not path.exists():
+        raise ConfigError(f"{key}: no such file or folder", path=path)
+    if key in _FOLDERS and not path.is_dir():
+        raise ConfigError(f"{key}: a file, expected a folder", path=path)
+    if key not in _FOLDERS and not path.is_file():
+        raise ConfigError(f"{key}: a folder, expected a file", path=path)
+
+
+def _is_local(config: Config) -> bool:
+    """Return whether raw data are used as they are, neither generated nor downloaded."""
+    return config.source.kind != "analog" and not config.source.urls
+
+
+def _check_source(config: Config) -> None:
+    source, views = config.source, config.detect.views
+    if _is_local(config) and not source.root.is_dir():
+        raise ConfigError(f"source.root: no such folder, expected data of kind {source.kind!r}", path=source.root)
+    if config.detect.run and views is not None and not (views / "index.csv").is_file():
+        raise ConfigError("detect.views: no index.csv, expected output of `polarsim render VIEWS.yaml`", path=views)
+
+
+def _check_seeds(config: Config) -> None:
+    seeds = config.labels.seeds
+    if not isinstance(seeds, SeedOptions) or (seeds.root is None and not _is_local(config)):
+        return
+    for terrain in config.terrains:
+        files, folder = find_labels(seeds.root or config.source.root, terrain)
+        if not any(seeds.allow(key) and key.position in config.positions for key in files):
+            raise no_seed_error(terrain, seeds, files, folder)
+
+
+def _check_annotated(config: Config) -> None:
+    root = config.scoring.annotated_root
+    if root is None:
+        return
+    folders = [of(root, n) for n in config.terrains for of in (release.label_folder, release.polygon_folder)]
+    if not any(folder.is_dir() for folder in folders):
+        expected = " or ".join(folder.relative_to(root).as_posix() for folder in folders[:2])
+        raise ConfigError(f"scoring.annotated_root: no labels of the run's terrains, expected {expected}", path=root)
+
+
+def _checked_corrections(config: Config) -> set[PhotoKey]:
+    """Return the photos that people corrected, all of them photos of the run."""
+    folder = config.labels.corrections
+    if folder is None:
+        return set()
+    found = set(read_all_corrections(folder))
+    if not found:
+        raise ConfigError("labels.corrections: no KEY.txt and no COCO file with labels", path=folder)
+    for key in sorted(found):
+        if key.terrain not in config.terrains:
+            raise ConfigError(f"labels.corrections: {key} is of none of the run's terrains {config.terrains}", folder)
+        here = [position for position in config.positions if position in positions(key.terrain)]
+        if key not in selected_grid(key.terrain, here, config.grid):
+            raise ConfigError(f"labels.corrections: {key} is no photo of the run's `positions` and `grid`", folder)
+    return found
+
+
+def _check_excluded(config: Config, corrections: set[PhotoKey]) -> None:
+    """Check that each excluded photo is a seed or a correction, as far as the seeds exist already."""
+    seeds = config.labels.seeds
+    for key in map(PhotoKey.parse, config.labels.taken_back):
+        if key.terrain not in config.terrains:
+            raise ConfigError(f"labels.taken_back: {key} is of none of the run's terrains {config.terrains}")
+        if key in corrections:
+            continue
+        if not isinstance(seeds, SeedOptions):
+            raise ConfigError(f"labels.taken_back: {key} is no correction, and labels.seeds is {NO_SEEDS!r}")
+        root = seeds.root or config.source.root
+        files, folder = find_labels(root, key.terrain) if root.is_dir() else ({}, root)
+        if files and key not in dict(choose_seeds(files, config.positions, seeds)):
+            raise ConfigError(f"labels.taken_back: {key} is neither a seed nor a correction", path=folder)
