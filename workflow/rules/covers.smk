@@ -202,15 +202,15 @@ use rule train_detector as fine_tune_cover_detector with:
 rule look_at_covers:
     """What a detector sees in the cover photos of the terrains that it has not seen, at several widths."""
     input:
-        weights="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/detector.pt",
+        weights="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/detector.pt",
         dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures="results/{run}/covers/photos",
     output:
-        found="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/found.parquet",
+        found="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/found.parquet",
     log:
-        "results/{run}/logs/covers/look_at_covers_{fold}_seed{seed}_{trained}.log",
+        "results/{run}/logs/covers/look_at_covers_{fold}_seed{seed}_{cover_trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/look_at_covers_{fold}_seed{seed}_{trained}.tsv"
+        "results/{run}/benchmarks/covers/look_at_covers_{fold}_seed{seed}_{cover_trained}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -226,9 +226,9 @@ rule segment_covers:
     """What every pixel of the cover photos of a fold's terrains shows, by the detectors that have not seen these."""
     input:
         weights=expand(
-            "results/{{run}}/covers/folds/{{fold}}/seed{seed}/{trained}/detector.pt",
+            "results/{{run}}/covers/folds/{{fold}}/seed{seed}/{cover_trained}/detector.pt",
             seed=SEEDS,
-            trained=TRAINED_ON[-1],
+            cover_trained=TRAINED_ON[-1],
         ),
         dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures="results/{run}/covers/photos",
@@ -266,14 +266,14 @@ use rule render_scenes as render_large_scenes with:
 rule choose_widths_on_scenes:
     """A detector with the widths at which it finds most in scenes that it has not seen."""
     input:
-        weights="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/detector.pt",
+        weights="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/detector.pt",
         scenes=large_scenes_of_fold,
     output:
-        sized="results/{run}/covers/folds/{fold}/seed{seed}/{trained}/sized.pt",
+        sized="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/sized.pt",
     log:
-        "results/{run}/logs/covers/choose_widths_on_scenes_{fold}_seed{seed}_{trained}.log",
+        "results/{run}/logs/covers/choose_widths_on_scenes_{fold}_seed{seed}_{cover_trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/choose_widths_on_scenes_{fold}_seed{seed}_{trained}.tsv"
+        "results/{run}/benchmarks/covers/choose_widths_on_scenes_{fold}_seed{seed}_{cover_trained}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -295,12 +295,12 @@ rule choose_cover_widths:
         cameras=sand_in("cameras/located", [f"{t:02d}" for t in COVER_TERRAINS]),
         meshes=sand_in("meshes", [f"{t:02d}" for t in COVER_TERRAINS]),
     output:
-        predictions="results/{run}/covers/{trained}/seed{seed}/predictions.parquet",
-        sizes="results/{run}/covers/{trained}/seed{seed}/sizes.csv",
+        predictions="results/{run}/covers/{cover_trained}/seed{seed}/predictions.parquet",
+        sizes="results/{run}/covers/{cover_trained}/seed{seed}/sizes.csv",
     log:
-        "results/{run}/logs/covers/choose_cover_widths_seed{seed}_{trained}.log",
+        "results/{run}/logs/covers/choose_cover_widths_seed{seed}_{cover_trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/choose_cover_widths_seed{seed}_{trained}.tsv"
+        "results/{run}/benchmarks/covers/choose_cover_widths_seed{seed}_{cover_trained}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
@@ -316,13 +316,13 @@ rule choose_cover_widths:
 rule merge_cover_detectors:
     """What each fold's detectors of all seeds see in its photos, merged."""
     input:
-        predictions=of_run("results/{run}/covers/{{trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
+        predictions=of_run("results/{run}/covers/{{cover_trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
     output:
-        merged="results/{run}/covers/{trained}/merged/predictions.parquet",
+        merged="results/{run}/covers/{cover_trained}/merged/predictions.parquet",
     log:
-        "results/{run}/logs/covers/merge_cover_detectors_{trained}.log",
+        "results/{run}/logs/covers/merge_cover_detectors_{cover_trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/merge_cover_detectors_{trained}.tsv"
+        "results/{run}/benchmarks/covers/merge_cover_detectors_{cover_trained}.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
@@ -337,17 +337,17 @@ rule score_covers:
     """Average precision over all cover photos and on each terrain, with intervals: of every seed, and of all merged."""
     input:
         labels="results/{run}/covers/labels.parquet",
-        predictions=of_run("results/{run}/covers/{{trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
+        predictions=of_run("results/{run}/covers/{{cover_trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
         merged=MERGED_PREDICTIONS,
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
         trained_on=last_datasets,
         pictures="results/{run}/covers/photos",
     output:
-        scores="results/{run}/covers/{trained}/scores.parquet",
+        scores="results/{run}/covers/{cover_trained}/scores.parquet",
     log:
-        "results/{run}/logs/covers/score_covers_{trained}.log",
+        "results/{run}/logs/covers/score_covers_{cover_trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/score_covers_{trained}.tsv"
+        "results/{run}/benchmarks/covers/score_covers_{cover_trained}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
@@ -392,7 +392,7 @@ rule publish_detector:
 rule tabulate_covers:
     """The table of these figures."""
     input:
-        scores=of_run("results/{run}/covers/{trained}/scores.parquet", trained=TRAINED_ON),
+        scores=of_run("results/{run}/covers/{cover_trained}/scores.parquet", cover_trained=TRAINED_ON),
     output:
         table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
         others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),

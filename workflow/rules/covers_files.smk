@@ -18,12 +18,12 @@ SIZED = CONFIG.covers.widths_chosen_on == "scenes" and not CONFIG.detect.predict
 # On what detectors are trained; the last are the best.
 TRAINED_ON = [RENDERED, *([FINE_TUNED] if CONFIG.covers.fine_tuning.windows else [])]
 # What the detectors of several seeds see, merged.
-MERGED_PREDICTIONS = "results/{run}/covers/{trained}/merged/predictions.parquet" if len(SEEDS) > 1 else []
+MERGED_PREDICTIONS = "results/{run}/covers/{cover_trained}/merged/predictions.parquet" if len(SEEDS) > 1 else []
 
 
 wildcard_constraints:
     fold=one_of([*COVER_FOLDS, *NOT_TESTED]),
-    trained=one_of(TRAINED_ON),
+    cover_trained=one_of(TRAINED_ON),
 
 
 def closed_rocks(wildcards):
@@ -87,12 +87,12 @@ def fine_tuning():
 
 def last_training(wildcards):
     """How detectors of scenes, and after them those of photos too, were trained last."""
-    return fine_tuning() if wildcards.trained == FINE_TUNED else options("detect.training")
+    return fine_tuning() if wildcards.cover_trained == FINE_TUNED else options("detect.training")
 
 
 def last_datasets(wildcards):
     """What every fold's detector was trained on last."""
-    name = "fine_tuning" if wildcards.trained == FINE_TUNED else "dataset"
+    name = "fine_tuning" if wildcards.cover_trained == FINE_TUNED else "dataset"
     return of_run(f"results/{{run}}/covers/folds/{{fold}}/{name}", fold=COVER_FOLDS)
 
 
@@ -138,7 +138,9 @@ def scenes_behind(wildcards):
 
 def of_folds(name):
     """A file of every fold, of one seed and training."""
-    return of_run(f"results/{{run}}/covers/folds/{{fold}}/seed{{{{seed}}}}/{{{{trained}}}}/{name}", fold=COVER_FOLDS)
+    return of_run(
+        f"results/{{run}}/covers/folds/{{fold}}/seed{{{{seed}}}}/{{{{cover_trained}}}}/{name}", fold=COVER_FOLDS
+    )
 
 
 def pictures_behind_fine_tuning(wildcards):
