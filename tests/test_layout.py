@@ -61,9 +61,7 @@ def imports(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def calls(path: Path, name: str) -> bool:
-    """Whether a file calls a function by itself or, as scripts do, through the `call` of their job."""
-    found = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
-    called = [part for node in found for part in (node.func, *node.args[: getattr(node.func, "id", None) == "call"])]
+    called = [node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
     return any(name in (getattr(part, "id", None), getattr(part, "attr", None)) for part in called)
 
 

@@ -2,33 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from polarsim.errors import DetectError
-from polarsim.formats import tables
+from polarsim.formats.tables import read_parquet, write_parquet
 
 
-def gather_tables(*, parts: Sequence[Path], splits: Sequence[str], seeds: Sequence[int], table: Path) -> None:
-    """Put tables of the same columns together, with columns split and seed in front unless they are there.
+def gather_tables(
+    *, parts: Mapping[str, Sequence[Path]], tables: Mapping[str, Path], splits: Sequence[str], seeds: Sequence[int]
+) -> None:
+    """Concatenate the parts of each table, with columns split and seed in front unless the parts have them.
 
     Parameters
     ----------
-    parts : sequence of Path
-        Parquet tables, each of one split and one training seed.
+    parts : mapping of str to sequence of Path
+        Name of a table to Parquet tables, each of one split and one training seed.
+    tables : mapping of str to Path
+        The same names to Parquet tables to write.
     splits, seeds : sequences of str and int
-        Those of each part.
+        Split and training seed of each part.
 
     Raises
     ------
     PolarsimError
-        A broken table, or one with other columns than the first.
+        A broken table, or parts with different columns.
     """
+    for name, table in tables.items():
+        write_parquet(table, _gathered(parts[name], splits, seeds))
+
+
+def _gathered(parts: Sequence[Path], splits: Sequence[str], seeds: Sequence[int]) -> pd.DataFrame:
     found: list[pd.DataFrame] = []
     for path, split, seed in zip(parts, splits, seeds, strict=True):
-        part = tables.read_parquet(path)
+        part = read_parquet(path)
         if "split" not in part.columns:
             part.insert(0, "split", pd.Series([split] * len(part), dtype="str"))
         if "seed" not in part.columns:
@@ -36,4 +45,4 @@ def gather_tables(*, parts: Sequence[Path], splits: Sequence[str], seeds: Sequen
         if found and list(part.columns) != list(found[0].columns):
             raise DetectError(f"columns {', '.join(part.columns)}, expected those of {parts[0]}", path=path)
         found.append(part)
-    tables.write_parquet(table, pd.concat(found, ignore_index=True))
+    return pd.concat(found, ignore_index=True)

@@ -28,6 +28,29 @@ BATCH = 8
 PART = 25 * BATCH  # pictures whose predictions are held in memory
 
 
+def predict_domains(
+    *,
+    weights: Path,
+    datasets: Sequence[Path],
+    predictions: Sequence[Path],
+    options: PredictionOptions,
+    threads: int,
+    cameras: Sequence[Path] = (),
+    meshes: Sequence[Path] = (),
+) -> None:
+    """Write the predictions of a detector on the test part of each data set, as `predict`."""
+    for dataset, table in zip(datasets, predictions, strict=True):
+        predict(
+            weights=weights,
+            dataset=dataset,
+            predictions=table,
+            options=options,
+            threads=threads,
+            cameras=cameras,
+            meshes=meshes,
+        )
+
+
 def predict(
     *,
     weights: Path,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +63,17 @@ DIFFERENCE_NOTE = (
 
 
 def tabulate_detectors(
-    *, found: Mapping[str, Path], tables: Path, origin: dict[str, str], min_mean_dn: float = 0.0
+    *,
+    detection: Path,
+    differences: Path,
+    breakdown: Path,
+    false_positives: Path,
+    ipd: Path,
+    rocks: Path,
+    others: Path | None,
+    tables: Path,
+    origin: dict[str, str],
+    min_mean_dn: float = 0.0,
 ) -> None:
     """Write detection, differences, detection_breakdown, false_positives, ipd, ipd_rocks, each as {csv,md,tex,parquet}.
 
@@ -72,21 +81,22 @@ def tabulate_detectors(
 
     Parameters
     ----------
-    found
-        detection, differences, breakdown, false_positives, ipd, rocks: Parquet tables of the detect stage; and, where
-        a run has detectors of further models, others: what these reach in detection.
+    detection, differences, breakdown, false_positives, ipd, rocks
+        Parquet tables of the detect stage.
+    others
+        Table `detection` of detectors of further models; None for a run without them.
     tables
         Folder to write to.
     min_mean_dn
         Pictures that are darker (mean above black, DN) were left out; 0: none was.
     """
-    common: dict[str, Any] = {"detection": found["detection"], "origin": origin}
-    tabulate_detection(**common, others=found.get("others"), stem=tables / "detection", min_mean_dn=min_mean_dn)
-    tabulate_differences(**common, differences=found["differences"], stem=tables / "differences")
-    tabulate_breakdown(**common, breakdown=found["breakdown"], stem=tables / "detection_breakdown")
-    tabulate_false_positives(**common, false_positives=found["false_positives"], stem=tables / "false_positives")
-    tabulate_ipd(**common, ipd=found["ipd"], stem=tables / "ipd")
-    tabulate_ipd_rocks(**common, rocks=found["rocks"], stem=tables / "ipd_rocks")
+    common: dict[str, Any] = {"detection": detection, "origin": origin}
+    tabulate_detection(**common, others=others, stem=tables / "detection", min_mean_dn=min_mean_dn)
+    tabulate_differences(**common, differences=differences, stem=tables / "differences")
+    tabulate_breakdown(**common, breakdown=breakdown, stem=tables / "detection_breakdown")
+    tabulate_false_positives(**common, false_positives=false_positives, stem=tables / "false_positives")
+    tabulate_ipd(**common, ipd=ipd, stem=tables / "ipd")
+    tabulate_ipd_rocks(**common, rocks=rocks, stem=tables / "ipd_rocks")
 
 
 def tabulate_false_positives(

@@ -12,14 +12,15 @@ def test_every_row_says_its_split_and_seed(tmp_path):
         parts.append(tmp_path / f"{number}.parquet")
         tables.write_parquet(parts[-1], pd.DataFrame({"ipd": [value]}))
     splits, seeds = ["photo", "photo", "terrain"], [0, 7, 0]
-    gather_tables(parts=parts, splits=splits, seeds=seeds, table=tmp_path / "all.parquet")
+    gather_tables(parts={"ipd": parts}, tables={"ipd": tmp_path / "all.parquet"}, splits=splits, seeds=seeds)
     table = tables.read_parquet(tmp_path / "all.parquet")
     assert table.to_dict("list") == {"split": splits, "seed": seeds, "ipd": [0.1, 0.2, 0.3]}
 
 
 def test_a_split_that_stands_in_the_rows_stays_where_it_is(tmp_path):
     tables.write_parquet(tmp_path / "a.parquet", pd.DataFrame({"trained": ["real"], "split": ["view"], "map50": [0.5]}))
-    gather_tables(parts=[tmp_path / "a.parquet"], splits=["view"], seeds=[3], table=tmp_path / "all.parquet")
+    parts = {"detection": [tmp_path / "a.parquet"]}
+    gather_tables(parts=parts, tables={"detection": tmp_path / "all.parquet"}, splits=["view"], seeds=[3])
     assert list(tables.read_parquet(tmp_path / "all.parquet").columns) == ["trained", "split", "seed", "map50"]
 
 
@@ -28,8 +29,8 @@ def test_tables_of_other_columns_are_not_put_together(tmp_path):
     tables.write_parquet(tmp_path / "b.parquet", pd.DataFrame({"map50": [1.0]}))
     with pytest.raises(DetectError, match=r"b\.parquet: columns split, seed, map50, expected those of .*a\.parquet"):
         gather_tables(
-            parts=[tmp_path / "a.parquet", tmp_path / "b.parquet"],
+            parts={"ipd": [tmp_path / "a.parquet", tmp_path / "b.parquet"]},
+            tables={"ipd": tmp_path / "all.parquet"},
             splits=["photo", "photo"],
             seeds=[0, 1],
-            table=tmp_path / "all.parquet",
         )

@@ -54,7 +54,7 @@ else:
 rule index_terrain:
     """What a terrain's raw data hold, its calibration, and the seed labels that later stages may read."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through params.source
     output:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",

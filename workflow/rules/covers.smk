@@ -14,7 +14,7 @@ rule real:
 rule read_covers:
     """Cover photos without what was drawn into them, the labels of the photos that they are, and how that was told."""
     input:
-        files=cover_files(),
+        files=cover_files(),  # read through params.root
     output:
         pictures=directory("results/{run}/covers/photos"),
         labels="results/{run}/covers/labels.parquet",
@@ -111,7 +111,7 @@ use rule train_detector as train_cover_detector with:
     """A detector that has not seen a fold's terrains, or one of carved rocks alone, or of all terrains."""
     input:
         dataset="results/{run}/covers/folds/{fold}/dataset",
-        pictures=scenes_behind,
+        pictures=scenes_behind,  # read through dataset
         start=weights_before,
     output:
         weights=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.pt",
@@ -182,7 +182,7 @@ use rule train_detector as fine_tune_cover_detector with:
     """The same detector after labelled photos of all terrains but its fold's."""
     input:
         dataset="results/{run}/covers/folds/{fold}/fine_tuning",
-        pictures=pictures_behind_fine_tuning,
+        pictures=pictures_behind_fine_tuning,  # read through dataset
         start=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.pt",
     output:
         weights=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{FINE_TUNED}/detector.pt",
@@ -204,7 +204,7 @@ rule look_at_covers:
     input:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/detector.pt",
         dataset="results/{run}/covers/folds/{fold}/dataset",
-        pictures="results/{run}/covers/photos",
+        pictures="results/{run}/covers/photos",  # read through dataset
     output:
         found="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/found.parquet",
     log:
@@ -231,7 +231,7 @@ rule segment_covers:
             cover_trained=TRAINED_ON[-1],
         ),
         dataset="results/{run}/covers/folds/{fold}/dataset",
-        pictures="results/{run}/covers/photos",
+        pictures="results/{run}/covers/photos",  # read through dataset
     output:
         masks=directory("results/{run}/covers/folds/{fold}/masks"),
     log:
@@ -306,6 +306,7 @@ rule choose_cover_widths:
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
+        sized_folds=list(COVER_FOLDS) if SIZED else [],
         imgsz=CONFIG.detect.pictures.imgsz,
         options=cover_prediction(),
         code=code_of("choose_cover_widths"),
@@ -341,7 +342,7 @@ rule score_covers:
         merged=MERGED_PREDICTIONS,
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
         trained_on=last_datasets,
-        pictures="results/{run}/covers/photos",
+        pictures="results/{run}/covers/photos",  # read through datasets
     output:
         scores="results/{run}/covers/{cover_trained}/scores.parquet",
     log:
@@ -383,6 +384,7 @@ rule publish_detector:
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
+        sized_folds=list(COVER_FOLDS) if SIZED else [],
         options=cover_prediction(),
         code=code_of("publish_detector"),
     script:
@@ -395,7 +397,7 @@ rule tabulate_covers:
         scores=of_run("results/{run}/covers/{cover_trained}/scores.parquet", cover_trained=TRAINED_ON),
     output:
         table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
-        others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/covers/tabulate_covers.log",
     benchmark:
@@ -416,7 +418,7 @@ rule tabulate_masks:
         scores="results/{run}/covers/mask_scores.parquet",
     output:
         table=shown("results/{run}/tables/masks.csv", "Tables", table="masks of real cover photos"),
-        others=multiext("results/{run}/tables/masks", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/masks", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/covers/tabulate_masks.log",
     benchmark:

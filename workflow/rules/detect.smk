@@ -20,7 +20,7 @@ rule detect:
     """Everything of this stage."""
     input:
         of_run("results/{run}/detect/{table}.parquet", table=EVALUATED) if DOMAINS else [],
-        of_run(list(DETECTION_OF_OTHERS.values())),
+        of_run(DETECTION_OF_OTHERS),
         of_run("results/{run}/detect/stereo.parquet") if STEREO else [],
 
 
@@ -28,7 +28,7 @@ rule split_photos:
     """Which photos train, choose weights, and test: the same ones in every domain."""
     output:
         split="results/{run}/detect/{split}/split.csv",
-        facts="results/{run}/detect/{split}/split.json",
+        facts="results/{run}/detect/{split}/split.json",  # written through split
     log:
         "results/{run}/logs/detect/split_photos_{split}.log",
     benchmark:
@@ -50,7 +50,7 @@ rule split_photos:
 rule convert_pictures:
     """8-bit pictures and labels of one domain, as YOLO wants them."""
     input:
-        pictures=pictures_of,
+        pictures=pictures_of,  # read through params.pictures
         labels=labels_of_domain,
         masks=masks_of_domain,
     output:
@@ -122,7 +122,8 @@ rule train_detector:
     """A detector trained on one domain or mix."""
     input:
         dataset="results/{run}/detect/{split}/datasets/{trained}",
-        pictures=pictures_behind_training,
+        pictures=pictures_behind_training,  # read through dataset
+        start=[],  # weights to go on from, of fine-tuning
     output:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         curve="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.csv",
@@ -151,7 +152,7 @@ rule predict:
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
-        pictures=pictures_behind(DOMAINS),
+        pictures=pictures_behind(DOMAINS),  # read through datasets
         cameras=sand_in("cameras"),
         meshes=sand_in("meshes"),
     output:
@@ -186,7 +187,14 @@ rule evaluate:
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
-        **{name: f"results/{{run}}/detect/{{split}}/seed{{seed}}/{name}.parquet" for name in EVALUATED},
+        detection="results/{run}/detect/{split}/seed{seed}/detection.parquet",
+        breakdown="results/{run}/detect/{split}/seed{seed}/breakdown.parquet",
+        curves="results/{run}/detect/{split}/seed{seed}/curves.parquet",
+        false_positives="results/{run}/detect/{split}/seed{seed}/false_positives.parquet",
+        ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
+        rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
+        instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
+        differences="results/{run}/detect/{split}/seed{seed}/differences.parquet",
     log:
         "results/{run}/logs/detect/evaluate_{split}_seed{seed}.log",
     benchmark:
@@ -305,7 +313,7 @@ use rule predict as predict_by_other with:
     input:
         weights="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.pt",
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
-        pictures=pictures_behind(DOMAINS),
+        pictures=pictures_behind(DOMAINS),  # read through datasets
         cameras=sand_in("cameras"),
         meshes=sand_in("meshes"),
     output:
@@ -327,7 +335,14 @@ use rule evaluate as evaluate_other with:
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
-        **{name: f"results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/{name}.parquet" for name in EVALUATED},
+        detection="results/{run}/detect/{split}/others/{other}/seed{seed}/detection.parquet",
+        breakdown="results/{run}/detect/{split}/others/{other}/seed{seed}/breakdown.parquet",
+        curves="results/{run}/detect/{split}/others/{other}/seed{seed}/curves.parquet",
+        false_positives="results/{run}/detect/{split}/others/{other}/seed{seed}/false_positives.parquet",
+        ipd="results/{run}/detect/{split}/others/{other}/seed{seed}/ipd.parquet",
+        rocks="results/{run}/detect/{split}/others/{other}/seed{seed}/rocks.parquet",
+        instances="results/{run}/detect/{split}/others/{other}/seed{seed}/instances.parquet",
+        differences="results/{run}/detect/{split}/others/{other}/seed{seed}/differences.parquet",
     log:
         "results/{run}/logs/detect/evaluate_other_{split}_{other}_seed{seed}.log",
     benchmark:

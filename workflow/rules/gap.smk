@@ -14,7 +14,7 @@ rule gap:
 rule write_truth:
     """The analog's true cameras, lamps and meshes in the run's frame."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through params.truth
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -188,7 +188,7 @@ rule tabulate_gap:
         ablation="results/{run}/gap/ablation.parquet",
     output:
         table=shown("results/{run}/tables/gap.csv", "Tables", table="ablation"),
-        others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/gap/tabulate_gap.log",
     benchmark:

@@ -19,7 +19,7 @@ rule propagate_labels:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        corrections=corrections_of,
+        corrections=corrections_of,  # read through params.options
     output:
         boxes=directory("results/{run}/labels/boxes/Terrain{terrain}"),
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",

@@ -10,10 +10,10 @@ rule publish:
 rule publish_run:
     """One form of the run."""
     input:
-        labels=rules.labels.input,
-        twins=rules.render.input,
-        tables=rules.tables.input,
-        drives=rules.rover.input,
+        labels=rules.labels.input,  # read through receipt
+        twins=rules.render.input,  # read through receipt
+        tables=rules.tables.input,  # read through receipt
+        drives=rules.rover.input,  # read through receipt
     output:
         receipt="results/{run}/publish/{form}.json",
     log:

@@ -42,8 +42,8 @@ rule render_twins:
         photos=PHOTOS_OF_TERRAIN,
         materials=MATERIALS_OF_TERRAIN,
     output:
-        **{model: directory(f"results/{{run}}/renders/{model}/Terrain{{terrain}}") for model in MODELS},
-        **({"maps": directory("results/{run}/renders/maps/Terrain{terrain}")} if CONFIG.render.maps else {}),
+        twins=directory(expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS)),
+        maps=directory("results/{run}/renders/maps/Terrain{terrain}") if CONFIG.render.maps else [],
         boxes=directory("results/{run}/renders/boxes/Terrain{terrain}"),
         instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
         annotations="results/{run}/renders/coco/Terrain{terrain}.json",

@@ -29,7 +29,7 @@ rule gather_evaluation:
         parts=evaluation_parts,
     output:
         table=shown("results/{run}/tables/evaluation.csv", "Tables", table="evaluation of every stage"),
-        others=multiext("results/{run}/tables/evaluation", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/evaluation", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/report/gather_evaluation.log",
     benchmark:
@@ -56,6 +56,7 @@ rule tabulate_cameras:
     output:
         table=shown("results/{run}/tables/cameras.csv", "Tables", table="cameras"),
         alignment="results/{run}/tables/alignment.csv",
+        # written through table
         others=multiext("results/{run}/tables/cameras", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/alignment", ".md", ".tex", ".parquet"),
     log:
@@ -81,6 +82,7 @@ rule tabulate_rocks:
     output:
         table=shown("results/{run}/tables/rocks.csv", "Tables", table="rocks"),
         meshes=shown("results/{run}/tables/meshes.csv", "Tables", table="meshes"),
+        # written through table
         others=multiext("results/{run}/tables/rocks", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/meshes", ".md", ".tex", ".parquet"),
     log:
@@ -105,6 +107,7 @@ rule tabulate_labels:
     output:
         table=shown("results/{run}/tables/labels.csv", "Tables", table="labels"),
         reliability="results/{run}/tables/reliability.parquet",
+        # written through table
         others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
     log:
@@ -129,7 +132,7 @@ rule tabulate_render:
         evaluation=expand("results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
         table=shown("results/{run}/tables/render.csv", "Tables", table="twins"),
-        others=multiext("results/{run}/tables/render", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/render", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/report/tabulate_render.log",
     benchmark:
@@ -147,7 +150,7 @@ rule tabulate_render:
 rule tabulate_detectors:
     """The paper's two tables, what lies behind them, and paired differences."""
     input:
-        **DETECTION_OF_OTHERS,
+        others=DETECTION_OF_OTHERS,
         detection="results/{run}/detect/detection.parquet",
         differences="results/{run}/detect/differences.parquet",
         breakdown="results/{run}/detect/breakdown.parquet",
@@ -156,13 +159,18 @@ rule tabulate_detectors:
         rocks="results/{run}/detect/rocks.parquet",
     output:
         detection=shown("results/{run}/tables/detection.csv", "Tables", table="detection"),
+        # written through detection
         differences=shown("results/{run}/tables/differences.csv", "Tables", table="paired differences"),
+        # written through detection
         detection_breakdown=shown(
             "results/{run}/tables/detection_breakdown.csv", "Tables", table="detection, broken down"
         ),
+        # written through detection
         false_positives=shown("results/{run}/tables/false_positives.csv", "Tables", table="false positives"),
-        ipd=shown("results/{run}/tables/ipd.csv", "Tables", table="IPD"),
+        ipd=shown("results/{run}/tables/ipd.csv", "Tables", table="IPD"),  # written through detection
+        # written through detection
         ipd_rocks=shown("results/{run}/tables/ipd_rocks.csv", "Tables", table="IPD, rock by rock"),
+        # written through detection
         others=expand(
             "results/{{run}}/tables/{name}.{form}",
             name=[*TABLES_OF_DETECTORS, "ipd_rocks"],
@@ -191,10 +199,10 @@ rule draw_detectors:
         ipd="results/{run}/detect/ipd.parquet",
         rocks="results/{run}/detect/rocks.parquet",
     output:
-        detection=shown("results/{run}/figures/detection.png", "Detection", picture="detection"),
-        curves=shown("results/{run}/figures/precision_recall.png", "Detection", picture="precision and recall"),
-        ipd=shown("results/{run}/figures/ipd.png", "Detection", picture="IPD"),
-        rocks=shown("results/{run}/figures/ipd_histogram.png", "Detection", picture="IPD of rocks"),
+        detection_figure=shown("results/{run}/figures/detection.png", "Detection", picture="detection"),
+        curves_figure=shown("results/{run}/figures/precision_recall.png", "Detection", picture="precision and recall"),
+        ipd_figure=shown("results/{run}/figures/ipd.png", "Detection", picture="IPD"),
+        rocks_figure=shown("results/{run}/figures/ipd_histogram.png", "Detection", picture="IPD of rocks"),
     log:
         "results/{run}/logs/report/draw_detectors.log",
     benchmark:
@@ -248,7 +256,7 @@ rule tabulate_stereo:
         ipd="results/{run}/detect/stereo_ipd.parquet",
     output:
         table=shown("results/{run}/tables/stereo.csv", "Tables", table="stereo depth"),
-        others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/report/tabulate_stereo.log",
     benchmark:
@@ -399,7 +407,7 @@ rule draw_residuals:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=STAND_INS),
+        twins=f"results/{{run}}/renders/{STAND_INS[0]}/Terrain{{terrain}}" if STAND_INS else [],
     output:
         figure=shown("results/{run}/figures/residuals_Terrain{terrain}.png", "Cameras", terrain="{terrain}"),
     log:
@@ -459,6 +467,7 @@ if KIND == "release":
     rule draw_errata:
         """The defects of the published labels, each with its picture, and as a table."""
         input:
+            # read through params.root
             raw=lambda wildcards: [
                 str(path)
                 for terrain in CONFIG.terrains

@@ -19,13 +19,14 @@ rule drive_rover:
     path."""
     input:
         meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
-        dem=elevation_model(),
-        vehicle=str(ROVER.drive.vehicle),
-        soils=str(ROVER.soil.table),
+        dem=elevation_model(),  # read through params.world
+        vehicle=str(ROVER.drive.vehicle),  # read through params.drive
+        soils=str(ROVER.soil.table),  # read through params.soil
     output:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
-        tracks="results/{run}/rover/seed{seed}/tracks.npz",
-        drive="results/{run}/rover/seed{seed}/drive.json",
+        tracks="results/{run}/rover/seed{seed}/tracks.npz",  # written through trace
+        drive="results/{run}/rover/seed{seed}/drive.json",  # written through trace
+        # written through trace
         world=multiext("results/{run}/rover/seed{seed}/world/", "ground.npz", "rocks.npz", "rocks.parquet"),
     log:
         "results/{run}/logs/rover/drive_rover_{seed}.log",
@@ -47,13 +48,13 @@ rule see_drive:
     """The pictures of one view of a drive: every Sun, model and exposure from the same rays, and what is in them."""
     input:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
-        tracks="results/{run}/rover/seed{seed}/tracks.npz",
-        drive="results/{run}/rover/seed{seed}/drive.json",
+        tracks="results/{run}/rover/seed{seed}/tracks.npz",  # read through trace
+        drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
         vehicle=str(ROVER.drive.vehicle),
     output:
-        poses="results/{run}/rover/seed{seed}/{view}/poses.parquet",
-        truth=of_drive("{{view}}/{sun}_truth.parquet", sun=SUNS),
-        annotations=of_drive("{{view}}/{sun}_coco.json", sun=SUNS),
+        poses="results/{run}/rover/seed{seed}/{view}/poses.parquet",  # written through trace
+        truth=of_drive("{{view}}/{sun}_truth.parquet", sun=SUNS),  # written through trace
+        annotations=of_drive("{{view}}/{sun}_coco.json", sun=SUNS),  # written through trace
     log:
         "results/{run}/logs/rover/see_drive_{seed}_{view}.log",
     benchmark:
@@ -71,7 +72,7 @@ rule see_drive:
 rule make_drive_dataset:
     """Windows of the front camera's pictures of other drives, to fine-tune the detector on board on."""
     input:
-        poses=poses_of_other_drives(),
+        poses=poses_of_other_drives(),  # read through params.options
     output:
         dataset=directory("results/{run}/rover/fine_tuning"),
     log:
@@ -118,11 +119,11 @@ rule detect_drive:
     """What a detector finds in the front camera's pictures."""
     input:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
-        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),
+        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),  # read through poses
         vehicle=str(ROVER.drive.vehicle),
-        weights=[] if WEIGHTS_ON_BOARD is None else str(WEIGHTS_ON_BOARD),
+        weights=[] if WEIGHTS_ON_BOARD is None else str(WEIGHTS_ON_BOARD),  # read through params.options
     output:
-        detections=detections_on_board(),
+        detections=detections_on_board(),  # written through poses
     log:
         "results/{run}/logs/rover/detect_drive_{seed}.log",
     benchmark:
@@ -141,10 +142,11 @@ rule measure_drive:
     """What the front camera is worth on board: sightings, stable ones, the map of hazards, stops."""
     input:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
-        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),
+        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),  # read through poses
         vehicle=str(ROVER.drive.vehicle),
-        detections=detections_of_drive,
+        detections=detections_of_drive,  # read through poses
     output:
+        # written through poses
         tables=of_drive("onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]),
     log:
         "results/{run}/logs/rover/measure_drive_{seed}.log",
@@ -163,8 +165,8 @@ rule measure_drive:
 rule film_drive:
     """Videos of every view, Sun, model and exposure, the front camera's with what the detector finds."""
     input:
-        pictures=pictures_of_drive,
-        detections=detections_of_drive,
+        pictures=pictures_of_drive,  # read through videos
+        detections=detections_of_drive,  # read through videos
         vehicle=str(ROVER.drive.vehicle),
     output:
         videos=directory("results/{run}/rover/seed{seed}/videos"),
@@ -187,9 +189,9 @@ rule write_bag:
     """A drive as messages of ROS 2 in an MCAP file."""
     input:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
-        drive="results/{run}/rover/seed{seed}/drive.json",
-        pictures=pictures_of_drive,
-        detections=detections_of_drive,
+        drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
+        pictures=pictures_of_drive,  # read through trace
+        detections=detections_of_drive,  # read through trace
         vehicle=str(ROVER.drive.vehicle),
     output:
         bag="results/{run}/rover/seed{seed}/drive.mcap",
@@ -251,7 +253,7 @@ rule summarise_drives:
     """Slip, sinkage, torque, energy, offset and rocks of every drive, and of all with intervals."""
     input:
         drives=of_drives("drive.json"),
-        traces=of_drives("trace.parquet"),
+        traces=of_drives("trace.parquet"),  # read through drives
     output:
         each="results/{run}/rover/every_drive.parquet",
         together="results/{run}/rover/drives.parquet",
@@ -305,6 +307,7 @@ rule tabulate_rover:
         checks_table=shown(
             "results/{run}/tables/rover_soil_checks.csv", "Rover", picture="soil against what others published"
         ),
+        # written through table
         others=expand(
             "results/{{run}}/tables/{name}.{form}",
             name=["rover", "rover_drives", "rover_soil", "rover_soil_checks"],
@@ -330,7 +333,7 @@ rule tabulate_onboard:
         onboard="results/{run}/rover/onboard.parquet",
     output:
         table=shown("results/{run}/tables/rover_onboard.csv", "Rover", picture="on board"),
-        others=multiext("results/{run}/tables/rover_onboard", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/rover_onboard", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/rover/tabulate_onboard.log",
     benchmark:

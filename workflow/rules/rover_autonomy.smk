@@ -14,17 +14,17 @@ rule drive_alone:
     """One drive in which the rover looks, maps, plans and steers, and what it was like."""
     input:
         meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
-        dem=elevation_model(),
-        vehicle=str(ROVER.drive.vehicle),
-        soils=str(ROVER.soil.table),
-        weights=weights_of_case,
+        dem=elevation_model(),  # read through params.world
+        vehicle=str(ROVER.drive.vehicle),  # read through params.drive_options
+        soils=str(ROVER.soil.table),  # read through params.soil
+        weights=weights_of_case,  # read through params.onboard
     output:
         figures="results/{run}/rover/autonomy/{case}/figures.parquet",
-        trace="results/{run}/rover/autonomy/{case}/trace.parquet",
-        map="results/{run}/rover/autonomy/{case}/map.npz",
-        events="results/{run}/rover/autonomy/{case}/events.parquet",
-        pictures=directory("results/{run}/rover/autonomy/{case}/pictures"),
-        drive="results/{run}/rover/autonomy/{case}/drive.json",
+        trace="results/{run}/rover/autonomy/{case}/trace.parquet",  # written through figures
+        map="results/{run}/rover/autonomy/{case}/map.npz",  # written through figures
+        events="results/{run}/rover/autonomy/{case}/events.parquet",  # written through figures
+        pictures=directory("results/{run}/rover/autonomy/{case}/pictures"),  # written through figures
+        drive="results/{run}/rover/autonomy/{case}/drive.json",  # written through figures
     log:
         "results/{run}/logs/rover/drive_alone_{case}.log",
     benchmark:
@@ -74,6 +74,7 @@ rule tabulate_autonomy:
         effects_table=shown(
             "results/{run}/tables/rover_autonomy_effects.csv", "Rover", picture="what the light changes"
         ),
+        # written through table
         others=expand(
             "results/{{run}}/tables/{name}.{form}",
             name=["rover_autonomy", "rover_autonomy_effects"],
@@ -96,8 +97,9 @@ rule tabulate_autonomy:
 rule rank_detectors:
     """Detectors that drove by their gap and by their drives, and how these orders agree."""
     input:
-        **{name: f"results/{{run}}/detect/{name}.parquet" for name in GAP_TABLES},
         each="results/{run}/rover/every_autonomy.parquet",
+        detection="results/{run}/detect/detection.parquet" if HAVE_GAP else [],
+        ipd="results/{run}/detect/ipd.parquet" if HAVE_GAP else [],
     output:
         by_detector="results/{run}/rover/autonomy_detectors.parquet",
         ranks="results/{run}/rover/autonomy_rank.parquet",
@@ -123,7 +125,7 @@ rule tabulate_rank:
         ranks="results/{run}/rover/autonomy_rank.parquet",
     output:
         table=shown("results/{run}/tables/rover_rank.csv", "Rover", picture="gap and drive"),
-        others=multiext("results/{run}/tables/rover_rank", ".md", ".tex", ".parquet"),
+        others=multiext("results/{run}/tables/rover_rank", ".md", ".tex", ".parquet"),  # written through table
     log:
         "results/{run}/logs/rover/tabulate_rank.log",
     benchmark:
@@ -164,8 +166,8 @@ rule draw_autonomy_maps:
     """Map, way, hits and stops of one drive of each mode, and what the front camera showed on it."""
     input:
         drives=autonomy_of("trace.parquet"),
-        events=autonomy_of("events.parquet"),
-        pictures=autonomy_of("pictures"),
+        events=autonomy_of("events.parquet"),  # read through drives
+        pictures=autonomy_of("pictures"),  # read through drives
     output:
         figure=shown("results/{run}/figures/rover_maps.png", "Rover", picture="map, way, hits and pictures"),
     log:

@@ -15,7 +15,7 @@ if ROVER.run and ROVER.autonomy.run:
     AUTONOMY_CASES = {case.name: case for case in cases(ROVER.autonomy, list(DECIDING))}
 DETECTORS_DRIVEN = {case.detector for case in AUTONOMY_CASES.values()} & set(DECIDING)
 # Their figures of the gap: those of the run's own trainings, not of weights that come from elsewhere.
-GAP_TABLES = ["detection", "ipd"] if set(ROVER.autonomy.detectors) & set(TRAINED) else []
+HAVE_GAP = bool(set(ROVER.autonomy.detectors) & set(TRAINED))
 VIEWS_DRIVEN, SUNS = list(ROVER.cameras.views), list(ROVER.suns)
 
 

@@ -4,7 +4,7 @@
 rule score_cameras:
     """Poses against truth, or projected meshes against the boxes that people drew."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through params.truth
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
@@ -27,7 +27,7 @@ rule score_cameras:
 rule score_rocks:
     """Rocks found and surfaces meshed, against truth where there is one."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through params.truth
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -54,7 +54,7 @@ rule score_rocks:
 rule check_consistency:
     """Scans, cameras, meshes, photos and boxes held against each other, without any truth."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through inventory
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         located="results/{run}/cameras/located/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
@@ -79,7 +79,7 @@ rule check_consistency:
 rule score_labels:
     """Labels of every photo against truth, or against what people drew, by what it took to propagate them there."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through params.truth
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
@@ -105,8 +105,8 @@ rule score_labels:
 rule score_outlines:
     """Outlines of rocks and shadows against the polygons that people drew."""
     input:
-        raw=raw_data,
-        polygons=lambda wildcards: annotated_polygons(wildcards.terrain) or [],
+        raw=raw_data,  # read through params.root
+        polygons=lambda wildcards: annotated_polygons(wildcards.terrain) or [],  # read through params.root
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     output:
         evaluation="results/{run}/evaluation/outlines_Terrain{terrain}.csv",
@@ -131,7 +131,7 @@ rule score_masks:
     """Masks of cover photos, each by the detectors that have not seen its terrain, against people's polygons."""
     input:
         masks=lambda wildcards: of_run("results/{run}/covers/folds/{fold}/masks", fold=COVER_FOLDS),
-        polygons=annotated_polygons_of_covers(),
+        polygons=annotated_polygons_of_covers(),  # read through params.root
     output:
         scores="results/{run}/covers/mask_scores.parquet",
     log:
@@ -153,7 +153,7 @@ rule score_masks:
 rule score_twins:
     """Rendered ground-truth boxes against truth or against what people drew, and twins against photos where there are any."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through params.truth
         boxes="results/{run}/renders/boxes/Terrain{terrain}",
         twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
@@ -179,7 +179,7 @@ rule score_twins:
 rule score_materials:
     """Fitted albedo against truth, and twins with it against photos that were held out."""
     input:
-        raw=raw_data,
+        raw=raw_data,  # read through params.truth
         materials="results/{run}/renders/materials/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",

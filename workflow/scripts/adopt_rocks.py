@@ -1,7 +1,16 @@
 """Take over one terrain's published rock meshes."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.reporting import reporting
 from polarsim.rocks.adopt import adopt_rocks
 
-with job(snakemake) as call:
-    call(adopt_rocks)
+with reporting(log=snakemake.log[0]):
+    adopt_rocks(
+        terrain=int(snakemake.wildcards.terrain),
+        inventory=Path(snakemake.input.inventory),
+        cameras=Path(snakemake.input.cameras),
+        rocks=Path(snakemake.output.rocks),
+        cuboids=Path(snakemake.output.cuboids),
+        meshes=Path(snakemake.output.meshes),
+    )

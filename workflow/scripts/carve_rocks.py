@@ -1,7 +1,14 @@
 """Carve rocks as the analog's generator does, to strew them."""
 
-from polarsim.analog.carved import carve_rocks
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(carve_rocks)
+from polarsim.analog.carved import carve_rocks
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    carve_rocks(
+        number=snakemake.params.number,
+        terrain=snakemake.params.terrain,
+        seed=snakemake.params.seed,
+        meshes=Path(snakemake.output.meshes),
+    )

@@ -1,13 +1,22 @@
 """Choose the widths at which every fold's detector looks at its photos, without these photos."""
 
-from polarsim.covers.widths import choose_widths
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    folds = snakemake.params.folds
-    call(
-        choose_widths,
-        found=dict(zip(folds, snakemake.input.found, strict=True)),
-        datasets=dict(zip(folds, snakemake.input.datasets, strict=True)),
-        sized=dict(zip(folds, snakemake.input.sized, strict=False)),  # none where widths are chosen on photos
+from polarsim.covers.widths import choose_widths
+from polarsim.detect.options import PredictionOptions
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    choose_widths(
+        labels=Path(snakemake.input.labels),
+        found=dict(zip(snakemake.params.folds, paths(snakemake.input.found), strict=True)),
+        datasets=dict(zip(snakemake.params.folds, paths(snakemake.input.datasets), strict=True)),
+        predictions=Path(snakemake.output.predictions),
+        sizes=Path(snakemake.output.sizes),
+        imgsz=snakemake.params.imgsz,
+        options=PredictionOptions(**snakemake.params.options),
+        sized=dict(zip(snakemake.params.sized_folds, paths(snakemake.input.sized), strict=True)),
+        cameras=paths(snakemake.input.cameras),
+        meshes=paths(snakemake.input.meshes),
     )

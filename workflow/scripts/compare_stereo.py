@@ -1,7 +1,18 @@
 """Stereo depth of all terrains, and its IPD."""
 
-from polarsim.detect.stereo.compare import compare_stereo
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(compare_stereo)
+from polarsim.detect.options import ComparisonOptions
+from polarsim.detect.stereo.compare import compare_stereo
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    compare_stereo(
+        pairs=paths(snakemake.input.pairs),
+        rocks=paths(snakemake.input.rocks),
+        stereo=Path(snakemake.output.stereo),
+        instances=Path(snakemake.output.instances),
+        ipd=Path(snakemake.output.ipd),
+        options=ComparisonOptions(**snakemake.params.options),
+    )

@@ -3,14 +3,19 @@
 from pathlib import Path
 
 from polarsim.detect.dataset import make_dataset
+from polarsim.detect.options import PicturesOptions
 from polarsim.detect.split import TEST
-from polarsim.job import job
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(
-        make_dataset,
+with reporting(log=snakemake.log[0]):
+    make_dataset(
         domain=snakemake.wildcards.component,
-        pictures=Path(snakemake.input.pictures[0]).parent,
+        pictures=paths(snakemake.input.pictures)[0].parent,
+        labels=Path(snakemake.input.labels),
+        split=Path(snakemake.input.split),
+        dataset=Path(snakemake.output.dataset),
+        options=PicturesOptions(**snakemake.params.options),
         by=snakemake.wildcards.split,
         wanted=[TEST],
     )

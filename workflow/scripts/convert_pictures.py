@@ -1,13 +1,24 @@
 """Convert the pictures and labels of one domain."""
 
-from polarsim.detect.pictures import convert_domain
-from polarsim.grid import selected_grids
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        convert_domain,
-        pictures=snakemake.params.pictures,
-        keys=call(selected_grids),
-        folder=snakemake.output.pictures,
+from polarsim.detect.options import PicturesOptions
+from polarsim.detect.pictures import convert_domain
+from polarsim.grid import GridOptions, selected_grids
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    convert_domain(
+        domain=snakemake.wildcards.domain,
+        pictures=Path(snakemake.params.pictures),
+        labels=paths(snakemake.input.labels),
+        keys=selected_grids(
+            terrains=snakemake.params.terrains,
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        folder=Path(snakemake.output.pictures),
+        options=PicturesOptions(**snakemake.params.options),
+        masks=paths(snakemake.input.masks),
     )

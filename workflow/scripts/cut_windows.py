@@ -1,7 +1,17 @@
 """Cut windows of labelled cover photos."""
 
-from polarsim.covers.windows import cut_windows
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(cut_windows)
+from polarsim.covers.options import FineTuningOptions
+from polarsim.covers.windows import cut_windows
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    cut_windows(
+        photos=Path(snakemake.input.photos),
+        labels=Path(snakemake.input.labels),
+        windows=Path(snakemake.output.windows),
+        options=FineTuningOptions(**snakemake.params.options),
+        stored_px=snakemake.params.stored_px,
+        seed=snakemake.params.seed,
+    )

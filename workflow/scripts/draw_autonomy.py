@@ -2,8 +2,15 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import paths
 from polarsim.report.figures.autonomy import draw_autonomy
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(draw_autonomy, folders=[Path(path).parent for path in snakemake.input.drives])
+with reporting(log=snakemake.log[0]):
+    draw_autonomy(
+        folders=[path.parent for path in paths(snakemake.input.drives)],
+        together=Path(snakemake.input.together),
+        figure=Path(snakemake.output.figure),
+        ways=Path(snakemake.output.ways),
+        origin=snakemake.params.origin,
+    )

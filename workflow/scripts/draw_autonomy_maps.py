@@ -2,8 +2,13 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import paths
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(draw_autonomy_maps, folders=[Path(path).parent for path in snakemake.input.drives])
+with reporting(log=snakemake.log[0]):
+    draw_autonomy_maps(
+        folders=[path.parent for path in paths(snakemake.input.drives)],
+        figure=Path(snakemake.output.figure),
+        origin=snakemake.params.origin,
+    )

@@ -1,12 +1,20 @@
 """Draw the contact sheet of a station."""
 
-from polarsim.grid import selected_grid
-from polarsim.job import job
-from polarsim.report.figures.contact import draw_contact
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        draw_contact,
-        keys=call(selected_grid, positions=[snakemake.wildcards.position]),
-        pictures=[snakemake.input.photos, *snakemake.input.twins],
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.job_files import paths
+from polarsim.report.figures.contact import draw_contact
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_contact(
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=[snakemake.wildcards.position],
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        labels=Path(snakemake.input.labels),
+        pictures=[Path(snakemake.input.photos), *paths(snakemake.input.twins)],
+        figure=Path(snakemake.output.figure),
     )

@@ -1,7 +1,14 @@
 """Draw every cover photo with its labels and with what a detector finds."""
 
-from polarsim.job import job
-from polarsim.report.figures.covers import draw_covers
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_covers)
+from polarsim.report.figures.covers import draw_covers
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_covers(
+        photos=Path(snakemake.input.photos),
+        labels=Path(snakemake.input.labels),
+        predictions=Path(snakemake.input.predictions),
+        figure=Path(snakemake.output.figure),
+    )

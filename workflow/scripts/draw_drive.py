@@ -1,7 +1,14 @@
 """Draw slip, sinkage and offset over time."""
 
-from polarsim.job import job
-from polarsim.report.figures.drive import draw_drive
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_drive)
+from polarsim.job_files import paths
+from polarsim.report.figures.drive import draw_drive
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_drive(
+        traces=paths(snakemake.input.traces),
+        figure=Path(snakemake.output.figure),
+        origin=snakemake.params.origin,
+    )

@@ -1,7 +1,16 @@
 """Look for defects in the published labels, and draw them."""
 
-from polarsim.job import job
-from polarsim.lint.errata import lint_and_draw
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(lint_and_draw, workers=snakemake.threads)
+from polarsim.job_files import paths
+from polarsim.lint.errata import lint_and_draw
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    lint_and_draw(
+        root=Path(snakemake.params.root),
+        twins=paths(snakemake.input.twins),
+        page=Path(snakemake.output.page),
+        table=Path(snakemake.output.table),
+        workers=snakemake.threads,
+    )

@@ -2,8 +2,16 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import optional_path
 from polarsim.report.figures.shots import draw_front
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(draw_front, view=Path(snakemake.input.poses).parent)
+with reporting(log=snakemake.log[0]):
+    draw_front(
+        view=Path(snakemake.input.poses).parent,
+        pictures=snakemake.params.pictures,
+        truth=Path(snakemake.input.truth),
+        detections=optional_path(snakemake.input.detections),
+        confidence=snakemake.params.confidence,
+        figure=Path(snakemake.output.figure),
+    )

@@ -1,7 +1,13 @@
 """Draw the ablation."""
 
-from polarsim.job import job
-from polarsim.report.figures.gap import draw_gap
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_gap)
+from polarsim.report.figures.gap import draw_gap
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_gap(
+        ablation=Path(snakemake.input.ablation),
+        figure=Path(snakemake.output.figure),
+        origin=snakemake.params.origin,
+    )

@@ -1,7 +1,13 @@
 """Draw the errors of one terrain's labels."""
 
-from polarsim.job import job
-from polarsim.report.figures.labels import draw_label_errors
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_label_errors)
+from polarsim.report.figures.labels import draw_label_errors
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_label_errors(
+        terrain=int(snakemake.wildcards.terrain),
+        pairs=Path(snakemake.input.pairs),
+        figure=Path(snakemake.output.figure),
+    )

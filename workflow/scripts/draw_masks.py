@@ -1,8 +1,26 @@
 """Draw polygons, grey maps and COCO masks of one terrain's photos."""
 
-from polarsim.grid import selected_grid
-from polarsim.job import job
-from polarsim.labels.masks import draw_masks
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_masks, keys=call(selected_grid))
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.labels.masks import draw_masks
+from polarsim.labels.options import LabelsOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_masks(
+        terrain=int(snakemake.wildcards.terrain),
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        photos=Path(snakemake.input.photos),
+        table=Path(snakemake.input.table),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        polygons=Path(snakemake.output.polygons),
+        masks=Path(snakemake.output.masks),
+        annotations=Path(snakemake.output.annotations),
+        options=LabelsOptions(**snakemake.params.options),
+    )

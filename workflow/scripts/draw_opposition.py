@@ -1,12 +1,23 @@
 """Draw photo and twins near opposition and far from it."""
 
-from polarsim.grid import selected_grids
-from polarsim.job import job
-from polarsim.report.figures.opposition import draw_opposition
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        draw_opposition,
-        keys=call(selected_grids),
-        cameras=dict(zip(snakemake.params.terrains, snakemake.input.cameras, strict=True)),
+from polarsim.grid import GridOptions, selected_grids
+from polarsim.job_files import paths
+from polarsim.report.figures.opposition import draw_opposition
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_opposition(
+        keys=selected_grids(
+            terrains=snakemake.params.terrains,
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        cameras=dict(zip(snakemake.params.terrains, paths(snakemake.input.cameras), strict=True)),
+        photo_domain=snakemake.params.photo_domain,
+        models=snakemake.params.models,
+        pictures=paths(snakemake.input.pictures),
+        figure=Path(snakemake.output.figure),
+        text=Path(snakemake.output.text),
     )

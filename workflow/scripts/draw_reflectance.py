@@ -1,7 +1,12 @@
 """Draw every reflectance model over the phase angle."""
 
-from polarsim.job import job
-from polarsim.report.figures.brdf import draw_reflectance
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_reflectance)
+from polarsim.report.figures.brdf import draw_reflectance
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_reflectance(
+        curves=Path(snakemake.input.curves),
+        figure=Path(snakemake.output.figure),
+    )

@@ -1,7 +1,13 @@
 """Draw the confidence of labels against the share of them that are right."""
 
-from polarsim.job import job
-from polarsim.report.figures.reliability import draw_reliability
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_reliability)
+from polarsim.report.figures.reliability import draw_reliability
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_reliability(
+        reliability=Path(snakemake.input.reliability),
+        figure=Path(snakemake.output.figure),
+        origin=snakemake.params.origin,
+    )

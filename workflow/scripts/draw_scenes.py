@@ -1,7 +1,13 @@
 """Draw some of the strewn scenes that detectors are trained on."""
 
-from polarsim.job import job
-from polarsim.report.figures.scenes import draw_scenes
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_scenes, scenes=dict(zip(snakemake.params.terrains, snakemake.input.scenes, strict=True)))
+from polarsim.job_files import paths
+from polarsim.report.figures.scenes import draw_scenes
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_scenes(
+        scenes=dict(zip(snakemake.params.terrains, paths(snakemake.input.scenes), strict=True)),
+        figure=Path(snakemake.output.figure),
+    )

@@ -2,8 +2,12 @@
 
 from pathlib import Path
 
-from polarsim.job import job
 from polarsim.report.figures.shots import draw_sequence
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(draw_sequence, view=Path(snakemake.input.poses).parent)
+with reporting(log=snakemake.log[0]):
+    draw_sequence(
+        view=Path(snakemake.input.poses).parent,
+        pictures=snakemake.params.pictures,
+        figure=Path(snakemake.output.figure),
+    )

@@ -1,7 +1,13 @@
 """Draw the soil's checks."""
 
-from polarsim.job import job
-from polarsim.report.figures.soil import draw_soil
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_soil)
+from polarsim.report.figures.soil import draw_soil
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_soil(
+        limit=Path(snakemake.input.limit),
+        measured=Path(snakemake.input.measured),
+        figure=Path(snakemake.output.figure),
+    )

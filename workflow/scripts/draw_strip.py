@@ -1,7 +1,18 @@
 """Draw one photo in a strip of its twin, difference, labels and detections."""
 
-from polarsim.job import job
-from polarsim.report.figures.strip import draw_strip
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(draw_strip)
+from polarsim.job_files import optional_path
+from polarsim.report.figures.strip import draw_strip
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_strip(
+        photos=Path(snakemake.input.photos),
+        twins=Path(snakemake.input.twins),
+        labels=Path(snakemake.input.labels),
+        predictions=optional_path(snakemake.input.predictions),
+        model=snakemake.params.model,
+        trained=snakemake.params.trained,
+        strip=Path(snakemake.output.strip),
+    )

@@ -2,8 +2,24 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.table import drive_case
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.world.options import WorldOptions
 
-with job(snakemake) as call:
-    call(drive_case, meshes=Path(snakemake.input.meshes[0]).parent, folder=Path(snakemake.output.figures).parent)
+with reporting(log=snakemake.log[0]):
+    drive_case(
+        case=snakemake.wildcards.case,
+        meshes=paths(snakemake.input.meshes)[0].parent,
+        folder=Path(snakemake.output.figures).parent,
+        world=WorldOptions(**snakemake.params.world),
+        soil=SoilOptions(**snakemake.params.soil),
+        drive_options=DriveOptions(**snakemake.params.drive_options),
+        options=AutonomyOptions(**snakemake.params.options),
+        onboard=OnboardOptions(**snakemake.params.onboard),
+        threads=snakemake.threads,
+    )

@@ -2,14 +2,19 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import run_drive
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.world.options import WorldOptions
 
-with job(snakemake) as call:
-    call(
-        run_drive,
-        meshes=Path(snakemake.input.meshes[0]).parent,
+with reporting(log=snakemake.log[0]):
+    run_drive(
+        meshes=paths(snakemake.input.meshes)[0].parent,
         folder=Path(snakemake.output.trace).parent,
-        world=snakemake.params.world,
-        drive=snakemake.params.drive,
+        world=WorldOptions(**snakemake.params.world),
+        soil=SoilOptions(**snakemake.params.soil),
+        drive=DriveOptions(**snakemake.params.drive),
+        seed=int(snakemake.wildcards.seed),
     )

@@ -1,13 +1,30 @@
 """Compare all detectors of a split and seed on all domains."""
 
-from polarsim.detect.evaluate import Evaluation, evaluate
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        evaluate,
-        labels=dict(zip(snakemake.params.domains, snakemake.input.labels, strict=True)),
-        datasets=dict(zip(snakemake.params.trained, snakemake.input.datasets, strict=True)),
+from polarsim.detect.evaluate import Evaluation, evaluate
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    evaluate(
+        predictions=paths(snakemake.input.predictions),
+        labels=dict(zip(snakemake.params.domains, paths(snakemake.input.labels), strict=True)),
+        datasets=dict(zip(snakemake.params.trained, paths(snakemake.input.datasets), strict=True)),
+        split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
-        tables_of=call(Evaluation),
+        tables_of=Evaluation(
+            detection=Path(snakemake.output.detection),
+            breakdown=Path(snakemake.output.breakdown),
+            curves=Path(snakemake.output.curves),
+            false_positives=Path(snakemake.output.false_positives),
+            ipd=Path(snakemake.output.ipd),
+            rocks=Path(snakemake.output.rocks),
+            instances=Path(snakemake.output.instances),
+            differences=Path(snakemake.output.differences),
+        ),
+        options=ComparisonOptions(**snakemake.params.options),
+        training=TrainingOptions(**snakemake.params.training),
+        imgsz=snakemake.params.imgsz,
     )

@@ -1,7 +1,14 @@
 """Fetch and unpack one terrain's raw data."""
 
-from polarsim.acquire.fetch import fetch_terrain
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(fetch_terrain, done=snakemake.output.receipt)
+from polarsim.acquire.fetch import fetch_terrain
+from polarsim.acquire.options import SourceOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    fetch_terrain(
+        terrain=int(snakemake.wildcards.terrain),
+        source=SourceOptions(**snakemake.params.source),
+        done=Path(snakemake.output.receipt),
+    )

@@ -2,13 +2,16 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.reporting import reporting
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.exchange.video import make_videos
 from polarsim.rover.vehicle.table import read_vehicle
 
-with job(snakemake) as call:
-    call(
-        make_videos,
+with reporting(log=snakemake.log[0]):
+    make_videos(
         folder=Path(snakemake.output.videos).parent,
-        vehicle=read_vehicle(snakemake.input.vehicle),
+        vehicle=read_vehicle(Path(snakemake.input.vehicle)),
+        options=CameraSuiteOptions(**snakemake.params.options),
+        seed=int(snakemake.wildcards.seed),
+        threads=snakemake.threads,
     )

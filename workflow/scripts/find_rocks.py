@@ -1,7 +1,22 @@
 """Split one terrain's scans into rocks and ground."""
 
-from polarsim.job import job
-from polarsim.rocks.find import find_rocks
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(find_rocks)
+from polarsim.job_files import optional_path
+from polarsim.reporting import reporting
+from polarsim.rocks.find import find_rocks
+from polarsim.rocks.options import RocksOptions
+
+with reporting(log=snakemake.log[0]):
+    find_rocks(
+        terrain=int(snakemake.wildcards.terrain),
+        inventory=Path(snakemake.input.inventory),
+        cameras=Path(snakemake.input.cameras),
+        seeds=Path(snakemake.input.seeds),
+        overrides=optional_path(snakemake.input.overrides),
+        rocks=Path(snakemake.output.rocks),
+        cuboids=Path(snakemake.output.cuboids),
+        ids=Path(snakemake.output.ids),
+        clouds=Path(snakemake.output.clouds),
+        options=RocksOptions(**snakemake.params.options),
+    )

@@ -1,7 +1,20 @@
 """Train the detector on board on pictures of other drives."""
 
-from polarsim.job import job
-from polarsim.rover.onboard.fine_tuning import fine_tune
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(fine_tune)
+from polarsim.detect.options import PredictionOptions
+from polarsim.reporting import reporting
+from polarsim.rover.onboard.fine_tuning import fine_tune
+from polarsim.rover.onboard.options import DriveTuningOptions
+
+with reporting(log=snakemake.log[0]):
+    fine_tune(
+        dataset=Path(snakemake.input.dataset),
+        start=Path(snakemake.input.start),
+        weights=Path(snakemake.output.weights),
+        curve=Path(snakemake.output.curve),
+        options=DriveTuningOptions(**snakemake.params.options),
+        prediction=PredictionOptions(**snakemake.params.prediction),
+        threads=snakemake.threads,
+        work=Path(snakemake.params.work),
+    )

@@ -1,7 +1,20 @@
 """Fit the materials of one terrain to its photos."""
 
-from polarsim.job import job
-from polarsim.render.fitting.fit import fit_materials
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(fit_materials)
+from polarsim.job_files import optional_path
+from polarsim.render.fitting.fit import fit_materials
+from polarsim.render.options import RenderOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    fit_materials(
+        terrain=int(snakemake.wildcards.terrain),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        photos=optional_path(snakemake.input.photos),
+        models=snakemake.params.models,
+        materials=Path(snakemake.output.materials),
+        options=RenderOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )

@@ -1,7 +1,14 @@
 """Gather the evaluation of every stage."""
 
-from polarsim.job import job
-from polarsim.report.evaluation_table import gather_evaluation
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(gather_evaluation, stem=snakemake.output.table.removesuffix(".csv"))
+from polarsim.job_files import paths
+from polarsim.report.evaluation_table import gather_evaluation
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    gather_evaluation(
+        parts=paths(snakemake.input.parts),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

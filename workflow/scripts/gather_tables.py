@@ -1,8 +1,15 @@
 """Put tables of all splits and seeds together: an output of the name of every input."""
 
-from polarsim.detect.gather import gather_tables
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    for name, table in snakemake.output.items():
-        call(gather_tables, parts=snakemake.input.get(name), table=table)
+from polarsim.detect.gather import gather_tables
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    gather_tables(
+        parts={name: paths(files) for name, files in snakemake.input.items()},
+        tables={name: Path(file) for name, file in snakemake.output.items()},
+        splits=snakemake.params.splits,
+        seeds=snakemake.params.seeds,
+    )

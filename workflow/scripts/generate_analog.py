@@ -3,12 +3,20 @@
 from pathlib import Path
 
 from polarsim.analog.generate import generate_terrain_at
-from polarsim.grid import selected_grid
-from polarsim.job import job
+from polarsim.analog.options import AnalogOptions
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(
-        generate_terrain_at,
+with reporting(log=snakemake.log[0]):
+    generate_terrain_at(
         root=Path(snakemake.output.receipt).parent.parent,
-        keys=call(selected_grid),
+        receipt=Path(snakemake.output.receipt),
+        terrain=int(snakemake.wildcards.terrain),
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        options=AnalogOptions(**snakemake.params.options),
+        threads=snakemake.threads,
     )

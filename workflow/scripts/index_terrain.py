@@ -1,7 +1,21 @@
 """Take one terrain's raw data in."""
 
-from polarsim.acquire.index import index_terrain
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(index_terrain)
+from polarsim.acquire.index import index_terrain
+from polarsim.acquire.options import SourceOptions, seed_choice
+from polarsim.grid import GridOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    index_terrain(
+        terrain=int(snakemake.wildcards.terrain),
+        positions=snakemake.params.positions,
+        source=SourceOptions(**snakemake.params.source),
+        seed_options=seed_choice(snakemake.params.seed_options),
+        photos=Path(snakemake.output.photos),
+        calibration=Path(snakemake.output.calibration),
+        inventory=Path(snakemake.output.inventory),
+        seeds=Path(snakemake.output.seeds),
+        grid=GridOptions(**snakemake.params.grid),
+    )

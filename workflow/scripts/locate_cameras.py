@@ -1,7 +1,19 @@
 """Find where the rig stood at every position of one terrain."""
 
-from polarsim.cameras.locate import locate_cameras
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(locate_cameras)
+from polarsim.cameras.locate import locate_cameras
+from polarsim.cameras.options import LocalisationOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    locate_cameras(
+        terrain=int(snakemake.wildcards.terrain),
+        positions=snakemake.params.positions,
+        inventory=Path(snakemake.input.inventory),
+        calibration=Path(snakemake.input.calibration),
+        seeds=Path(snakemake.input.seeds),
+        cameras=Path(snakemake.output.cameras),
+        options=LocalisationOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )

@@ -1,7 +1,17 @@
 """Look at the cover photos of a fold's terrains with its detector, at several widths."""
 
-from polarsim.covers.widths import look_at_covers
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(look_at_covers)
+from polarsim.covers.widths import look_at_covers
+from polarsim.detect.options import PredictionOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    look_at_covers(
+        weights=Path(snakemake.input.weights),
+        dataset=Path(snakemake.input.dataset),
+        found=Path(snakemake.output.found),
+        widths=snakemake.params.widths,
+        options=PredictionOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )

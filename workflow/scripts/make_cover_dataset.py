@@ -1,8 +1,18 @@
 """Share scenes and cover photos out to the parts of one fold's data set."""
 
-from polarsim.covers.dataset import make_cover_dataset
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    scenes = dict(zip(snakemake.params.train, snakemake.input.scenes, strict=True))
-    call(make_cover_dataset, scenes=scenes)
+from polarsim.covers.dataset import make_cover_dataset
+from polarsim.job_files import optional_path, paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    make_cover_dataset(
+        scenes=dict(zip(snakemake.params.train, paths(snakemake.input.scenes), strict=True)),
+        covers=optional_path(snakemake.input.covers),
+        test=snakemake.params.test,
+        dataset=Path(snakemake.output.dataset),
+        val_share=snakemake.params.val_share,
+        val_terrains=snakemake.params.val_terrains,
+        seed=snakemake.params.seed,
+    )

@@ -1,7 +1,17 @@
 """Share the pictures of one domain out to the parts of a split."""
 
-from polarsim.detect.dataset import share_pictures
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(share_pictures, by=snakemake.wildcards.split)
+from polarsim.detect.dataset import share_pictures
+from polarsim.detect.options import SplitOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    share_pictures(
+        domain=snakemake.wildcards.domain,
+        pictures=Path(snakemake.input.pictures),
+        split=Path(snakemake.input.split),
+        by=snakemake.wildcards.split,
+        dataset=Path(snakemake.output.dataset),
+        options=SplitOptions(**snakemake.params.options),
+    )

@@ -1,7 +1,15 @@
 """Cut windows of the front camera's pictures of drives to fine-tune a detector on."""
 
-from polarsim.job import job
-from polarsim.rover.onboard.fine_tuning import make_drive_dataset
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(make_drive_dataset)
+from polarsim.reporting import reporting
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.onboard.fine_tuning import make_drive_dataset
+from polarsim.rover.onboard.options import DriveTuningOptions
+
+with reporting(log=snakemake.log[0]):
+    make_drive_dataset(
+        dataset=Path(snakemake.output.dataset),
+        options=DriveTuningOptions(**snakemake.params.options),
+        onboard=OnboardOptions(**snakemake.params.onboard),
+    )

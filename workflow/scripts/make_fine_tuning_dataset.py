@@ -1,8 +1,18 @@
 """Share windows of cover photos and pictures of scenes out to the parts of one fold's data set for fine-tuning."""
 
-from polarsim.covers.dataset import make_fine_tuning_dataset
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    scenes = dict(zip(snakemake.params.train, snakemake.input.scenes, strict=True))
-    call(make_fine_tuning_dataset, scenes=scenes)
+from polarsim.covers.dataset import make_fine_tuning_dataset
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    make_fine_tuning_dataset(
+        scenes=dict(zip(snakemake.params.train, paths(snakemake.input.scenes), strict=True)),
+        windows=Path(snakemake.input.windows),
+        test=snakemake.params.test,
+        dataset=Path(snakemake.output.dataset),
+        scene_pictures=snakemake.params.scene_pictures,
+        val_share=snakemake.params.val_share,
+        seed=snakemake.params.seed,
+    )

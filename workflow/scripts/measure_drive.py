@@ -2,13 +2,15 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.reporting import reporting
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.onboard.measure import measure_drive
 from polarsim.rover.vehicle.table import read_vehicle
 
-with job(snakemake) as call:
-    call(
-        measure_drive,
+with reporting(log=snakemake.log[0]):
+    measure_drive(
         folder=Path(snakemake.input.poses).parent.parent,
-        vehicle=read_vehicle(snakemake.input.vehicle),
+        vehicle=read_vehicle(Path(snakemake.input.vehicle)),
+        options=CameraSuiteOptions(**snakemake.params.options),
+        seed=int(snakemake.wildcards.seed),
     )

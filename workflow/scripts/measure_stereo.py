@@ -2,18 +2,30 @@
 
 from pathlib import Path
 
+from polarsim.detect.options import PicturesOptions, StereoOptions
 from polarsim.detect.stereo.measure import measure_stereo
-from polarsim.grid import selected_grid
-from polarsim.job import job
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    # Twins are looked for below the folder of their model, as everywhere in this stage.
-    twins = [Path(folder).parent for folder in snakemake.input.twins]
-    call(
-        measure_stereo,
-        keys=call(selected_grid),
+with reporting(log=snakemake.log[0]):
+    measure_stereo(
+        terrain=int(snakemake.wildcards.terrain),
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
         pictures={
-            snakemake.params.domain: snakemake.input.photos,
-            **dict(zip(snakemake.params.models, twins, strict=True)),
+            snakemake.params.domain: Path(snakemake.input.photos),
+            # The function finds the twins of a terrain below the folder of their model.
+            **dict(zip(snakemake.params.models, [path.parent for path in paths(snakemake.input.twins)], strict=True)),
         },
+        pairs=Path(snakemake.output.pairs),
+        rocks=Path(snakemake.output.rocks),
+        options=StereoOptions(**snakemake.params.options),
+        curve=PicturesOptions(**snakemake.params.curve),
+        threads=snakemake.threads,
     )

@@ -1,7 +1,15 @@
 """Merge what each fold's detectors of all seeds see in its cover photos."""
 
-from polarsim.covers.merging import merge_seeds
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(merge_seeds)
+from polarsim.covers.merging import merge_seeds
+from polarsim.detect.options import PredictionOptions
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    merge_seeds(
+        predictions=paths(snakemake.input.predictions),
+        merged=Path(snakemake.output.merged),
+        options=PredictionOptions(**snakemake.params.options),
+    )

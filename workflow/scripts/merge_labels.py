@@ -1,7 +1,13 @@
 """Merge the label tables of all terrains."""
 
-from polarsim.formats.tables import merge_label_tables
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(merge_label_tables)
+from polarsim.formats.tables import merge_label_tables
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    merge_label_tables(
+        tables=paths(snakemake.input.tables),
+        merged=Path(snakemake.output.merged),
+    )

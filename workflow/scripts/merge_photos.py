@@ -1,7 +1,13 @@
 """Merge the photo tables of all terrains."""
 
-from polarsim.acquire.index import merge_photos
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(merge_photos)
+from polarsim.acquire.index import merge_photos
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    merge_photos(
+        tables=paths(snakemake.input.tables),
+        merged=Path(snakemake.output.merged),
+    )

@@ -1,7 +1,16 @@
 """Mesh one terrain's rocks and ground."""
 
-from polarsim.job import job
-from polarsim.rocks.mesh import mesh_rocks
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(mesh_rocks)
+from polarsim.reporting import reporting
+from polarsim.rocks.mesh import mesh_rocks
+from polarsim.rocks.options import RocksOptions
+
+with reporting(log=snakemake.log[0]):
+    mesh_rocks(
+        terrain=int(snakemake.wildcards.terrain),
+        rocks=Path(snakemake.input.rocks),
+        clouds=Path(snakemake.input.clouds),
+        meshes=Path(snakemake.output.meshes),
+        options=RocksOptions(**snakemake.params.options),
+    )

@@ -3,11 +3,15 @@
 from pathlib import Path
 
 from polarsim.detect.dataset import mix_datasets
-from polarsim.job import job
+from polarsim.detect.options import SplitOptions
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(
-        mix_datasets,
+with reporting(log=snakemake.log[0]):
+    mix_datasets(
         domain=snakemake.wildcards.mix,
-        datasets={Path(path).name: path for path in snakemake.input.datasets},
+        weights=snakemake.params.weights,
+        datasets={path.name: path for path in paths(snakemake.input.datasets)},
+        dataset=Path(snakemake.output.dataset),
+        options=SplitOptions(**snakemake.params.options),
     )

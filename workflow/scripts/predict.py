@@ -1,8 +1,19 @@
-"""Ask a detector of one domain about the test pictures of every domain."""
+"""Predict with one detector on the test pictures of every domain."""
 
-from polarsim.detect.predict import predict
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    for dataset, predictions in zip(snakemake.input.datasets, snakemake.output.predictions, strict=True):
-        call(predict, dataset=dataset, predictions=predictions)
+from polarsim.detect.options import PredictionOptions
+from polarsim.detect.predict import predict_domains
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    predict_domains(
+        weights=Path(snakemake.input.weights),
+        datasets=paths(snakemake.input.datasets),
+        predictions=paths(snakemake.output.predictions),
+        options=PredictionOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+        cameras=paths(snakemake.input.cameras),
+        meshes=paths(snakemake.input.meshes),
+    )

@@ -1,13 +1,21 @@
 """Write the detector of all terrains with its widths, its calibration and its card."""
 
-from polarsim.covers.publish import publish_detector
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    folds = snakemake.params.folds
-    call(
-        publish_detector,
-        found=dict(zip(folds, snakemake.input.found, strict=True)),
-        datasets=dict(zip(folds, snakemake.input.datasets, strict=True)),
-        sized=dict(zip(folds, snakemake.input.sized, strict=False)),  # none where widths are chosen on photos
+from polarsim.covers.publish import publish_detector
+from polarsim.detect.options import PredictionOptions
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    publish_detector(
+        weights=Path(snakemake.input.weights),
+        labels=Path(snakemake.input.labels),
+        found=dict(zip(snakemake.params.folds, paths(snakemake.input.found), strict=True)),
+        datasets=dict(zip(snakemake.params.folds, paths(snakemake.input.datasets), strict=True)),
+        scores=Path(snakemake.input.scores),
+        detector=Path(snakemake.output.detector),
+        card=Path(snakemake.output.card),
+        options=PredictionOptions(**snakemake.params.options),
+        sized=dict(zip(snakemake.params.sized_folds, paths(snakemake.input.sized), strict=True)),
     )

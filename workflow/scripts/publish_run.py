@@ -1,7 +1,14 @@
 """Publish the run in one form."""
 
-from polarsim.job import job
-from polarsim.publish.run import publish_run
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(publish_run)
+from polarsim.publish.options import PublishOptions
+from polarsim.publish.run import publish_run
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    publish_run(
+        form=snakemake.wildcards.form,
+        receipt=Path(snakemake.output.receipt),
+        options=PublishOptions(**snakemake.params.options),
+    )

@@ -1,7 +1,18 @@
 """Rank the detectors that drove by their gap and by their drives."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.job_files import optional_path
+from polarsim.reporting import reporting
 from polarsim.rover.autonomy.rank import rank_detectors
 
-with job(snakemake) as call:
-    call(rank_detectors)
+with reporting(log=snakemake.log[0]):
+    rank_detectors(
+        each=Path(snakemake.input.each),
+        by_detector=Path(snakemake.output.by_detector),
+        ranks=Path(snakemake.output.ranks),
+        detection=optional_path(snakemake.input.detection),
+        ipd=optional_path(snakemake.input.ipd),
+        pair=tuple(snakemake.params.pair),
+        split=snakemake.params.split,
+    )

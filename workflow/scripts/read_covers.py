@@ -1,7 +1,17 @@
 """Read cover photos, find out which photos they are, and take out what was drawn into them."""
 
-from polarsim.covers.photos import read_covers
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(read_covers, keys=snakemake.params.known)
+from polarsim.covers.photos import read_covers
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    read_covers(
+        root=Path(snakemake.params.root),
+        terrains=snakemake.params.terrains,
+        keys=snakemake.params.known,
+        exposure_ms=snakemake.params.exposure_ms,
+        pictures=Path(snakemake.output.pictures),
+        labels=Path(snakemake.output.labels),
+        pairing=Path(snakemake.output.pairing),
+    )

@@ -1,7 +1,18 @@
 """Refine one terrain's rig poses, lenses and lamps on its photos."""
 
-from polarsim.cameras.photos import refine_cameras
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(refine_cameras)
+from polarsim.cameras.options import RefinementOptions
+from polarsim.cameras.photos import refine_cameras
+from polarsim.job_files import optional_path
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    refine_cameras(
+        terrain=int(snakemake.wildcards.terrain),
+        located=Path(snakemake.input.located),
+        meshes=Path(snakemake.input.meshes),
+        photos=optional_path(snakemake.input.photos),
+        cameras=Path(snakemake.output.cameras),
+        options=RefinementOptions(**snakemake.params.options),
+    )

@@ -1,15 +1,35 @@
 """Render the twins of one terrain's test photos with one component replaced."""
 
-from polarsim.detect.split import tested_keys
-from polarsim.grid import selected_grid
-from polarsim.job import job
-from polarsim.render.twins import LabelPaths, render_twins
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        render_twins,
-        keys=call(selected_grid),
-        only=call(tested_keys),
-        twins={snakemake.params.model: snakemake.output.twins},
-        labels=call(LabelPaths),
+from polarsim.detect.split import tested_keys
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.job_files import optional_path, paths
+from polarsim.render.options import RenderOptions
+from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    render_twins(
+        terrain=int(snakemake.wildcards.terrain),
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        photos=optional_path(snakemake.input.photos),
+        twins={snakemake.params.model: Path(snakemake.output.twins)},
+        labels=LabelPaths(
+            boxes=Path(snakemake.output.boxes),
+            instances=Path(snakemake.output.instances),
+            annotations=Path(snakemake.output.annotations),
+            table=Path(snakemake.output.table),
+        ),
+        options=RenderOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+        materials=optional_path(snakemake.input.materials),
+        lamps=optional_path(snakemake.input.lamps),
+        only=tested_keys(splits=paths(snakemake.input.splits)),
     )

@@ -1,7 +1,18 @@
 """Render scenes that are strewn with the rocks of one terrain."""
 
-from polarsim.covers.render_scenes import render_scenes
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(render_scenes)
+from polarsim.covers.options import SceneOptions
+from polarsim.covers.render_scenes import render_scenes
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    render_scenes(
+        terrain=int(snakemake.wildcards.terrain),
+        meshes=Path(snakemake.input.meshes),
+        pictures=Path(snakemake.output.pictures),
+        number=snakemake.params.number,
+        stored_px=snakemake.params.stored_px,
+        options=SceneOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )

@@ -1,13 +1,33 @@
 """Render the twins of one terrain under every reflectance model, and label them."""
 
-from polarsim.grid import selected_grid
-from polarsim.job import job
-from polarsim.render.twins import LabelPaths, render_twins
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        render_twins,
-        keys=call(selected_grid),
-        twins={model: snakemake.output[model] for model in snakemake.params.models},
-        labels=call(LabelPaths),
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.job_files import optional_path, paths
+from polarsim.render.options import RenderOptions
+from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    render_twins(
+        terrain=int(snakemake.wildcards.terrain),
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        photos=optional_path(snakemake.input.photos),
+        twins=dict(zip(snakemake.params.models, paths(snakemake.output.twins), strict=True)),
+        labels=LabelPaths(
+            boxes=Path(snakemake.output.boxes),
+            instances=Path(snakemake.output.instances),
+            annotations=Path(snakemake.output.annotations),
+            table=Path(snakemake.output.table),
+            maps=optional_path(snakemake.output.maps),
+        ),
+        options=RenderOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+        materials=optional_path(snakemake.input.materials),
     )

@@ -1,7 +1,17 @@
 """Close one terrain's published rock meshes, and list what was wrong with them."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.reporting import reporting
+from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.repair import repair_rocks
 
-with job(snakemake) as call:
-    call(repair_rocks)
+with reporting(log=snakemake.log[0]):
+    repair_rocks(
+        terrain=int(snakemake.wildcards.terrain),
+        inventory=Path(snakemake.input.inventory),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        copies=Path(snakemake.output.copies),
+        options=RocksOptions(**snakemake.params.options),
+    )

@@ -1,12 +1,22 @@
 """Measure every component of the twin by what the detectors of a split and seed see."""
 
-from polarsim.detect.ablation import write_ablation
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        write_ablation,
-        predictions=dict(zip(map(tuple, snakemake.params.evaluated), snakemake.input.predictions, strict=True)),
-        labels=dict(zip(snakemake.params.domains, snakemake.input.labels, strict=True)),
-        datasets=dict(zip(snakemake.params.domains, snakemake.input.datasets, strict=True)),
+from polarsim.detect.ablation import write_ablation
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    write_ablation(
+        predictions=dict(zip(snakemake.params.evaluated, paths(snakemake.input.predictions), strict=True)),
+        labels=dict(zip(snakemake.params.domains, paths(snakemake.input.labels), strict=True)),
+        datasets=dict(zip(snakemake.params.domains, paths(snakemake.input.datasets), strict=True)),
+        photo=snakemake.params.photo,
+        twin=snakemake.params.twin,
+        replaced=snakemake.params.replaced,
+        ablation=Path(snakemake.output.ablation),
+        options=ComparisonOptions(**snakemake.params.options),
+        training=TrainingOptions(**snakemake.params.training),
+        imgsz=snakemake.params.imgsz,
     )

@@ -1,12 +1,22 @@
 """Score what detectors find in the cover photos of terrains that they have not seen."""
 
-from polarsim.covers.scores import score_covers
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        score_covers,
+from polarsim.covers.scores import score_covers
+from polarsim.detect.options import ComparisonOptions, TrainingOptions
+from polarsim.job_files import optional_path, paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    score_covers(
+        labels=Path(snakemake.input.labels),
+        predictions=dict(zip(snakemake.params.seeds, paths(snakemake.input.predictions), strict=True)),
+        merged=optional_path(snakemake.input.merged),
+        datasets=dict(zip(snakemake.params.folds, paths(snakemake.input.datasets), strict=True)),
+        trained_on=paths(snakemake.input.trained_on),
+        scores=Path(snakemake.output.scores),
         trained=snakemake.wildcards.cover_trained,
-        predictions=dict(zip(snakemake.params.seeds, snakemake.input.predictions, strict=True)),
-        datasets=dict(zip(snakemake.params.folds, snakemake.input.datasets, strict=True)),
+        training=TrainingOptions(**snakemake.params.training),
+        start=snakemake.params.start,
+        options=ComparisonOptions(**snakemake.params.options),
     )

@@ -1,8 +1,24 @@
 """Score one terrain's labels."""
 
-from polarsim.grid import selected_grid
-from polarsim.job import job
-from polarsim.scoring.labels import score_labels
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(score_labels, keys=call(selected_grid))
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.reporting import reporting
+from polarsim.scoring.labels import score_labels
+from polarsim.scoring.options import ScoringOptions
+
+with reporting(log=snakemake.log[0]):
+    score_labels(
+        terrain=int(snakemake.wildcards.terrain),
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        table=Path(snakemake.input.table),
+        truth=Path(snakemake.params.truth),
+        seeds=Path(snakemake.input.seeds),
+        evaluation=Path(snakemake.output.evaluation),
+        pairs=Path(snakemake.output.pairs),
+        options=ScoringOptions(**snakemake.params.options),
+    )

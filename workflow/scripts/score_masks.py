@@ -1,7 +1,16 @@
 """Score masks of cover photos against the polygons that people drew of them."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
 from polarsim.scoring.masks import score_masks
 
-with job(snakemake) as call:
-    call(score_masks)
+with reporting(log=snakemake.log[0]):
+    score_masks(
+        masks=paths(snakemake.input.masks),
+        root=Path(snakemake.params.root),
+        scores=Path(snakemake.output.scores),
+        seed=snakemake.params.seed,
+        resamples=snakemake.params.resamples,
+    )

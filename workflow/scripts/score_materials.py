@@ -1,7 +1,16 @@
 """Score one terrain's fitted materials."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.reporting import reporting
 from polarsim.scoring.materials import score_materials
 
-with job(snakemake) as call:
-    call(score_materials)
+with reporting(log=snakemake.log[0]):
+    score_materials(
+        terrain=int(snakemake.wildcards.terrain),
+        materials=Path(snakemake.input.materials),
+        meshes=Path(snakemake.input.meshes),
+        cameras=Path(snakemake.input.cameras),
+        truth=Path(snakemake.params.truth),
+        evaluation=Path(snakemake.output.evaluation),
+    )

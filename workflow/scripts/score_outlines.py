@@ -1,8 +1,22 @@
 """Score one terrain's outlines against the published polygons."""
 
-from polarsim.grid import selected_grid
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.reporting import reporting
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import score_outlines
 
-with job(snakemake) as call:
-    call(score_outlines, keys=call(selected_grid))
+with reporting(log=snakemake.log[0]):
+    score_outlines(
+        terrain=int(snakemake.wildcards.terrain),
+        keys=selected_grid(
+            terrain=int(snakemake.wildcards.terrain),
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        annotations=Path(snakemake.input.annotations),
+        root=Path(snakemake.params.root),
+        evaluation=Path(snakemake.output.evaluation),
+        options=ScoringOptions(**snakemake.params.options),
+    )

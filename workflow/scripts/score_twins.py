@@ -1,7 +1,20 @@
 """Score one terrain's twins."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.job_files import optional_path, paths
+from polarsim.reporting import reporting
+from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twins import score_twins
 
-with job(snakemake) as call:
-    call(score_twins, twins=dict(zip(snakemake.params.models, snakemake.input.twins, strict=True)))
+with reporting(log=snakemake.log[0]):
+    score_twins(
+        terrain=int(snakemake.wildcards.terrain),
+        boxes=Path(snakemake.input.boxes),
+        truth=optional_path(snakemake.params.truth),
+        twins=dict(zip(snakemake.params.models, paths(snakemake.input.twins), strict=True)),
+        photos=Path(snakemake.input.photos),
+        evaluation=Path(snakemake.output.evaluation),
+        pairs=Path(snakemake.output.pairs),
+        options=ScoringOptions(**snakemake.params.options),
+    )

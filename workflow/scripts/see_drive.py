@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.reporting import reporting
 from polarsim.rover.cameras.frames import render_frames
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.vehicle.table import read_vehicle
 
-with job(snakemake) as call:
-    call(
-        render_frames,
+with reporting(log=snakemake.log[0]):
+    render_frames(
         folder=Path(snakemake.input.trace).parent,
-        vehicle=read_vehicle(snakemake.input.vehicle),
-        options={"views": [snakemake.wildcards.view], **snakemake.params.options},
+        vehicle=read_vehicle(Path(snakemake.input.vehicle)),
+        options=CameraSuiteOptions(views=[snakemake.wildcards.view], **snakemake.params.options),
+        seed=int(snakemake.wildcards.seed),
+        threads=snakemake.threads,
     )

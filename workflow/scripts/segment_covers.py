@@ -1,7 +1,17 @@
 """Masks of the cover photos of a fold's terrains, by its detectors."""
 
-from polarsim.detect.masks import segment_pictures
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(segment_pictures)
+from polarsim.detect.masks import segment_pictures
+from polarsim.detect.options import PredictionOptions
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    segment_pictures(
+        weights=paths(snakemake.input.weights),
+        dataset=Path(snakemake.input.dataset),
+        masks=Path(snakemake.output.masks),
+        options=PredictionOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )

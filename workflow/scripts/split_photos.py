@@ -1,8 +1,20 @@
 """Split the photos of a run into parts."""
 
-from polarsim.detect.split import split_photos
-from polarsim.grid import selected_grids
-from polarsim.job import job
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(split_photos, keys=call(selected_grids), by=snakemake.wildcards.split)
+from polarsim.detect.options import SplitOptions
+from polarsim.detect.split import split_photos
+from polarsim.grid import GridOptions, selected_grids
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    split_photos(
+        keys=selected_grids(
+            terrains=snakemake.params.terrains,
+            positions=snakemake.params.positions,
+            grid=GridOptions(**snakemake.params.grid),
+        ),
+        by=snakemake.wildcards.split,
+        split=Path(snakemake.output.split),
+        options=SplitOptions(**snakemake.params.options),
+    )

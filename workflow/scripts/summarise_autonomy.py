@@ -1,7 +1,15 @@
 """Sum up drives in which the rover decides, one by one and together."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
 from polarsim.rover.autonomy.table import summarise_autonomy
 
-with job(snakemake) as call:
-    call(summarise_autonomy)
+with reporting(log=snakemake.log[0]):
+    summarise_autonomy(
+        drives=paths(snakemake.input.drives),
+        each=Path(snakemake.output.each),
+        together=Path(snakemake.output.together),
+        effects=Path(snakemake.output.effects),
+    )

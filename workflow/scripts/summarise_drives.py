@@ -2,8 +2,13 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
 from polarsim.rover.drive.table import summarise_drives
 
-with job(snakemake) as call:
-    call(summarise_drives, folders=[Path(drive).parent for drive in snakemake.input.drives])
+with reporting(log=snakemake.log[0]):
+    summarise_drives(
+        folders=[path.parent for path in paths(snakemake.input.drives)],
+        each=Path(snakemake.output.each),
+        together=Path(snakemake.output.together),
+    )

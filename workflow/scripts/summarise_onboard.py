@@ -2,8 +2,14 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import paths
+from polarsim.reporting import reporting
+from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.table import summarise_onboard
 
-with job(snakemake) as call:
-    call(summarise_onboard, folders=[Path(table).parent.parent for table in snakemake.input.tables])
+with reporting(log=snakemake.log[0]):
+    summarise_onboard(
+        folders=[path.parent.parent for path in paths(snakemake.input.tables)],
+        table=Path(snakemake.output.table),
+        options=OnboardOptions(**snakemake.params.options),
+    )

@@ -1,8 +1,15 @@
 """Tabulate drives in which the rover decides, and what each axis changes."""
 
-from polarsim.job import job
-from polarsim.report.autonomy_table import tabulate_autonomy
+from pathlib import Path
 
-with job(snakemake) as call:
-    stems = [table.removesuffix(".csv") for table in (snakemake.output.table, snakemake.output.effects_table)]
-    call(tabulate_autonomy, stem=stems[0], effects_stem=stems[1])
+from polarsim.report.autonomy_table import tabulate_autonomy
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_autonomy(
+        together=Path(snakemake.input.together),
+        effects=Path(snakemake.input.effects),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        effects_stem=Path(snakemake.output.effects_table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

@@ -1,12 +1,16 @@
 """Tabulate cameras and alignments of all terrains."""
 
-from polarsim.job import job
-from polarsim.report.stage_tables import tabulate_cameras
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        tabulate_cameras,
-        cameras=dict(zip(snakemake.params.terrains, snakemake.input.cameras, strict=True)),
-        table=snakemake.output.table.removesuffix(".csv"),
-        alignment=snakemake.output.alignment.removesuffix(".csv"),
+from polarsim.job_files import paths
+from polarsim.report.stage_tables import tabulate_cameras
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_cameras(
+        cameras=dict(zip(snakemake.params.terrains, paths(snakemake.input.cameras), strict=True)),
+        evaluation=paths(snakemake.input.evaluation),
+        table=Path(snakemake.output.table).with_suffix(""),
+        alignment=Path(snakemake.output.alignment).with_suffix(""),
+        origin=snakemake.params.origin,
     )

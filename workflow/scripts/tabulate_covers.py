@@ -1,7 +1,14 @@
 """Write the table of what detectors find in real cover photos."""
 
-from polarsim.job import job
-from polarsim.report.covers_table import tabulate_covers
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(tabulate_covers, stem=snakemake.output.table.removesuffix(".csv"))
+from polarsim.job_files import paths
+from polarsim.report.covers_table import tabulate_covers
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_covers(
+        scores=paths(snakemake.input.scores),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

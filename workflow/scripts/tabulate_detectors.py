@@ -2,12 +2,20 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.job_files import optional_path
 from polarsim.report.detectors import tabulate_detectors
+from polarsim.reporting import reporting
 
-with job(snakemake) as call:
-    call(
-        tabulate_detectors,
-        found=dict(snakemake.input.items()),
+with reporting(log=snakemake.log[0]):
+    tabulate_detectors(
+        detection=Path(snakemake.input.detection),
+        differences=Path(snakemake.input.differences),
+        breakdown=Path(snakemake.input.breakdown),
+        false_positives=Path(snakemake.input.false_positives),
+        ipd=Path(snakemake.input.ipd),
+        rocks=Path(snakemake.input.rocks),
+        others=optional_path(snakemake.input.others),
         tables=Path(snakemake.output.detection).parent,
+        origin=snakemake.params.origin,
+        min_mean_dn=snakemake.params.min_mean_dn,
     )

@@ -1,7 +1,13 @@
 """Tabulate the ablation."""
 
-from polarsim.job import job
-from polarsim.report.gap_table import tabulate_gap
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(tabulate_gap, stem=snakemake.output.table.removesuffix(".csv"))
+from polarsim.report.gap_table import tabulate_gap
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_gap(
+        ablation=Path(snakemake.input.ablation),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

@@ -1,11 +1,16 @@
 """Tabulate the labels of all terrains and their confidence."""
 
-from polarsim.job import job
-from polarsim.report.labels_table import tabulate_labels
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        tabulate_labels,
-        table=snakemake.output.table.removesuffix(".csv"),
-        reliability=snakemake.output.reliability.removesuffix(".parquet"),
+from polarsim.job_files import paths
+from polarsim.report.labels_table import tabulate_labels
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_labels(
+        pairs=paths(snakemake.input.pairs),
+        table=Path(snakemake.output.table).with_suffix(""),
+        reliability=Path(snakemake.output.reliability).with_suffix(""),
+        seeds=snakemake.params.seeds,
+        origin=snakemake.params.origin,
     )

@@ -1,7 +1,13 @@
 """Tabulate how well masks agree with people's polygons."""
 
-from polarsim.job import job
-from polarsim.report.masks_table import tabulate_masks
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(tabulate_masks, stem=snakemake.output.table.removesuffix(".csv"))
+from polarsim.report.masks_table import tabulate_masks
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_masks(
+        scores=Path(snakemake.input.scores),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

@@ -1,7 +1,13 @@
 """Tabulate what is seen on board."""
 
-from polarsim.job import job
-from polarsim.report.rover_table import tabulate_onboard
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(tabulate_onboard, stem=snakemake.output.table.removesuffix(".csv"))
+from polarsim.report.rover_table import tabulate_onboard
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_onboard(
+        onboard=Path(snakemake.input.onboard),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

@@ -1,7 +1,14 @@
 """Tabulate how the detectors' order by gap agrees with that by drives."""
 
-from polarsim.job import job
-from polarsim.report.autonomy_table import tabulate_rank
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(tabulate_rank, stem=snakemake.output.table.removesuffix(".csv"))
+from polarsim.report.autonomy_table import tabulate_rank
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_rank(
+        by_detector=Path(snakemake.input.by_detector),
+        ranks=Path(snakemake.input.ranks),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
+    )

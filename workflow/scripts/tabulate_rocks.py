@@ -1,13 +1,16 @@
 """Tabulate rocks and meshes of all terrains."""
 
-from polarsim.job import job
-from polarsim.report.stage_tables import tabulate_rocks
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        tabulate_rocks,
-        rocks=dict(zip(snakemake.params.terrains, snakemake.input.rocks, strict=True)),
-        scores=dict(zip(snakemake.params.terrains, snakemake.input.scores, strict=True)),
-        table=snakemake.output.table.removesuffix(".csv"),
-        meshes=snakemake.output.meshes.removesuffix(".csv"),
+from polarsim.job_files import paths
+from polarsim.report.stage_tables import tabulate_rocks
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_rocks(
+        rocks=dict(zip(snakemake.params.terrains, paths(snakemake.input.rocks), strict=True)),
+        scores=dict(zip(snakemake.params.terrains, paths(snakemake.input.scores), strict=True)),
+        table=Path(snakemake.output.table).with_suffix(""),
+        meshes=Path(snakemake.output.meshes).with_suffix(""),
+        origin=snakemake.params.origin,
     )

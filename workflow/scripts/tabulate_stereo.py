@@ -1,12 +1,17 @@
 """Tabulate stereo depth."""
 
-from polarsim.job import job
-from polarsim.report.stereo_table import tabulate_stereo
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(
-        tabulate_stereo,
-        stem=snakemake.output.table.removesuffix(".csv"),
+from polarsim.report.stereo_table import tabulate_stereo
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    tabulate_stereo(
+        stereo=Path(snakemake.input.stereo),
+        instances=Path(snakemake.input.instances),
+        ipd=Path(snakemake.input.ipd),
+        stem=Path(snakemake.output.table).with_suffix(""),
+        origin=snakemake.params.origin,
         bad_mm=snakemake.params.options["bad_mm"],
         bad_percent=snakemake.params.options["bad_percent"],
     )

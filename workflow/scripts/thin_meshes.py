@@ -1,7 +1,13 @@
 """Copy one terrain's ground and thinned rocks."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.reporting import reporting
 from polarsim.scoring.true_scene import thin_meshes
 
-with job(snakemake) as call:
-    call(thin_meshes)
+with reporting(log=snakemake.log[0]):
+    thin_meshes(
+        terrain=int(snakemake.wildcards.terrain),
+        meshes=Path(snakemake.input.meshes),
+        thinned=Path(snakemake.output.thinned),
+    )

@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
-from polarsim.job import job
+from polarsim.reporting import reporting
 from polarsim.rover.exchange.bag import write_bag
+from polarsim.rover.exchange.options import BagOptions
 from polarsim.rover.vehicle.table import read_vehicle
 
-with job(snakemake) as call:
-    call(
-        write_bag,
+with reporting(log=snakemake.log[0]):
+    write_bag(
         folder=Path(snakemake.input.trace).parent,
-        out=snakemake.output.bag,
-        vehicle=read_vehicle(snakemake.input.vehicle),
+        out=Path(snakemake.output.bag),
+        vehicle=read_vehicle(Path(snakemake.input.vehicle)),
+        options=BagOptions(**snakemake.params.options),
+        seed=int(snakemake.wildcards.seed),
     )

@@ -1,7 +1,13 @@
 """Write how bright every reflectance model is over the phase angle."""
 
-from polarsim.job import job
-from polarsim.render.goniometer import write_reflectance
+from pathlib import Path
 
-with job(snakemake) as call:
-    call(write_reflectance)
+from polarsim.render.goniometer import write_reflectance
+from polarsim.render.options import RenderOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    write_reflectance(
+        curves=Path(snakemake.output.curves),
+        options=RenderOptions(**snakemake.params.options),
+    )

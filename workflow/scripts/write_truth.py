@@ -1,7 +1,18 @@
 """Move one terrain's truth into the frame of the run."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.reporting import reporting
 from polarsim.scoring.true_scene import write_truth
 
-with job(snakemake) as call:
-    call(write_truth)
+with reporting(log=snakemake.log[0]):
+    write_truth(
+        terrain=int(snakemake.wildcards.terrain),
+        rocks=Path(snakemake.input.rocks),
+        meshes=Path(snakemake.input.meshes),
+        located=Path(snakemake.input.located),
+        inventory=Path(snakemake.input.inventory),
+        truth=Path(snakemake.params.truth),
+        true_cameras=Path(snakemake.output.true_cameras),
+        true_meshes=Path(snakemake.output.true_meshes),
+    )

@@ -1,8 +1,13 @@
 """Write the rover as URDF."""
 
-from polarsim.job import job
+from pathlib import Path
+
+from polarsim.reporting import reporting
 from polarsim.rover.exchange.urdf import write_urdf
 from polarsim.rover.vehicle.table import read_vehicle
 
-with job(snakemake) as call:
-    call(write_urdf, path=snakemake.output.urdf, vehicle=read_vehicle(snakemake.input.vehicle))
+with reporting(log=snakemake.log[0]):
+    write_urdf(
+        path=Path(snakemake.output.urdf),
+        vehicle=read_vehicle(Path(snakemake.input.vehicle)),
+    )

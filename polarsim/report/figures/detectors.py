@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,18 +22,31 @@ STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 BINS = np.linspace(-1, 1, 41)
 
 
-def draw_detectors(*, found: Mapping[str, Path], figures: Mapping[str, Path], origin: dict[str, str]) -> None:
+def draw_detectors(
+    *,
+    detection: Path,
+    curves: Path,
+    ipd: Path,
+    rocks: Path,
+    detection_figure: Path,
+    curves_figure: Path,
+    ipd_figure: Path,
+    rocks_figure: Path,
+    origin: dict[str, str],
+) -> None:
     """Draw the matrix of detection, precision over recall, IPD, and its histogram over rocks.
 
     Parameters
     ----------
-    found, figures
-        detection, curves, ipd, rocks: Parquet table of the detect stage, and PNG to write.
+    detection, curves, ipd, rocks
+        Parquet tables of the detect stage.
+    detection_figure, curves_figure, ipd_figure, rocks_figure
+        PNG files to write.
     """
-    draw_detection(detection=found["detection"], figure=figures["detection"], origin=origin)
-    draw_curves(curves=found["curves"], figure=figures["curves"], origin=origin)
-    draw_ipd(ipd=found["ipd"], figure=figures["ipd"], origin=origin)
-    draw_ipd_histogram(rocks=found["rocks"], figure=figures["rocks"], origin=origin)
+    draw_detection(detection=detection, figure=detection_figure, origin=origin)
+    draw_curves(curves=curves, figure=curves_figure, origin=origin)
+    draw_ipd(ipd=ipd, figure=ipd_figure, origin=origin)
+    draw_ipd_histogram(rocks=rocks, figure=rocks_figure, origin=origin)
 
 
 def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
