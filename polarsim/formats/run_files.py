@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from polarsim.errors import FormatError
 from polarsim.formats.files import found_from
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.readers import reader
@@ -16,8 +17,18 @@ STRIP_TEXT = "strip.json"  # in the folder of a photo's strip: its key, and name
 
 @reader("pictures")
 def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
-    """Pictures by key: those that a table of photos lists (see `found_from`), or those in a folder of twins."""
+    """Return the pictures by key: of a table of photos (see `found_from`), or of a folder of twins.
+
+    Raises
+    ------
+    FormatError
+        A missing table or folder, a string in place of a path, a PNG whose name is no photo key.
+    """
+    if not isinstance(folder, Path):  # a string given as a list of paths arrives here character by character
+        raise TypeError(f"{folder!r} is a {type(folder).__name__}, expected a pathlib.Path")
     if folder.suffix != ".parquet":
+        if not folder.is_dir():
+            raise FormatError("no such folder of pictures", path=folder)
         return {PhotoKey.parse(path.stem): path for path in sorted(folder.glob("*.png"))}
     photos = read_parquet(folder, ["key", "path"])
     stated = {
@@ -38,13 +49,14 @@ def picture_finder(photo_domain: str, folders: Iterable[Path]) -> Callable[[str,
     ----------
     photo_domain
         Domain of the photos.
-    points
+    folders
         Tables of photos, and folders of twins `<domain>/TerrainTT`.
     """
     found: dict[str, dict[PhotoKey, Path]] = {}
     for folder in folders:
+        pictures = pictures_at(folder)
         domain = photo_domain if folder.suffix == ".parquet" else folder.parent.name
-        found.setdefault(domain, {}).update(pictures_at(folder))
+        found.setdefault(domain, {}).update(pictures)
     return lambda domain, key: found.get(domain, {}).get(key)
 
 
@@ -60,7 +72,8 @@ def pictures_of(run: Path, domain: str, terrain: int) -> dict[PhotoKey, Path]:
     folder = f"Terrain{terrain:02d}"
     if domain == "photo":
         return pictures_at(run / "acquire" / folder / "photos.parquet")
-    return pictures_at(run / "renders" / domain / folder)
+    twins = run / "renders" / domain / folder
+    return pictures_at(twins) if twins.is_dir() else {}
 
 
 def polygons_of(run: Path, key: PhotoKey) -> Path:

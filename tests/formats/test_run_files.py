@@ -7,9 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.files import found_from, relative_to
-from polarsim.formats.run_files import pictures_of
+from polarsim.formats.run_files import picture_finder, pictures_at, pictures_of
 from polarsim.formats.tables import write_parquet
 from polarsim.photo import PhotoKey
 
@@ -57,3 +58,20 @@ def test_the_nearest_folder_goes_before_those_above(tmp_path):
         (tmp_path / folder / "meshes").mkdir(parents=True)
     assert found_from("meshes", tmp_path / "run/views.yaml") == tmp_path / "run/meshes"
     assert relative_to(tmp_path / "meshes", tmp_path / "run") == "../meshes"
+
+
+@pytest.mark.parametrize("name", ["nowhere/Terrain01", "nowhere/photos.parquet"])
+def test_pictures_of_a_missing_folder_or_table_are_an_error_and_not_none(tmp_path, name):
+    with pytest.raises(FormatError, match=str(tmp_path / name)):
+        pictures_at(tmp_path / name)
+    assert pictures_of(tmp_path, "hapke", 1) == {}  # a run without these twins
+
+
+def test_a_string_in_place_of_paths_is_refused_before_its_characters_are_read(clone, monkeypatch):
+    monkeypatch.chdir(clone)
+    png.write(clone / f"{KEYS[0]}.png", np.zeros((2, 3), np.uint16))  # would be found in ".", a character of the name
+    with pytest.raises(FormatError) as found:
+        picture_finder("analog", "results/demo/acquire/Terrain01/photos.parquet")
+    assert found.value.path == Path("r")
+    with pytest.raises(FormatError):
+        pictures_at(".")
