@@ -1,0 +1,34 @@
+"""Contact sheets through their rule: with one table of photos, as the analog has it, and no stand-ins."""
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import png
+from polarsim.formats.tables import label_table, write_parquet
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.photo import HEIGHT, WIDTH
+from tests.workflow.conftest import SMALL
+from tests.workflow.figures import find_picture, resized
+
+SHEET = "results/small/figures/contact_Terrain01_PosA.png"
+
+
+def test_a_sheet_shows_its_photos_whatever_is_in_the_working_folder(checkout, snakemake, rng):
+    keys = selected_grid(1, ["A"], GridOptions(**SMALL["grid"]))
+    for key in keys:
+        coarse = rng.uniform(200, 4000, (12, 19)).astype(np.float32)
+        png.write(checkout / f"data/{key}.png", resized(coarse, WIDTH)[:HEIGHT].astype(np.uint16))
+    acquired = checkout / "results/small/acquire/Terrain01/photos.parquet"
+    write_parquet(acquired, pd.DataFrame([{"key": str(key), "path": f"data/{key}.png"} for key in keys]))
+    write_parquet(checkout / "results/small/labels/tables/Terrain01.parquet", label_table([]))
+    call = (SHEET, "--configfile", "config/small.yaml", "--rerun-triggers", "mtime", "--allowed-rules", "draw_contact")
+    png.write(checkout / "03_A_on_350_R_0256_hapke.png", np.zeros((8, 8), np.uint8))  # as `polarsim show` writes it
+    png.write(checkout / f"{keys[0]}.png", np.zeros((HEIGHT, WIDTH), np.uint16))  # one that a photo's name has
+    done = snakemake(checkout, *call)
+    assert done.returncode == 0, done.stderr[-3000:]
+    usual = [key for key in keys if key.exposure_ms == 256]  # without labels this exposure stands for its bracket
+    assert len(usual) == 4
+    tiles = [find_picture(checkout / SHEET, checkout / f"data/{key}.png") for key in usual]
+    assert min(correlation for correlation, _ in tiles) > 0.95
+    centres = np.array([position for _, position in tiles])
+    assert np.linalg.norm(centres[:, None] - centres, axis=-1)[~np.eye(4, dtype=bool)].min() > 0.3  # a tile each
