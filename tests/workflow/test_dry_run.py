@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -328,3 +329,39 @@ def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(dry_run, release_with
     assert done.returncode == 1
     assert "covers.folds: 2 is none of the run's" in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_each_wildcard_is_constrained_once():
+    """Constraints are global: of two for one wildcard each rule would take the one before it."""
+    blocks = [
+        block
+        for path in (CONFIGURATIONS.parent / "workflow/rules").glob("*.smk")
+        for block in re.findall(r"^wildcard_constraints:\n((?:    .*\n)+)", path.read_text(), re.MULTILINE)
+    ]
+    names = Counter(name for block in blocks for name in re.findall(r"^    (\w+)=", block, re.MULTILINE))
+    assert {"trained", "cover_trained"} <= set(names)
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_the_plan_does_not_depend_on_the_order_of_rule_files(dry_run, checkout, snakemake, release_with_covers):
+    """Functions that name files may be included before or after rules that are of other stages."""
+    lines = (checkout / "Snakefile").read_text().splitlines(keepends=True)
+    included = [line for line in lines if line.startswith("include:")]
+    common, *others, publish = included  # publish.smk names the rules of all others
+    files = [line for line in others if "_files.smk" in line]
+    used = [f'include: "workflow/rules/{name}.smk"\n' for name in ("detect", "labels", "covers")]  # by other rules
+    order = [common, *reversed(files), *used]
+    order += [line for line in reversed(others) if line not in order] + [publish]
+    first = lines.index(common)
+    assert sorted(order) == sorted(included)
+    assert order != included
+    (checkout / "Snakefile").write_text("".join([*lines[:first], *order, *lines[first + len(included) :]]))
+    for call, root in (
+        (("--configfile", "config/config.yaml", "config/gap.yaml"), {}),
+        (("real", "--configfile", "config/covers.yaml"), {"POLAR_SIM_ROOT": str(release_with_covers)}),
+    ):
+        plans = [dry_run(*call, **root), snakemake(checkout, "--dry-run", *call, **root)]
+        assert [done.returncode for done in plans] == [0, 0], plans[1].stdout + plans[1].stderr
+        made = [sorted(re.findall(r"^ +output: (.*)", done.stdout + done.stderr, re.MULTILINE)) for done in plans]
+        assert made[0] == made[1]
+        assert planned(plans[0]) == planned(plans[1])
