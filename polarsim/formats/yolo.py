@@ -2,24 +2,104 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
-from polarsim.formats.files import write_text
+from polarsim.errors import FormatError, PolarsimError, about
+from polarsim.formats.files import read_json, write_text
 from polarsim.formats.readers import reader, reading
 from polarsim.formats.text_fields import fields_of, numbers
+from polarsim.formats.yaml_files import read_yaml
+from polarsim.geometry.boxes import around
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
 
-CLASS_FILE = "classes.txt"  # stands beside label files and is none: the names of their class numbers, one a line
+CLASS_FILE = "classes.txt"  # names of the class numbers of the label files in the same folder, one per line
+NOTES_FILE = "notes.json"  # class list of Label Studio's YOLO export
+FOLDERS_UP = 2  # Ultralytics stores data.yaml two folders above the label files
 _SIZE = np.array([WIDTH, HEIGHT], float)
-_FARTHEST = 1.5  # widths or heights of the photo from its middle: a lost decimal point leads farther
+_FARTHEST = 0.6  # widths or heights of the photo from its centre: no tool draws a tenth of a photo outside of it
+_MOST_CLASSES = 10_000
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One line of a label file: a box, a box with a confidence, or a polygon."""
+
+    line: int  # from 1
+    label: str  # class as written
+    corners: np.ndarray  # two opposite corners (2, 2) of a box or the vertices (n, 2) of a polygon, px
+    confidence: float  # NaN without a sixth field
+    is_polygon: bool
+    fields: int
+
+    @property
+    def box(self) -> np.ndarray:
+        """(4,) box as x0, y0, x1, y1 in pixels."""
+        return around(self.corners)
+
+
+@reader("label file", largest_mb=100)
+def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[Shape]:
+    """Read every line of a label file; all other readers of label files use this grammar.
+
+    A line is `class x y width height` (a box), the same with a confidence of 0 to 1 (a detection), or a class and x and
+    y of at least three points (a polygon). `size` is the width and height of the photo, the rig's by default.
+
+    Raises
+    ------
+    FormatError
+        A line is none of these, or its values cannot be: file, line number and reason.
+    """
+    photo = _SIZE if size is None else np.array(size, float)
+    return [_shape(path, number, fields, photo) for number, fields in fields_of(path, "label file")]
+
+
+def _shape(path: str | Path, number: int, fields: list[str], photo: np.ndarray) -> Shape:
+    count = len(fields)
+    if count < 5 or (count > 6 and count % 2 == 0):
+        commas = ", with commas instead of spaces" if any("," in field for field in fields) else ""
+        raise FormatError(
+            f"{count} fields{commas}, expected a box of 5 (class x y width height), a detection of 6 (confidence last) "
+            "or a polygon (class and x y of each point)",
+            path=path,
+            line=number,
+        )
+    values = numbers(path, number, fields[1:])
+    if count > 6:
+        if count == 7 and fields[6].isdigit():
+            raise FormatError(
+                f"7 fields, the last {fields[6]}: a track id? Expected class x y width height confidence",
+                path=path,
+                line=number,
+            )
+        if (np.abs(values - 0.5) > _FARTHEST).any():
+            hint = ": class x y width height confidence and a track id?" if count == 7 else ""
+            raise FormatError(f"polygon far outside the photo{hint}", path=path, line=number)
+        return Shape(number, fields[0], values.reshape(-1, 2) * photo, np.nan, True, count)
+    if count == 6 and not 0 <= values[4] <= 1:
+        raise FormatError(f"sixth field {fields[5]}, no confidence from 0 to 1: a track id?", path=path, line=number)
+    centre, extent = values[:2] * photo, values[2:4] * photo
+    if (extent <= 0).any() or (extent > photo + 1).any() or (np.abs(centre / photo - 0.5) > 0.5 + 1e-3).any():
+        pixels = ", in pixels? Expected shares of the photo" if (values[:4] > 1).all() else ""
+        raise FormatError(f"box outside the photo or without area{pixels}", path=path, line=number)
+    corners = np.array([centre - extent / 2, centre + extent / 2])
+    return Shape(number, fields[0], corners, values[4] if count == 6 else np.nan, False, count)
+
+
+def _arrays(classes: Iterable[int], boxes: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    return np.array(list(classes), int), np.array(list(boxes), float).reshape(-1, 4)
 
 
 @reader("label file", largest_mb=100)
 def read_boxes(
-    path: str | Path, size: tuple[int, int] | None = None, names: tuple[str, ...] = BOX_CLASSES
+    path: str | Path,
+    size: tuple[int, int] | None = None,
+    names: tuple[str, ...] = BOX_CLASSES,
+    detections: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels; `size` (width, height) is the rig's by default.
 
@@ -27,23 +107,24 @@ def read_boxes(
     ----------
     names
         What the file's class numbers mean; the numbers that are returned are indices in `BOX_CLASSES`.
+    detections
+        Accept a confidence as sixth field.
 
     Raises
     ------
     FormatError
         A line that is no box of a rock or shadow inside the photo: file, line number and reason.
     """
-    classes, boxes, photo = [], [], _SIZE if size is None else np.array(size, float)
-    for number, fields in fields_of(path, "label file"):
-        if len(fields) != 5:
-            raise FormatError(f"{len(fields)} fields, a YOLO box has 5: class x y width height", path=path, line=number)
-        values = numbers(path, number, fields)
-        classes.append(_box_class(path, number, fields[0], names))
-        centre, extent = values[1:3] * photo, values[3:5] * photo
-        if (extent <= 0).any() or (extent > photo + 1).any() or (np.abs(centre / photo - 0.5) > 0.5 + 1e-3).any():
-            raise FormatError("box outside the photo or without area", path=path, line=number)
-        boxes.append(np.concatenate([centre - extent / 2, centre + extent / 2]))
-    return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
+    classes, boxes = [], []
+    for shape in read_shapes(path, size):
+        if shape.fields > (6 if detections else 5):
+            sixth = " (the sixth is a confidence, of a detection)" if shape.fields == 6 else ""
+            raise FormatError(
+                f"{shape.fields} fields{sixth}, a YOLO box has 5: class x y width height", path=path, line=shape.line
+            )
+        classes.append(_box_class(path, shape, names))
+        boxes.append(shape.box)
+    return _arrays(classes, boxes)
 
 
 def write_boxes(
@@ -72,79 +153,161 @@ def write_boxes(
 def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Class numbers (n,), boxes (n, 4) and confidences (n,) of anyone's boxes, of whatever classes.
 
-    Boxes are in pixels of a photo of the rig. A line may have a sixth field, the confidence; it is NaN where there is
-    none.
+    Boxes are in pixels of a photo of the rig. A confidence is NaN where a line has no sixth field.
 
     Raises
     ------
     FormatError
-        A line that is no box with area: file, line number and reason.
+        A line that is no box inside the photo: file, line number and reason.
     """
-    classes, boxes, confidences = [], [], []
-    for number, fields in fields_of(path, "label file"):
-        if len(fields) not in (5, 6):
+    shapes = read_shapes(path)
+    for shape in shapes:
+        if shape.is_polygon:
             raise FormatError(
-                f"{len(fields)} fields, expected class x y width height [confidence]", path=path, line=number
+                f"{shape.fields} fields, expected class x y width height [confidence]", path=path, line=shape.line
             )
-        if not fields[0].isdigit():
-            raise FormatError(f"class {fields[0]}, expected a whole number", path=path, line=number)
-        values = numbers(path, number, fields)
-        centre, extent = values[1:3] * _SIZE, values[3:5] * _SIZE
-        if (extent <= 0).any():
-            raise FormatError("box without area", path=path, line=number)
-        classes.append(int(fields[0]))
-        boxes.append(np.concatenate([centre - extent / 2, centre + extent / 2]))
-        confidences.append(values[5] if len(values) == 6 else np.nan)
-    return np.array(classes, int), np.array(boxes, float).reshape(-1, 4), np.array(confidences, float)
+    classes, boxes = _arrays((class_number(path, shape) for shape in shapes), (shape.box for shape in shapes))
+    return classes, boxes, np.array([shape.confidence for shape in shapes], float)
 
 
 @reader("label file", largest_mb=100)
 def read_boxes_of_any(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Class numbers (n,) and boxes (n, 4) of anyone's boxes or, around them, polygons, of whatever classes.
+    """Class numbers (n,) and boxes (n, 4) of anyone's boxes, detections or, around them, polygons, of any classes.
 
     Raises
     ------
     FormatError
-        A line that is neither: file, line number and reason.
+        A line that is none of these: file, line number and reason.
     """
-    classes, boxes = [], []
-    for number, fields in fields_of(path, "label file"):
-        if len(fields) < 5 or (len(fields) > 6 and len(fields) % 2 == 0):
-            raise FormatError(f"{len(fields)} fields, expected a box of 5 or a polygon", path=path, line=number)
-        if not fields[0].isdigit():
-            raise FormatError(f"class {fields[0]}, expected a whole number", path=path, line=number)
-        values = numbers(path, number, fields)[1:]
-        if len(fields) <= 6:
-            centre, extent = values[:2] * _SIZE, values[2:4] * _SIZE
-            corners = np.array([centre - extent / 2, centre + extent / 2])
-        else:
-            corners = values.reshape(-1, 2) * _SIZE
-        classes.append(int(fields[0]))
-        boxes.append(np.concatenate([corners.min(axis=0), corners.max(axis=0)]))
-    return np.array(classes, int), np.array(boxes, float).reshape(-1, 4)
+    shapes = read_shapes(path)
+    return _arrays((class_number(path, shape) for shape in shapes), (shape.box for shape in shapes))
+
+
+def class_number(path: str | Path, shape: Shape) -> int:
+    """Return the class of a line of a label file.
+
+    Raises
+    ------
+    FormatError
+        The class is no whole number.
+    """
+    if not shape.label.isdigit():
+        raise FormatError(f"class {shape.label}, expected a whole number", path=path, line=shape.line)
+    return int(shape.label)
+
+
+@dataclass(frozen=True)
+class ClassList:
+    """Names of class numbers and the file that states them."""
+
+    names: tuple[str, ...]  # by class number; "" for a number without a name
+    path: Path | None  # None: no list was found, and `BOX_CLASSES` is assumed
+
+    def __str__(self) -> str:
+        return ", ".join(f"{number} {name}" for number, name in enumerate(self.names) if name)
+
+
+@reader("class list")
+def find_classes(folder: Path, top: Path | None = None) -> ClassList:
+    """Find the names of the class numbers of the label files in a folder.
+
+    Lists are `classes.txt`, `*.names` (Darknet, CVAT), `names` of a YAML file (Ultralytics, Roboflow) and `notes.json`
+    (Label Studio). The folder comes first, then the folders above it as far as `top`, any other folder below `top`, and
+    at last the nearest of `FOLDERS_UP` folders above. Without a list, `BOX_CLASSES` is assumed.
+
+    Parameters
+    ----------
+    top
+        Folder of the whole data set: lists inside it must agree. None: lists of the folder itself come first.
+
+    Raises
+    ------
+    FormatError
+        A list is broken, or two lists give one number different names.
+    """
+    inside = [folder, *(above for above in folder.parents if top and (above == top or top in above.parents))]
+    found = [one for above in inside for one in _lists_in(above)]
+    if top and not found:
+        below = sorted({path.parent for path in top.rglob("*") if is_class_list(path)})
+        found = [one for other in below for one in _lists_in(other)]
+    for above in list((top or folder).absolute().parents)[:FOLDERS_UP]:
+        found = found or list(_lists_in(above, lenient=True))
+    if not found:
+        return ClassList(BOX_CLASSES, None)
+    longest = max(found, key=lambda one: len(one.names))
+    for other in found:
+        pairs = zip(map(_plain, other.names), map(_plain, longest.names), strict=False)
+        if any(one and two and one != two for one, two in pairs):
+            raise FormatError(f"classes {other}, but {longest.path}: {longest}; keep one list", path=other.path)
+    return longest
 
 
 @reader("class list")
 def class_names(folder: Path) -> tuple[str, ...]:
-    """What class numbers mean in a folder: the lines of its `classes.txt`, rock and shadow where there is none.
+    """Return what class numbers mean in a folder, as `find_classes` does; the list in the folder itself comes first.
 
     Raises
     ------
     FormatError
-        The list is no text, is empty, or has a name twice.
+        The list is no text, is empty, has a name twice, or contradicts another one.
     """
-    path = folder / CLASS_FILE
-    if not path.exists():
-        return BOX_CLASSES
+    return find_classes(folder).names
+
+
+def _plain(name: str) -> str:
+    return name.strip().lower()
+
+
+def is_class_list(path: Path) -> bool:
+    return path.name in (CLASS_FILE, NOTES_FILE) or path.suffix.lower() in (".names", ".yaml", ".yml")
+
+
+def _lists_in(folder: Path, lenient: bool = False) -> Iterator[ClassList]:
+    """Class lists in a folder; `lenient` skips YAML files that nobody can read, unless they describe a data set."""
+    for path in sorted(path for path in folder.glob("*") if is_class_list(path) and path.is_file()):
+        try:
+            names = _names_in(path)
+        except PolarsimError:
+            if lenient and path.suffix in (".yaml", ".yml") and path.stem != "data":
+                continue
+            raise
+        if names is not None:
+            twice = [name for name in names if name and names.count(name) > 1]
+            if twice:
+                raise FormatError(f"class {twice[0]!r} is there twice", path=path)
+            yield ClassList(names, path)
+
+
+def _names_in(path: Path) -> tuple[str, ...] | None:
+    """Names by class number; None for a file of another purpose."""
+    if path.suffix.lower() in (".yaml", ".yml"):
+        content = read_yaml(path)
+        return _numbered(path, content["names"]) if isinstance(content, dict) and "names" in content else None
+    if path.name == NOTES_FILE:
+        content = read_json(path)
+        stated = content.get("categories") if isinstance(content, dict) else None
+        if not isinstance(stated, list):
+            return None
+        return _numbered(path, {one.get("id"): one.get("name") for one in stated if isinstance(one, dict)})
     with reading("class list", path):
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     names = tuple(line.strip() for line in "\n".join(lines).rstrip().split("\n"))
     if not any(names):
-        raise FormatError(f"no class, expected a name a line, such as {' and '.join(BOX_CLASSES)}", path=path)
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise FormatError(f"class {twice[0]!r} is there twice", path=path)
+        raise FormatError(f"no class, expected a name per line, such as {' and '.join(BOX_CLASSES)}", path=path)
     return names
+
+
+def _numbered(path: Path, stated: Any) -> tuple[str, ...]:
+    """Names of a list, or of a dictionary from numbers to names."""
+    pairs = dict(enumerate(stated)) if isinstance(stated, list) else stated
+    if not isinstance(pairs, dict) or not pairs:
+        raise FormatError("names: expected a list of class names, or number: name", path=path)
+    names = {}
+    for number, name in pairs.items():
+        if not str(number).isdigit() or int(number) >= _MOST_CLASSES or not isinstance(name, (str, int)):
+            raise FormatError(f"names: {number!r}: {name!r}, expected number: name", path=path)
+        names[int(number)] = str(name)
+    return tuple(names.get(number, "") for number in range(max(names) + 1))
 
 
 @reader("label file", largest_mb=100)
@@ -157,20 +320,17 @@ def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
         A line that is no polygon of class 0 to 3: file, line number and reason.
     """
     polygons = []
-    for number, fields in fields_of(path, "label file"):
-        if len(fields) < 7 or len(fields) % 2 == 0:
+    for shape in read_shapes(path):
+        if not shape.is_polygon:
             raise FormatError(
-                f"{len(fields)} fields, a polygon has a class and at least 3 points", path=path, line=number
+                f"{shape.fields} fields, a box: a polygon has a class and at least 3 points", path=path, line=shape.line
             )
-        values = numbers(path, number, fields)
-        if (np.abs(values[1:] - 0.5) > _FARTHEST).any():
-            raise FormatError("polygon far outside the photo", path=path, line=number)
-        polygons.append((_class(path, number, fields[0], POLYGON_CLASSES), values[1:].reshape(-1, 2) * _SIZE))
+        polygons.append((_class(path, shape, POLYGON_CLASSES), shape.corners))
     return polygons
 
 
 @reader("label file", largest_mb=100)
-def read_boxes_or_polygons(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] = BOX_CLASSES) -> tuple[np.ndarray, np.ndarray]:
     """As `read_boxes`; of a file of polygons the boxes around its rocks and shadows, cut at the photo's border.
 
     Raises
@@ -179,8 +339,8 @@ def read_boxes_or_polygons(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
         A line that is neither like the first one: file, line number and reason.
     """
     lines = fields_of(path, "label file")
-    if not lines or len(lines[0][1]) <= 5:
-        return read_boxes(path)
+    if not lines or len(lines[0][1]) <= 6:
+        return read_boxes(path, names=names)
     found = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(path)]
     annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in found if kind in BOX_CLASSES]
     boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for _, ring in annotated]).reshape(-1, 4)
@@ -197,17 +357,21 @@ def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> 
     write_text(path, "".join(lines))
 
 
-def _box_class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:
-    name = names[_class(path, number, field, names)]
-    if name not in BOX_CLASSES:
-        raise FormatError(f"class {field} is {name!r}, expected {' or '.join(BOX_CLASSES)}", path=path, line=number)
-    return BOX_CLASSES.index(name)
+def _box_class(path: str | Path, shape: Shape, names: tuple[str, ...]) -> int:
+    name = names[_class(path, shape, names)]
+    if _plain(name) not in BOX_CLASSES:
+        raise FormatError(
+            f"class {shape.label} is {name!r}, expected {' or '.join(BOX_CLASSES)}", path=path, line=shape.line
+        )
+    return BOX_CLASSES.index(_plain(name))
 
 
-def _class(path: str | Path, number: int, field: str, names: tuple[str, ...]) -> int:
-    if not field.isdigit() or int(field) >= len(names):
-        raise FormatError(f"class {field}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=number)
-    return int(field)
+def _class(path: str | Path, shape: Shape, names: tuple[str, ...]) -> int:
+    if not shape.label.isdigit() or int(shape.label) >= len(names):
+        raise FormatError(
+            f"class {shape.label}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=shape.line
+        )
+    return int(shape.label)
 
 
 @reader("label file", largest_mb=100)

@@ -77,7 +77,7 @@ def test_pictures_and_copies_are_no_labels_and_terrain_folders_have_lists_of_the
         ("rock\nshadow\n", "0 0.5 0.5 0.1 0.1 0.9\n", r"\.txt:1: 6 fields"),
         ("rock\nshadow\n", "2 0.5 0.5 0.1 0.1\n", r"\.txt:1: class 2"),
         ("dog\nrock\nshadow\n", "1 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1 0.1\n", r"\.txt:2: class 0 is 'dog'"),
-        ("rock\nshadow\n", "rock 0.5 0.5 0.1 0.1\n", r"\.txt:1: could not convert"),
+        ("rock\nshadow\n", "rock 0.5 0.5 0.1 0.1\n", r"\.txt:1: class rock"),
         ("\n", "0 0.5 0.5 0.1 0.1\n", r"classes\.txt: no class"),
         ("rock\nrock\n", "0 0.5 0.5 0.1 0.1\n", r"classes\.txt: class 'rock' is there twice"),
     ],
