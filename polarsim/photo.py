@@ -42,6 +42,8 @@ NO_ROCK = -1  # a label or pixel that belongs to no known rock
 FIRST_UNMESHED_ROCK = 901  # rocks that labels know and no mesh shows are numbered from here: meshed ones lie below
 
 _KEY = re.compile(r"(\d\d)_([A-G])_(on|off)_(no|30|180|270|350)_([LR])_(\d{4})")
+_QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
+_ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
 
 
 @dataclass(frozen=True, order=True)
@@ -76,6 +78,21 @@ class PhotoKey:
         if not is_exposure(int(exposure)):
             raise LabelError(f"{text!r}: exposure {exposure} ms, expected 16, 32, 64 ... 8192")
         return cls(int(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
+
+    @classmethod
+    def of_picture(cls, name: str) -> PhotoKey:
+        """Read the key in the name of a picture, as tools store names: with folders, a suffix, a prefix and a dash.
+
+        Raises
+        ------
+        LabelError
+            The name has no photo key, or something else before or behind the key.
+        """
+        base = re.split(r"[/\\=]", _QUERY.sub("", name))[-1]
+        try:
+            return cls.parse(_ENDING.sub("", base, count=1).rsplit("-", 1)[-1])
+        except LabelError as error:
+            raise LabelError(f"picture {name!r}: {error.reason}") from error
 
     @property
     def station(self) -> tuple[int, str]:

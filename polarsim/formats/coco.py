@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -14,19 +12,21 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
 
-from polarsim.errors import FormatError, PolarsimError
+from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import rle
 from polarsim.formats.files import relative_to, writing
 from polarsim.formats.readers import reader
 from polarsim.formats.rle import Rle
 from polarsim.formats.tables import key_columns
-from polarsim.geometry.boxes import area, of_mask
+from polarsim.geometry.boxes import area, of_mask, turned
 from polarsim.geometry.polygons import outlines, rasterised
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 
 CATEGORIES = {ROCK: 1, SHADOW: 2}  # from 1 on: to CVAT 0 is no category
 PER_PHOTO = 10_000  # annotation ids of a photo
 FAR_PX = 1e5  # no corner of a polygon lies so far out
+BEYOND = 0.1  # share of a picture's side: no tool draws a box that reaches farther over the border
+_LEAST_BOXES = 3  # fewer do not show whether a file's boxes are two corners
 _EXPOSURES, _POSITIONS = 10, "ABCDEFG"  # 16 to 8192 ms
 
 
@@ -203,10 +203,17 @@ class _Named(_Part):
     label_source: str | None = None  # its name among attributes
     confidence: float | None = None
 
-    @field_validator("rock", "confidence", mode="before")
+    @field_validator("rock", "confidence", "rotation", mode="before", check_fields=False)
     @classmethod
     def _empty(cls, value: object) -> object:
         return None if value == "" else value  # a field that a person left open
+
+
+class _Attributes(_Named):
+    rotation: float | None = None  # of the bbox about its centre, degrees, as CVAT exports it
+
+
+_Segmentation = _Runs | list[list[float]] | list[float]  # runs, polygons, or the coordinates of a single polygon
 
 
 class _Annotation(_Named):
@@ -214,10 +221,12 @@ class _Annotation(_Named):
     image_id: int
     category_id: int
     bbox: list[float] = []
-    segmentation: _Runs | list[list[float]] | None = None
+    area: Any = None
+    iscrowd: Any = 0
+    segmentation: _Segmentation | None = None
     amodal_bbox: list[float] = []
-    amodal_segmentation: _Runs | list[list[float]] | None = None
-    attributes: _Named | None = None
+    amodal_segmentation: _Segmentation | None = None
+    attributes: _Attributes | None = None
 
     def named(self, name: str, default: Any) -> Any:
         """A value of ours, of the annotation or its attributes."""
@@ -232,6 +241,7 @@ class _File(_Part):
 
 
 _FILE = TypeAdapter(_File)
+_FIELDS = {name for model in (_File, _Image, _Category, _Annotation, _Attributes, _Runs) for name in model.model_fields}
 
 
 @reader("COCO file", largest_mb=500)
@@ -258,26 +268,111 @@ def read_coco(
         No COCO file; a picture that is no photo, comes twice, or has another size; an annotation of no known picture
         or category, without box and mask, or with a broken one.
     """
+    photos: dict[PhotoKey, list[Annotation]] = {}
+    for name, own_size, rows in read_pictures(path, kinds, size):
+        if own_size != size:
+            raise FormatError(
+                f"image {name}: {own_size[0]} x {own_size[1]} px, expected {size[0]} x {size[1]}", path=path
+            )
+        key = key_of_picture(path, name)
+        if key in photos:
+            raise FormatError(f"two images of photo {key}", path=path)
+        photos[key] = [row.annotation for row in rows]
+    return photos
+
+
+def key_of_picture(path: str | Path, name: str) -> PhotoKey:
+    """Return the photo key in the name of a picture that a file states.
+
+    Raises
+    ------
+    FormatError
+        The name has no photo key.
+    """
+    try:
+        return PhotoKey.of_picture(name)
+    except LabelError as error:
+        raise FormatError(error.reason, path=path) from error
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One annotation of a COCO file: its name in messages, its form there, and what it holds."""
+
+    where: str
+    form: str  # box, rotated box, polygon, mask or crowd region
+    annotation: Annotation
+
+
+@reader("COCO file", largest_mb=500)
+def read_pictures(
+    path: str | Path, kinds: Sequence[str] | None = None, default_size: tuple[int, int] = (WIDTH, HEIGHT)
+) -> list[tuple[str, tuple[int, int], list[Row]]]:
+    """Read the name, the size (width, height) and the annotations of every picture of a COCO file.
+
+    Annotations are in pixels of their picture. A name is the photo key that an image states, else its `file_name`.
+    A rotated box, as CVAT exports it, is replaced by the box around it.
+
+    Parameters
+    ----------
+    kinds
+        Names that categories may have; None: any, as it is written.
+    default_size
+        Size of pictures without one, px.
+
+    Raises
+    ------
+    FormatError
+        No COCO file; an annotation of no known picture or category, without box and mask, or with an implausible one.
+    """
     try:
         content = _FILE.validate_json(Path(path).read_bytes())
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise FormatError(f"no COCO file, {where}: {first['msg']}".replace("\n", " "), path=path) from error
-    keys = _once(path, "image", ((image.id, _key(path, image, size)) for image in content.images))
+        raise FormatError(f"no COCO file, {_problem(error)}", path=path) from error
+    images = _once(path, "image", ((image.id, image) for image in content.images))
     names = _once(path, "category", ((category.id, category.name) for category in content.categories))
-    photos: dict[PhotoKey, list[Annotation]] = {key: [] for key in keys.values()}
-    if len(photos) < len(keys):
-        raise FormatError(f"two images of photo {Counter(keys.values()).most_common(1)[0][0]}", path=path)
+    sizes = {
+        number: (image.width or default_size[0], image.height or default_size[1]) for number, image in images.items()
+    }
+    pictures: dict[int, list[Row]] = {number: [] for number in images}
     for number, row in enumerate(content.annotations):
+        where = f"annotation {number if row.id is None else row.id}"
         try:
-            if row.image_id not in keys:
+            if row.image_id not in images:
                 raise FormatError(f"image_id {row.image_id} is no image's")
-            photos[keys[row.image_id]].append(_annotation(row, names, size, kinds))
+            annotation = _annotation(row, names, sizes[row.image_id], kinds)
         except PolarsimError as error:
-            own = number if row.id is None else row.id
-            raise FormatError(f"annotation {own}: {error.reason}", path=path) from error
-    return photos
+            raise FormatError(f"{where}: {error.reason}", path=path) from error
+        pictures[row.image_id].append(Row(where, _form(row), annotation))
+    _check_corners(path, content.annotations, sizes)
+    return [(image.key or image.file_name, sizes[number], pictures[number]) for number, image in images.items()]
+
+
+def _problem(error: ValidationError) -> str:
+    """First problem of a file, by the names of its fields."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    parts = [part for part in first["loc"] if isinstance(part, int) or part in _FIELDS]
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).lstrip(".")
+    if not parts:
+        lists = first["type"] == "model_type"
+        return (
+            "expected a file with images, categories and annotations (a list of results names no pictures)"
+            if lists
+            else first["msg"].replace("\n", " ")
+        )
+    if "segmentation" in where:
+        where = where[: where.index("segmentation") + len("segmentation")]
+        return f"{where}: expected polygons (lists of x and y) or runs (size and counts)"
+    return f"{where}: {'missing' if first['type'] == 'missing' else first['msg']}".replace("\n", " ")
+
+
+def _check_corners(path: str | Path, annotations: Sequence[_Annotation], sizes: Mapping[int, tuple[int, int]]) -> None:
+    """Refuse a file whose boxes are all two corners instead of a corner and a size."""
+    boxed = [row for row in annotations if row.bbox]
+    boxes = np.array([row.bbox for row in boxed]).reshape(-1, 4)
+    picture = np.array([sizes[row.image_id] for row in boxed]).reshape(-1, 2)
+    if len(boxed) >= _LEAST_BOXES and (boxes[:, 2:] > boxes[:, :2]).all() and (boxes[:, 2:] > picture / 2).any():
+        raise FormatError(f"annotation {boxed[0].id}: bbox {boxed[0].bbox}: {_TWO_CORNERS}", path=path)
 
 
 def _once(path: str | Path, what: str, pairs: Iterable[tuple[int, Any]]) -> dict[int, Any]:
@@ -289,15 +384,12 @@ def _once(path: str | Path, what: str, pairs: Iterable[tuple[int, Any]]) -> dict
     return found
 
 
-def _key(path: str | Path, image: _Image, size: tuple[int, int]) -> PhotoKey:
-    stem = image.key or re.split(r"[\\/]", image.file_name)[-1].rsplit(".", 1)[0]
-    stated = (image.width or size[0], image.height or size[1])
-    if stated != size:
-        raise FormatError(f"image {image.id}: {stated[0]} x {stated[1]} px, expected {size[0]} x {size[1]}", path=path)
-    try:
-        return PhotoKey.parse(stem.rsplit("-", 1)[-1])
-    except PolarsimError as error:
-        raise FormatError(f"image {image.id}: {error.reason}", path=path) from error
+def _form(row: _Annotation) -> str:
+    if row.iscrowd in (1, True):
+        return "crowd region"
+    if row.bbox:
+        return "rotated box" if row.attributes and row.attributes.rotation else "box"
+    return "mask" if isinstance(row.segmentation, _Runs) else "polygon"
 
 
 def _annotation(
@@ -315,16 +407,47 @@ def _annotation(
     source = row.named("source", row.named("label_source", ""))
     whole = _mask(row.amodal_segmentation, size)
     amodal = Amodal(whole, _box(row.amodal_bbox, whole, size)) if whole else None
-    return Annotation(kind, rock, _box(row.bbox, mask, size), mask, source, confidence, amodal)
+    box = _box(row.bbox, mask, size)
+    if row.bbox:
+        _check_plausible(row, mask, size)
+        rotation = (row.attributes.rotation if row.attributes else None) or 0.0
+        if rotation:
+            box = turned(box, rotation) if mask is None else _box([], mask, size)
+    return Annotation(kind, rock, box, mask, source, confidence, amodal)
 
 
-def _mask(segmentation: _Runs | list[list[float]] | None, size: tuple[int, int]) -> Rle | None:
+_TWO_CORNERS = "expected x, y, width and height: are these x0, y0, x1, y1?"
+
+
+def _check_plausible(row: _Annotation, mask: Rle | None, size: tuple[int, int]) -> None:
+    """Refuse a bbox in shares of the picture, far over its border, or of two corners."""
+    x, y, width, height = row.bbox
+    if max(row.bbox) <= 1:
+        raise FormatError(f"bbox {row.bbox}, expected pixels: are these shares of the picture?")
+    border = np.array([x + width, y + height]) - size
+    if (border > BEYOND * np.array(size)).any() or min(x / size[0], y / size[1]) < -BEYOND:
+        raise FormatError(f"bbox {row.bbox} reaches far over the border of {size[0]} x {size[1]} px; {_TWO_CORNERS}")
+    if width <= x or height <= y:
+        return
+    if mask is not None:
+        covered = of_mask(mask.mask())
+        corners, sized = np.array(row.bbox), np.array([x, y, x + width, y + height])
+        if covered is not None and np.abs(corners - covered).max() < 2 < np.abs(sized - covered).max():
+            raise FormatError(f"bbox {row.bbox} beside a mask of {covered.tolist()}; {_TWO_CORNERS}")
+    elif isinstance(row.area, (int, float)) and row.area > 0:
+        off = [abs(row.area / other - 1) for other in ((width - x) * (height - y), width * height)]
+        if off[0] < 0.01 < off[1]:
+            raise FormatError(f"bbox {row.bbox} of area {row.area}; {_TWO_CORNERS}")
+
+
+def _mask(segmentation: _Segmentation | None, size: tuple[int, int]) -> Rle | None:
     if isinstance(segmentation, _Runs):
         if segmentation.size != size[::-1]:
             raise FormatError(f"size {list(segmentation.size)} of a mask, expected {list(size[::-1])}")
         counts = segmentation.counts
         return rle.from_text(counts, size) if isinstance(counts, str) else rle.from_runs(counts, size)
-    rings = [np.array(ring) for ring in segmentation or [] if ring]
+    listed = segmentation or []
+    rings = [np.array(ring) for ring in ([listed] if listed and not isinstance(listed[0], list) else listed) if ring]
     if not rings:
         return None
     covered = np.zeros(size[::-1], bool)

@@ -84,6 +84,22 @@ def around(points: np.ndarray) -> np.ndarray:
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
+def turned(box: np.ndarray, angle_deg: float) -> np.ndarray:
+    """(4,) box around a box (4,) that is turned about its centre."""
+    cos, sin = abs(np.cos(np.radians(angle_deg))), abs(np.sin(np.radians(angle_deg)))
+    half_width, half_height = (box[2:] - box[:2]) / 2
+    half = np.array([half_width * cos + half_height * sin, half_width * sin + half_height * cos])
+    centre = (box[:2] + box[2:]) / 2
+    return np.concatenate([centre - half, centre + half])
+
+
+def around_ellipse(centre: np.ndarray, radii: np.ndarray, angle_deg: float = 0.0) -> np.ndarray:
+    """(4,) box around an ellipse of semi-axes (2,) that is turned about its centre (2,)."""
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    half = np.hypot(radii * cos, radii[::-1] * sin)
+    return np.concatenate([centre - half, centre + half])
+
+
 def of_mask(mask: np.ndarray) -> np.ndarray | None:
     """(4,) box around the true pixels of a mask (h, w), in the corner convention; None for an empty mask."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))

@@ -99,7 +99,7 @@ def test_every_photo_has_an_id_of_its_own():
 def annotations(draw):
     mask = draw(arrays.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))))
     left, top = draw(st.integers(0, 1929)), draw(st.integers(0, 1210))
-    box = np.array([left, top, left + draw(st.floats(0.5, 6)), top + draw(st.floats(0.5, 6))])
+    box = np.array([left, top, left + draw(st.floats(2, 6)), top + draw(st.floats(2, 6))])
     known = draw(st.booleans())
     whole = np.pad(mask, ((0, 0), (0, 1)), constant_values=True)  # a column more is hidden
     amodal = Amodal(rle.encode(whole, left, top), box + np.eye(4)[2]) if draw(st.booleans()) else None
