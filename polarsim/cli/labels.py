@@ -141,7 +141,9 @@ def export(
 
 @command(name="import")
 def import_(
-    source: Annotated[Path, typer.Argument(help="Export of a labelling tool: a .json or .xml file, or a folder.")],
+    source: Annotated[
+        Path, typer.Argument(help="Export of a labelling tool: a .json or .xml file, a folder, or a zip archive.")
+    ],
     folder: Annotated[
         Path,
         typer.Argument(
@@ -175,13 +177,11 @@ def import_(
         if not called or not equals or kind not in ("", *BOX_CLASSES):
             raise typer.BadParameter(f"--name {text!r}: expected CALLED=rock, CALLED=shadow or CALLED=")
         names[called] = kind
-    photos, boxes, empty = import_labels(source, folder, form, names, keep_empty)
-    typer.echo(f"{boxes} boxes in {photos} photos in {folder}")
-    if empty:
-        some = ", ".join(empty[:3]) + (", ..." if len(empty) > 3 else "")
-        typer.echo(f"{len(empty)} photos without a box were left out (--keep-empty takes them as seen): {some}")
+    done = import_labels(source, folder, form, names, keep_empty)
+    *notes, counts = done.report()
+    typer.echo("\n".join([f"{done.boxes} boxes in {done.photos} photos in {folder}", *notes]))
     key = {"seeds": f"{{seeds: {{root: {folder}}}}}", "corrections": f"{{corrections: {folder}}}"}[use]
-    typer.echo(f"in the run's configuration:  labels: {key}")
+    typer.echo(f"in the run's configuration:  labels: {key}\n{counts}")
 
 
 @command()
