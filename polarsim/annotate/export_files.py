@@ -5,14 +5,14 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
 from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import yolo
-from polarsim.formats.files import read_json
+from polarsim.formats.files import census, read_json
 from polarsim.formats.readers import MB, reading
 from polarsim.photo import PhotoKey
 
@@ -87,7 +87,7 @@ def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
         several = " and ".join(f"{own} ({paths[0].relative_to(source)})" for own, paths in found.items())
         raise FormatError(f"{several}: name a file, or one of them with --format", path=source)
     if not found:
-        raise FormatError(f"no {form or 'export'} in it: found {_census(source, files)}; {_EXPECTED}", path=source)
+        raise FormatError(f"no {form or 'export'} in it: found {census(source)}; {_EXPECTED}", path=source)
     return next(iter(found.items()))
 
 
@@ -119,17 +119,6 @@ def _has_key(path: Path) -> bool:
     except LabelError:
         return False
     return True
-
-
-def _census(folder: Path, files: list[Path]) -> str:
-    """How many files of each kind a folder has, with an example."""
-    by_suffix: dict[str, list[Path]] = {}
-    for path in files:
-        by_suffix.setdefault(path.suffix.lower() or "no suffix", []).append(path)
-    parts = [
-        f"{len(paths)} {suffix} ({PurePosixPath(paths[0].relative_to(folder))})" for suffix, paths in by_suffix.items()
-    ]
-    return ", ".join(parts[:6]) or "nothing"
 
 
 def _of_file(path: Path, form: str | None) -> str:

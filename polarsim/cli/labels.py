@@ -20,8 +20,8 @@ def validate(
     root: Annotated[
         Path,
         typer.Argument(
-            help="Folder in the published release's layout (Labels/, SegmentationLabels/, TerrainMeshes/), or one with "
-            "images/ and labels/ as YOLO trainers have it."
+            help="Folder in the published release's layout (Labels/, SegmentationLabels/, TerrainMeshes/), labels of a "
+            "run, KEY.txt files, or pictures with label files (images/ and labels/, or together)."
         ),
     ],
     select: Annotated[
@@ -34,7 +34,7 @@ def validate(
         Path | None,
         typer.Option(
             callback=writes_folder,
-            help="Write a repaired copy to this new folder, with changes.csv; ROOT stays as it is.",
+            help="Write repaired label files to this new folder, with changes.csv; ROOT stays as it is.",
         ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes that share the terrains.")] = 2,
@@ -59,6 +59,8 @@ def validate(
     else:
         content = report.as_json() if form == "json" else report.as_sarif()
         typer.echo(dumps(content, indent=1, ensure_ascii=False))
+    if report.repairs is not None:
+        typer.echo(f"{report.repairs} repairs in {fix}, listed in {fix}/changes.csv", err=form != "text")
     if report.count("error", "warning"):
         raise typer.Exit(1)
 
@@ -187,7 +189,11 @@ def import_(
 @command()
 def masks(
     polygons: Annotated[
-        Path, typer.Argument(help="Folder of YOLO polygon files (0 background, 1 ground, 2 rock, 3 shadow).")
+        Path,
+        typer.Argument(
+            help="Folder of YOLO polygon files (0 background, 1 ground, 2 rock, 3 shadow), labels of a run, or a "
+            "published folder."
+        ),
     ],
     out: Annotated[
         Path,
@@ -198,14 +204,11 @@ def masks(
     ],
 ) -> None:
     """Paint polygon files as grey maps of 1936 x 1216 pixels; rocks last, so that nothing erases them."""
-    from polarsim.errors import FormatError
-    from polarsim.formats import png, yolo
+    from polarsim.formats import png, release, yolo
     from polarsim.geometry.polygons import paint
     from polarsim.progress import track
 
-    files = sorted(path for path in polygons.glob("*.txt") if path.name != "classes.txt")
-    if not files:
-        raise FormatError("no polygon file (*.txt)", path=polygons)
+    files = release.polygon_sources(polygons)
     for path in track(files, "grey maps"):
         png.write(out / f"{path.stem}.png", paint(yolo.read_polygons(path)))
     typer.echo(f"{len(files)} grey maps in {out}")

@@ -82,6 +82,15 @@ def packaged(path: str | Path) -> Path:
     return own if path.parts[:1] == ("config",) and not path.exists() and own.is_file() else path
 
 
+def census(folder: Path, most: int = 6) -> str:
+    """How many files of each suffix a folder holds at any depth, with an example of each, for messages."""
+    by_suffix: dict[str, list[str]] = {}
+    for path in sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")):
+        by_suffix.setdefault(path.suffix.lower() or "without suffix", []).append(relative_to(path, folder))
+    parts = [f"{len(names)} {suffix} ({names[0]})" for suffix, names in by_suffix.items()]
+    return ", ".join(parts[:most]) or "no file"
+
+
 def relative_to(path: str | Path, folder: str | Path) -> str:
     """A path as it is written into a file of a folder: from there, with slashes."""
     return Path(os.path.relpath(path, folder)).as_posix()

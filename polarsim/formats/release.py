@@ -21,11 +21,50 @@ from polarsim.photo import PhotoKey
 
 BOXES, POLYGONS, MESHES, COVERS = "Labels", "SegmentationLabels", "TerrainMeshes", "CoverPhotoOfIndices"
 
+SNAKEMAKE_FILE = ".snakemake_timestamp"  # in every folder that is an output of a rule
 _TERRAIN_FOLDER = re.compile(r"[Tt]errain(\d\d)")
 _COVER = re.compile(r"cover_photo_indexed_(\d\d)_([A-G])\.png")
 _EXAMPLES = 3  # of the strays, in the log
 
 log = logging.getLogger("polarsim")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where label files are stored below a root; `{:02d}` stands for the number of a terrain."""
+
+    name: str
+    boxes: str
+    polygons: str = ""  # "" in a layout without polygons
+
+    def box_folder(self, root: Path, terrain: int) -> Path:
+        return root / self.boxes.format(terrain)
+
+    def box_files(self, root: Path, terrain: int) -> KeyFiles:
+        """The box files of a terrain; in a flat folder, files of other terrains are no strays."""
+        folder = self.box_folder(root, terrain)
+        if folder != root:
+            return terrain_files(folder, terrain)
+        found = key_files(root)
+        first = terrain == min((key.terrain for key in found.files), default=terrain)
+        own = {key: path for key, path in found.files.items() if key.terrain == terrain}
+        return KeyFiles(own, found.stray if first else [])
+
+    def polygon_files(self, root: Path, terrain: int) -> KeyFiles:
+        return terrain_files(root / self.polygons.format(terrain), terrain) if self.polygons else KeyFiles()
+
+    def terrains(self, root: Path) -> list[int]:
+        """Numbers of the terrains with label files or folders of them."""
+        if self.boxes == ".":
+            return sorted({key.terrain for key in key_files(root).files})
+        parents = {(root / template).parent for template in (self.boxes, self.polygons) if template}
+        return _terrains_in(parents)
+
+
+PUBLISHED = Layout("published", f"{BOXES}/Terrain{{:02d}}", f"{POLYGONS}/terrain{{:02d}}/labels")
+OF_RUN = Layout("of a run", "boxes/Terrain{:02d}", "polygons/Terrain{:02d}")  # results/<run>/labels
+BY_TERRAIN = Layout("by terrain", "Terrain{:02d}")
+FLAT = Layout("flat", ".")
 
 
 @dataclass
@@ -85,9 +124,51 @@ def read_annotated(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.nd
     return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in found.files.items()}
 
 
+def terrain_files(folder: Path, terrain: int) -> KeyFiles:
+    """Every `KEY.txt` of one terrain in a folder; files of other names or terrains are strays."""
+    found = KeyFiles()
+    if folder.is_dir():
+        _collect(folder, terrain, found)
+    return found.sort()
+
+
+def box_folder(folder: Path) -> Path:
+    """The folder of box files in a folder that a user names: the published root, a run's labels, detections.
+
+    These are `Labels`, `boxes` and `labels`; any other folder holds the files itself.
+    """
+    inside = (folder / name for name in (BOXES, "boxes", "labels"))
+    return next((below for below in inside if below.is_dir()), folder)
+
+
+def polygon_sources(folder: Path) -> list[Path]:
+    """The polygon files of a folder that a user names: flat, by terrain, a run's labels, or the published root.
+
+    Raises
+    ------
+    FormatError
+        No such folder, no polygon file, or two files of one name.
+    """
+    if not folder.is_dir():
+        raise FormatError("no such folder of polygon files", path=folder)
+    places = [below for below in (folder / POLYGONS, folder / "polygons") if below.is_dir()] or [folder]
+    folders = [path for place in places for path in (place, *sorted(place.glob("*"))) if path == place or
+               _terrain_of(path.name) is not None]  # fmt: skip
+    nested = [path / "labels" if (path / "labels").is_dir() else path for path in folders]
+    files = [path for below in nested for path in sorted(below.glob("*.txt")) if path.name != yolo.CLASS_FILE]
+    if not files:
+        raise FormatError("no polygon file (*.txt), in it or in TerrainNN folders", path=folder)
+    seen: dict[str, Path] = {}
+    for path in files:
+        if path.name in seen:
+            raise FormatError(f"has the name of {seen[path.name]}", path=path)
+        seen[path.name] = path
+    return files
+
+
 def label_folder(root: str | Path, terrain: int) -> Path:
     """Where the boxes of a terrain are published."""
-    return Path(root) / BOXES / f"Terrain{terrain:02d}"
+    return PUBLISHED.box_folder(Path(root), terrain)
 
 
 def polygon_folder(root: str | Path, terrain: int) -> Path:
@@ -107,7 +188,7 @@ def label_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
 
 def polygon_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
     """The hand-annotated polygons of a terrain."""
-    return _polygons(root, terrain).files
+    return PUBLISHED.polygon_files(Path(root), terrain).files
 
 
 def mesh_files(root: str | Path, terrain: int) -> dict[int, Path]:
@@ -134,21 +215,22 @@ def cover_photos(root: str | Path, terrain: int) -> dict[str, Path]:
 
 def terrains(root: str | Path) -> list[int]:
     """Numbers of the terrains that have a folder of boxes, polygons or meshes."""
-    numbers = set()
-    for name in (BOXES, POLYGONS, MESHES):
-        for folder in (Path(root) / name).glob("*"):
-            number = _terrain_of(folder.name)
-            if folder.is_dir() and number is not None:
-                numbers.add(number)
-    return sorted(numbers)
+    return _terrains_in({Path(root) / name for name in (BOXES, POLYGONS, MESHES)})
+
+
+def _terrains_in(parents: Iterable[Path]) -> list[int]:
+    """Numbers of the terrains that have a folder in one of some folders."""
+    folders = [folder for parent in parents for folder in parent.glob("*") if folder.is_dir()]
+    return sorted({number for folder in folders if (number := _terrain_of(folder.name)) is not None})
 
 
 def stray_files(root: str | Path, terrain: int) -> list[Path]:
     """Files in the terrain's folders that the layout does not name: copies, system files, impossible exposures."""
     meshes = mesh_folder(root, terrain)
-    stray = [*key_files(label_folder(root, terrain)).stray, *_polygons(root, terrain).stray]
+    stray = [*key_files(label_folder(root, terrain)).stray, *PUBLISHED.polygon_files(Path(root), terrain).stray]
     if meshes.is_dir():
-        stray += [path for path in meshes.iterdir() if path.is_file() and _mesh_terrain(path.name) != terrain]
+        files = [path for path in meshes.iterdir() if path.is_file() and path.name != SNAKEMAKE_FILE]
+        stray += [path for path in files if _mesh_terrain(path.name) != terrain]
     return sorted(stray)
 
 
@@ -172,17 +254,9 @@ def key_of(name: str) -> PhotoKey | None:
         return None
 
 
-def _polygons(root: str | Path, terrain: int) -> KeyFiles:
-    found = KeyFiles()
-    folder = polygon_folder(root, terrain)
-    if folder.is_dir():
-        _collect(folder, terrain, found)
-    return found.sort()
-
-
 def _collect(folder: Path, terrain: int | None, found: KeyFiles) -> None:
     for path in sorted(folder.iterdir()):
-        if path.name == yolo.CLASS_FILE or not path.is_file():
+        if yolo.is_class_list(path) or path.name == SNAKEMAKE_FILE or not path.is_file():
             continue
         key = key_of(path.name)
         if key is None or (terrain is not None and key.terrain != terrain):

@@ -100,6 +100,7 @@ def read_boxes(
     size: tuple[int, int] | None = None,
     names: tuple[str, ...] = BOX_CLASSES,
     detections: bool = False,
+    polygons: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels; `size` (width, height) is the rig's by default.
 
@@ -109,6 +110,8 @@ def read_boxes(
         What the file's class numbers mean; the numbers that are returned are indices in `BOX_CLASSES`.
     detections
         Accept a confidence as sixth field.
+    polygons
+        Accept polygons, as the boxes around them.
 
     Raises
     ------
@@ -117,7 +120,7 @@ def read_boxes(
     """
     classes, boxes = [], []
     for shape in read_shapes(path, size):
-        if shape.fields > (6 if detections else 5):
+        if (shape.fields == 6 and not detections) or (shape.is_polygon and not polygons):
             sixth = " (the sixth is a confidence, of a detection)" if shape.fields == 6 else ""
             raise FormatError(
                 f"{shape.fields} fields{sixth}, a YOLO box has 5: class x y width height", path=path, line=shape.line

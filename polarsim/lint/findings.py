@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from polarsim import __version__
 from polarsim.errors import PolarsimError
+from polarsim.formats.text_fields import fields_of
 from polarsim.lint.rules import RULES, Defect, Severity
 from polarsim.photo import PhotoKey
 
@@ -50,6 +51,7 @@ class Report:
 
     findings: list[Finding]
     contents: dict[str, dict[str, int]]  # part of the tree, such as a terrain -> what it holds -> how many
+    repairs: int | None = None  # findings that a repaired copy puts right; None without a copy
 
     def chosen(self, names: Collection[str]) -> Report:
         """Only findings of some rules."""
@@ -57,7 +59,7 @@ class Report:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Files by defect."""
+        """Number of findings by defect."""
         return dict(sorted(Counter(finding.defect for finding in self.findings).items()))
 
     def count(self, *severities: Severity) -> int:
@@ -87,9 +89,11 @@ class Report:
         }
 
     def as_text(self) -> str:
-        """One line a finding, and one with how many there are."""
+        """One line per finding, one with the number of findings per rule, and one per severity."""
+        order = sorted(self.counts.items(), key=lambda item: RULES[item[0]].code)
+        by_rule = [", ".join(f"{RULES[name].code} {name} {count}" for name, count in order)] if order else []
         counts = f"{self.count('error')} errors, {self.count('warning')} warnings, {self.count('note')} notes"
-        return "\n".join([*(f"{one.severity}: {one}" for one in self.findings), counts])
+        return "\n".join([*(f"{one.severity}: {one}" for one in self.findings), *by_rule, counts])
 
     def as_sarif(self) -> dict[str, Any]:
         """The findings in the Static Analysis Results Interchange Format 2.1.0, which code hosts show beside files."""
@@ -160,5 +164,4 @@ class Findings:
 
 def _line(path: Path, row: int) -> int:
     """Line from 1 of a row from 0; blank lines are no rows."""
-    filled = [number for number, line in enumerate(path.read_text(encoding="ascii").splitlines(), 1) if line.strip()]
-    return filled[row]
+    return fields_of(path, "label file")[row][0]

@@ -1,20 +1,24 @@
-"""Folders looked through for defects that one can see without photos: published ones, and ones of pictures.
+"""Validation of folders of labels: label files named by photo keys, and label files with pictures.
 
-Folders of pictures are as YOLO trainers have them: `images/.../NAME.png` beside `labels/.../NAME.txt`.
+Label files with pictures are stored as YOLO trainers expect them: in `images/` and `labels/` of the same inner folders,
+in `images/` and `labels/` of each part, or in one folder.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, release, yolo
+from polarsim.formats.files import census
+from polarsim.formats.release import Layout
 from polarsim.lint.files import (
     Boxes,
     Polygons,
@@ -36,12 +40,12 @@ from polarsim.progress import track
 
 Terrain = tuple[list[Finding], dict[str, int]]
 _KEY_AT_START = re.compile(r"\d\d_[A-G]_(?:on|off)_(?:no|30|180|270|350)_[LR]_(\d{4})")
-IMAGES, LABELS = "images", "labels"
+IMAGES, LABELS = ("images", "pictures"), ("labels",)  # folders of pictures and labels; `detect` writes pictures/
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
-def lint_release(root: Path, workers: int = 1) -> Report:
-    """Look through every terrain of a folder in the published layout.
+def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHED) -> Report:
+    """Validate every terrain of a folder of label files.
 
     Parameters
     ----------
@@ -54,7 +58,7 @@ def lint_release(root: Path, workers: int = 1) -> Report:
         The folder is missing or has no terrain.
     """
     root = Path(root)
-    terrains = release.terrains(root)
+    terrains = release.terrains(root) if layout == release.PUBLISHED else layout.terrains(root)
     if not terrains:
         raise FormatError(
             f"no terrain, looked for {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN and "
@@ -63,7 +67,8 @@ def lint_release(root: Path, workers: int = 1) -> Report:
         )
     findings: list[Finding] = []
     contents = {}
-    for terrain, (found, content) in zip(terrains, _each(partial(lint_terrain, root), terrains, workers), strict=True):
+    lint = partial(lint_terrain, root, layout=layout)
+    for terrain, (found, content) in zip(terrains, _each(lint, terrains, workers), strict=True):
         findings += found
         contents[f"Terrain{terrain:02d}"] = content
     return Report(findings, contents)
@@ -76,19 +81,30 @@ def _each(look: Callable[[int], Terrain], terrains: list[int], workers: int) -> 
             yield result
 
 
-def lint_terrain(root: Path, terrain: int) -> Terrain:
-    """Findings of one terrain in the order of files, and counts of what it holds."""
+def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED) -> Terrain:
+    """Findings of one terrain in the order of files, and counts of its content.
+
+    Published labels are boxes; label files elsewhere may be detections, with a confidence.
+    """
     found = Findings(root)
-    for path in release.stray_files(root, terrain):
+    published = layout == release.PUBLISHED
+    boxes_of, polygons_of = layout.box_files(root, terrain), layout.polygon_files(root, terrain)
+    stray = release.stray_files(root, terrain) if published else sorted([*boxes_of.stray, *polygons_of.stray])
+    for path in stray:
         found.add(path, _stray(path))
-    files, outlines = release.label_files(root, terrain), release.polygon_files(root, terrain)
-    boxes = found.read_all(files, yolo.read_boxes)
+    boxes = found.read_all(boxes_of.files, _box_reader(detections=not published))
     content = {
-        **_lint_boxes(files, release.label_folder(root, terrain), boxes, found),
-        **_lint_polygons(outlines, found.read_all(outlines, yolo.read_polygons), boxes, found),
-        **_lint_scene(root, terrain, found),
+        **_lint_boxes(boxes_of.files, layout.box_folder(root, terrain), boxes, found),
+        **_lint_polygons(polygons_of.files, found.read_all(polygons_of.files, yolo.read_polygons), boxes, found),
+        **(_lint_scene(root, terrain, found) if published else {}),
     }
     return sorted(found.gathered), content
+
+
+def _box_reader(detections: bool) -> Callable[[Path], Boxes]:
+    """A reader of box files whose class numbers mean what the class list of their folder states."""
+    names = cache(yolo.class_names)
+    return lambda path: yolo.read_boxes(path, names=names(path.parent), detections=detections)
 
 
 def _lint_boxes(
@@ -154,23 +170,22 @@ def _stray(path: Path) -> Defect:
     return Defect("stray_name", f"{'the same bytes as' if same else 'other content than'} {regular.name}")
 
 
-def is_picture_folder(root: Path) -> bool:
-    return (root / IMAGES).is_dir() and (root / LABELS).is_dir()
-
-
 def lint_pictures(root: Path) -> Report:
-    """Look at every label file beside its picture, whose size counts.
+    """Validate every label file that has a picture of the same name, by the size of the picture.
+
+    A line may be a box, a detection or a polygon, which counts as the box around it.
 
     Raises
     ------
     FormatError
         There is no label file.
     """
-    pictures = {_stem(path, root / IMAGES): path for path in _files(root / IMAGES, SUFFIXES)}
-    labels = {_stem(path, root / LABELS): path for path in _files(root / LABELS, (".txt",))}
+    root = Path(root)
+    pictures, labels = _pictures(root), _labels(root)
     if not labels:
-        raise FormatError("no label file (*.txt)", path=root / LABELS)
+        raise FormatError(f"no label file (*.txt): found {census(root)}", path=root)
     found = Findings(root)
+    names = cache(yolo.class_names)
     boxes = 0
     for stem in sorted(set(pictures) - set(labels)):
         found.add(pictures[stem], Defect("missing_labels"))
@@ -179,7 +194,8 @@ def lint_pictures(root: Path) -> Report:
             found.add(path, Defect("missing_picture"))
             continue
         size = found.read(pictures[stem], _size, "unreadable_picture")
-        content = found.read(path, partial(yolo.read_boxes, size=size), "malformed") if size else None
+        reader = partial(yolo.read_boxes, size=size, names=names(path.parent), detections=True, polygons=True)
+        content = found.read(path, reader, "malformed") if size else None
         if content is not None and size is not None:
             boxes += len(content[0])
             for defect in box_defects(*content, size):
@@ -189,14 +205,23 @@ def lint_pictures(root: Path) -> Report:
     )
 
 
-def _files(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
-    return sorted(
-        path for path in folder.rglob("*") if path.suffix.lower() in suffixes and path.name != yolo.CLASS_FILE
-    )
+def _pictures(root: Path) -> dict[str, Path]:
+    """Pictures of a folder by their path without suffix and without folders of `IMAGES`."""
+    return _by_stem(root, (path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES), IMAGES)
 
 
-def _stem(path: Path, folder: Path) -> str:
-    return path.relative_to(folder).with_suffix("").as_posix()
+def _labels(root: Path) -> dict[str, Path]:
+    """Label files of a folder by their path without suffix and without folders of `LABELS`."""
+    texts = (path for path in root.rglob("*.txt") if not yolo.is_class_list(path) and path.is_file())
+    return _by_stem(root, texts, LABELS)
+
+
+def _by_stem(root: Path, files: Iterable[Path], folders: tuple[str, ...]) -> dict[str, Path]:
+    """Files by stem; where some are in one of the folders, only those."""
+    parts = {path: path.relative_to(root).with_suffix("").parts for path in sorted(files)}
+    inside = {path: own for path, own in parts.items() if not set(own[:-1]).isdisjoint(folders)} or parts
+    return {"/".join([*(part for part in own[:-1] if part not in folders), own[-1]]): path
+            for path, own in inside.items()}  # fmt: skip
 
 
 def _size(path: Path) -> Size:
@@ -211,29 +236,55 @@ def _size(path: Path) -> Size:
 
 
 def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:
-    """Findings of some rules in a folder of the published layout, or in one of pictures and labels.
+    """Findings of some rules in a folder of label files, see `layout_of`.
 
     Parameters
     ----------
     names
         Of the rules that count, see `rules.chosen`.
     fix
-        Folder to which a repaired copy is written; the published layout only.
+        Folder to which repaired label files are written; the published layout only.
 
     Raises
     ------
     FormatError
-        The folder is missing or of neither form, or no copy can be written.
+        The folder is missing or of no known layout, or no copy can be written.
     """
     root = Path(root)
-    if is_picture_folder(root) and not release.terrains(root):
-        if fix is not None:
-            raise FormatError("repaired copies are written of the published layout only", path=root)
-        return lint_pictures(root).chosen(names)
-    report = lint_release(root, workers).chosen(names)
-    if fix is not None:
-        write_repaired(root, report.findings, fix)
-    return report
+    if not root.is_dir():
+        raise FormatError("no such folder", path=root)
+    if release.OF_RUN.terrains(root / "labels"):  # the folder of a run
+        root /= "labels"
+    layout = layout_of(root)
+    if fix is not None and layout != release.PUBLISHED:
+        raise FormatError("repaired copies are written of the published layout only", path=root)
+    report = lint_pictures(root) if layout is None else lint_release(root, workers, layout)
+    report = report.chosen(names)
+    return report if fix is None else replace(report, repairs=write_repaired(root, report.findings, fix))
+
+
+def layout_of(root: Path) -> Layout | None:
+    """Layout of a folder of label files; None for label files with pictures.
+
+    Raises
+    ------
+    FormatError
+        No known layout: what was found and what was expected.
+    """
+    if release.terrains(root):
+        return release.PUBLISHED
+    for layout in (release.OF_RUN, release.BY_TERRAIN):
+        if layout.terrains(root):
+            return layout
+    if _pictures(root):
+        return None
+    if release.FLAT.terrains(root):
+        return release.FLAT
+    raise FormatError(
+        f"no terrain and no picture with labels: found {census(root)}; expected {release.BOXES}/TerrainNN/KEY.txt"
+        ", TerrainNN/KEY.txt, KEY.txt, or pictures and label files of one name, in images/ and labels/ or together",
+        path=root,
+    )
 
 
 def rule_lines() -> list[str]:

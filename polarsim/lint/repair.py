@@ -1,4 +1,4 @@
-"""A repaired copy of a published folder: what the findings' rules can put right without a person."""
+"""Repaired label files of a published folder: what the findings' rules can put right without a person."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ from polarsim.lint.files import BACKGROUND, GROUND, ROCK_CLASS, SHADOW_CLASS, Bo
 from polarsim.lint.findings import Finding
 from polarsim.lint.rules import RULES
 from polarsim.lint.siblings import modal, of_class
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, by_bracket
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, by_bracket
 
 CHANGES = "changes.csv"
+_LABELS = (release.BOXES, release.POLYGONS)  # folders that are copied
 _LEFT_OUT = ("stray_name", "system_file", "wrong_folder")
 _OF_SET = {
     ROCK_CLASS: ("missing_file", "empty_file", "rock_missing", "rock_extra", "rock_moved"),
@@ -32,26 +33,34 @@ _OF_SET = {
 
 
 def write_repaired(root: Path, findings: Iterable[Finding], out: Path) -> int:
-    """Copy a tree in the published layout with repairs of its findings, and list these in `changes.csv`.
+    """Copy the label files of a published folder with repairs of its findings, and list these in `changes.csv`.
+
+    Photos, scans, meshes and everything else of the folder are not copied.
 
     Returns
     -------
     int
-        How many findings were repaired; those whose rule states no repair are left.
+        How many findings were repaired; findings whose rule states no repair, or in other files, are left.
 
     Raises
     ------
     FormatError
-        `out` is there already, or lies in `root`.
+        `out` exists already or is a folder in `root`, or a class list has other numbers than 0 rock, 1 shadow.
     """
     if out.exists() or out.resolve().is_relative_to(root.resolve()):
         raise FormatError(f"a repaired copy needs a new folder outside {root}", path=out)
     by_file: dict[str, list[Finding]] = {}
     for finding in findings:
-        if RULES[finding.defect].repair:
+        if RULES[finding.defect].repair and Path(finding.file).parts[0] in _LABELS:
             by_file.setdefault(finding.file, []).append(finding)
+    for terrain in release.terrains(root):
+        classes = yolo.find_classes(release.label_folder(root, terrain))
+        if tuple(name.strip().lower() for name in classes.names[: len(BOX_CLASSES)]) != BOX_CLASSES:
+            raise FormatError(f"classes {classes}, repairs need 0 rock, 1 shadow", path=classes.path)
     with writing_folder(out) as copy:
-        shutil.copytree(root, copy, dirs_exist_ok=True)
+        for name in _LABELS:
+            if (root / name).is_dir():
+                shutil.copytree(root / name, copy / name, ignore=shutil.ignore_patterns(release.SNAKEMAKE_FILE))
         repairs = _Repairs(copy, by_file)
         repairs.names()
         for terrain in release.terrains(copy):

@@ -14,7 +14,7 @@ from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_a
 from polarsim.scoring.metrics import BOX_METRICS, Against, Metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
-from polarsim.scoring.score import Counts, Labels, count_photo, read, read_sound
+from polarsim.scoring.score import Counts, Labels, box_reader, count_photo, read_sound
 
 EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
 AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
@@ -110,7 +110,7 @@ def score_tasks(
 
 def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
     """The labels of a terrain's folder of KEY.txt; broken lines are errors."""
-    files = release.key_files(folder).files
+    files, read = release.key_files(folder).files, box_reader()
     return {key: read(path) for key, path in files.items() if key.terrain == terrain}
 
 
@@ -150,7 +150,7 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
 def read_annotated(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
     """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
     files = release.key_files(folder).files
-    return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, read)[0]
+    return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, box_reader())[0]
 
 
 def against(truth: Path) -> Against:

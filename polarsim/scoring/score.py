@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -189,15 +190,29 @@ def _score_by_name(
 def _score_files(
     of_truth: Mapping[Name, Path], of_labels: Mapping[Name, Path], truth: Path, labels: Path, threshold: float
 ) -> dict[str, Any]:
-    read_truth, unreadable = read_sound(of_truth, read)
+    read_truth, unreadable = read_sound(of_truth, box_reader())
+    read_found = box_reader(detections=True)
     if unreadable and not read_truth:
         raise FormatError(f"none of {len(unreadable)} label files can be read, first {unreadable[0]}", path=truth)
-    read_labels = {name: read(of_labels[name]) for name in read_truth if name in of_labels}
+    read_labels = {name: read_found(of_labels[name]) for name in read_truth if name in of_labels}
     missing = [name for name in read_truth if name not in read_labels]
     if missing:
         log.warning("%s: %d of %d files are missing, first %s.txt", labels, len(missing), len(of_truth), missing[0])
+    repeated = [name for name, own in read_labels.items() if _repeats(read_truth[name], own)]
+    if repeated:
+        log.warning(
+            "%s: %d of %d files repeat every box of their truth file, first %s.txt: seeds scored against themselves?",
+            labels, len(repeated), len(read_labels), repeated[0],
+        )  # fmt: skip
     files = {"compared": len(read_truth), "missing_labels": len(missing), "unreadable_truth": unreadable}
     return {**score(read_truth, read_labels, threshold), "files": files}
+
+
+def _repeats(truth: Labels, labels: Labels) -> bool:
+    """Whether every true box is among the labels to the last digit, as boxes that were copied are."""
+    copied = {(number, *box) for number, box in zip(labels.classes.tolist(), labels.boxes.tolist(), strict=True)}
+    own = [(number, *box) for number, box in zip(truth.classes.tolist(), truth.boxes.tolist(), strict=True)]
+    return bool(own) and all(row in copied for row in own)
 
 
 def _parts_of(name: PhotoKey | str) -> dict[str, str]:
@@ -205,15 +220,13 @@ def _parts_of(name: PhotoKey | str) -> dict[str, str]:
     return {group: value_of(name) for group, value_of in GROUPS.items()} if isinstance(name, PhotoKey) else {}
 
 
-def read(path: Path) -> Labels:
-    """The boxes of a YOLO file.
+def box_reader(detections: bool = False) -> Callable[[Path], Labels]:
+    """Return a reader of YOLO box files whose class numbers mean what the class list of their folder states.
 
-    Raises
-    ------
-    FormatError
-        A line is no box.
+    The reader raises a FormatError for a line that is no box. With `detections` a line may have a confidence.
     """
-    return Labels(*yolo.read_boxes(path))
+    names = cache(yolo.class_names)
+    return lambda path: Labels(*yolo.read_boxes(path, names=names(path.parent), detections=detections))
 
 
 def read_sound(files: Mapping[Name, Path], reader: Callable[[Path], Content]) -> tuple[dict[Name, Content], list[str]]:
@@ -232,7 +245,7 @@ def read_sound(files: Mapping[Name, Path], reader: Callable[[Path], Content]) ->
 def _label_files(folder: Path) -> release.KeyFiles:
     if not folder.is_dir():
         raise FormatError("no such folder of label files", path=folder)
-    return release.key_files(folder / release.BOXES if (folder / release.BOXES).is_dir() else folder)
+    return release.key_files(release.box_folder(folder))
 
 
 def _names(paths: list[Path], folder: Path) -> list[str]:
