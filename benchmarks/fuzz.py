@@ -289,9 +289,15 @@ YOLO_RING = "2 " + " ".join(f"{x / WIDTH:.6f} {y / HEIGHT:.6f}" for x, y in RING
 CVAT = f"""<?xml version="1.0" encoding="utf-8"?>
 <annotations><image id="0" name="some/{KEY}.png" width="968" height="608">
 <box label="rock" xtl="50" ytl="100" xbr="75" ybr="115"/><polygon label="shadow" points="30,105;52.5,110;40,115"/>
+<mask label="rock" rle="21, 3, 17, 3, 156" left="300" top="400" width="20" height="10"/>
+<ellipse label="rock" cx="700" cy="500" rx="40" ry="10" rotation="20"/><tag label="rock"/>
 </image></annotations>"""
 RECTANGLE = {"x": 10, "y": 20, "width": 3, "height": 2, "rotation": 0, "rectanglelabels": ["rock"]}
 STUDIO = [{"data": {"image": f"/data/1a2b-{KEY}.png"}, "annotations": [{"result": [{"value": RECTANGLE}]}]}]
+BRUSH = {"format": "rle", "brushlabels": ["rock"], "original_width": 8, "original_height": 5,
+         "rle": [0, 0, 0, 160, 57, 27, 254, 39, 0, 191, 255, 124, 2, 255, 254, 71, 0, 0]}  # fmt: skip
+ELLIPSE = {"x": 10, "y": 20, "radiusX": 3, "radiusY": 2, "rotation": 9, "ellipselabels": ["shadow"]}
+STUDIO_MIN = [{"photo": f"{KEY}.png", "control": [RECTANGLE, ELLIPSE], "other": [BRUSH], "id": 3}]
 DETECTIONS = {"_cls": "Detections", "detections": [{"label": "rock", "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}
 FIFTYONE = {"samples": [{"filepath": f"data/{KEY}.png", "ground_truth": DETECTIONS}]}
 FIFTYONE_2 = {"classes": ["rock"], "labels": {str(KEY): [{"label": 0, "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}}
@@ -306,6 +312,13 @@ def make_zip(folder: Path) -> Path:
         archive.writestr(zipfile.ZipInfo("one.txt"), b"some text " * 20, zipfile.ZIP_DEFLATED)
         archive.writestr(zipfile.ZipInfo("two/three.txt"), bytes(range(256)))
     return folder / "a.zip"
+
+
+def zipped_export(folder: Path) -> Path:
+    with zipfile.ZipFile(folder / "export.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(zipfile.ZipInfo("annotations.xml"), CVAT)
+        archive.writestr(zipfile.ZipInfo("images/a.png"), bytes(range(256)))
+    return folder / "export.zip"
 
 
 def unpacked(path: Path) -> dict[str, bytes]:
@@ -420,6 +433,15 @@ CASES: dict[str, list[Case]] = {
     ],
     "formats.class_masks.read": [
         Case(file("a.png", class_masks.write, CLASS_MASK), class_masks.read, same(CLASS_MASK)),
+    ],
+    "formats.coco.read_pictures": [
+        Case(
+            file("a.json", coco.write_coco, LABELS),
+            coco.read_pictures,
+            lambda found: sound_coco(
+                {PhotoKey.of_picture(name): [one.annotation for one in own] for name, _, own in found}
+            ),
+        ),
     ],
     "formats.coco.read_coco": [
         Case(file("a.json", coco.write_coco, LABELS), coco.read_coco, sound_coco),
@@ -657,6 +679,25 @@ CASES: dict[str, list[Case]] = {
     "formats.yolo.read_boxes_of_any": [
         Case(text("a.txt", YOLO_BOXES + YOLO_RING), yolo.read_boxes_of_any, sound_boxes)
     ],
+    "formats.yolo.read_shapes": [
+        Case(
+            text("a.txt", YOLO_BOXES + YOLO_RING),
+            yolo.read_shapes,
+            lambda found: sound_boxes((np.zeros(len(found), int), np.array([one.box for one in found]).reshape(-1, 4))),
+        ),
+    ],
+    "formats.yolo.find_classes": [
+        Case(
+            the_folder(text(name, content)),
+            yolo.find_classes,
+            lambda found: [_is(one, str) for one in found.names],
+        )
+        for name, content in (
+            ("data.yaml", "names: {0: rock, 1: shadow}\n"),
+            ("notes.json", '{"categories": [{"id": 0, "name": "rock"}]}'),
+            ("obj.names", "rock\nshadow\n"),
+        )
+    ],
     "formats.yolo.class_names": [
         Case(
             the_folder(text(yolo.CLASS_FILE, "rock\nshadow\nghost\n")),
@@ -692,6 +733,8 @@ CASES: dict[str, list[Case]] = {
         Case(file("a.json", coco.write_coco, LABELS), imported, sound_import),
         Case(text("a.xml", CVAT), imported, sound_import),
         Case(text("tasks.json", json.dumps(STUDIO)), imported, sound_import),
+        Case(text("tasks.json", json.dumps(STUDIO_MIN)), imported, sound_import),
+        Case(zipped_export, imported, sound_import, "export.zip"),
         Case(text("samples.json", json.dumps(FIFTYONE)), imported, sound_import),
         Case(text("labels.json", json.dumps(FIFTYONE_2)), imported, sound_import),
         Case(

@@ -222,7 +222,7 @@ def _yolo(source: Path, done: Imported) -> Iterator[Picture]:
             if number >= len(classes.names) or not classes.names[number]:
                 stated = f"{classes.path} has {classes}" if classes.path else f"no class list found, assumed {classes}"
                 raise FormatError(f"class {number}: {stated}", path=path, line=line.line)
-            form = "polygon" if line.is_polygon else "box" if np.isnan(line.confidence) else "detection"
+            form = "polygon" if line.is_polygon else "box" if line.confidence is None else "detection"
             shapes.append(Shape(f"{path.name}:{line.line}", form, classes.names[number], line.box))
         yield Picture(path.name, shapes)
     for classes in dict.fromkeys(lists.values()):

@@ -32,7 +32,7 @@ class Shape:
     line: int  # from 1
     label: str  # class as written
     corners: np.ndarray  # two opposite corners (2, 2) of a box or the vertices (n, 2) of a polygon, px
-    confidence: float  # NaN without a sixth field
+    confidence: float | None  # None without a sixth field
     is_polygon: bool
     fields: int
 
@@ -79,7 +79,7 @@ def _shape(path: str | Path, number: int, fields: list[str], photo: np.ndarray) 
         if (np.abs(values - 0.5) > _FARTHEST).any():
             hint = ": class x y width height confidence and a track id?" if count == 7 else ""
             raise FormatError(f"polygon far outside the photo{hint}", path=path, line=number)
-        return Shape(number, fields[0], values.reshape(-1, 2) * photo, np.nan, True, count)
+        return Shape(number, fields[0], values.reshape(-1, 2) * photo, None, True, count)
     if count == 6 and not 0 <= values[4] <= 1:
         raise FormatError(f"sixth field {fields[5]}, no confidence from 0 to 1: a track id?", path=path, line=number)
     centre, extent = values[:2] * photo, values[2:4] * photo
@@ -87,7 +87,7 @@ def _shape(path: str | Path, number: int, fields: list[str], photo: np.ndarray) 
         pixels = ", in pixels? Expected shares of the photo" if (values[:4] > 1).all() else ""
         raise FormatError(f"box outside the photo or without area{pixels}", path=path, line=number)
     corners = np.array([centre - extent / 2, centre + extent / 2])
-    return Shape(number, fields[0], corners, values[4] if count == 6 else np.nan, False, count)
+    return Shape(number, fields[0], corners, float(values[4]) if count == 6 else None, False, count)
 
 
 def _arrays(classes: Iterable[int], boxes: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -170,7 +170,7 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
                 f"{shape.fields} fields, expected class x y width height [confidence]", path=path, line=shape.line
             )
     classes, boxes = _arrays((class_number(path, shape) for shape in shapes), (shape.box for shape in shapes))
-    return classes, boxes, np.array([shape.confidence for shape in shapes], float)
+    return classes, boxes, np.array([np.nan if one.confidence is None else one.confidence for one in shapes], float)
 
 
 @reader("label file", largest_mb=100)
