@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -87,11 +88,18 @@ def choose_seeds(
         for key in files
         if key.position in positions and options.allow(key) and options.exposure in ("best", key.exposure_ms)
     ]
+    names = cache(_stated_names)
     chosen = [
-        best_exposure({key: len(yolo.read_boxes_or_polygons(files[key])[0]) for key in keys})
+        best_exposure({key: len(yolo.read_boxes_or_polygons(files[key], names(files[key].parent))[0]) for key in keys})
         for keys in by_bracket(possible).values()
     ]
     return [(key, files[key]) for key in sorted(chosen)]
+
+
+def _stated_names(folder: Path) -> tuple[str, ...] | None:
+    """Names of the class numbers in a folder; None without a class list."""
+    classes = yolo.find_classes(folder)
+    return classes.names if classes.path else None
 
 
 def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
@@ -99,7 +107,8 @@ def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
 
     Shadows that other azimuths show to be rocks become rocks: one such file would mislead cameras and labels alike.
     """
-    annotated = {key: yolo.read_boxes_or_polygons(path) for key, path in chosen}
+    names = cache(_stated_names)  # labelImg writes its own order into classes.txt
+    annotated = {key: yolo.read_boxes_or_polygons(path, names(path.parent)) for key, path in chosen}
     with writing_folder(seeds) as folder:
         for key, (_, boxes) in annotated.items():
             yolo.write_boxes(folder / f"{key}.txt", _unswapped(key, annotated), boxes)

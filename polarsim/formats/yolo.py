@@ -314,13 +314,13 @@ def _numbered(path: Path, stated: Any) -> tuple[str, ...]:
 
 
 @reader("label file", largest_mb=100)
-def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
+def read_polygons(path: str | Path, names: tuple[str, ...] = POLYGON_CLASSES) -> list[tuple[int, np.ndarray]]:
     """(class, vertices (n, 2) in pixels) of each polygon, in file order.
 
     Raises
     ------
     FormatError
-        A line that is no polygon of class 0 to 3: file, line number and reason.
+        A line that is no polygon of a class in `names`: file, line number and reason.
     """
     polygons = []
     for shape in read_shapes(path):
@@ -328,13 +328,18 @@ def read_polygons(path: str | Path) -> list[tuple[int, np.ndarray]]:
             raise FormatError(
                 f"{shape.fields} fields, a box: a polygon has a class and at least 3 points", path=path, line=shape.line
             )
-        polygons.append((_class(path, shape, POLYGON_CLASSES), shape.corners))
+        polygons.append((_class(path, shape, names), shape.corners))
     return polygons
 
 
 @reader("label file", largest_mb=100)
-def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] = BOX_CLASSES) -> tuple[np.ndarray, np.ndarray]:
+def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] | None = None) -> tuple[np.ndarray, np.ndarray]:
     """As `read_boxes`; of a file of polygons the boxes around its rocks and shadows, cut at the photo's border.
+
+    Parameters
+    ----------
+    names
+        What the file's class numbers mean; None: `BOX_CLASSES` of boxes, `POLYGON_CLASSES` of polygons.
 
     Raises
     ------
@@ -343,8 +348,9 @@ def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] = BOX_CLASSE
     """
     lines = fields_of(path, "label file")
     if not lines or len(lines[0][1]) <= 6:
-        return read_boxes(path, names=names)
-    found = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(path)]
+        return read_boxes(path, names=names or BOX_CLASSES)
+    own = names or POLYGON_CLASSES
+    found = [(_plain(own[number]), ring) for number, ring in read_polygons(path, own)]
     annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in found if kind in BOX_CLASSES]
     boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for _, ring in annotated]).reshape(-1, 4)
     has_area = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)

@@ -135,3 +135,17 @@ def test_shadows_on_a_rock_of_one_other_azimuth_stay_shadows(tmp_path):
         chosen.append((key, tmp_path / f"{key}.txt"))
     copy_seeds(chosen, tmp_path / "seeds")
     assert [int(yolo.read_boxes(tmp_path / "seeds" / f"{key}.txt")[0][0]) for key, _ in chosen] == [0, 1, 1]
+
+
+@pytest.mark.parametrize("lines", ["1 0.5 0.5 0.1 0.1\n", "1 0.4 0.4 0.6 0.4 0.6 0.6 0.4 0.6\n"])
+@pytest.mark.parametrize(
+    ("file", "content"), [("classes.txt", "shadow\nrock\n"), ("data.yaml", "names: [shadow, rock]")]
+)
+def test_class_numbers_of_seeds_mean_what_a_class_list_states(tmp_path, lines, file, content):
+    (tmp_path / f"mine/{KEY}.txt").parent.mkdir()
+    (tmp_path / f"mine/{KEY}.txt").write_text(lines)
+    (tmp_path / "mine" / file).write_text(content)
+    files, _ = find_labels(tmp_path / "mine", 3)
+    copy_seeds(choose_seeds(files, ["A"], SeedOptions()), tmp_path / "seeds")
+    classes, _ = yolo.read_boxes(tmp_path / f"seeds/{KEY}.txt")
+    assert classes.tolist() == [0]  # a rock
