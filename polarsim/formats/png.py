@@ -1,12 +1,18 @@
-"""PNG pictures: 16-bit photos with 12-bit values, 8-bit maps. Written fast and the same bytes every time."""
+"""Images: PNG files of 16-bit photos with 12-bit values and of 8-bit maps, written fast and with reproducible bytes.
+
+`read` and `size` also accept JPEG, TIFF, BMP, WebP and PGM files. Both apply the EXIF orientation, so that pixels and
+sizes are those that viewers and labelling tools show.
+"""
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,20 +24,27 @@ from polarsim.photo import HEIGHT, WHITE_LEVEL, WIDTH
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # of PNG's colour types
 _FROM_LEFT = 1  # PNG's filter "Sub"
-_LEVEL = 1  # of ISA-L's 0 to 3: higher ones gain nothing on photos
+_LEVEL = 1  # of ISA-L's 0 to 3: higher levels gain less than 2 % on photos
+_FIRST = 16  # bytes, see `_deflate`
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # first bytes, of BigTIFF too
+_MOST_BANDS = 4
+_ORIENTATION = 0x0112  # EXIF tag
+_TURNED = (5, 6, 7, 8)  # values of the tag that exchange width and height
 
-MOST_PIXELS = 1 << 24  # of a picture of any kind; a photo has 2.4 million
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))  # read by OpenCV at import: of other kinds too
+MOST_PIXELS = 1 << 28  # of an image of any kind: 268 megapixels, more than any camera has; a photo has 2.4 million
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))  # OpenCV reads both at its import
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # the reason is in our own message
 
 
 @dataclass(frozen=True)
 class Header:
-    """What a PNG file states about itself: size in pixels, bits a channel, channels."""
+    """Header of a PNG file: size in pixels as stored, bits per channel, number of channels, EXIF orientation (1 to 8)."""
 
     width: int
     height: int
     bits: int
     channels: int
+    orientation: int = 1
 
 
 def parse_header(content: bytes) -> Header:
@@ -44,7 +57,7 @@ def parse_header(content: bytes) -> Header:
     """
     if not content.startswith(_SIGNATURE):
         raise FormatError("no PNG file")
-    offset, kind, header = len(_SIGNATURE), b"", b""
+    offset, kind, header, exif = len(_SIGNATURE), b"", b"", b""
     while kind != b"IEND":
         length, kind = struct.unpack(">I4s", content[offset : offset + 8].ljust(8, b"\0"))
         end = offset + 12 + length
@@ -54,35 +67,92 @@ def parse_header(content: bytes) -> Header:
             raise FormatError(f"a damaged PNG file, wrong checksum at byte {offset}")
         if offset == len(_SIGNATURE):
             header = content[offset + 8 : end - 4]
+        if kind == b"eXIf":
+            exif = content[offset + 8 : end - 4]
         offset = end
     if len(header) != 13 or header[9] not in _CHANNELS:
         raise FormatError("a PNG file without a header")
     width, height, bits, colour = struct.unpack(">IIBB", header[:10])
-    return Header(width, height, bits, _CHANNELS[colour])
+    return Header(width, height, bits, _CHANNELS[colour], _orientation(exif) if exif else 1)
+
+
+def _orientation(exif: bytes) -> int:
+    from PIL import Image
+
+    tags = Image.Exif()
+    tags.load(exif)
+    return int(tags.get(_ORIENTATION, 1))
 
 
 @reader("picture")
 def read(path: str | Path) -> np.ndarray:
-    """Pixels (h, w) or (h, w, 3; RGB order) as stored, uint8 or uint16.
+    """Return pixels (h, w) or (h, w, 3; RGB order) with the depth of the file, upright by the EXIF orientation.
+
+    Transparency is dropped.
 
     Raises
     ------
     FormatError
-        The file is missing, cut, or no picture.
+        The file is missing, cut, no image, or has more than `MOST_PIXELS` pixels.
     """
     import cv2
 
     content = Path(path).read_bytes()
-    if content.startswith(_SIGNATURE):
-        header = parse_header(content)  # OpenCV reads cut and damaged files without a word
-        if header.width * header.height > MOST_PIXELS:
-            raise FormatError(f"{header.width} x {header.height} pixels, a picture has at most {MOST_PIXELS}")
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
+    width, height = _size(content)
+    if width * height > MOST_PIXELS:
+        raise FormatError(f"{width} x {height} pixels, expected at most {MOST_PIXELS / 1e6:.0f} megapixels")
+    # Without IMREAD_UNCHANGED, OpenCV applies the EXIF orientation.
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
     if pixels is None:
         raise FormatError("no readable picture")
     if pixels.ndim == 3:
         pixels = pixels[..., [2, 1, 0]]
     return np.asarray(pixels)
+
+
+@reader("picture")
+def size(path: str | Path) -> tuple[int, int]:
+    """Return width and height in pixels, upright by the EXIF orientation, from the header of the file.
+
+    Raises
+    ------
+    FormatError
+        The file is missing or no image; a PNG file is cut or damaged.
+    """
+    return _size(Path(path).read_bytes())
+
+
+def _size(content: bytes) -> tuple[int, int]:
+    if content.startswith(_SIGNATURE):
+        header = parse_header(content)  # OpenCV reads cut and damaged files without an error
+        width, height, orientation = header.width, header.height, header.orientation
+    elif content.startswith(_TIFF):
+        width, height, orientation = _tiff_size(content)
+    else:
+        width, height, orientation = _pillow_size(content)
+    return (height, width) if orientation in _TURNED else (width, height)
+
+
+def _tiff_size(content: bytes) -> tuple[int, int, int]:
+    import tifffile
+
+    with tifffile.TiffFile(io.BytesIO(content)) as tiff:
+        page: Any = tiff.pages[0]
+        if page.samplesperpixel > _MOST_BANDS:
+            raise FormatError(f"{page.samplesperpixel} bands, expected 1 to {_MOST_BANDS}")
+        orientation = page.tags.get(_ORIENTATION)
+        return page.imagewidth, page.imagelength, 1 if orientation is None else int(orientation.value)
+
+
+def _pillow_size(content: bytes) -> tuple[int, int, int]:
+    from PIL import Image, UnidentifiedImageError
+
+    Image.MAX_IMAGE_PIXELS = None  # the caller has its own limit
+    try:
+        with Image.open(io.BytesIO(content)) as image:
+            return image.width, image.height, int(image.getexif().get(_ORIENTATION, 1))
+    except UnidentifiedImageError as error:
+        raise FormatError("no readable picture" if content else "an empty file") from error
 
 
 @reader("photo")
@@ -116,12 +186,10 @@ def write(path: str | Path, pixels: np.ndarray) -> None:
 
 
 def encode(pixels: np.ndarray) -> bytes:
-    """A PNG file of (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16.
+    """Return the PNG file of (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16.
 
     Intel's deflate takes a fifth of OpenCV's time; every row is stored as differences to the pixel on its left.
     """
-    from isal import isal_zlib
-
     assert pixels.dtype in (np.uint8, np.uint16)
     assert pixels.shape[2:] in ((), (3,))
     height, width = pixels.shape[:2]
@@ -133,8 +201,23 @@ def encode(pixels: np.ndarray) -> bytes:
     filtered[:, 1 : 1 + step] = rows[:, :step]
     np.subtract(rows[:, step:], rows[:, :-step], out=filtered[:, 1 + step :])
     header = struct.pack(">IIBBBBB", width, height, bits, 2 if pixels.ndim == 3 else 0, 0, 0, 0)
-    parts = ((b"IHDR", header), (b"IDAT", isal_zlib.compress(filtered, _LEVEL)), (b"IEND", b""))
+    parts = ((b"IHDR", header), (b"IDAT", _deflate(filtered.ravel())), (b"IEND", b""))
     return _SIGNATURE + b"".join(_chunk(kind, content) for kind, content in parts)
+
+
+def _deflate(content: np.ndarray) -> bytes:
+    """Compress (n,) bytes; the result depends on the bytes only.
+
+    At the start of a stream, ISA-L (2.32.1, `.write_first_byte` of `igzip_icf_body_h1_gr_bt.asm`) computes the
+    hash of the third byte from a register that still holds the address of the stream. Addresses differ between threads
+    and processes, and so did about one file in thousands. Inputs of 4 to 16 bytes take another path, which is correct
+    and leaves a history behind; the rest of the stream then does not start at that instruction.
+    """
+    from isal import isal_zlib
+
+    stream = isal_zlib.compressobj(_LEVEL)
+    start = stream.compress(content[:_FIRST]) + stream.flush(isal_zlib.Z_SYNC_FLUSH)
+    return start + stream.compress(content[_FIRST:]) + stream.flush()
 
 
 def _chunk(kind: bytes, content: bytes) -> bytes:

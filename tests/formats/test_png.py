@@ -1,10 +1,15 @@
+import io
 import struct
+import subprocess
+import sys
+import threading
 import zlib
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PIL import Image, ImageOps
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
@@ -54,6 +59,54 @@ def test_the_same_pixels_give_the_same_bytes(tmp_path, ramp):
     png.write(tmp_path / "a.png", ramp)
     png.write(tmp_path / "b.png", ramp)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def repeated_rows(seed: int = 0) -> list[np.ndarray]:
+    """Small images of equal rows: their streams refer to the first bytes, and ISA-L's hash table is small."""
+    rng = np.random.default_rng(seed)
+    return [np.tile(rng.integers(0, 256, (1, width), np.uint8), (4, 1)) for width in (5, 6, 7, 9, 12, 20)]
+
+
+def test_threads_with_other_stacks_give_the_same_bytes():
+    images = repeated_rows()
+    expected = [png.encode(image) for image in images]
+    found, done = [], threading.Event()
+
+    def encode_and_wait():
+        found.append([png.encode(image) for image in images])
+        done.wait()
+
+    former = threading.stack_size(1 << 18)  # the stream of ISA-L takes 80 KB
+    threads = [threading.Thread(target=encode_and_wait) for _ in range(300)]  # at once: each stack is at another address
+    try:
+        for thread in threads:
+            thread.start()
+    finally:
+        done.set()
+        threading.stack_size(former)
+    for thread in threads:
+        thread.join()
+    assert len(found) == 300
+    assert all(encoded == expected for encoded in found)
+
+
+def test_fresh_processes_give_the_same_bytes():
+    call = (
+        "import numpy as np, sys; from polarsim.formats import png\n"
+        "sys.stdout.buffer.write(png.encode(np.tile(np.arange(5, dtype=np.uint8), (4, 1))))"
+    )
+    expected = png.encode(np.tile(np.arange(5, dtype=np.uint8), (4, 1)))
+    for _ in range(3):
+        assert subprocess.run([sys.executable, "-c", call], check=True, capture_output=True).stdout == expected
+
+
+@settings(max_examples=60)
+@given(st.integers(1, 40), st.integers(1, 40), st.sampled_from(["uint8", "uint16"]), st.integers(0, 2**32 - 1))
+def test_encoded_images_decode_to_their_pixels(height, width, kind, seed):
+    rng = np.random.default_rng(seed)
+    pixels = rng.integers(0, rng.integers(1, np.iinfo(kind).max), (height, width), kind, endpoint=True)
+    with Image.open(io.BytesIO(png.encode(pixels))) as image:
+        np.testing.assert_array_equal(np.asarray(image), pixels)
 
 
 @pytest.mark.parametrize(
@@ -106,3 +159,63 @@ def test_a_cut_or_changed_file_never_has_a_header(ramp, data):
         content[position] ^= data.draw(st.integers(1, 255))  # a checksum finds every change of one byte
     with pytest.raises(FormatError):
         png.parse_header(bytes(content))
+
+
+TURNS = {
+    1: lambda pixels: pixels,
+    2: lambda pixels: pixels[:, ::-1],
+    3: lambda pixels: pixels[::-1, ::-1],
+    4: lambda pixels: pixels[::-1],
+    5: lambda pixels: np.swapaxes(pixels, 0, 1),
+    6: lambda pixels: np.rot90(pixels, -1),
+    7: lambda pixels: np.swapaxes(pixels, 0, 1)[::-1, ::-1],
+    8: lambda pixels: np.rot90(pixels),
+}
+KINDS = {"a.png": "uint8", "b.png": "uint16", "a.jpg": "uint8", "a.tif": "uint8", "b.tif": "uint16", "a.webp": "uint8"}
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("orientation", TURNS)
+def test_images_are_upright_as_viewers_show_them(tmp_path, rng, name, orientation):
+    for colour in (False, True) if KINDS[name] == "uint8" else (False,):  # Pillow writes no colours of 16 bits
+        blocks = rng.integers(0, 200, (3, 5, 3)) * (256 if KINDS[name] == "uint16" else 1)
+        stored = np.kron(blocks, np.ones((16, 16, 1), int)).astype(KINDS[name])
+        stored = stored if colour else stored[..., 0]
+        exif = Image.Exif()
+        exif[0x0112] = orientation
+        options = {"tiffinfo": {0x0112: orientation}} if name.endswith(".tif") else {"exif": exif.tobytes()}
+        if name.endswith((".jpg", ".webp")):
+            options.update({"quality": 100, "subsampling": 0} if name.endswith(".jpg") else {"lossless": True})
+        Image.fromarray(stored).save(tmp_path / name, **options)
+        pixels = png.read(tmp_path / name)
+        assert png.size(tmp_path / name) == (pixels.shape[1], pixels.shape[0])
+        shown = pixels if pixels.ndim == stored.ndim else pixels[..., 0]  # WebP has no grey
+        np.testing.assert_allclose(shown.astype(int), TURNS[orientation](stored).astype(int), atol=3)
+        if not name.endswith(".tif"):  # Pillow turns some of them twice
+            with Image.open(tmp_path / name) as image:
+                assert np.asarray(ImageOps.exif_transpose(image)).shape[:2] == pixels.shape[:2]
+
+
+def test_an_orientation_after_the_pixels_counts_too(tmp_path):
+    content = written_by_hand(np.arange(12, dtype=np.uint8).reshape(3, 4), 8, 0)
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    end = content.index(b"IEND") - 4
+    (tmp_path / "a.png").write_bytes(content[:end] + chunk(b"eXIf", exif.tobytes()[6:]) + content[end:])
+    pixels = png.read(tmp_path / "a.png")
+    assert png.size(tmp_path / "a.png") == (pixels.shape[1], pixels.shape[0]) == (3, 4)
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a.png", "a.tif", "a.bmp"])
+def test_images_of_large_cameras_are_read(tmp_path, name):
+    Image.fromarray(np.full((4000, 6000), 90, np.uint8)).save(tmp_path / name)
+    assert png.size(tmp_path / name) == (6000, 4000)
+    assert png.read(tmp_path / name).shape == (4000, 6000)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+def test_images_above_the_limit_are_refused_by_their_size(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(png, "MOST_PIXELS", 100)
+    Image.fromarray(np.zeros((10, 11), np.uint8)).save(tmp_path / name)
+    with pytest.raises(FormatError, match="11 x 10"):
+        png.read(tmp_path / name)
