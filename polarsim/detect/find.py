@@ -25,12 +25,10 @@ from polarsim.detect.predict import detect, sizes_of
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import class_masks, coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
-from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
 
-ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _TINT = 0.4  # weight of a mask's colour in a drawn picture
 # A picture as detectors see it, and width and height of the whole one -> boxes (n, 6): x0, y0, x1, y1 in pixels of the
@@ -211,35 +209,29 @@ def fast(
     return detect_in_bfloat16
 
 
-@reader("picture", error=DetectError)
 def read_any(path: Path) -> np.ndarray:
-    """(h, w), or (h, w, 3) blue, green, red, of 8 or 16 bits.
+    """Return pixels (h, w) or (h, w, 3; RGB order) of 8 or 16 bits, upright as viewers show the image.
 
     Raises
     ------
+    FormatError
+        No readable image.
     DetectError
-        No readable picture, or one of another depth.
+        Another depth.
     """
-    import cv2
-
-    content = path.read_bytes()
-    if path.suffix.lower() == ".png":
-        png.parse_header(content)  # OpenCV reads a cut file without a word
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
-    if pixels is None:
-        raise DetectError("no readable picture", path=path)
+    pixels = png.read(path)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise DetectError(f"{pixels.dtype}, expected 8 or 16 bits", path=path)
-    return np.asarray(pixels if pixels.ndim == 2 else pixels[..., :3])  # without transparency
+    return pixels
 
 
 def _listed(pictures: Sequence[Path]) -> list[Path]:
     paths: list[Path] = []
     for path in pictures:
         if path.is_dir():
-            inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in ENDINGS)
+            inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in png.SUFFIXES)
             if not inside:
-                raise DetectError(f"no picture in it, looked for {', '.join(ENDINGS)}", path=path)
+                raise DetectError(f"no picture in it, looked for {', '.join(png.SUFFIXES)}", path=path)
             paths += inside
         elif path.is_file():
             paths.append(path)
@@ -266,7 +258,7 @@ def _in_order(paths: Sequence[Path], work: Callable[[Path], Result], threads: in
 def _grey(pixels: np.ndarray) -> np.ndarray:
     import cv2
 
-    return pixels if pixels.ndim == 2 else np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY))
+    return pixels if pixels.ndim == 2 else np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY))
 
 
 def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:

@@ -31,6 +31,7 @@ _MOST_BANDS = 4
 _ORIENTATION = 0x0112  # EXIF tag
 _TURNED = (5, 6, 7, 8)  # values of the tag that exchange width and height
 
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
 MOST_PIXELS = 1 << 28  # of an image of any kind: 268 megapixels, more than any camera has; a photo has 2.4 million
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))  # OpenCV reads both at its import
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # the reason is in our own message
@@ -38,7 +39,7 @@ os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # the reason is in our own 
 
 @dataclass(frozen=True)
 class Header:
-    """Header of a PNG file: size in pixels as stored, bits per channel, number of channels, EXIF orientation (1 to 8)."""
+    """Header of a PNG file: size in pixels as stored, bits per channel, channels, and EXIF orientation (1 to 8)."""
 
     width: int
     height: int

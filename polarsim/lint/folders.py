@@ -13,8 +13,6 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
-
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, release, yolo
 from polarsim.formats.files import census
@@ -22,7 +20,6 @@ from polarsim.formats.release import Layout
 from polarsim.lint.files import (
     Boxes,
     Polygons,
-    Size,
     against_boxes,
     box_defects,
     count_defects,
@@ -41,7 +38,6 @@ from polarsim.progress import track
 Terrain = tuple[list[Finding], dict[str, int]]
 _KEY_AT_START = re.compile(r"\d\d_[A-G]_(?:on|off)_(?:no|30|180|270|350)_[LR]_(\d{4})")
 IMAGES, LABELS = ("images", "pictures"), ("labels",)  # folders of pictures and labels; `detect` writes pictures/
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 
 
 def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHED) -> Report:
@@ -193,7 +189,7 @@ def lint_pictures(root: Path) -> Report:
         if stem not in pictures:
             found.add(path, Defect("missing_picture"))
             continue
-        size = found.read(pictures[stem], _size, "unreadable_picture")
+        size = found.read(pictures[stem], png.size, "unreadable_picture")
         reader = partial(yolo.read_boxes, size=size, names=names(path.parent), detections=True, polygons=True)
         content = found.read(path, reader, "malformed") if size else None
         if content is not None and size is not None:
@@ -207,7 +203,7 @@ def lint_pictures(root: Path) -> Report:
 
 def _pictures(root: Path) -> dict[str, Path]:
     """Pictures of a folder by their path without suffix and without folders of `IMAGES`."""
-    return _by_stem(root, (path for path in root.rglob("*") if path.suffix.lower() in SUFFIXES), IMAGES)
+    return _by_stem(root, (path for path in root.rglob("*") if path.suffix.lower() in png.SUFFIXES), IMAGES)
 
 
 def _labels(root: Path) -> dict[str, Path]:
@@ -222,17 +218,6 @@ def _by_stem(root: Path, files: Iterable[Path], folders: tuple[str, ...]) -> dic
     inside = {path: own for path, own in parts.items() if not set(own[:-1]).isdisjoint(folders)} or parts
     return {"/".join([*(part for part in own[:-1] if part not in folders), own[-1]]): path
             for path, own in inside.items()}  # fmt: skip
-
-
-def _size(path: Path) -> Size:
-    """Width and height of a picture."""
-    import cv2
-
-    content = np.frombuffer(path.read_bytes(), np.uint8)
-    picture = cv2.imdecode(content, cv2.IMREAD_UNCHANGED) if len(content) else None
-    if picture is None:
-        raise FormatError("no picture", path=path)
-    return picture.shape[1], picture.shape[0]
 
 
 def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:

@@ -77,7 +77,7 @@ def test_threads_with_other_stacks_give_the_same_bytes():
         done.wait()
 
     former = threading.stack_size(1 << 18)  # the stream of ISA-L takes 80 KB
-    threads = [threading.Thread(target=encode_and_wait) for _ in range(300)]  # at once: each stack is at another address
+    threads = [threading.Thread(target=encode_and_wait) for _ in range(300)]  # each has its own stack
     try:
         for thread in threads:
             thread.start()

@@ -1,8 +1,12 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from polarsim.errors import FormatError
+from polarsim.formats import png
 from polarsim.lint.folders import lint
 from polarsim.lint.rules import RULES
 
@@ -60,3 +64,23 @@ def test_a_broken_picture_is_found_and_a_folder_without_labels_refused(root):
         found(root)
     with pytest.raises(FormatError, match="published layout only"):
         lint(root, set(RULES), fix=root / "out")
+
+
+@pytest.mark.parametrize("name", ["large.jpg", "large.tif", "large.webp", "large.png"])
+def test_pictures_of_large_cameras_and_of_phones_are_sound(root, name):
+    """The size is read from the header, upright by the EXIF orientation."""
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    image = Image.fromarray(np.full((4000, 6000), 90, np.uint8))
+    image.save(root / "images/train" / name, exif=exif)
+    (root / f"labels/train/{Path(name).stem}.txt").write_text(BOX)
+    assert png.size(root / "images/train" / name) == (4000, 6000)
+    assert found(root) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"no picture", b"II*\0", b"\xff\xd8\xff\xe0"])
+@pytest.mark.parametrize("name", ["one.png", "one.jpg", "one.tif"])
+def test_what_is_no_picture_is_a_finding(root, name, content):
+    (root / "images/train/one.png").unlink()
+    (root / "images/train" / name).write_bytes(content)
+    assert found(root) == [("unreadable_picture", f"images/train/{name}", 0)]
