@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import shutil
@@ -13,6 +14,13 @@ from typing import Any
 from polarsim.errors import PolarsimError
 from polarsim.formats.readers import reader
 
+_MARKS = (  # byte order marks; that of UTF-16 starts that of UTF-32
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
 _CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository, in a wheel a copy
 
 
@@ -109,6 +117,38 @@ def share_file(source: Path, target: Path) -> None:
         shutil.copyfile(source, target)
 
 
+def decode_text(content: bytes) -> str:
+    """Return the text of a file: UTF-8, or UTF-16 and UTF-32 with a byte order mark, else Latin-1.
+
+    Every reader of text uses this function. PowerShell writes UTF-16, editors of Windows write marks, and old programs
+    write Latin-1 names and comments.
+
+    Raises
+    ------
+    UnicodeError
+        Binary data, or bytes that are invalid in the encoding of the mark.
+    """
+    for mark, encoding in _MARKS:
+        if content.startswith(mark):
+            return content[len(mark) :].decode(encoding)
+    if b"\0" in content:
+        raise UnicodeError("binary data, expected text; UTF-16 needs a byte order mark, UTF-8 does not")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def lines_of(content: bytes) -> list[str]:
+    """Return the lines of a text, see `decode_text`, of any system: they end in CR LF, LF or CR."""
+    return decode_text(content).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def text_of(path: str | Path) -> str:
+    """Return the text of a file, see `decode_text`, with line feeds between its lines."""
+    return "\n".join(lines_of(Path(path).read_bytes()))
+
+
 def write_text(path: str | Path, text: str) -> None:
     with writing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -133,4 +173,4 @@ def read_json(path: str | Path) -> Any:
     FormatError
         The file is missing or is no JSON.
     """
-    return json.loads(Path(path).read_text(encoding="utf-8"))
+    return json.loads(decode_text(Path(path).read_bytes()))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import write_text, writing
+from polarsim.formats.files import text_of, write_text, writing
 from polarsim.formats.readers import reader
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, checked_rotation
@@ -57,7 +57,7 @@ def read_calibration(path: str | Path) -> StereoRig:
         distortion beyond k3; a principal point far from the middle of a photo; cameras that are not about 0.30 m
         apart, or with the right camera on the left.
     """
-    entries = _entries(Path(path).read_text(encoding="ascii"))
+    entries = _entries(text_of(path))
     rotation = checked_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
     translation = entries["TRANSLATION_VECTOR"]
     if not _SHORTEST_BASELINE <= np.linalg.norm(translation) <= _LONGEST_BASELINE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import pyarrow
 from pyarrow import csv
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import writing
+from polarsim.formats.files import lines_of, writing
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
 
@@ -48,18 +49,18 @@ def rock_files(folder: str | Path) -> dict[int, Path]:
 
 @reader("OBJ file", largest_mb=2000)
 def read(path: str | Path) -> Mesh:
-    """Vertices and triangles of an OBJ file; polygons are cut into fans, all other lines are passed over.
+    """Return vertices and triangles of an OBJ file; polygons are cut into fans, other lines are ignored.
 
     Raises
     ------
     FormatError
-        The file is missing, has no triangle, or a face names a vertex that is not there.
+        The file is missing, has no triangle, a vertex is not finite, or a face names a missing vertex.
     """
-    content = Path(path).read_bytes()
+    content = Path(path).read_bytes().removeprefix(codecs.BOM_UTF8)
     mesh = _plain_triangles(content) or _any_faces(path, content)
     if not len(mesh.faces):
-        raise FormatError("no triangle", path=path)
-    outside = mesh.faces[(mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))]
+        raise FormatError("no triangle, expected lines such as `f 1 2 3`", path=path)
+    outside = mesh.faces[mesh.faces >= len(mesh.vertices)]
     if len(outside):
         raise FormatError(f"a face names vertex {outside[0] + 1} of {len(mesh.vertices)}", path=path)
     if not np.isfinite(mesh.vertices).all():
@@ -68,33 +69,54 @@ def read(path: str | Path) -> Mesh:
 
 
 def _plain_triangles(content: bytes) -> Mesh | None:
-    """A file of one block of vertices and one of triangles, read in one go; None for all others."""
-    coordinates = _columns(_block(content, b"v "), float, (1, 2, 3), of=4)
-    faces = _block(content, b"f ")
-    if coordinates is None or faces is None:
+    """Read a file of one block of vertices and one of triangles at once; return None for all other files."""
+    vertices, faces = _block(content, b"v "), _block(content, b"f ")
+    if vertices is None or faces is None or not _is_plain(content, vertices, faces):
+        return None
+    coordinates = _columns(content[vertices], float, (1, 2, 3), of=4)
+    lines = content[faces]
+    if coordinates is None or b"x" in lines:  # Arrow reads hexadecimal numbers
         return None
     # Texture and normal numbers follow a corner's vertex, as in `f 1//1 2//2 3//3`: every line has as many slashes.
-    apart = {0: 1, 3: 2, 6: 3}.get(faces.count(b"/", 0, faces.find(b"\n")))
+    apart = {0: 1, 3: 2, 6: 3}.get(lines.count(b"/", 0, lines.find(b"\n")))
     if apart is None:
         return None
-    corners = _columns(faces.replace(b"/", b" "), int, (1, 1 + apart, 1 + 2 * apart), of=1 + 3 * apart)
+    corners = _columns(lines.replace(b"/", b" "), int, (1, 1 + apart, 1 + 2 * apart), of=1 + 3 * apart)
     return Mesh(coordinates, corners - 1) if corners is not None and corners.min() > 0 else None
 
 
-def _block(content: bytes, tag: bytes) -> bytes | None:
-    """All lines with a tag; None where there is none, or where other lines lie between them."""
+def _is_plain(content: bytes, *blocks: slice) -> bool:
+    """Return whether no vertex or face is outside the blocks, no line is continued, and no CR ends a line."""
+    if b"\\" in content and (b"\\\n" in content or b"\\\r" in content):
+        return False
+    if b"\r" in content and content.count(b"\r") != content.count(b"\r\n"):
+        return False
+    first, second = sorted(blocks, key=lambda block: block.start)
+    rest = (slice(0, first.start), slice(first.stop, second.start), slice(second.stop, len(content)))
+    return not any(_is_spelled_otherwise(content[part]) for part in rest)
+
+
+def _is_spelled_otherwise(lines: bytes) -> bool:
+    """Return whether a line starts with a blank, or with `v` or `f` and a tab."""
+    signs = np.frombuffer(lines, np.uint8)
+    starts = np.concatenate([[0], np.flatnonzero(signs == ord("\n")) + 1])
+    starts = starts[starts < len(signs) - 1]
+    first, second = signs[starts], signs[starts + 1]
+    tagged = (second == ord("\t")) & ((first == ord("v")) | (first == ord("f")))
+    return bool((tagged | (first == ord(" ")) | (first == ord("\t"))).any())
+
+
+def _block(content: bytes, tag: bytes) -> slice | None:
+    """Return the part of all lines with a tag; None where there is none, or where other lines lie between them."""
     start = content.find(b"\n" + tag) + 1
     end = content.find(b"\n", content.rfind(b"\n" + tag) + 1) + 1
     if not 0 < start < end or content.startswith(tag):
         return None
-    block = content[start:end]
-    return block if block.count(b"\n" + tag) + 1 == block.count(b"\n") else None
+    return slice(start, end) if content.count(b"\n" + tag, start - 1, end) == content.count(b"\n", start, end) else None
 
 
-def _columns(block: bytes | None, kind: type[float] | type[int], chosen: tuple[int, ...], of: int) -> np.ndarray | None:
+def _columns(block: bytes, kind: type[float] | type[int], chosen: tuple[int, ...], of: int) -> np.ndarray | None:
     """(n, len(chosen)) numbers of a block whose every line has `of` fields with one space between; None for others."""
-    if block is None:
-        return None
     names = [str(column) for column in range(of)]
     wanted = [names[column] for column in chosen]
     try:
@@ -114,22 +136,58 @@ def _columns(block: bytes | None, kind: type[float] | type[int], chosen: tuple[i
 
 
 def _any_faces(path: str | Path, content: bytes) -> Mesh:
-    """Line by line: polygons, numbers that count from the end, and every error with its line."""
+    """Read line by line: every spelling, polygons, negative numbers, and every error with its line."""
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
-    lines = content.decode("ascii").splitlines()
-    for number, line in enumerate(lines, 1):
+    lines = lines_of(content)
+    for number, line in _joined(lines) if b"\\" in content else enumerate(lines, 1):
+        tag = line[:2]
+        if tag[:1].isspace():
+            line = line.lstrip()
+            tag = line[:2]
         try:
-            if line.startswith("v "):
-                x, y, z = line.split()[1:4]
+            if tag in ("v ", "v\t"):
+                x, y, z = _fields(line)[:3]
                 vertices.append([float(x), float(y), float(z)])
-            elif line.startswith("f "):
-                corners = [int(field.split("/", 1)[0]) for field in line.split()[1:]]
-                corners = [c - 1 if c > 0 else len(vertices) + c for c in corners]
+            elif tag in ("f ", "f\t"):
+                corners = [int(field.split("/", 1)[0]) for field in _fields(line)]
+                if corners and min(corners) <= 0:
+                    corners = [_counted(corner, len(vertices)) for corner in corners]
                 faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
         except ValueError as error:
             raise FormatError(str(error), path=path, line=number) from error
-    return Mesh(np.array(vertices, float).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3))
+    return Mesh(np.array(vertices, float).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3) - 1)
+
+
+def _fields(line: str) -> list[str]:
+    """Return the fields after the tag, without a comment."""
+    numbers = line.partition("#")[0]
+    if "_" in numbers or not numbers.isascii():  # Python accepts `1_000` and digits of other scripts
+        raise ValueError(f"no number in {numbers.strip()!r}")
+    return numbers.split()[1:]
+
+
+def _joined(lines: list[str]) -> Iterator[tuple[int, str]]:
+    """Yield line numbers from 1 and lines; a line that ends in a backslash is continued by the next one."""
+    start, held = 0, ""
+    for number, line in enumerate(lines, 1):
+        if line.endswith("\\"):
+            start, held = start or number, f"{held}{line[:-1]} "
+        elif start:
+            yield start, held + line
+            start, held = 0, ""
+        else:
+            yield number, line
+    if start:
+        yield start, held
+
+
+def _counted(corner: int, vertices: int) -> int:
+    """Return the number from 1 of a vertex that a face names; negative numbers count back from the last vertex."""
+    counted = corner if corner > 0 else vertices + 1 + corner
+    if corner == 0 or counted < 1:
+        raise ValueError(f"a face names vertex {corner} of {vertices}; the first is 1, and -1 is the last so far")
+    return counted
 
 
 def write(path: str | Path, mesh: Mesh, name: str) -> None:

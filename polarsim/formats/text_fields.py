@@ -1,4 +1,4 @@
-"""Text files of fields between spaces, a record a line, as YOLO's and KITTI's."""
+"""Text files of fields between blanks, one record per line, such as those of YOLO and KITTI."""
 
 from __future__ import annotations
 
@@ -8,30 +8,34 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError
+from polarsim.formats.files import lines_of
 from polarsim.formats.readers import reading
 
 
 def fields_of(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
-    """Number and fields of every line that is not empty; `what` the file is meant to be, such as `label file`.
+    """Return number and fields of every line that is not empty; `what` names the kind of file, such as `label file`.
 
     Raises
     ------
     FormatError
-        No readable file, or no ASCII.
+        No readable file, or no text.
     """
     with reading(what, path):
-        text = Path(path).read_text(encoding="ascii")
-    return [(n, line.split()) for n, line in enumerate(text.splitlines(), 1) if line.strip()]
+        lines = lines_of(Path(path).read_bytes())
+    return [(n, line.split()) for n, line in enumerate(lines, 1) if line.strip()]
 
 
 def numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
-    """(n,) values of fields of a line.
+    """Return the (n,) values of the fields of a line.
 
     Raises
     ------
     FormatError
-        One is no finite number.
+        A field is no finite number.
     """
+    joined = "".join(fields)
+    if "_" in joined or not joined.isascii():  # Python accepts `1_000` and digits of other scripts
+        raise FormatError(f"no number among {' '.join(fields)!r}", path=path, line=number)
     try:
         values = np.array([float(field) for field in fields])
     except ValueError as error:

@@ -10,7 +10,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from polarsim.errors import ConfigError
-from polarsim.formats.files import packaged
+from polarsim.formats.files import packaged, text_of
 from polarsim.formats.readers import reader
 
 MOST_VALUES, DEEPEST = 200_000, 50  # of a YAML file
@@ -29,7 +29,7 @@ def read_yaml(path: str | Path) -> Any:
     ConfigError
         No file, or no YAML.
     """
-    return parse_yaml(packaged(path).read_text(encoding="utf-8"))
+    return parse_yaml(text_of(packaged(path)))
 
 
 def parse_yaml(text: str) -> Any:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError, about
-from polarsim.formats.files import read_json, write_text
+from polarsim.formats.files import read_json, text_of, write_text
 from polarsim.formats.readers import reader, reading
 from polarsim.formats.text_fields import fields_of, numbers
 from polarsim.formats.yaml_files import read_yaml
@@ -293,8 +293,7 @@ def _names_in(path: Path) -> tuple[str, ...] | None:
             return None
         return _numbered(path, {one.get("id"): one.get("name") for one in stated if isinstance(one, dict)})
     with reading("class list", path):
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    names = tuple(line.strip() for line in "\n".join(lines).rstrip().split("\n"))
+        names = tuple(line.strip() for line in text_of(path).rstrip().split("\n"))
     if not any(names):
         raise FormatError(f"no class, expected a name per line, such as {' and '.join(BOX_CLASSES)}", path=path)
     return names

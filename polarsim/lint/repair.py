@@ -13,7 +13,7 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import release, tables, yolo
-from polarsim.formats.files import writing_folder
+from polarsim.formats.files import text_of, writing_folder
 from polarsim.geometry.boxes import clip
 from polarsim.lint.files import BACKGROUND, GROUND, ROCK_CLASS, SHADOW_CLASS, Boxes, Polygons
 from polarsim.lint.findings import Finding
@@ -141,11 +141,11 @@ def _drop_malformed(path: Path, reader: Callable[[Path], Any]) -> None:
         try:
             reader(path)
         except FormatError as error:
-            lines = [] if error.line is None else path.read_text(encoding="ascii").splitlines(keepends=True)
+            lines = [] if error.line is None else text_of(path).split("\n")
             left = [line for number, line in enumerate(lines, 1) if number != error.line]
             if error.line is not None and left == lines:  # no such line: it would be read like this forever
                 raise
-            path.write_text("".join(left), encoding="ascii")
+            path.write_text("\n".join(left), encoding="utf-8")
         else:
             return
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import FormatError, about
-from polarsim.formats.files import write_text
+from polarsim.formats.files import text_of, write_text
 from polarsim.formats.readers import reading
 from polarsim.formats.yaml_files import parse_yaml
 from polarsim.photo import FIRST_UNMESHED_ROCK
@@ -42,7 +42,7 @@ def read_overrides(path: str | Path) -> Overrides:
         No YAML list, an entry of another form, an id twice, or a cuboid without volume.
     """
     with reading("YAML", path):
-        entries = parse_yaml(Path(path).read_text(encoding="utf-8"))
+        entries = parse_yaml(text_of(path))
     with about(path):
         if entries is not None and not isinstance(entries, list):
             raise FormatError("expected a list of cuboids and drops")

@@ -57,9 +57,82 @@ def test_quads_relative_numbers_and_stray_lines_are_read(tmp_path, faces):
     np.testing.assert_array_equal(read_text(tmp_path, PLAIN + faces).faces, [[0, 1, 3], [0, 3, 2]])
 
 
+@st.composite
+def spellings(draw):
+    """A mesh of triangles and quads, its plain file, and one file of the same content in another spelling."""
+    count = draw(st.integers(4, 9))
+    vertices = np.array(draw(st.lists(st.tuples(*[st.integers(-99, 99)] * 3), min_size=count, max_size=count)), float)
+    corners = st.lists(st.integers(1, count), min_size=3, max_size=4)
+    faces = draw(st.lists(corners, min_size=1, max_size=6))
+    triangles = [[face[0], face[k], face[k + 1]] for face in faces for k in range(1, len(face) - 1)]
+    if draw(st.booleans()):
+        faces = triangles
+    blank = draw(st.sampled_from([" ", "\t", "  ", " \t "]))
+    after_tag = draw(st.sampled_from([" ", "\t", "  ", blank]))
+    before = draw(st.sampled_from(["", "", " ", "\t", "   "]))
+    after = draw(st.sampled_from(["", "", " ", "\t", " # Fläche"]))
+    number = draw(st.sampled_from(["{:g}", "{:+.1f}", "{:e}", "{:.3f}"]))
+    corner = draw(st.sampled_from(["{0}", "{0}/1", "{0}//1", "{0}/1/1"]))
+    beyond = draw(st.sampled_from([[], ["1.0"], ["0.5", "0.4", "0.3"]])) if blank == " " or draw(st.booleans()) else []
+    negative, continued = draw(st.booleans()), draw(st.booleans())
+
+    def line(tag, fields):
+        middle = f"{blank}\\\n{blank}" if continued else blank
+        return f"{before}{tag}{after_tag}{blank.join(fields[:2])}{middle}{blank.join(fields[2:])}{after}\n"
+
+    lines = [line("v", [*(number.format(value) for value in row), *beyond]) for row in vertices]
+    others = draw(st.sampled_from(["", "vn 0 0 1\nvt 0 0\n", "g Würfel_1\nusemtl föhn\ns off\n", "\n\n# v 9 9 9\n"]))
+    ends = [[corner.format(c - count - 1 if negative else c) for c in face] for face in faces]
+    text = others + "".join(lines) + others + "".join(line("f", fields) for fields in ends) + others
+    if draw(st.booleans()):
+        text = text.removesuffix("\n")
+    text = text.replace("\n", draw(st.sampled_from(["\n", "\r\n", "\r"])))
+    encoding = draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1", "utf-32"]))
+    plain = "".join("v {:g} {:g} {:g}\n".format(*row) for row in vertices)
+    plain += "".join("f {} {} {}\n".format(*row) for row in triangles)
+    return f"o rock\n{plain}".encode(), text.encode(encoding)
+
+
+@settings(deadline=None, max_examples=150)
+@given(files=spellings())
+def test_every_spelling_of_a_mesh_is_the_same_mesh(tmp_path_factory, files):
+    folder = tmp_path_factory.getbasetemp()
+    meshes = []
+    for name, content in zip(("plain", "other"), files, strict=True):
+        (folder / f"{name}.obj").write_bytes(content)
+        meshes.append(obj.read(folder / f"{name}.obj"))
+    assert obj._plain_triangles(files[0]) is not None
+    np.testing.assert_array_equal(meshes[1].vertices, meshes[0].vertices)
+    np.testing.assert_array_equal(meshes[1].faces, meshes[0].faces)
+
+
+LINES = (
+    *("v 0 0 0", "v 1 0 0", "v\t0 1 0", " v 5 5 5", "v 1_0 0 0", "v 2 2 2 # b", "vn 0 0 1", "# a", "o x\r", "3"),
+    *("f 1 2 3", "f\t1 2 3", " f 1 2 3", "f 0 1 2", "f 1 2 \\", "f -1 -2 -3", "f 0x1 2 3", "f 1/1 2/1 3/1", "f 4 2 3"),
+)
+
+
+@settings(deadline=None, max_examples=150)
+@given(lines=st.lists(st.sampled_from(LINES), min_size=3, max_size=12), first=st.booleans())
+def test_the_quick_reader_accepts_what_the_other_one_accepts(lines, first):
+    """Plain blocks of vertices and triangles with any other lines before, between and after them."""
+    half = len(lines) // 2
+    blocks = ["v 0 0 1", "v 1 0 1", "v 0 1 1", *lines[half:][:2], "f 1 2 3", "f 2 1 3"]
+    content = "\n".join([*lines[:half], *blocks, *(lines[half:] if first else [])]).encode() + b"\n"
+    quick = obj._plain_triangles(content)
+    if quick is not None:
+        slow = obj._any_faces("a.obj", content)
+        np.testing.assert_array_equal(quick.vertices, slow.vertices)
+        np.testing.assert_array_equal(quick.faces, slow.faces)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 9 9 9\nv 8 8 8\n", r"rock.obj:4: .*vertex 0 of 3"),
+        (PLAIN + "f 1 2 -5\n", r"rock.obj:6: .*vertex -5 of 4"),
+        (PLAIN + "f 1 2 3_0\n", r"rock.obj:6: "),
+        ("v 0,0 0,0 0,0\n" + PLAIN + "f 1 2 3\n", r"rock.obj:1: "),
         (PLAIN, "no triangle"),
         (PLAIN + "f 1 2 9\n", "names vertex 9 of 4"),
         (PLAIN + "f 1 2 0\n", "names vertex"),
