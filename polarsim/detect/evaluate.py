@@ -191,11 +191,15 @@ def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int
 
 
 def read_labels(path: Path) -> pd.DataFrame:
-    """Labels cut at the photo's border as the data set's are."""
-    table = tables.read_parquet(path, tables.LABEL_COLUMNS)
-    corners = boxes.clip(table[list(BOX_COLUMNS)].to_numpy(float))
-    table[list(BOX_COLUMNS)] = corners
-    return table[boxes.area(corners) > 0]
+    """Read the labels that detectors are evaluated with."""
+    return clip_labels(tables.read_parquet(path, tables.LABEL_COLUMNS))
+
+
+def clip_labels(labels: pd.DataFrame) -> pd.DataFrame:
+    """Cut labels at the photo's border, as the data set's are; a label outside the photo is left out."""
+    corners = boxes.clip(labels[list(BOX_COLUMNS)].to_numpy(float))
+    clipped = labels.assign(**dict(zip(BOX_COLUMNS, corners.T, strict=True)))
+    return clipped[boxes.area(corners) > 0]
 
 
 def _detection_table(

@@ -19,8 +19,7 @@ from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 
 TERRAIN, TILES = REGIONS = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
-# A predicted rock is a false positive if it covers less of the smaller one of it and each rock label.
-OVERLAP = 0.1
+OVERLAP = 0.1  # minimum share of the smaller of two boxes that a predicted rock on a rock label covers
 RATES = ("per_photo", "area_share")
 FALSE_POSITIVE_COLUMNS = (
     "region", "terrains", "images", "units", "photo_areas", "false_positives",
@@ -74,20 +73,50 @@ def false_positives_of_photos(
 
     `free` and `area` are the photo's rock-free area and what of it false positives cover, in photos.
     """
+    sure = predictions[predictions["confidence"] >= confidence]
+    marked = mark_false_positives(labels, sure, overlap=overlap)
+    counts = sure["key"][marked["false_positive"].to_numpy()].value_counts()
     rocks = _by_photo(labels[labels["kind"] == ROCK])
-    sure = predictions[(predictions["kind"] == ROCK) & (predictions["confidence"] >= confidence)]
-    found = _by_photo(sure)
+    strange = _by_photo(sure[marked["unlabelled"].to_numpy()])
     nothing = np.zeros((0, 4))
     with_rocks = {PhotoKey.parse(key).terrain for key in rocks}
     rows = []
     for key in keys:
-        label, predicted = rocks.get(key, nothing), found.get(key, nothing)
-        free = _free_tiles(label)
-        false_positives = predicted[boxes.largest_covered_share(predicted, label) < overlap]
+        free = _free_tiles(rocks.get(key, nothing))
         region = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
-        area = _area_on(false_positives, free) / (WIDTH * HEIGHT)
-        rows.append((key, region, float(free.mean()), _on(false_positives, free), area))
+        area = _area_on(strange.get(key, nothing), free) / (WIDTH * HEIGHT)
+        rows.append((key, region, float(free.mean()), int(counts.get(key, 0)), area))
     return pd.DataFrame(rows, columns=["key", "region", "free", "false_positives", "area"])
+
+
+def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame, *, overlap: float = OVERLAP) -> pd.DataFrame:
+    """Return which predictions are false positives: the only definition, which tables, explorer and FiftyOne share.
+
+    The class scope is rocks: a predicted shadow is never a false positive, and shadow labels have no effect.
+
+    Parameters
+    ----------
+    labels, predictions : DataFrame
+        key, kind, x0, y0, x1, y1 of the full photo, px.
+    overlap
+        Minimum share of the smaller of two boxes that a prediction covers of a rock label to be on that label.
+
+    Returns
+    -------
+    DataFrame
+        A row for each prediction, with its index. `unlabelled`: a rock on no rock label of its photo.
+        `false_positive`: an unlabelled rock whose centre is in a tile without rock labels.
+    """
+    rocks = _by_photo(labels[labels["kind"] == ROCK])
+    unlabelled, counted = np.zeros(len(predictions), bool), np.zeros(len(predictions), bool)
+    corners = predictions[list(BOX_COLUMNS)].to_numpy(float)
+    is_rock = (predictions["kind"] == ROCK).to_numpy(bool)
+    for key, rows in predictions.groupby("key").indices.items():
+        own = rows[is_rock[rows]]
+        label = rocks.get(str(key), np.zeros((0, 4)))
+        unlabelled[own] = boxes.largest_covered_share(corners[own], label) < overlap
+        counted[own] = unlabelled[own] & _centre_in(corners[own], _free_tiles(label))
+    return pd.DataFrame({"unlabelled": unlabelled, "false_positive": counted}, index=predictions.index)
 
 
 def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:
@@ -124,13 +153,13 @@ def _free_tiles(rocks: np.ndarray) -> np.ndarray:
     return np.asarray(~(down[:, :, None] & across[:, None, :]).any(axis=0))
 
 
-def _on(false_positives: np.ndarray, free: np.ndarray) -> int:
-    """FalsePositives whose centre lies in a free tile."""
+def _centre_in(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(n,) bool: boxes (n, 4) whose centre is in a free tile."""
     x, y = _edges()
-    centre = boxes.centres(false_positives)
+    centre = boxes.centres(corners)
     column = (np.searchsorted(x, centre[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
     row = (np.searchsorted(y, centre[:, 1], side="right") - 1).clip(0, ROWS_OF_TILES - 1)
-    return int(free[row, column].sum())
+    return np.asarray(free[row, column])
 
 
 def _area_on(false_positives: np.ndarray, free: np.ndarray) -> float:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from polarsim.detect.evaluate import clip_labels
+from polarsim.detect.false_positives import mark_false_positives
 from polarsim.explore.run import PHOTO, Run
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.matching_numba import match
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey
 
 EDGES = ["x0", "y0", "x1", "y1"]
 LEAST_CONFIDENCE = 0.05  # of predictions that are shown
 RIGHT_IOU = 0.5  # least overlap of a prediction that is right
-STRANGE_SHARE = 0.1  # a predicted rock is a false positive if its IoU with every label is below
 STATES = ("missing", "corrupt", "dark")  # of pictures, worst first, as the detect stage found them
 
 
@@ -80,17 +82,18 @@ def shown_labels(run: Run, terrain: int, *, of_twins: bool) -> pd.DataFrame:
 
 
 def shown_predictions(run: Run, name: str) -> pd.DataFrame:
-    """What a detector sees, in the order of photos: key, kind, confidence, the box, iou, rock, right, false_positive.
+    """Return the predictions of a detector in the order of photos.
 
-    `iou` and `rock` are those of the label of its kind that a prediction overlaps most; `right` is the surest
-    prediction of a label with an IoU of 0.5 or more; a `false_positive` overlaps no label of its kind by a tenth.
+    Columns: key, kind, confidence, the box, iou, rock, right, false_positive. `iou` and `rock` are those of the label
+    of its kind that a prediction overlaps most. `right` marks a prediction that COCO's matching gives a label at an IoU
+    of 0.5 (`polarsim.detect.metrics`), `false_positive` one that `tables/false_positives` counts: a rock.
     """
     domain = run.domain_of(name.rpartition("_on_")[2])
     found = run.predicted(name)
     found = found[found["confidence"] >= LEAST_CONFIDENCE].sort_values(
         ["key", "confidence"], ascending=[True, False], kind="stable", ignore_index=True
     )
-    labels = pd.concat([run.labels(terrain, of_twins=domain != PHOTO) for terrain in run.terrains])
+    labels = clip_labels(pd.concat([run.labels(terrain, of_twins=domain != PHOTO) for terrain in run.terrains]))
     by_photo = labels.groupby(["key", "kind"]).indices
     boxes, rocks = labels[EDGES].to_numpy(float), labels["rock"].to_numpy()
     overlap, rock, right = np.zeros(len(found)), np.full(len(found), NO_ROCK), np.zeros(len(found), bool)
@@ -102,23 +105,10 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
         shared = iou(predicted[rows], boxes[own])
         overlap[rows] = shared.max(axis=1)
         rock[rows] = np.where(overlap[rows] > 0, rocks[own][shared.argmax(axis=1)], NO_ROCK)
-        right[rows] = surest(shared)
-    return found.assign(iou=overlap, rock=rock, right=right, false_positive=overlap < STRANGE_SHARE)
-
-
-def surest(overlap: np.ndarray) -> np.ndarray:
-    """(n,) bool: predictions that are right, of overlaps (n, m) with labels, the surest prediction first.
-
-    Each takes the label that it overlaps most of those that are left.
-    """
-    left = np.where(overlap >= RIGHT_IOU, overlap, 0.0)
-    right = np.zeros(len(left), bool)
-    for row in range(len(left)):
-        best = int(left[row].argmax())
-        if left[row, best] > 0:
-            right[row] = True
-            left[:, best] = 0
-    return right
+        matched, _ = match(shared, np.array([RIGHT_IOU]), np.zeros((1, len(own)), bool))
+        right[rows] = matched[0, 0]
+    strange = mark_false_positives(labels, found)["false_positive"]
+    return found.assign(iou=overlap, rock=rock, right=right, false_positive=strange)
 
 
 def facts_of_rocks(run: Run, terrain: int) -> pd.DataFrame:

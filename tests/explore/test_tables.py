@@ -3,15 +3,21 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from polarsim.detect.evaluate import clip_labels
+from polarsim.detect.false_positives import false_positives
 from polarsim.errors import ConfigError
 from polarsim.explore.outlines import of_twins
 from polarsim.explore.run import Run
 from polarsim.explore.site import overview
-from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions, surest
+from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions
 from polarsim.explore.terrain import clustered, surroundings, thinned_terrain
 from polarsim.formats import arrow
+from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry.polygons import signed_area
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from tests.made_terrain import make_sand
 
 from .made_run import KEYS, MODELS, RIG, SEED, boxes_of
@@ -50,9 +56,48 @@ def test_predictions_are_right_once_and_false_where_no_label_is(made):
     assert first["rock"].tolist() == [1, -1, 1]
 
 
-def test_the_surest_prediction_takes_the_label():
-    overlap = np.array([[0.6, 0.0], [0.9, 0.55], [0.7, 0.0], [0.4, 0.49]])
-    assert surest(overlap).tolist() == [True, True, False, False]
+@st.composite
+def predictions(draw):
+    """Boxes of both classes: anywhere, as small parts of labels, and around labels."""
+    rows = []
+    for key in draw(st.lists(st.sampled_from(KEYS), min_size=1, max_size=4, unique=True)):
+        anchors = [np.zeros(4), *boxes_of(key).values()]
+        for _ in range(draw(st.integers(1, 12))):
+            x, y, w, h = anchors[draw(st.integers(0, len(anchors) - 1))] * [1, 1, 0, 0] + [
+                draw(st.integers(-200, 1700)), draw(st.integers(-200, 1000)),
+                draw(st.integers(2, 200)), draw(st.integers(2, 200)),
+            ]  # fmt: skip
+            box = np.clip([x, y, x + w, y + h], 0, [WIDTH, HEIGHT, WIDTH, HEIGHT])
+            if (box[2:] > box[:2]).all():
+                sure = draw(st.sampled_from([0.1, 0.25, 0.6, 0.9]))
+                rows.append((str(key), draw(st.sampled_from(BOX_CLASSES)), sure, *box))
+    return rows
+
+
+@given(rows=predictions())
+def test_the_explorer_counts_the_false_positives_of_the_table(made, rows):
+    x0, y0, _, _ = boxes_of(SEED)["rock", 1]
+    rows.append((str(SEED), "rock", 0.8, x0 + 1, y0 + 1, x0 + 5, y0 + 5))  # IoU below 0.1, and on the label
+    rows.append((str(SEED), "shadow", 0.8, 5, 5, 60, 60))
+    found = pd.DataFrame(rows, columns=list(PREDICTIONS.columns))
+    run = _Predicted(made)
+    run.predictions, run.found = {"photo/seed0/a_on_analog": made}, found
+    shown = shown_predictions(run, "photo/seed0/a_on_analog")
+    sure = shown[shown["confidence"] >= 0.25]
+    labels = clip_labels(run.labels(3))
+    table = false_positives([str(key) for key in KEYS], labels, found, confidence=0.25, resamples=2)
+    assert sure["false_positive"].sum() == table["false_positives"].sum()
+    assert not shown.loc[shown["kind"] == "shadow", "false_positive"].any()
+    assert not shown.loc[(shown["key"] == str(SEED)) & (shown["x1"] == x0 + 5), "false_positive"].any()
+
+
+class _Predicted(Run):
+    """A run whose detector predicts the boxes of a test."""
+
+    predictions = found = None
+
+    def predicted(self, name):
+        return self.found
 
 
 def test_thinned_meshes_keep_shape_and_what_is_known_of_vertices(made):

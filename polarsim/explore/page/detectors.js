@@ -6,6 +6,7 @@ import { crop, outline } from './overlay.js';
 import { set, shows, state } from './state.js';
 
 const MOST = 120; // of the list
+const FALSE_POSITIVES = 'false positives are rocks: on no rock label, centre in a tile without rock labels, as in tables/false_positives';
 const SORTS = [['confidence', 'confidence, surest first'], ['size', 'size, largest first'], ['key', 'photo']];
 
 let controls = null, figures = null, list = null, order = 'confidence';
@@ -44,7 +45,7 @@ function sure(seen) {
 async function count(seen, name) {
   const rows = sure(seen);
   const right = rows.filter((k) => seen.columns.right[k]).length;
-  const strange = rows.filter((k) => seen.columns.false_positive[k]).length;
+  const wrong = rows.filter((k) => seen.columns.false_positive[k]).length;
   const keys = [...spans(seen).keys()];
   const tables = await Promise.all([...new Set(keys.map((key) => parts(key).terrain))].map((terrain) => labelsOf(terrain, domainOf(name) !== 'photo')));
   let labelled = 0;
@@ -58,15 +59,15 @@ async function count(seen, name) {
   const share = (part, of) => (of ? (part / of).toFixed(3) : '-');
   figures.replaceChildren(...[
     `${keys.length} photos`, `${rows.length} predictions`, `${right} right (IoU 0.5)`, `${labelled - right} of ${labelled} labels missed`,
-    `precision ${share(right, rows.length)}`, `recall ${share(right, labelled)}`, `${strange} false positives (no label near)`,
-  ].map((text) => h('span', { text })));
+    `precision ${share(right, rows.length)}`, `recall ${share(right, labelled)}`, state.kind === 'rock' ? `${wrong} false positives` : FALSE_POSITIVES,
+  ].map((text) => h('span', { text, title: text.endsWith('false positives') ? FALSE_POSITIVES : '' })));
 }
 
 function drawList(seen, domain) {
-  const { x0, y0, x1, y1, confidence, false_positive: strange } = seen.columns;
+  const { x0, y0, x1, y1, confidence, false_positive: wrong } = seen.columns;
   const size = (k) => (x1[k] - x0[k]) * (y1[k] - y0[k]);
   const by = { confidence: (a, b) => confidence[b] - confidence[a], size: (a, b) => size(b) - size(a), key: (a, b) => a - b }[order];
-  const rows = sure(seen).filter((k) => strange[k]).sort(by);
+  const rows = sure(seen).filter((k) => wrong[k]).sort(by);
   const items = rows.slice(0, MOST).map((k) => {
     const one = row(seen, k);
     return h('button', {
@@ -75,5 +76,5 @@ function drawList(seen, domain) {
     }, has(domain, one.key) ? crop(pictureUrl(domain, one.key), one, outline(one, 'seen false')) : null,
     h('small', { text: `${one.confidence.toFixed(2)}  ${one.key}` }));
   });
-  list.replaceChildren(...(items.length ? items : [h('p', { class: 'empty', text: 'No false positive is that sure.' })]));
+  list.replaceChildren(...(items.length ? items : [h('p', { class: 'empty', text: state.kind === 'rock' ? 'No false positive has this confidence.' : 'Shadows are not counted as false positives.' })]));
 }
