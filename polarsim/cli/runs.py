@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, writes_folder
+from polarsim.arguments import STOPPED, refuse_existing_folder, run_folder, writes_file, writes_folder
 from polarsim.cli.application import Results, commands_of
 from polarsim.errors import PolarsimError
 
@@ -123,7 +123,8 @@ def explore(
 ) -> None:
     """Look at a run in the browser: photos, twins, labels, rocks in 3-D, detectors, drives; correct boxes.
 
-    The page is served on this machine alone until Ctrl-C.
+    The page is served on this machine alone until Ctrl-C. It saves corrections in results/<run>/corrections, which
+    `labels.corrections` reads.
     """
     from polarsim.explore.run import Run
     from polarsim.explore.site import site, write_site
@@ -133,19 +134,24 @@ def explore(
         count = write_site(chosen, out, width)
         typer.echo(f"{count} files in {out}; any static host shows them: python -m http.server -d {out} -b 127.0.0.1")
         return
+    import os
     import webbrowser
 
+    from polarsim.explore.corrections import Corrections
     from polarsim.explore.server import server
 
-    with server(site(chosen, width), port) as served:
+    with server(site(chosen, width), port, Corrections(chosen)) as served:
         address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
         typer.echo(f"{address}   Ctrl-C ends it")
         if browser:
             webbrowser.open(address)
         try:
-            served.serve_forever()
+            served.serve_until_stopped()
         except KeyboardInterrupt:
             typer.echo("ended")
+    if served.busy:  # a picture on a disk that does not answer: no thread may outlive the interpreter
+        sys.stdout.flush()
+        os._exit(STOPPED)
 
 
 @command()

@@ -11,6 +11,7 @@ from typing import Any
 
 from polarsim.errors import ConfigError
 from polarsim.explore import outlines
+from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
 from polarsim.explore.pictures import jpeg, small_jpeg
 from polarsim.explore.run import PHOTO, Run
@@ -24,6 +25,7 @@ from polarsim.progress import track
 
 Files = dict[str, Callable[[], bytes]]  # by address below the page, without a slash in front
 WIDTH_PX = 968  # of the pictures, half a photo's
+CORRECTIONS = "data/corrections.json"
 
 
 def site(run: Run, width: int = WIDTH_PX) -> Files:
@@ -77,6 +79,12 @@ def overview(run: Run) -> dict[str, Any]:
     }
 
 
+def corrections_content(corrections: Corrections, token: str | None = None) -> bytes:
+    """Return the corrections of a run as the page reads them; without a token the page can save none."""
+    content = {"folder": str(corrections.folder), "photos": corrections.read(), "token": token}
+    return _json(lambda: content)
+
+
 def _json(content: Callable[[], Any]) -> bytes:
     return json.dumps(content(), separators=(",", ":"), allow_nan=False).encode()
 
@@ -89,6 +97,7 @@ def _tables(run: Run) -> Files:
     files: Files = {
         "data/run.json": partial(_json, partial(overview, run)),
         "data/pictures.arrow": partial(_arrow, partial(picture_table, run)),
+        CORRECTIONS: partial(corrections_content, Corrections(run)),
     }
     for terrain in run.terrains:
         for name, of_twins in (("photo", False), ("twins", True)):

@@ -216,8 +216,18 @@ def as_annotated(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:
         if boxes is None:
             continue
         near = [label for label in labels if label.kind == kind]
-        rows, columns = match(iou(boxes, np.array([label.box for label in near]).reshape(-1, 4)), SAME_LABEL)
-        rocks = np.full(len(boxes), NO_ROCK)
-        rocks[rows] = [near[column].rock for column in columns]
+        own = np.array([label.box for label in near]).reshape(-1, 4)
+        rocks = matched_rocks(boxes, own, np.array([label.rock for label in near], int))
         found += [label_of(kind, rock, "seed", box) for rock, box in zip(rocks, boxes, strict=True)]
+    return found
+
+
+def matched_rocks(boxes: np.ndarray, labels: np.ndarray, rocks: np.ndarray) -> np.ndarray:
+    """Return the rock (n,) of the label (m, 4) that each box (n, 4) is matched with, one to one; NO_ROCK without one.
+
+    `rocks` (m,) are those of the labels.
+    """
+    rows, columns = match(iou(boxes, labels), SAME_LABEL)
+    found = np.full(len(boxes), NO_ROCK)
+    found[rows] = rocks[columns]
     return found

@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from polarsim.explore.corrections import Corrections
 from polarsim.explore.run import Run
 from polarsim.explore.server import server
-from polarsim.explore.site import site
+from polarsim.explore.site import site, write_site
 from polarsim.labels.seeds import read_corrections
-from polarsim.photo import PhotoKey
+from polarsim.photo import HEIGHT, PhotoKey
 
 from .made_run import KEYS, MODELS, SEED, boxes_of
 
@@ -43,7 +44,8 @@ def is_wrong(message) -> bool:
 
 @contextmanager
 def served(run: Path):
-    with server(site(Run.at(run), 484)) as running:
+    opened = Run.at(run)
+    with server(site(opened, 484), corrections=Corrections(opened)) as running:
         thread = threading.Thread(target=running.serve_forever, daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{running.server_address[1]}/"
@@ -68,6 +70,12 @@ def browser():
 @pytest.fixture
 def page(browser, address):
     """An empty page; in the end nothing was wrong with it, and nobody else was asked."""
+    with opened_page(browser, address) as opened:
+        yield opened
+
+
+@contextmanager
+def opened_page(browser, address: str):
     context = browser.new_context(viewport={"width": 1300, "height": 800}, accept_downloads=True)
     context.set_default_timeout(15_000)
     opened, wrong = context.new_page(), []
@@ -340,21 +348,27 @@ def test_a_drive_is_on_the_map_with_its_frames(page, address):
     page.locator("#rock h2", has_text="Rock 1").wait_for()
 
 
-def test_a_box_that_is_put_right_is_downloaded_as_a_correction(page, address, tmp_path):
+def test_a_box_that_is_put_right_is_downloaded_as_a_correction(browser, made, tmp_path):
+    run = shutil.copytree(made, tmp_path / made.name)
+    with served(run) as address, opened_page(browser, address) as page:
+        put_right(page, address)
+        with page.expect_download() as waiting:
+            page.locator("#download").click()
+        waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
+        until(page, "document.querySelector('#kept').textContent.startsWith('saved in ')")
+    is_put_right(tmp_path / "corrections")
+    is_put_right(run / "corrections")
+
+
+def put_right(page, address):
     shown(page, address, f"view=correct&key={SEED}&rock=3.1")
     page.wait_for_selector("#editor .edited")
     figures = page.locator("#correct figure")
     figures.first.wait_for()
     captions = " ".join(figures.all_inner_texts())
-    assert [captions.count(word) for word in ("exposure", "other camera", "Sun 180", "Sun 270", "Sun 350")] == [
-        2,
-        1,
-        1,
-        1,
-        1,
-    ]
-    page.locator("#editor").focus()
-    for key in ("ArrowRight", "ArrowRight", "Shift+ArrowDown"):
+    words = ("exposure", "other camera", "Sun 180", "Sun 270", "Sun 350")
+    assert [captions.count(word) for word in words] == [2, 1, 1, 1, 1]
+    for key in ("ArrowRight", "ArrowRight", "Shift+ArrowDown"):  # a box that the address chose needs no click
         page.keyboard.press(key)
     assert page.locator("#corrected").inner_text() == "corrected"
     box = page.locator("#editor .edited").bounding_box()
@@ -365,20 +379,113 @@ def test_a_box_that_is_put_right_is_downloaded_as_a_correction(page, address, tm
     page.locator("#undo").click()  # the drag
     page.get_by_role("button", name="new shadow").click()
     page.get_by_role("button", name="delete box").click()
-    with page.expect_download() as waiting:
-        page.locator("#download").click()
-    waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
-    found = read_corrections(tmp_path / "corrections", 3)
+
+
+def is_put_right(folder):
+    found = read_corrections(folder, 3)
     assert set(found) == {SEED}
     was = boxes_of(SEED)
     wanted = was["rock", 1] + [2, 0, 2, 1]
     np.testing.assert_allclose(found[SEED].rocks, [wanted, was["rock", 2]], atol=2e-3)
     assert len(found[SEED].shadows) == 2
-    shown(page, address, f"view=correct&key={SEED}&rock=3.1")  # what was corrected is still there
-    page.wait_for_selector("#editor .edited")
-    assert page.locator("#corrected").inner_text() == "corrected"
-    page.locator("#revert").click()
-    assert page.locator("#corrected").inner_text() == "as propagated"
+
+
+def test_corrections_are_there_at_the_next_start_until_they_are_dropped(browser, made, tmp_path):
+    run = shutil.copytree(made, tmp_path / made.name)
+    kept = run / "corrections"
+    state = f"view=correct&key={SEED}&rock=3.1"
+    with served(run) as address, opened_page(browser, address) as page:
+        put_right(page, address)
+        until(page, lambda: kept.exists() and page.locator("#kept").inner_text() == f"saved in {kept}")
+        before = [one["x0"] for one in edited(page)]
+    with served(run) as address, opened_page(browser, address) as page:  # another port, another browser
+        shown(page, address, state)
+        page.wait_for_selector("#editor .edited")
+        assert page.locator("#corrected").inner_text() == "corrected"
+        assert page.locator("#undo").is_disabled()  # undo reaches back to the last start
+        np.testing.assert_allclose([one["x0"] for one in edited(page)], before, atol=2e-3)
+        assert page.locator("#editor .edited title").text_content() == "rock 1"
+        shown(page, address, f"view=correct&key={KEYS[1]}&rock=3.1")
+        page.keyboard.press("ArrowRight")
+        until(page, lambda: len(list(kept.glob("*.txt"))) == 2)
+        page.locator("#revert").click()
+        assert page.locator("#corrected").inner_text() == "as propagated"
+        until(page, lambda: [path.stem for path in kept.glob("*.txt")] == [str(SEED)])
+        page.locator("#undo").click()
+        until(page, lambda: len(list(kept.glob("*.txt"))) == 2)
+        page.once("dialog", lambda dialog: dialog.dismiss())
+        page.locator("#drop").click()
+        assert page.locator("#download").inner_text() == "download corrections (2 photos)"
+        page.once("dialog", lambda dialog: dialog.accept())
+        page.locator("#drop").click()
+        until(page, lambda: not list(kept.glob("*.txt")))
+        assert page.locator("#corrected").inner_text() == "as propagated"
+        page.locator("#undo").click()
+        until(page, lambda: len(list(kept.glob("*.txt"))) == 2)
+    assert set(read_corrections(kept, 3)) == {SEED, KEYS[1]}
+
+
+def edited(page) -> list[dict[str, float]]:
+    """Edges of the editor's boxes."""
+    script = "all => all.map((one) => ({ x0: one.x.baseVal.value, width: one.width.baseVal.value }))"
+    return page.locator("#editor rect.box").evaluate_all(script)
+
+
+def test_boxes_cannot_be_dragged_out_of_the_photo(browser, made, tmp_path):
+    run = shutil.copytree(made, tmp_path / made.name)
+    with served(run) as address, opened_page(browser, address) as page:
+        shown(page, address, f"view=correct&key={SEED}&rock=3.1")
+        page.wait_for_selector("#editor .edited")
+        page.get_by_role("button", name="whole photo").click()
+        box = page.locator("#editor .edited").bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.mouse.down()
+        page.mouse.move(3, 790, steps=3)
+        page.mouse.up()
+        until(page, "document.querySelector('#kept').textContent.startsWith('saved in ')")
+    moved = read_corrections(run / "corrections", 3)[SEED].rocks[0]
+    size = boxes_of(SEED)["rock", 1][2:] - boxes_of(SEED)["rock", 1][:2]
+    np.testing.assert_allclose(moved, [0, HEIGHT - size[1], size[0], HEIGHT], atol=2e-3)
+
+
+def test_a_correction_that_cannot_be_saved_is_named_and_can_be_downloaded(browser, made, tmp_path):
+    run = shutil.copytree(made, tmp_path / made.name)
+    with served(run) as address:
+        page = browser.new_page()
+        shown(page, address, f"view=correct&key={SEED}&rock=3.1")
+        page.wait_for_selector("#editor .edited")
+    page.keyboard.press("ArrowRight")  # after the server ended
+    until(page, "document.querySelector('#kept').textContent.startsWith('1 photo not saved')")
+    assert page.locator("#download").is_enabled()
+    page.close()
+
+
+def test_a_written_page_offers_the_download_alone(browser, made, tmp_path):
+    write_site(Run.at(made), tmp_path / "page", 242)
+    files = {str(path.relative_to(tmp_path / "page")): path.read_bytes for path in (tmp_path / "page").rglob("*.*")}
+    with server(files) as running:
+        thread = threading.Thread(target=running.serve_forever, daemon=True)
+        thread.start()
+        address = f"http://127.0.0.1:{running.server_address[1]}/"
+        with opened_page(browser, address) as page:
+            put_right(page, address)
+            assert page.locator("#kept").inner_text().startswith("1 photo not saved: this page has no server")
+            with page.expect_download() as waiting:
+                page.locator("#download").click()
+            waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
+        running.shutdown()
+        thread.join()
+    is_put_right(tmp_path / "corrections")
+
+
+@pytest.mark.parametrize("view", ["compare", "correct"])
+@pytest.mark.parametrize("key", ["99_Z_off_30_L_0256", "03_B_off_30_L_0256", "what"])
+def test_a_key_that_the_run_does_not_have_is_named(page, address, view, key):
+    shown(page, address, f"view={view}&key={key}")
+    note = page.locator(f"#{view} .empty")
+    note.wait_for()
+    assert key in note.inner_text()
+    assert page.locator(f"#{view} input, #{view} #editor").locator("visible=true").count() == 0
 
 
 def test_what_followed_from_a_seed_is_told(page, address):

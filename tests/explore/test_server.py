@@ -1,17 +1,35 @@
 """What the server answers, asked byte by byte: a client library would put paths right before it sends them."""
 
 import gzip
+import json
 import re
+import signal
 import socket
+import subprocess
+import sys
 import threading
+import time
+from contextlib import contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import polarsim
 from polarsim.errors import ConfigError, FormatError
-from polarsim.explore.server import HOST, Kept, server
+from polarsim.explore.corrections import Corrections
+from polarsim.explore.run import Run
+from polarsim.explore.server import HOST, MOST_SENT, Kept, server
+from polarsim.formats import yolo
+from polarsim.formats.coco import write_coco
+from polarsim.formats.files import write_text
+from polarsim.labels.seeds import read_corrections
+from polarsim.photo import HEIGHT, WIDTH
+
+from .made_run import KEYS, SEED, boxes_of, make_run
 
 
 def broken():
@@ -34,13 +52,13 @@ def served(tmp_path_factory):
         thread.join()
 
 
-def asked(served, target: str, method: str = "GET", host: str | None = None, **headers: str):
+def asked(served, target: str, method: str = "GET", host: str | None = None, content: bytes = b"", **headers: str):
     connection = HTTPConnection(HOST, served.server_address[1], timeout=10)
     connection.putrequest(method, target, skip_host=True, skip_accept_encoding=True)
     connection.putheader("Host", host or f"{HOST}:{served.server_address[1]}")
     for name, value in headers.items():
         connection.putheader(name.replace("_", "-"), value)
-    connection.endheaders()
+    connection.endheaders(content)
     answer = connection.getresponse()
     content = answer.read()
     connection.close()
@@ -141,3 +159,251 @@ def test_no_other_module_of_polarsim_listens():
     package = Path(polarsim.__file__).parent
     found = [path.relative_to(package) for path in package.rglob("*.py") if opens.search(path.read_text())]
     assert found == [Path("explore/server.py")]
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run of labels and pictures that a test may correct."""
+    return Run.at(make_run(tmp_path / "results"))
+
+
+@contextmanager
+def correcting(run: Run):
+    with server({"index.html": lambda: b""}, corrections=Corrections(run)) as running:
+        thread = threading.Thread(target=running.serve_forever, args=(0.02,))
+        thread.start()
+        yield running
+        running.shutdown()
+        thread.join()
+
+
+def corrections_of(running) -> dict:
+    answer, content = asked(running, "/data/corrections.json")
+    assert answer.status == 200, content
+    return json.loads(content)
+
+
+def change(running, key=SEED, method="PUT", boxes: object = (), **headers: str):
+    """Send boxes as the page does; other headers replace its own, None leaves one out."""
+    content = boxes if isinstance(boxes, bytes) else json.dumps(list(boxes)).encode()
+    content = content if method == "PUT" else b""
+    usual = {
+        "X_Polarsim_Token": running.RequestHandlerClass.token,
+        "Content_Type": "application/json",
+        "Content_Length": str(len(content)),
+        "Origin": f"http://{HOST}:{running.server_address[1]}",
+        "Sec_Fetch_Site": "same-origin",
+    } | headers
+    sent = {name: value for name, value in usual.items() if value is not None}
+    return asked(running, f"/data/corrections/{key}", method, content=content, **sent)
+
+
+def box(kind="rock", x0=10.0, y0=20.0, x1=40.0, y1=60.0, **more) -> dict:
+    return {"kind": kind, "x0": x0, "y0": y0, "x1": x1, "y1": y1, **more}
+
+
+def files(run: Run) -> list[str]:
+    return sorted(str(path.relative_to(run.folder)) for path in (run.folder / "corrections").rglob("*"))
+
+
+def test_a_saved_correction_is_read_by_the_next_run_and_the_next_server(run):
+    rock, shadow = boxes_of(SEED)["rock", 1] + 3, boxes_of(SEED)["shadow", 2]
+    edges = ("x0", "y0", "x1", "y1")
+    sent = [box("rock", *rock), box("shadow", *shadow), box("rock", 0, 0, WIDTH, HEIGHT), box("rock", 5, 6, 7.5, 9)]
+    with correcting(run) as running:
+        assert corrections_of(running)["photos"] == {}
+        assert change(running, boxes=sent)[0].status == 200
+        assert change(running, KEYS[1], boxes=[])[0].status == 200  # neither a rock nor a shadow
+    found = read_corrections(run.folder / "corrections", 3)
+    assert set(found) == {SEED, KEYS[1]}
+    np.testing.assert_allclose(found[SEED].rocks, [rock, [0, 0, WIDTH, HEIGHT], [5, 6, 7.5, 9]], atol=2e-3)
+    np.testing.assert_allclose(found[SEED].shadows, [shadow], atol=2e-3)
+    with correcting(Run.at(run.folder)) as running:  # another port, another token
+        photos = corrections_of(running)["photos"]
+        assert set(photos) == {str(SEED), str(KEYS[1])}
+        assert photos[str(KEYS[1])] == []
+        assert {(one["kind"], one["rock"]) for one in photos[str(SEED)]} == {("rock", 1), ("shadow", 2), ("rock", -1)}
+        np.testing.assert_allclose([photos[str(SEED)][0][edge] for edge in edges], rock, atol=2e-3)
+        assert change(running, boxes=[box(**one) for one in photos[str(SEED)]])[0].status == 200
+        assert change(running, method="DELETE")[0].status == 200
+        assert change(running, method="DELETE")[0].status == 200  # of a photo without a correction
+        assert set(corrections_of(running)["photos"]) == {str(KEYS[1])}
+    assert files(run) == [f"corrections/{KEYS[1]}.txt"]
+
+
+BROKEN_BOXES = [
+    [box(x0=float("nan"))], [box(x1=float("inf"))], [box(x0=-1)], [box(x1=WIDTH + 1)], [box(y1=HEIGHT + 0.1)],
+    [box(x0=40, x1=10)], [box(y0=60)], [box(x0=10**400)], [box(x0="10")], [box(x0=None)], [box(x0=True)],
+    [box("stone")], [box(kind=["rock"])], [{"kind": "rock"}], [[1, 2, 3, 4]], [None], b"{}", b"null", b"", b"[",
+    b"\xff", b"[" * 100_000, [box(), box(x0=-5)],
+]  # fmt: skip
+
+
+def test_boxes_that_no_photo_has_are_refused_and_nothing_is_changed(run):
+    with correcting(run) as running:
+        assert change(running, boxes=[box()])[0].status == 200
+        before = (run.folder / f"corrections/{SEED}.txt").read_text()
+        for boxes in BROKEN_BOXES:
+            answer, content = change(running, boxes=boxes)
+            assert answer.status == 422, boxes
+            assert content.decode().count("\n") == 1
+        assert change(running, boxes=b" " * (MOST_SENT + 1))[0].status == 413
+        assert change(running, boxes=[], Content_Length=None)[0].status == 411
+    assert (run.folder / f"corrections/{SEED}.txt").read_text() == before
+    assert files(run) == [f"corrections/{SEED}.txt"]
+
+
+@pytest.mark.parametrize(
+    "key", ["03_B_off_30_L_0256", "09_A_off_30_L_0256", "../seeds/x", "..%2f..%2fx", "", "x.txt", f"{SEED}.txt", "%00"]
+)
+def test_photos_that_the_run_does_not_have_cannot_be_corrected(run, key):
+    with correcting(run) as running:
+        for method in ("PUT", "DELETE"):
+            assert change(running, key, method, [box()])[0].status == 404
+    assert files(run) == []
+
+
+@pytest.mark.parametrize(
+    ("status", "headers"),
+    [
+        (403, {"X_Polarsim_Token": None}),
+        (403, {"X_Polarsim_Token": ""}),
+        (403, {"X_Polarsim_Token": "guess"}),
+        (403, {"X_Polarsim_Token": "\xe4"}),
+        (403, {"Origin": "http://evil.example"}),
+        (403, {"Origin": "null"}),
+        (403, {"Origin": f"http://{HOST}:1"}),
+        (403, {"Origin": f"https://{HOST}"}),
+        (403, {"Sec_Fetch_Site": "cross-site"}),
+        (403, {"Sec_Fetch_Site": "same-site"}),
+        (415, {"Content_Type": "text/plain"}),
+        (415, {"Content_Type": "application/x-www-form-urlencoded"}),
+        (415, {"Content_Type": None}),
+        (421, {"host": "evil.example:80"}),
+    ],
+)
+def test_other_pages_can_correct_nothing(run, status, headers):
+    with correcting(run) as running:
+        assert change(running, boxes=[box()], **headers)[0].status == status
+        if status != 415:
+            assert change(running, method="DELETE", **headers)[0].status == status
+        assert asked(running, f"/data/corrections/{SEED}", "POST")[0].status == 501
+        assert asked(running, "/index.html", "OPTIONS")[0].status == 501  # a browser asks so for a foreign page
+    assert files(run) == []
+
+
+def test_the_token_is_another_one_at_each_start(run):
+    tokens = set()
+    for _ in range(2):
+        with correcting(run) as running:
+            tokens.add(corrections_of(running)["token"])
+    assert len(tokens) == 2
+    assert min(map(len, tokens)) >= 32
+
+
+def test_class_numbers_follow_the_class_list_of_the_folder(run):
+    """labelImg writes the list in its own order, and `labels.corrections` takes the names."""
+    write_text(run.folder / "corrections/classes.txt", "shadow\nboulder\nrock\n")
+    with correcting(run) as running:
+        change(running, boxes=[box("rock"), box("shadow", 100, 100, 200, 200)])
+    found = read_corrections(run.folder / "corrections", 3)[SEED]
+    np.testing.assert_allclose(found.rocks, [[10, 20, 40, 60]], atol=2e-3)
+    np.testing.assert_allclose(found.shadows, [[100, 100, 200, 200]], atol=2e-3)
+    write_text(run.folder / "corrections/classes.txt", "rock\n")
+    with correcting(run) as running:
+        assert change(running, boxes=[box("shadow")])[0].status == 422
+
+
+def test_files_of_others_in_the_folder_are_kept_and_read(run):
+    below = run.folder / f"corrections/Terrain03/{SEED}.txt"
+    yolo.write_boxes(below, np.array([0]), np.array([[10.0, 20, 40, 60]]))
+    write_coco(run.folder / "corrections/cvat.json", {KEYS[1]: []})
+    with correcting(run) as running:
+        assert set(corrections_of(running)["photos"]) == {str(SEED), str(KEYS[1])}
+        assert change(running, boxes=[])[0].status == 200
+        assert below.read_text() == ""  # not a second file of the photo, which a run refuses
+        assert change(running, KEYS[1], boxes=[box()])[0].status == 422
+        assert change(running, KEYS[1], "DELETE")[0].status == 422
+    assert set(read_corrections(run.folder / "corrections", 3)) == {SEED, KEYS[1]}
+
+
+def test_a_broken_file_in_the_folder_is_named(run):
+    write_text(run.folder / f"corrections/{SEED}.txt", "0 what\n")
+    with correcting(run) as running:
+        answer, content = asked(running, "/data/corrections.json")
+    assert answer.status == 500
+    assert f"{SEED}.txt" in content.decode()
+
+
+@given(st.lists(st.tuples(st.sampled_from(["rock", "shadow"]), *[st.floats(0, 1)] * 4), max_size=6))
+def test_every_box_inside_the_photo_is_read_back(tmp_path_factory, rows):
+    folder = tmp_path_factory.mktemp("run")
+    run = Run(folder)
+    run.__dict__.update(terrains=(3,), pictures={("photo", SEED): folder})
+    corners = [
+        (kind, min(a, b) * WIDTH, min(c, d) * HEIGHT, max(a, b) * WIDTH, max(c, d) * HEIGHT)
+        for kind, a, b, c, d in rows
+    ]
+    sent = [row for row in corners if min(row[3] - row[1], row[4] - row[2]) >= 0.01]
+    Corrections(run).save(str(SEED), [box(*row) for row in sent])
+    found = Corrections(run).read()[str(SEED)]
+    wanted = sorted(sent, key=lambda row: row[0])
+    assert [one["kind"] for one in found] == [kind for kind, *_ in wanted]
+    for one, (_, *edges) in zip(found, wanted, strict=True):
+        np.testing.assert_allclose([one[edge] for edge in ("x0", "y0", "x1", "y1")], edges, atol=4e-3)
+
+
+SLOW = """
+import cv2, numpy, polarsim.cli, polarsim.explore.site as site
+image = numpy.zeros((600, 900), numpy.uint8)
+def decoded(path, width):
+    for _ in range(40):  # a thread is in a C++ library nearly all the time
+        cv2.GaussianBlur(image, (31, 31), 0)
+    return b""
+site.jpeg = decoded
+polarsim.cli.main()
+"""
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.2, 0.4])
+def test_ctrl_c_while_pictures_load_ends_without_a_crash(made, after_s):
+    """Threads that decode pictures while the interpreter ends make the process abort."""
+    call = (sys.executable, "-u", "-c", SLOW, "explore", made.name, "--no-browser", "--results", made.parent)
+    started = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    connections = []
+    try:
+        port = int(re.search(r":(\d+)/", started.stdout.readline())[1])
+        for key in KEYS[:24]:
+            connection = socket.create_connection((HOST, port), timeout=10)
+            address = f"/data/pictures/hapke/{key}.jpg"
+            connection.sendall(f"GET {address} HTTP/1.1\r\nHost: {HOST}:{port}\r\n\r\n".encode())
+            connections.append(connection)
+        connections.append(socket.create_connection((HOST, port), timeout=10))  # a browser keeps one in reserve
+        time.sleep(after_s)
+        started.send_signal(signal.SIGINT)
+        out, err = started.communicate(timeout=60)
+    finally:
+        started.kill()
+        for connection in connections:
+            connection.close()
+    assert (started.returncode, err) == (0, "")
+    assert "ended" in out
+
+
+def test_requests_that_never_end_do_not_keep_the_server(monkeypatch):
+    monkeypatch.setattr("polarsim.explore.server.END_S", 0.2)
+    going = threading.Event()
+    with server({"stuck.jpg": lambda: bytes(going.wait(30))}) as running:
+        accepting = threading.Thread(target=running.serve_forever, args=(0.02,))
+        accepting.start()
+        with socket.create_connection((HOST, running.server_address[1]), timeout=10) as connection:
+            connection.sendall(f"GET /stuck.jpg HTTP/1.1\r\nHost: {HOST}:1\r\n\r\n".encode())
+            while not running.busy:
+                time.sleep(0.01)
+            running.shutdown()
+            accepting.join()
+            start = time.monotonic()
+            running.server_close()
+            assert time.monotonic() - start < 5
+            assert running.busy  # for which the command ends the process
+            going.set()

@@ -1,7 +1,8 @@
 // Two pictures of one key under a slider: photo, twins, their difference, a sum over lamps.
 
-import { bracketOf, has, keyOf, nearestExposure, parts, pictureUrl, run } from './data.js';
+import { bracketOf, has, keyOf, known, nearestExposure, parts, pictureUrl, run } from './data.js';
 import { chooser, h, renew, s, slider, soon, toggle } from './dom.js';
+import { unknown } from './filters.js';
 import * as overlay from './overlay.js';
 import { difference, exposed, read, summed, whiteOf } from './picture.js';
 import { set, shows, state, switchMark } from './state.js';
@@ -19,7 +20,7 @@ export function build(section) {
   divider = h('div', { class: 'divider' });
   tags = [h('span', { class: 'tag left' }), h('span', { class: 'tag right' })];
   told = h('span', { role: 'status', id: 'told' });
-  note = h('p', { class: 'empty', text: 'No picture passes the filters of the grid.' });
+  note = h('p', { class: 'empty', role: 'status' });
   frame = h('div', { class: 'frame', onpointermove: drag, onpointerdown: drag }, ...canvases, svg, divider, ...tags);
   section.append(h('div', { class: 'column' }, controls, marks, note, h('div', { class: 'stage' }, frame)));
   new ResizeObserver(([{ contentRect: { width, height } }]) => {
@@ -41,9 +42,11 @@ export const twinOf = () => state.right || run.about.domains[1] || 'photo';
 
 /** Draw everything anew. */
 export const refresh = soon(async () => {
-  note.hidden = Boolean(state.key);
-  frame.parentElement.hidden = !state.key;
-  if (!state.key) return;
+  const shown = known(state.key);
+  note.hidden = shown;
+  note.textContent = unknown(state.key);
+  controls.hidden = marks.hidden = frame.parentElement.hidden = !shown;
+  if (!shown) return;
   drawControls();
   const [{ seen }] = await Promise.all([overlay.draw(svg, state.key), drawPictures()]);
   told.textContent = !shows('p') || !state.detector ? '' : seen ? `${seen.length} predictions` : 'the detector was not tested on this photo';
@@ -146,7 +149,7 @@ async function sumOf(key, gain) {
 
 /** The exposure `by` steps on in the bracket. */
 export function stepExposure(by) {
-  if (!state.key) return;
+  if (!known(state.key)) return;
   const own = parts(state.key), times = run.brackets.get(bracketOf(state.key)) ?? [];
   const next = times[times.indexOf(own.exposure) + by];
   if (next) set({ key: keyOf({ ...own, exposure: next }) });
@@ -154,7 +157,7 @@ export function stepExposure(by) {
 
 /** Choose the rock after the chosen one among those of the photo. */
 export async function nextRock() {
-  if (!state.key) return;
+  if (!known(state.key)) return;
   const { terrain } = parts(state.key);
   const rocks = [...new Set((await overlay.labels(state.key, state.labels !== 'photo')).map((one) => one.rock))].filter((rock) => rock >= 0).sort((a, b) => a - b);
   if (!rocks.length) return;

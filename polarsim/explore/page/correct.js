@@ -1,45 +1,58 @@
 // One annotation on its whole bracket, on the other camera and under the other Suns; its box is put right here.
 
-import { bracketOf, has, keyOf, nearestExposure, parts, pictureUrl, row, run, table } from './data.js';
-import { Corrections, coco, dragged, grip } from './corrections.js';
+import { bracketOf, has, keyOf, known, nearestExposure, parts, pictureUrl, row, run, table } from './data.js';
+import { Corrections, clipped, coco, dragged, grip } from './corrections.js';
 import { chooser, h, renew, s, soon } from './dom.js';
 import { crop, labels, outline } from './overlay.js';
+import { unknown } from './filters.js';
 import { set, state } from './state.js';
 import { read, whiteOf } from './picture.js';
 
 const SUNS = ['30', '180', '270', '350'];
 const SAME = ['x0', 'y0', 'x1', 'y1'];
 
-let controls = null, editor = null, panels = null, note = null, seeds = null, corrections = null;
+let controls = null, editor = null, panels = null, note = null, seeds = null, corrections = null, opened = null, kept = null;
 let boxes = [], propagated = [], chosen = -1, near = true, drag = null;
 
 export function build(section) {
-  corrections = new Corrections(run.about.run);
+  opened = Corrections.open(tellKept).then((found) => { corrections = found; return ''; }, (error) => error.message);
+  addEventListener('beforeunload', (event) => { if (corrections?.unsaved.size) event.preventDefault(); });
   controls = h('div', { class: 'bar' });
-  note = h('p', { class: 'empty', text: 'No picture passes the filters of the grid.' });
+  kept = h('span', { role: 'status', id: 'kept' });
+  note = h('p', { class: 'empty', role: 'status' });
   editor = s('svg', { id: 'editor', tabindex: 0, role: 'application', 'aria-label': 'editor of boxes', style: 'width:100%;height:100%;touch-action:none' });
   panels = h('div', { class: 'panels', role: 'region', 'aria-label': 'The same on other photos', tabindex: 0 });
   seeds = h('div', { class: 'bar', id: 'seeds' });
-  section.append(h('div', { class: 'column' }, controls, note, h('div', { class: 'work' }, h('div', { class: 'stage' }, editor), panels), seeds));
+  section.append(h('div', { class: 'column' }, controls, h('div', { class: 'bar' }, kept), note, h('div', { class: 'work' }, h('div', { class: 'stage' }, editor), panels), seeds));
   listen();
 }
 
 export const refresh = soon(async () => {
-  note.hidden = Boolean(state.key);
-  panels.parentElement.hidden = !state.key;
-  if (state.key) {
+  const problem = await opened;
+  const shown = !problem && known(state.key);
+  note.hidden = shown;
+  note.textContent = problem || unknown(state.key);
+  controls.hidden = panels.parentElement.hidden = !shown;
+  if (shown) {
     const key = state.key;
-    propagated = (await labels(key, false)).map(({ kind, rock, ...rest }) => ({ kind, rock, ...Object.fromEntries(SAME.map((edge) => [edge, rest[edge]])) }));
+    propagated = (await labels(key, false)).map(({ kind, rock, ...rest }) => clipped({ kind, rock, ...Object.fromEntries(SAME.map((edge) => [edge, rest[edge]])) }, run.about)).filter(Boolean);
     if (key !== state.key) return;
     const wanted = boxes[chosen];
     boxes = corrections.of(key) ?? propagated;
-    chosen = boxes.findIndex((one) => wanted && one.kind === wanted.kind && one.rock === wanted.rock && one.rock >= 0);
+    chosen = boxes.indexOf(wanted);
+    if (chosen < 0) chosen = boxes.findIndex((one) => wanted && one.kind === wanted.kind && one.rock === wanted.rock && one.rock >= 0);
     if (state.rock && boxes[chosen]?.rock !== rockNow()) chosen = boxes.findIndex((one) => one.rock === rockNow() && one.kind === state.kind);
     if (chosen < 0) chosen = boxes.findIndex((one) => one.rock === rockNow());
     drawAll();
+    if (chosen >= 0 && document.activeElement === document.body) editor.focus({ preventScroll: true }); // arrow keys move the box
   }
   await drawSeeds();
 });
+
+function tellKept() {
+  kept.textContent = corrections.message;
+  kept.title = corrections.token ? `labels.corrections: ${corrections.folder}` : '';
+}
 
 const rockNow = () => (state.rock.startsWith(`${parts(state.key).terrain}.`) ? Number(state.rock.split('.')[1]) : -2);
 
@@ -60,10 +73,20 @@ function drawControls() {
     h('button', { type: 'button', text: 'new shadow', onclick: () => add('shadow') }),
     h('button', { type: 'button', text: 'delete box', disabled: chosen < 0, onclick: remove }),
     h('button', { type: 'button', text: 'undo', id: 'undo', disabled: !corrections.past.length, onclick: () => { corrections.undo(); take(); } }),
-    h('button', { type: 'button', text: 'drop corrections', id: 'revert', disabled: !now, onclick: () => { corrections.drop(state.key); take(); } }),
-    h('button', { type: 'button', id: 'download', text: `download corrections (${count} ${count === 1 ? 'photo' : 'photos'})`, disabled: !count, onclick: download,
+    h('button', { type: 'button', text: 'revert photo', id: 'revert', disabled: !now, title: 'Drop the correction of this photo', onclick: () => { corrections.drop(state.key); take(); } }),
+    h('button', { type: 'button', text: 'drop corrections', id: 'drop', disabled: !count, title: 'Drop the corrections of all photos', onclick: dropAll }),
+    h('button', { type: 'button', id: 'download', text: `download corrections (${photos(count)})`, disabled: !count, onclick: download,
       title: 'A COCO file: put it into a folder of its own and name that as labels.corrections' }),
   ]);
+  tellKept();
+}
+
+const photos = (count) => `${count} ${count === 1 ? 'photo' : 'photos'}`;
+
+function dropAll() {
+  if (!confirm(`Drop the corrections of ${photos(corrections.keys.length)}?`)) return;
+  corrections.dropAll();
+  take();
 }
 
 /** Show what the corrections hold. */
@@ -82,10 +105,11 @@ function change(next) {
 function add(kind) {
   const { width, height } = run.about;
   const at = boxes[chosen] ?? { x0: width / 2 - 40, x1: width / 2 + 40, y0: height / 2 - 30, y1: height / 2 + 30 };
-  const side = 60;
-  const one = { kind, rock: -1, x0: Math.min(width - side, at.x1 + 8), y0: at.y0, x1: Math.min(width, at.x1 + 8 + side), y1: at.y0 + side };
+  const side = 60, x0 = Math.min(width - side, at.x1 + 8), y0 = Math.min(height - side, at.y0);
+  const one = { kind, rock: -1, x0, y0, x1: x0 + side, y1: y0 + side };
   chosen = boxes.length;
   change([...boxes, one]);
+  set({ rock: '' }); // the new box is of no known rock
 }
 
 function remove() {
@@ -184,7 +208,7 @@ function listen() {
       chosen = number;
       const one = boxes[number];
       drawAll();
-      if (one && one.rock >= 0) set({ rock: `${parts(state.key).terrain}.${one.rock}`, kind: one.kind });
+      if (one) set({ rock: one.rock >= 0 ? `${parts(state.key).terrain}.${one.rock}` : '', kind: one.kind });
       return;
     }
     drag = { x, y, held, box: boxes[chosen] };
@@ -193,7 +217,7 @@ function listen() {
   editor.addEventListener('pointermove', (event) => {
     if (!drag) return;
     const [x, y] = at(event);
-    const moved = dragged(drag.box, drag.held, x - drag.x, y - drag.y);
+    const moved = dragged(drag.box, drag.held, x - drag.x, y - drag.y, run.about);
     boxes = boxes.map((one, number) => (number === chosen ? moved : one));
     drawEditor();
   });
@@ -206,7 +230,7 @@ function listen() {
   editor.addEventListener('keydown', (event) => {
     const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (chosen >= 0 && by) {
-      change(boxes.map((one, number) => (number === chosen ? dragged(one, event.shiftKey ? 'es' : '', ...by) : one)));
+      change(boxes.map((one, number) => (number === chosen ? dragged(one, event.shiftKey ? 'es' : '', ...by, run.about) : one)));
     } else if (chosen >= 0 && event.key === 'Delete') remove();
     else return;
     event.preventDefault();

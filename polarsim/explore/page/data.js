@@ -103,6 +103,8 @@ export async function open() {
 export const keyAt = (index) => run.pictures.values.key[run.pictures.columns.key[index]];
 export const domainAt = (index) => run.pictures.values.domain[run.pictures.columns.domain[index]];
 export const has = (domain, key) => run.rows.has(`${domain}/${key}`);
+/** Whether the run has a photo or a twin of a key. */
+export const known = (key) => run.about.domains.some((domain) => has(domain, key));
 export const pictureUrl = (domain, key) => `data/pictures/${domain}/${key}.jpg`;
 export const smallUrl = (domain, key) => `data/small/${domain}/${key}.jpg`;
 export const labelsOf = (terrain, ofTwins) => table(`data/labels/${ofTwins ? 'twins' : 'photo'}/${terrain}.arrow`);

@@ -42,6 +42,9 @@ function sorted(rows) {
   return rows.sort((a, b) => last(column[a]) - last(column[b]) || a - b);
 }
 
+/** Why a view of one picture shows none. */
+export const unknown = (key) => (key ? `This run has no picture ${key}. Choose one in Photos.` : 'No picture passes the filters of the grid. "All pictures" in Photos resets them.');
+
 const NAMES = { exposure_ms: 'exposure, ms', light: 'rover light', azimuth: 'Sun azimuth' };
 
 /** The form of all filters. */

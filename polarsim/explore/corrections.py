@@ -1,0 +1,140 @@
+"""Corrections of a run: boxes that a person put right in the page, one label file a photo."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polarsim.errors import LabelError
+from polarsim.explore.run import PHOTO, Run
+from polarsim.explore.tables import EDGES
+from polarsim.formats import yolo
+from polarsim.formats.coco import read_coco
+from polarsim.formats.release import key_files
+from polarsim.labels.seeds import Annotated, matched_rocks, read_corrections
+from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+
+MIN_SIDE_PX = 0.01  # of a box: label files have 6 decimals of the photo's width
+_SIZE = {"x0": WIDTH, "x1": WIDTH, "y0": HEIGHT, "y1": HEIGHT}
+
+Boxes = list[dict[str, Any]]  # kind, rock, x0, y0, x1, y1 in pixels, as the page has them
+
+
+class Corrections:
+    """The folder `corrections` of a run, which `labels.corrections` reads.
+
+    Attributes
+    ----------
+    folder
+        The label files `KEY.txt` of corrected photos. It may hold other files that `labels.corrections` reads.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.folder = run.folder / "corrections"
+        self._run = run
+        self._keys = {str(key): key for _, key in run.pictures}
+        self._lock = threading.Lock()  # requests come in threads
+
+    def __contains__(self, name: str) -> bool:
+        """Return whether a text is the key of a photo of the run."""
+        return name in self._keys
+
+    def read(self) -> dict[str, Boxes]:
+        """Return all boxes of each corrected photo by key.
+
+        Rocks are those of the run's labels that the boxes are matched with, as in propagation.
+
+        Raises
+        ------
+        FormatError
+            A file in the folder that `labels.corrections` refuses.
+        """
+        if not self.folder.is_dir():
+            return {}
+        with self._lock:
+            found: dict[PhotoKey, Annotated] = {}
+            for terrain in self._run.terrains:
+                found |= read_corrections(self.folder, terrain)
+        return {str(key): self._with_rocks(key, annotated) for key, annotated in sorted(found.items())}
+
+    def save(self, name: str, boxes: object) -> Path:
+        """Replace all boxes of a photo and return the written file.
+
+        Parameters
+        ----------
+        name
+            Key of a photo of the run.
+        boxes
+            A list of objects with kind, x0, y0, x1, y1, px; an empty list states that the photo shows neither rocks nor
+            shadows.
+
+        Raises
+        ------
+        LabelError
+            A box that is not finite, is outside the photo or has no area; or the photo is corrected in a COCO file.
+        PolarsimError
+            The file cannot be written.
+        """
+        kinds, corners = _checked(boxes)
+        with self._lock:
+            path = self._file_of(self._keys[name])
+            names = yolo.class_names(path.parent)
+            if missing := sorted(set(kinds) - set(names)):
+                raise LabelError(f"{', '.join(missing)} is missing", path=path.parent / yolo.CLASS_FILE)
+            yolo.write_boxes(path, np.array([names.index(kind) for kind in kinds], int), corners)
+        return path
+
+    def drop(self, name: str) -> None:
+        """Remove the correction of a photo, so that the photo is labelled as propagated.
+
+        Raises
+        ------
+        LabelError
+            The photo is corrected in a COCO file, which stays as it is.
+        """
+        with self._lock:
+            self._file_of(self._keys[name]).unlink(missing_ok=True)
+
+    def _file_of(self, key: PhotoKey) -> Path:
+        for path in sorted(self.folder.rglob("*.json")):
+            if key in read_coco(path):
+                raise LabelError(f"{key} is corrected here: edit or remove this file first", path=path)
+        return key_files(self.folder).files.get(key, self.folder / f"{key}.txt")
+
+    def _with_rocks(self, key: PhotoKey, annotated: Annotated) -> Boxes:
+        labels = self._run.labels(key.terrain, of_twins=not self._has_photo(key))
+        labels = labels[labels["key"] == str(key)]
+        found: Boxes = []
+        for kind, boxes in ((ROCK, annotated.rocks), (SHADOW, annotated.shadows)):
+            own = labels[labels["kind"] == kind]
+            boxes = np.zeros((0, 4)) if boxes is None else boxes
+            rocks = matched_rocks(boxes, own[EDGES].to_numpy(float), own["rock"].to_numpy(int))
+            for rock, corners in zip(rocks, boxes.round(3), strict=True):
+                found.append({"kind": kind, "rock": int(rock), **dict(zip(EDGES, map(float, corners), strict=True))})
+        return found
+
+    def _has_photo(self, key: PhotoKey) -> bool:
+        return (PHOTO, key) in self._run.pictures
+
+
+def _checked(boxes: object) -> tuple[list[str], np.ndarray]:
+    """Return kinds and corners (n, 4), px, of boxes as a page sends them."""
+    if not isinstance(boxes, list):
+        raise LabelError("expected a list of boxes")
+    kinds, corners = [], []
+    for number, box in enumerate(boxes, 1):
+        if not isinstance(box, dict) or box.get("kind") not in BOX_CLASSES:
+            raise LabelError(f"box {number}: expected an object with kind {' or '.join(BOX_CLASSES)}")
+        for edge, most in _SIZE.items():
+            value = box.get(edge)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
+                raise LabelError(f"box {number}: {edge} is {value!r:.40}, expected a number from 0 to {most}")
+        x0, y0, x1, y1 = (float(box[edge]) for edge in EDGES)
+        if min(x1 - x0, y1 - y0) < MIN_SIDE_PX:
+            raise LabelError(f"box {number} has no area: expected x0 < x1 and y0 < y1")
+        kinds.append(str(box["kind"]))
+        corners.append((x0, y0, x1, y1))
+    return kinds, np.array(corners, float).reshape(-1, 4)
