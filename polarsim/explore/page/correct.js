@@ -51,7 +51,6 @@ export const refresh = soon(async () => {
 
 function tellKept() {
   kept.textContent = corrections.message;
-  kept.title = corrections.token ? `labels.corrections: ${corrections.folder}` : '';
 }
 
 const rockNow = () => (state.rock.startsWith(`${parts(state.key).terrain}.`) ? Number(state.rock.split('.')[1]) : -2);

@@ -27,7 +27,7 @@ export class Corrections {
     if (!this.token) return count ? `${photos} not saved: this page has no server. Download the corrections before you leave` : '';
     if (this.problem) return `${photos} not saved: ${this.problem}`;
     if (count) return 'saving ...';
-    return this.keys.length ? `saved in ${this.folder}` : '';
+    return this.keys.length ? `saved in ${this.folder}: name it as labels.corrections and run again` : '';
   }
 
   /** All boxes of a photo from now on; what was before can be had back. */
