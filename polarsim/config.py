@@ -66,6 +66,10 @@ MOVED = {
 }
 
 
+_FOLDERS = {"corrections", "views"}  # options that name a folder of data
+_DOWNLOADS = {"pretrained_url"}  # where a file that another option names is fetched from
+
+
 class LabelsSection(LabelsOptions):
     """These options are those of the labels stage, and say which label files propagation starts from."""
 
@@ -330,11 +334,43 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self.covers.folds or tuple((terrain,) for terrain in self.terrains)
 
     def digest(self) -> str:
-        """Short name of the whole configuration, for tables."""
-        # Where nothing drives, or no cover photo is tested on, tables know nothing of it; nor of what leaves the run.
-        exclude = {name for name in ("rover", "covers") if not getattr(self, name).run} | {"publish"}
-        content = json.dumps(self.model_dump(mode="json", exclude=exclude), sort_keys=True)
+        """Return a short name of all options that can change a result, for tables.
+
+        Equal data give equal digests wherever they are stored: the digest depends neither on the name of the run, on
+        the folders of its data and the downloads that fill them, nor on sections that the run does not use.
+        """
+        content = json.dumps(_without_places(self.model_dump(exclude=self._without_effect())), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+    def _without_effect(self) -> dict[str, Any]:
+        """Return the options that change no result of this run, in the form of pydantic's `exclude`."""
+        unused = {
+            "analog": self.source.kind != "analog",
+            "detect": not (self.domains or self.covers.run or self.rover.run),
+            "gap": not self.gap.components,
+            "covers": not self.covers.run,
+            "rover": not self.rover.run,
+        }
+        parts: dict[str, Any] = {
+            "source": {"root", "urls", "fetch"},
+            "labels": {"seeds": {"root"}} if isinstance(self.labels.seeds, SeedOptions) else set(),
+            "scoring": {"annotated_root"},
+            "covers": {"publish"},
+            "rover": {"bags": True, "cameras": {"videos"}},
+        }
+        return {"run": True, "publish": True, **parts, **{name: True for name, without in unused.items() if without}}
+
+
+def _without_places(value: Any, key: str = "") -> Any:
+    """Return options as JSON values in which files count by their name and folders by being given."""
+    if isinstance(value, Mapping):
+        return {name: _without_places(part, name) for name, part in value.items() if name not in _DOWNLOADS}
+    if isinstance(value, list | tuple):
+        return [_without_places(part, key) for part in value]
+    if isinstance(value, Path):
+        return "given" if key in _FOLDERS else value.name
+    # A default may be an integer where a file gives a float, and -0.0 is 0.0.
+    return float(value) + 0.0 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def parse_config(content: Mapping[str, Any]) -> Config:
