@@ -4,10 +4,6 @@ from snakemake.utils import min_version
 
 min_version("9.0")
 
-if not workflow.config_settings.configfiles:
-
-    configfile: "config/config.yaml"
-
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/acquire.smk"
@@ -67,6 +63,7 @@ for _rule in workflow.rules:  # one environment for all, with `--sdm conda`; els
 
 
 onstart:
+    store_config(CONFIG, Path("results") / RUN)  # other commands read it; no rule has it for input
     # On one machine no limit of jobs a second. Snakemake 9.27 (JobScheduler._schedule_reevalutation) sets off a timer for
     # it at every look for jobs, each timer brings another look, and after a hundred jobs the looks take a core for
     # themselves. The limiter is no public interface: a version without it needs nothing of this.

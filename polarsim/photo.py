@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 from math import log2
 from typing import Literal
 
@@ -41,9 +42,17 @@ GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the r
 NO_ROCK = -1  # a label or pixel that belongs to no known rock
 FIRST_UNMESHED_ROCK = 901  # rocks that labels know and no mesh shows are numbered from here: meshed ones lie below
 
-_KEY = re.compile(r"(\d\d)_([A-G])_(on|off)_(no|30|180|270|350)_([LR])_(\d{4})")
 _QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
 _ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
+# Fields of a photo key in their order: name -> the texts that it can have, and how a message names them.
+_FIELDS: dict[str, tuple[frozenset[str], str]] = {
+    "terrain": (frozenset(f"{terrain:02d}" for terrain in TERRAINS), "01 to 13"),
+    "position": (frozenset("ABCDEFG"), "A to G"),
+    "light": (frozenset(LIGHTS), "on or off"),
+    "azimuth": (frozenset(AZIMUTHS), "no, 30, 180, 270 or 350"),
+    "camera": (frozenset(CAMERAS), "L or R"),
+    "exposure": (frozenset(f"{2**n:04d}" for n in range(4, 14)), "0016, 0032, 0064 ... 8192"),
+}
 
 
 @dataclass(frozen=True, order=True)
@@ -67,17 +76,22 @@ class PhotoKey:
         Raises
         ------
         LabelError
-            The text is no photo key, or its terrain or exposure cannot be.
+            The text is no photo key, or the terrain has no such position or exposure; each wrong field is named.
         """
-        found = _KEY.fullmatch(text)
-        if not found:
+        fields = text.split("_")
+        if len(fields) != len(_FIELDS):
             raise LabelError(f"{text!r} is no photo key such as 01_A_off_180_L_0256")
-        terrain, position, light, azimuth, camera, exposure = found.groups()
-        if int(terrain) not in TERRAINS:
-            raise LabelError(f"{text!r}: terrain {terrain}, expected 01 to 13")
-        if not is_exposure(int(exposure)):
-            raise LabelError(f"{text!r}: exposure {exposure} ms, expected 16, 32, 64 ... 8192")
-        return cls(int(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
+        wrong = [_wrong_field(name, field) for name, field in zip(_FIELDS, fields, strict=True)]
+        if any(wrong):
+            raise LabelError(f"{text!r} is no photo key: {'; '.join(filter(None, wrong))}")
+        terrain, position, light, azimuth, camera, exposure = fields
+        key = cls(int(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
+        if position not in (there := positions(key.terrain)):
+            raise LabelError(f"{text!r}: position {position}, expected {', '.join(there)} of terrain {terrain}")
+        if key.exposure_ms not in (times := exposures(key.terrain, key.azimuth)):
+            usual = f"{times[0]:04d} to {times[-1]:04d}"
+            raise LabelError(f"{text!r}: exposure {exposure}, expected {usual} of terrain {terrain}, azimuth {azimuth}")
+        return key
 
     @classmethod
     def of_picture(cls, name: str) -> PhotoKey:
@@ -123,6 +137,12 @@ class PhotoKey:
         return replace(self, exposure_ms=exposure_ms)
 
 
+def _wrong_field(name: str, text: str) -> str | None:
+    """Return what is wrong with a field of a photo key; None where it can be."""
+    possible, expected = _FIELDS[name]
+    return None if text in possible else f"{name} {text!r}, expected {expected}"
+
+
 def by_bracket(keys: Iterable[PhotoKey]) -> dict[Bracket, list[PhotoKey]]:
     """Keys by exposure bracket, both in order."""
     found: dict[Bracket, list[PhotoKey]] = {}
@@ -136,11 +156,13 @@ def is_exposure(exposure_ms: int) -> bool:
     return 16 <= exposure_ms <= 8192 and exposure_ms & (exposure_ms - 1) == 0
 
 
+@cache
 def positions(terrain: int) -> tuple[str, ...]:
     """Tripod positions of a terrain."""
     return tuple("ABCDEFG") if terrain == 13 else tuple("ABC")
 
 
+@cache
 def exposures(terrain: int, azimuth: Azimuth) -> tuple[int, ...]:
     """Exposure times in ms of a terrain under one lamp."""
     if azimuth == "no":

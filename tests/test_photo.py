@@ -44,6 +44,11 @@ def test_a_key_is_written_as_in_the_release():
         "04_A_off_30_R_0008",
         "04_A_off_30_R_512",
         "04_A_off_30_R_0512\n",
+        "04_A_off_30_R_٠٥١٢",
+        "04_D_off_30_R_0512",
+        "01_A_off_30_R_2048",
+        "04_A_off_30_R_0016",
+        "04_A_off_30_R_8192",
         "",
         ".DS_Store",
     ],
@@ -52,6 +57,47 @@ def test_names_that_are_no_key_are_refused_by_name(name):
     with pytest.raises(LabelError, match=r"is no photo key|expected") as caught:
         PhotoKey.parse(name)
     assert repr(name) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("3_A_on_350_R_256", ("terrain", "exposure")),
+        ("03_A_on_45_R_0256", ("azimuth",)),
+        ("03_Z_of_350_left_0256", ("position", "light", "camera")),
+        ("03_D_on_350_R_0256", ("position",)),
+        ("03_A_on_350_R_4096", ("exposure",)),
+    ],
+)
+def test_each_wrong_field_of_a_key_is_named_and_no_other(name, wrong):
+    with pytest.raises(LabelError) as caught:
+        PhotoKey.parse(name)
+    told = str(caught.value).partition(repr(name))[2]
+    named = {
+        field for field in ("terrain", "position", "light", "azimuth", "camera", "exposure") if f" {field} " in told
+    }
+    assert set(wrong) <= named <= {*wrong, "terrain", "azimuth"}  # which decide what is possible
+
+
+any_key = st.builds(
+    PhotoKey,
+    terrain=st.integers(1, 13),
+    position=st.sampled_from("ABCDEFG"),
+    light=st.sampled_from(["on", "off"]),
+    azimuth=st.sampled_from(["no", "30", "180", "270", "350"]),
+    camera=st.sampled_from("LR"),
+    exposure_ms=st.integers(3, 14).map(lambda n: 2**n),
+)
+
+
+@given(any_key)
+def test_a_key_is_accepted_where_its_terrain_has_the_position_and_the_exposure(key):
+    possible = key.position in positions(key.terrain) and key.exposure_ms in exposures(key.terrain, key.azimuth)
+    if possible:
+        assert PhotoKey.parse(str(key)) == key
+    else:
+        with pytest.raises(LabelError):
+            PhotoKey.parse(str(key))
 
 
 def test_exposures_double_from_16_to_8192_ms():
@@ -77,4 +123,4 @@ def test_parts_of_a_key_name_station_view_and_bracket():
 
 @pytest.mark.parametrize(("exposure_ms", "stops"), [(64, 2), (256, 0), (2048, 3)])
 def test_stops_count_doublings_from_the_usual_exposure(exposure_ms, stops):
-    assert PhotoKey.parse(f"01_A_off_180_L_{exposure_ms:04d}").stops_off_usual == stops
+    assert PhotoKey.parse(f"03_A_off_180_L_{exposure_ms:04d}").stops_off_usual == stops

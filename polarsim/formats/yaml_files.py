@@ -126,19 +126,67 @@ def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
 
 
 def describe_error(error: ValidationError, whole: str) -> str:
-    """All problems in one line; those of no single key are the `whole`'s."""
-    return "; ".join(
-        f"{'.'.join(str(part) for part in problem['loc']) or whole}{_reason(problem)}" for problem in error.errors()
-    )
+    """Describe all problems in one line; those of no single key are the `whole`'s."""
+    problems: dict[tuple[str, ...], list[Any]] = {}
+    for problem in error.errors():
+        problems.setdefault(_key(problem["loc"]), []).append(problem)
+    # Where a part is wrong, pydantic also complains of the list that lacks it, or of a form that the whole could have.
+    outer = {key[:length] for key in problems for length in range(len(key))}
+    return "; ".join(f"{'.'.join(key) or whole}{_reason(found)}" for key, found in problems.items() if key not in outer)
 
 
-def _reason(problem: Any) -> str:
+def _key(location: tuple[int | str, ...]) -> tuple[str, ...]:
+    """Return a key as a file has it: without the types that pydantic tried."""
+    tried = {"int", "float", "str", "bool", *_names_below(BaseModel)}
+    return tuple(str(part) for part in location if part not in tried and "[" not in str(part))
+
+
+def _names_below(kind: type) -> set[str]:
+    subclasses: list[type] = kind.__subclasses__()
+    return {name for below in subclasses for name in (below.__name__, *_names_below(below))}
+
+
+def _reason(problems: list[Any]) -> str:
+    """Return what is wrong with one key: each problem is a form that its value could have and has not."""
+    problem = problems[0]
     known = {"extra_forbidden": ": unknown key", "missing": ": missing", "union_tag_not_found": ".kind: missing"}
     if problem["type"] in known:
         return known[problem["type"]]
     found = problem.get("input")
-    text = problem["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    text = problem["msg"].removeprefix("Value error, ")
     ours = problem["type"] == "value_error"  # such a text may say already what was found
-    if isinstance(found, (dict, BaseModel)) or (ours and str(found) in text):
+    if not ours:
+        first, *others = dict.fromkeys(map(_expected, problems))
+        text = " or ".join([first, *(other.removeprefix("should be ") for other in others)])
+    if isinstance(found, BaseModel | dict) or (ours and str(found) in text):
         return f": {text}"
     return f": {text}, found {found!r}"
+
+
+def _expected(problem: Any) -> str:
+    """Return what a value should be, in the words of a configuration file."""
+    kind, context = problem["type"], problem.get("ctx", {})
+    form = next((form for start, form in _FORMS.items() if kind.startswith(start)), None)
+    if form:
+        return f"should be {form}"
+    if kind in ("too_short", "too_long"):
+        least, length = kind == "too_short", context["min_length" if kind == "too_short" else "max_length"]
+        return f"should have at {'least' if least else 'most'} {length} {'entry' if length == 1 else 'entries'}"
+    if kind == "string_pattern_mismatch":
+        return f"should match {context['pattern']}"
+    return str(problem["msg"]).removeprefix("Input ")
+
+
+_FORMS = {  # beginning of pydantic's name of a problem -> what was expected
+    "int_": "a whole number",
+    "float_": "a number",
+    "bool_": "true or false",
+    "string_type": "text (quote it)",
+    "path_type": "a path",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "set_type": "a list",
+    "dict_type": "a section of keys",
+    "model_type": "a section of keys",
+    "model_attributes_type": "a section of keys",
+}

@@ -13,17 +13,14 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import yaml
-
-from polarsim.config import Config, parse_config
+from polarsim.config import Config
 from polarsim.errors import ConfigError, PolarsimError
-from polarsim.formats.files import packaged, write_text
-from polarsim.formats.yaml_files import parse_yaml, read_yaml
+from polarsim.formats.files import write_text
+from polarsim.run_config import read_configs, store_config
 from polarsim.running import cluster, disk, processes
 from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
@@ -62,22 +59,8 @@ class Call:
         return [*self.targets, *cores, *_FIXED, *latency, *files, *settings, *self.rest]
 
     def config(self) -> Config:
-        """The configuration as Snakemake puts it together."""
-        content: dict[str, Any] = {}
-        for path in self.configfiles or (Path("config/config.yaml"),):
-            part = read_yaml(packaged(path))
-            if not isinstance(part, Mapping):
-                raise ConfigError("no keys, a configuration was expected", path=path)
-            _lay_over(content, part)
-        for setting in self.settings:
-            key, equals, text = setting.partition("=")
-            if not key or not equals:
-                raise ConfigError(f"--config {setting!r}: expected KEY=VALUE")
-            try:
-                _lay_over(content, {key: parse_yaml(text)})
-            except yaml.YAMLError as error:
-                raise ConfigError(f"--config {key}: {text!r} is no YAML value") from error
-        return parse_config(content)
+        """Return the configuration as Snakemake puts it together."""
+        return read_configs(self.configfiles, self.settings)
 
 
 def run(call: Call, min_free_bytes: int | None = None) -> int:
@@ -114,7 +97,10 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
         needed = disk.needed_bytes(config, whole, places) if min_free_bytes is None else min_free_bytes
         for place in made:
             disk.refuse_full(place, needed)
-        return _run_owned(folder, call, made)
+        code = _run_owned(folder, call, made)
+    if code == 0:  # the workflow stores it when it starts jobs: here for a run that was complete before
+        store_config(config, made[0])
+    return code
 
 
 def _tidy(folder: Path, made: Sequence[Path], places: Sequence[Path]) -> None:
@@ -260,14 +246,6 @@ def _missing(call: Call) -> list[str]:
         f"{part}: {gone[part]} of {gone[part] + there[part]} files are missing" if gone[part] else f"{part}: complete"
         for part in sorted({*there, *gone})
     ]
-
-
-def _lay_over(content: dict[str, Any], other: Mapping[str, Any]) -> None:
-    for key, value in other.items():
-        if isinstance(value, Mapping) and isinstance(content.get(key), dict):
-            _lay_over(content[key], value)
-        else:
-            content[key] = dict(value) if isinstance(value, Mapping) else value
 
 
 def _say(line: str) -> None:

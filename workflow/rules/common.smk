@@ -10,7 +10,6 @@ from pathlib import Path
 
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import describe_seeds
-from polarsim.config import parse_config
 from polarsim.covers.options import CARVED
 from polarsim.detect.options import PACKAGED
 from polarsim.digest import script_digest
@@ -28,16 +27,28 @@ from polarsim.grid import selected_grid
 from polarsim.photo import USUAL_EXPOSURE_MS, WIDTH
 from polarsim.photo import positions as positions_of_terrain
 from polarsim.publish.options import FORM_NAMES
+from polarsim.run_config import base_of, check_config, store_config
 from polarsim.running.inputs import check_paths
+
+CONFIG_FILES = workflow.config_settings.configfiles
+try:
+    BASE_FILES = base_of(CONFIG_FILES)
+except PolarsimError as error:
+    sys.exit(f"error: {error}")
+
+if BASE_FILES:  # overlays only, or no file: they are applied to the demo's configuration
+
+    configfile: "config/config.yaml"
+
 
 try:
     for _file in workflow.configfiles:  # Snakemake's reader accepts repeated keys and octal numbers, ours does not
         read_yaml(_file)
-    CONFIG = parse_config(config)
+    CONFIG = check_config(config, [*BASE_FILES, *CONFIG_FILES], workflow.config_settings.config)
     if workflow.is_main_process:  # jobs need not check again
         check_paths(CONFIG)
 except PolarsimError as error:
-    sys.exit(f"error: configuration: {error}")
+    sys.exit(f"error: {error}")
 
 RUN = CONFIG.run
 KIND = CONFIG.source.kind

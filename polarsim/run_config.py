@@ -1,0 +1,190 @@
+"""Configuration files: overlays merged into one configuration, and the configuration that each run stores."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from polarsim.config import Config, parse_config
+from polarsim.errors import ConfigError
+from polarsim.formats.files import packaged, write_text
+from polarsim.formats.yaml_files import parse_yaml, read_yaml
+
+BASE = Path("config/config.yaml")  # the configuration that overlays are applied to
+STORED = "config.yaml"  # in the folder of a run
+_HEADER = "# The configuration of this run's last call, with all overlays and --config. Written by the workflow.\n"
+_SETTINGS = "--config"
+
+
+def base_of(files: Iterable[Path]) -> list[Path]:
+    """Return the file that these files are applied to: `BASE`, or none where one of the files defines `source`.
+
+    Raises
+    ------
+    ConfigError
+        A file is no configuration.
+    """
+    return [] if any("source" in _mapping(path) for path in files) else [BASE]
+
+
+def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
+    """Read the configuration that files and settings make together; later ones win.
+
+    Parameters
+    ----------
+    files
+        Configuration files and overlays; without a `source` they are applied to `BASE`.
+    settings
+        Texts `KEY=VALUE` with the value in YAML, as of `--config`.
+
+    Raises
+    ------
+    ConfigError
+        A file or setting cannot be read, or as `check_config`.
+    """
+    chosen = [*base_of(files), *files]
+    content: dict[str, Any] = {}
+    set_by_hand: dict[str, Any] = {}
+    for setting in settings:
+        _merge(set_by_hand, _parsed_setting(setting))
+    for part in (*map(_mapping, chosen), set_by_hand):
+        _merge(content, part)
+    return check_config(content, chosen, set_by_hand)
+
+
+def check_config(
+    content: Mapping[str, Any], files: Iterable[Path], settings: Mapping[str, Any] | None = None
+) -> Config:
+    """Check the configuration that was merged of files and of the settings of `--config`.
+
+    Raises
+    ------
+    ConfigError
+        As `parse_config`; names the files that hold the wrong keys, or all files where no single key is wrong.
+    """
+    try:
+        return parse_config(content)
+    except ConfigError as error:
+        parts = [(_shown(path), _mapping(path)) for path in files] + ([(_SETTINGS, settings)] if settings else [])
+        names = _holders(error, parts)
+        if len(names) == 1:
+            error.path = Path(names[0])
+        else:
+            error.reason = f"{', '.join(names)}: {error.reason}"
+        raise
+
+
+def store_config(config: Config, run: Path) -> None:
+    """Store the configuration of a run in its folder; an equal file stays as it is."""
+    content = config.model_dump(mode="json", exclude_unset=True)
+    text = _HEADER + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000)
+    path = run / STORED
+    if not path.is_file() or path.read_bytes() != text.encode():
+        write_text(path, text)
+
+
+def config_of_run(run: Path, files: Sequence[Path] = ()) -> Config:
+    """Return the configuration of a run: that of these files, else the stored one.
+
+    Paths of a stored configuration are found from any working folder.
+
+    Parameters
+    ----------
+    run
+        Folder of the run; its name is the run's.
+    files
+        Configuration files that replace the stored configuration.
+
+    Raises
+    ------
+    ConfigError
+        The configuration is of another run, or none is stored, or it is broken.
+    """
+    stored = run / STORED
+    if files:
+        config = read_configs(files)
+    elif stored.is_file():
+        config = _located(check_config(_mapping(stored), [stored]), run.absolute().parent.parent)
+    else:
+        raise ConfigError(
+            "this run has no stored configuration: name its files with --configfile, or repeat its `polarsim run`, "
+            "which stores it",
+            path=stored,
+        )
+    if config.run != run.absolute().name:
+        names = ", ".join(map(_shown, files or [stored]))
+        raise ConfigError(f"{names}: the configuration of run {config.run!r}, expected that of run {run.name!r}")
+    return config
+
+
+def _located(part: Any, folder: Path) -> Any:
+    """Return options whose relative paths, which count from a folder, are found from the working folder."""
+    if isinstance(part, BaseModel):
+        found = {name: _located(getattr(part, name), folder) for name in type(part).model_fields}
+        return part.model_copy(update={name: value for name, value in found.items() if value != getattr(part, name)})
+    if isinstance(part, dict):
+        return {key: _located(value, folder) for key, value in part.items()}
+    if isinstance(part, tuple):
+        return tuple(_located(value, folder) for value in part)
+    if isinstance(part, Path) and folder != Path.cwd() and (folder / part).exists():
+        return folder / part
+    return part
+
+
+def _shown(path: Path) -> str:
+    """Return a path as a message names it: from the working folder where it is below it."""
+    return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _mapping(path: Path) -> Mapping[str, Any]:
+    content = read_yaml(packaged(path))
+    if not isinstance(content, Mapping):
+        raise ConfigError("no keys, a configuration was expected", path=path)
+    return content
+
+
+def _parsed_setting(setting: str) -> dict[str, Any]:
+    key, equals, text = setting.partition("=")
+    if not key or not equals:
+        raise ConfigError(f"{_SETTINGS} {setting!r}: expected KEY=VALUE")
+    try:
+        return {key: parse_yaml(text)}
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{_SETTINGS} {key}: {text!r} is no YAML value") from error
+
+
+def _merge(content: dict[str, Any], other: Mapping[str, Any]) -> None:
+    for key, value in other.items():
+        if isinstance(value, Mapping):
+            inner = content.get(key)
+            content[key] = inner = dict(inner) if isinstance(inner, Mapping) else {}
+            _merge(inner, value)
+        else:
+            content[key] = value
+
+
+def _holders(error: ConfigError, parts: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """Return the names of the parts that hold the keys of an error; all where an error has no key."""
+    cause = error.__cause__
+    problems = cause.errors() if isinstance(cause, ValidationError) else []
+    found = set()
+    for problem in problems:
+        depths = [_depth(content, problem["loc"]) for _, content in parts]
+        if not any(depths) or problem["type"] == "missing":
+            return [name for name, _ in parts]
+        found.add(max(number for number, depth in enumerate(depths) if depth == max(depths)))
+    return [parts[number][0] for number in sorted(found)] or [name for name, _ in parts]
+
+
+def _depth(content: Any, key: Sequence[int | str]) -> int:
+    """Return how many parts of a key lead to a value."""
+    for number, part in enumerate(key):
+        try:
+            content = content[part]
+        except (KeyError, IndexError, TypeError):
+            return number
+    return len(key)
