@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -23,6 +24,11 @@ app = typer.Typer(
 JsonFile = Annotated[
     Path | None, typer.Option("--json", callback=writes_file(), help="Write the whole report to this JSON file.")
 ]
+CONFIG_HELP = (
+    "Configuration file or overlay; may be repeated: later files win, and without a `source` they are applied to "
+    "config/config.yaml."
+)
+ConfigFiles = Annotated[list[Path] | None, typer.Option("--configfile", help=CONFIG_HELP)]
 Results = Annotated[Path, typer.Option(help="Folder of results.")]
 
 
@@ -40,6 +46,21 @@ def commands_of(panel: str) -> Callable[..., Any]:
 def listed(text: str) -> list[str]:
     """What an option names with commas between."""
     return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def core_count(text: str | int) -> int:
+    """Read a number of processor cores; `all`: those that this process may use.
+
+    Raises
+    ------
+    typer.BadParameter
+        Neither.
+    """
+    if text == "all":
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not str(text).isdecimal() or int(text) < 1:
+        raise typer.BadParameter(f"{text!r}, expected 1 or more, or all")
+    return int(text)
 
 
 def _print_version(asked: bool) -> None:

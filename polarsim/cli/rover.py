@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from polarsim.arguments import writes_folder
-from polarsim.cli.application import commands_of
+from polarsim.arguments import run_and_config, writes_folder
+from polarsim.cli.application import CONFIG_HELP, commands_of
 from polarsim.reporting import reporting
 
 command = commands_of("Rover")
@@ -16,7 +16,10 @@ command = commands_of("Rover")
 
 @command()
 def drive(
-    config: Annotated[Path, typer.Option(help="Configuration with a section `rover`.")] = Path("config/rover.yaml"),
+    run: Annotated[
+        str | None, typer.Argument(help="Name of the run, below results/; default: that of --configfile, else demo.")
+    ] = None,
+    configfile: Annotated[list[Path] | None, typer.Option("--configfile", "--config", help=CONFIG_HELP)] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Which drive; default is the configuration's first.")] = None,
     pictures: Annotated[bool, typer.Option(help="Take pictures, and run a detector on them on board.")] = True,
     results: Annotated[Path, typer.Option(help="Folder of results, with the run's meshes.")] = Path("results"),
@@ -24,27 +27,33 @@ def drive(
         Path | None,
         typer.Option(callback=writes_folder, help="Folder to write; default results/<run>/rover/seed<N>."),
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads of the renderer; they change no byte.")] = 1,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the renderer. Does not affect the output.")] = 1,
 ) -> None:
     """Drive over a run's terrains once, without Snakemake: physics, pictures, what a detector sees, an MCAP bag, a
     URDF.
 
+    The configuration is the run's stored one, unless --configfile names another, such as config/rover.yaml.
     A stopped drive goes on from its last saved state, pictures from the last one that was written.
     """
-    from polarsim.config import read_config
+    from polarsim.errors import ConfigError
     from polarsim.progress import share_bar
     from polarsim.rover.run import run_all
+    from polarsim.run_config import STORED
 
-    chosen = read_config(config)
+    run_folder, chosen = run_and_config(results, run, configfile or ())
     rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
-    run = results / chosen.run
-    folder = out or run / f"rover/seed{number}"
+    if not configfile and not rover.run:
+        raise ConfigError(
+            "this run drives no rover (rover.run): name a configuration with --configfile, such as config/rover.yaml",
+            path=run_folder / STORED,
+        )
+    folder = out or run_folder / f"rover/seed{number}"
     with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
         figures = run_all(
-            meshes=run / "meshes",
+            meshes=run_folder / "meshes",
             folder=folder,
             options=rover,
-            suite=chosen.cameras_on_board(run),
+            suite=chosen.cameras_on_board(run_folder),
             seed=number,
             progress=progress,
             pictures=pictures,

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from polarsim.arguments import STOPPED, refuse_existing_folder, run_folder, writes_file, writes_folder
-from polarsim.cli.application import Results, commands_of
+from polarsim.arguments import STOPPED, refuse_existing_folder, run_and_config, run_folder, writes_file, writes_folder
+from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count
 from polarsim.errors import PolarsimError
 
 command = commands_of("Runs of the pipeline")
@@ -20,20 +20,18 @@ def run(
     targets: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Stages (labels, render, tables ...) or files; default: all. Options that are not listed here go to "
-            "snakemake, after the targets."
+            help="Stages (acquire, cameras, rocks, labels, render, detect, tables, geometry, gap, real, rover, "
+            "rover_autonomy, publish) or files; default: all. Options that are not listed here go to snakemake."
         ),
     ] = None,
-    configfile: Annotated[
-        list[Path] | None,
-        typer.Option(help="Configuration; may be repeated, later ones are laid over. Default: config/config.yaml."),
-    ] = None,
+    configfile: ConfigFiles = None,
     config: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY=VALUE", help="A key of the configuration, the value as in YAML; may be repeated."),
     ] = None,
     cores: Annotated[
-        int | None, typer.Option(min=1, help="Processor cores; default: 2, or what --profile says.")
+        int | None,
+        typer.Option(parser=core_count, metavar="N|all", help="Processor cores; default: 2, or those of --profile."),
     ] = None,
     min_free: Annotated[
         float | None, typer.Option(min=0, help="Free space to start with, GB; default: an estimate of the run.")
@@ -41,32 +39,39 @@ def run(
 ) -> None:
     """Run the workflow in this folder. The same command goes on where a run was stopped, killed, or out of disk.
 
-    Exit code 0: all is there; 1: a job failed, or the run cannot start; 2: a call that cannot be; 130: stopped.
+    Exit code 0: all is there; 1: a job failed, or the run cannot start; 2: usage error; 130: stopped.
     """
     from polarsim.running.run import Call
     from polarsim.running.run import run as supervise
+    from polarsim.running.targets import CallError
 
     words = targets or []
     asked = next((number for number, word in enumerate(words) if word.startswith("-")), len(words))
-    if wrong := [word for word in words[:asked] if "=" in word]:
-        raise typer.BadParameter(f"{wrong[0]!r} is no target: expected --config {wrong[0]}")
     call = Call(tuple(words[:asked]), tuple(configfile or ()), tuple(config or ()), cores, tuple(words[asked:]))
-    if code := supervise(call, None if min_free is None else round(1e9 * min_free)):
+    try:
+        code = supervise(call, None if min_free is None else round(1e9 * min_free))
+    except CallError as error:
+        raise typer.BadParameter(str(error)) from error
+    if code:
         raise typer.Exit(code)
 
 
 @command()
 def report(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
-    configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
-    cores: Annotated[int, typer.Option(min=1, help="Processor cores.")] = 1,
+    configfile: ConfigFiles = None,
+    cores: Annotated[
+        int, typer.Option(parser=core_count, metavar="N|all", help="Processor cores.", show_default="1")
+    ] = 1,
 ) -> None:
     """Make results/<run>/report.html, Snakemake's own, where a table or figure is newer than it, and print where
     everything lies: the tables, that report, and last results.html, the page to open first.
-    """
-    import subprocess
 
+    The configuration is that of the run's last call, results/<run>/config.yaml, unless --configfile names another.
+    """
     from polarsim.formats.files import writing
+    from polarsim.run_config import STORED, config_of_run
+    from polarsim.running.report import warn_of_other_configurations, write_report
 
     folder = run_folder(Path("results"), run)
     parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
@@ -75,15 +80,13 @@ def report(
     page = folder / "report.html"
     if not Path("Snakefile").exists():
         raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
+    config = config_of_run(folder, configfile or ())
+    warn_of_other_configurations([path for path in parts if path.suffix == ".csv"], config.digest())
     if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
+        writes_file()(page)
+        writes_folder(Path(".snakemake"))
         with writing(page) as temporary:
-            command = [
-                *(sys.executable, "-m", "snakemake", "--cores", str(cores)),
-                *("--configfile", str(configfile), "--report", str(temporary)),
-            ]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode:
-                raise PolarsimError(f"snakemake --report failed: {' '.join(done.stderr.split())[-500:]}", path=page)
+            write_report(folder, configfile or [folder / STORED], temporary, cores)
     first = folder / "results.html"
     for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
         typer.echo(str(path))
@@ -157,27 +160,29 @@ def explore(
 @command()
 def undo(
     drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo of a seed or of a correction.")],
-    configfile: Annotated[Path, typer.Option(help="Configuration of the run.")] = Path("config/config.yaml"),
-    run: Annotated[str | None, typer.Option(help="Name of the run; default is the configuration's.")] = None,
+    configfile: ConfigFiles = None,
+    run: Annotated[str | None, typer.Option(help="Name of the run; default: that of --configfile, else demo.")] = None,
     results: Results = Path("results"),
 ) -> None:
     """Show what followed from one drawing, a seed or a correction, and how it is taken back.
 
     Labels of its terrain are propagated with and without it; results/<run>/labels/undone/KEY.parquet has what differs,
-    which `polarsim explore` shows.
+    which `polarsim explore` shows. The configuration is the run's stored one, unless --configfile names another.
     """
-    from polarsim.config import read_config
     from polarsim.errors import LabelError
     from polarsim.grid import selected_grid
     from polarsim.labels.seeds import read_corrections
     from polarsim.labels.undo import what_followed
     from polarsim.photo import PhotoKey, positions
 
-    key, config = PhotoKey.parse(drawing), read_config(configfile)
-    folder, terrain = run_folder(results, run or config.run), f"Terrain{key.terrain:02d}"
+    key = PhotoKey.parse(drawing)
+    folder, config = run_and_config(results, run, configfile or ())
+    terrain = f"Terrain{key.terrain:02d}"
     seeds = folder / "acquire" / terrain / "seeds"
     if not (seeds / f"{key}.txt").exists() and key not in read_corrections(config.labels.corrections, key.terrain):
         raise LabelError(f"no seed and no correction of {key}", path=seeds)
+    out = folder / "labels" / "undone" / f"{key}.parquet"
+    writes_file()(out)
     here = [position for position in config.positions if position in positions(key.terrain)]
     found = what_followed(
         drawing=key,
@@ -188,14 +193,14 @@ def undo(
         cameras=folder / "cameras" / terrain,
         meshes=folder / "meshes" / terrain,
         options=config.labels,
-        out=folder / "labels" / "undone" / f"{key}.parquet",
+        out=out,
     )
     changes = found.groupby(["kind", "change"]).agg(labels=("key", "size"), photos=("key", "nunique"))
     for row in changes.reset_index().to_dict("records"):
         typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
     typer.echo(
-        f"{found['key'].nunique()} photos follow from {key}. Taken back it is by these lines in the configuration, and "
-        f"snakemake:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
+        f"{found['key'].nunique()} photos follow from {key}. To exclude it, put this key into the configuration of the "
+        f"run and repeat `polarsim run`:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
     )
 
 

@@ -12,6 +12,7 @@ LOGS = ".snakemake/log"
 _BLOCK = re.compile(r"^( *)(?:(?:local)?(?:rule|checkpoint)|(Error in rule)) (\w+):$")
 _FIELD = re.compile(r"^( +)(\w+): (.*)$")
 _IN_FAILED_GROUP = 8
+_STOPPED = "INFO stopped: "  # as `reporting` writes an error into the log of a job
 _FINISHED = re.compile(r"^Finished jobid: (\d+)")
 
 
@@ -33,17 +34,22 @@ class Job:
         found = re.search(r"terrain=(\d\d)", self.wildcards) or re.search(r"Terrain(\d\d)", " ".join(self.outputs))
         return f"Terrain{found[1]}" if found else ""
 
+    def error(self, folder: Path) -> str | None:
+        """Return the error in the job's log; None where the job did not end by itself."""
+        found = [line.removeprefix(_STOPPED) for line in self._lines(folder) if line.startswith(_STOPPED)]
+        return found[-1] if found else None
+
     def reason(self, folder: Path) -> str:
-        """The error in the job's log, or the last line that it wrote."""
+        """Return the error in the job's log, or the last line that the job wrote."""
+        said = self._lines(folder)
+        return self.error(folder) or f"it was killed or broke off{f' after: {said[-1]}' if said else ''}"
+
+    def _lines(self, folder: Path) -> list[str]:
         try:
             lines = (folder / self.log).read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError:
-            lines = []
-        said = [line.strip() for line in lines if line.strip()]
-        stopped = [line.removeprefix("INFO stopped: ") for line in said if line.startswith("INFO stopped: ")]
-        return (stopped or [f"it was killed or broke off after: {said[-1]}" if said else "it was killed or broke off"])[
-            -1
-        ]
+            return []
+        return [line.strip() for line in lines if line.strip()]
 
 
 def read_jobs(lines: Iterable[str]) -> list[Job]:

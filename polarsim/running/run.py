@@ -24,6 +24,7 @@ from polarsim.run_config import read_configs, store_config
 from polarsim.running import cluster, disk, processes
 from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
+from polarsim.running.targets import refuse_unknown, targets_of
 
 STOPPED = 130
 UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of jobs that were started and did not end
@@ -51,12 +52,15 @@ class Call:
 
         A profile's own wait for files stands: nodes of a cluster see each other's later than one machine does.
         """
-        files = ["--configfile", *map(str, self.configfiles)] if self.configfiles else []
-        settings = ["--config", *self.settings] if self.settings else []
         profiled = any(word.partition("=")[0] == "--profile" for word in self.rest)
         cores = [] if profiled and self.cores is None else ["--cores", str(self.cores or 2)]
         latency = () if profiled else _LATENCY
-        return [*self.targets, *cores, *_FIXED, *latency, *files, *settings, *self.rest]
+        return [*self.targets, *cores, *_FIXED, *latency, *self.configured(), *self.rest]
+
+    def configured(self) -> list[str]:
+        """Return the words that name the configuration."""
+        files = ["--configfile", *map(str, self.configfiles)] if self.configfiles else []
+        return [*files, *(["--config", *self.settings] if self.settings else [])]
 
     def config(self) -> Config:
         """Return the configuration as Snakemake puts it together."""
@@ -73,6 +77,8 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
 
     Raises
     ------
+    CallError
+        The words are no call of Snakemake, or no rule makes a target.
     PolarsimError
         The run cannot start: no room, no permission, another one at work here, an impossible configuration.
     """
@@ -81,8 +87,10 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
         raise PolarsimError("no Snakefile here: start in the clone", path=folder)
     if refused := _REFUSED.intersection(call.rest):
         raise ConfigError(f"{sorted(refused)[0]}: polarsim run never does that")
+    targets = targets_of(call.targets, call.rest)
     config = call.config()
     check_paths(config)
+    refuse_unknown(folder, config.run, targets, call.configured())
     if _DRY.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
     root = Path(config.source.root)
@@ -93,7 +101,7 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
     (folder / ".snakemake").mkdir(exist_ok=True)
     with processes.owned(folder):
         _tidy(folder, made, (*places, Path("config")))
-        whole = not call.targets
+        whole = not targets
         needed = disk.needed_bytes(config, whole, places) if min_free_bytes is None else min_free_bytes
         for place in made:
             disk.refuse_full(place, needed)
@@ -208,13 +216,17 @@ def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[Job]) -> None:
 
 def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: int, stopped: bool) -> None:
     """Say what was made, what failed, why, and how to go on; kept in the run's folder while something is missing."""
-    made, failed = [job for job in jobs if job.finished], [job for job in jobs if job.failed]
+    made = [job for job in jobs if job.finished]
+    failed = [job for job in jobs if job.failed and not (stopped and job.error(folder) is None)]
     page = results / MISSING
     if code == 0:
         page.unlink(missing_ok=True)
         _say(f"{len(made)} jobs done, all that was asked for is there")
         return
-    lines = [f"{len(made)} jobs done, {len(failed)} failed"]
+    if not jobs and code > 0 and not stopped:
+        _say("no job was started, for the reason that snakemake gives above")
+        return
+    lines = [f"{len(made)} jobs done, {'stopped' if stopped else f'{len(failed)} failed'}"]
     lines += [f"{_named(job)} failed: {job.reason(folder)}  (log: {job.log})" for job in failed]
     if code < 0 and not stopped:
         lines.append(f"snakemake was killed by signal {-code}")
