@@ -15,11 +15,11 @@ from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import coco, png, release, yolo
 from polarsim.formats.files import write_json, write_text, writing_folder
-from polarsim.formats.run_files import pictures_of
+from polarsim.formats.run_files import pictures_of, refuse_unknown_domain
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
-from polarsim.photo import BOX_CLASSES, HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, SHADOW, TERRAINS, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
 
 TOOLS = ("labelimg", "cvat", "label-studio")
@@ -90,8 +90,13 @@ def opening(folder: Path, tool: str) -> str:
 
 def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> dict[PhotoKey, Path]:
     """Pictures of the photos that the run labelled, in the order of keys."""
+    refuse_unknown_domain(run, domain)
+    there = [int(folder.name[-2:]) for folder in sorted((run / "labels" / "boxes").glob("Terrain[0-9][0-9]"))]
+    if unknown := [str(terrain) for terrain in terrains if terrain not in there]:
+        known = ", ".join(map(str, there)) or "none"
+        raise LabelError(f"no labels of terrain {', '.join(unknown)}; terrains with labels: {known}", path=run)
     chosen = {}
-    for terrain in terrains or TERRAINS:
+    for terrain in terrains or there:
         labelled = release.key_files(run / "labels" / "boxes" / f"Terrain{terrain:02d}").files
         wanted = [key for key in labelled if fnmatchcase(str(key), pattern)]
         if wanted:
@@ -99,7 +104,9 @@ def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> di
             chosen.update({key: pictures[key] for key in wanted if key in pictures})
     if not chosen:
         raise LabelError(
-            f"no labelled {domain} picture of a key like {pattern}; models are in {run / 'renders'}", path=run
+            f"no labelled picture of a key like {pattern} in domain {domain}, terrains "
+            f"{', '.join(map(str, terrains or there)) or 'none'}",
+            path=run,
         )
     return chosen
 

@@ -35,7 +35,7 @@ def drive(
     The configuration is the run's stored one, unless --configfile names another, such as config/rover.yaml.
     A stopped drive goes on from its last saved state, pictures from the last one that was written.
     """
-    from polarsim.errors import ConfigError
+    from polarsim.errors import ConfigError, PolarsimError
     from polarsim.progress import share_bar
     from polarsim.rover.run import run_all
     from polarsim.run_config import STORED
@@ -47,10 +47,12 @@ def drive(
             "this run drives no rover (rover.run): name a configuration with --configfile, such as config/rover.yaml",
             path=run_folder / STORED,
         )
+    if not (meshes := run_folder / "meshes").is_dir():
+        raise PolarsimError("this run has no meshes; polarsim run makes them", path=meshes)
     folder = out or run_folder / f"rover/seed{number}"
     with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
         figures = run_all(
-            meshes=run_folder / "meshes",
+            meshes=meshes,
             folder=folder,
             options=rover,
             suite=chosen.cameras_on_board(run_folder),

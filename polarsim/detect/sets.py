@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.detect.bootstrap import Unit
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.ipd import Rules, Treatment, instance_performance, instance_performance_difference
-from polarsim.errors import DetectError, LabelError
+from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import tables, yolo
 from polarsim.geometry import boxes
 from polarsim.photo import NO_ROCK, PhotoKey
@@ -96,6 +96,7 @@ def compare_sets(
 
 def read_labels(path: Path) -> pd.DataFrame:
     """key, kind, rock (-1: not known), x0, y0, x1, y1 of a YOLO folder or a table."""
+    _refuse_missing(path)
     if path.is_dir():
         return _read_folder(path)[["key", "kind", *BOX_COLUMNS]].assign(rock=NO_ROCK)
     table = tables.read_parquet(path, ("key", "kind", *BOX_COLUMNS))
@@ -104,6 +105,7 @@ def read_labels(path: Path) -> pd.DataFrame:
 
 def read_predictions(path: Path) -> pd.DataFrame:
     """key, kind, confidence, x0, y0, x1, y1 of a YOLO folder or a table."""
+    _refuse_missing(path)
     if not path.is_dir():
         return tables.read_parquet(path, ("key", "kind", "confidence", *BOX_COLUMNS))
     table = _read_folder(path)
@@ -111,6 +113,11 @@ def read_predictions(path: Path) -> pd.DataFrame:
         key = table.loc[table["confidence"].isna(), "key"].iloc[0]
         raise DetectError("a prediction has 6 fields: class x y width height confidence", path=path / f"{key}.txt")
     return table
+
+
+def _refuse_missing(path: Path) -> None:
+    if not path.exists():
+        raise FormatError("no such folder of YOLO files, and no such table", path=path)
 
 
 def _looked_at(path: Path, found: pd.DataFrame) -> set[str]:

@@ -12,9 +12,10 @@ import pandas as pd
 
 from polarsim.errors import ConfigError
 from polarsim.explore.pictures import jpeg
-from polarsim.explore.run import PHOTO, Run
+from polarsim.explore.run import Run
 from polarsim.explore.tables import EDGES, picture_table, shown_predictions
 from polarsim.formats.files import write_bytes, write_json, writing_folder
+from polarsim.formats.run_files import PHOTO, refuse_unknown_domain
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.progress import track
 
@@ -37,6 +38,8 @@ def write_fiftyone(
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
+    for domain in domains:
+        refuse_unknown_domain(run.folder, domain)
     table = picture_table(run)
     fits = table["key"].map(lambda key: fnmatchcase(key, pattern))
     rows = table[fits & (table["domain"].isin(domains) if domains else True)].to_dict("records")

@@ -13,12 +13,12 @@ import pandas as pd
 from polarsim.errors import ConfigError
 from polarsim.explore.outlines import of_photos
 from polarsim.explore.pictures import jpeg
-from polarsim.explore.run import PHOTO, Run
+from polarsim.explore.run import Run
 from polarsim.explore.tables import EDGES
 from polarsim.explore.terrain import thinned_terrain
 from polarsim.formats import lamps, rigs
 from polarsim.formats.files import writing
-from polarsim.formats.run_files import polygons_of
+from polarsim.formats.run_files import PHOTO, polygons_of
 from polarsim.geometry.camera import Camera
 from polarsim.photo import CAMERAS, COLOURS, NO_ROCK, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey, by_bracket
 

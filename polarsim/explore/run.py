@@ -10,13 +10,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import ConfigError
-from polarsim.formats.run_files import pictures_of
+from polarsim.formats.run_files import PHOTO, models_of, pictures_of
 from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_csv, read_parquet
 from polarsim.photo import TERRAINS, PhotoKey
-
-PHOTO = "photo"  # the domain of photos; all others are models of twins
-_NO_MODELS = ("boxes", "instances", "coco", "tables", "maps", "materials")  # of the folders below renders/
 
 
 @dataclass(frozen=True)
@@ -56,8 +53,7 @@ class Run:
     @cached_property
     def models(self) -> tuple[str, ...]:
         """Models that twins were rendered with."""
-        folders = sorted(path for path in (self.folder / "renders").glob("*") if path.is_dir())
-        return tuple(path.name for path in folders if path.name not in _NO_MODELS and any(path.glob("Terrain??/*.png")))
+        return models_of(self.folder)
 
     @cached_property
     def pictures(self) -> dict[tuple[str, PhotoKey], Path]:

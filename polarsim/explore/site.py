@@ -14,12 +14,12 @@ from polarsim.explore import outlines
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
 from polarsim.explore.pictures import jpeg, small_jpeg
-from polarsim.explore.run import PHOTO, Run
+from polarsim.explore.run import Run
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels, shown_predictions
 from polarsim.explore.terrain import surroundings, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.formats.files import writing_folder
-from polarsim.formats.run_files import instances_of, polygons_of
+from polarsim.formats.run_files import PHOTO, instances_of, polygons_of
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 

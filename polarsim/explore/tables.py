@@ -7,7 +7,8 @@ import pandas as pd
 
 from polarsim.detect.evaluate import clip_labels
 from polarsim.detect.false_positives import mark_false_positives
-from polarsim.explore.run import PHOTO, Run
+from polarsim.explore.run import Run
+from polarsim.formats.run_files import PHOTO
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.matching_numba import match

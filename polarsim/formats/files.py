@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from polarsim.errors import PolarsimError
+from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats.readers import reader
 
 _MARKS = (  # byte order marks; that of UTF-16 starts that of UTF-32
@@ -64,6 +64,20 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
         shutil.rmtree(former, ignore_errors=True)
+
+
+def existing_folder(path: str | Path) -> Path:
+    """Return a folder that exists.
+
+    Raises
+    ------
+    FormatError
+        The folder is missing, or a file has its name.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        raise FormatError("a file, expected a folder" if path.exists() else "no such folder", path=path)
+    return path
 
 
 def found_from(path: str | Path, file: str | Path) -> Path:

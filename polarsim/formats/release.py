@@ -16,6 +16,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import obj, yolo
+from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
 
@@ -149,8 +150,7 @@ def polygon_sources(folder: Path) -> list[Path]:
     FormatError
         No such folder, no polygon file, or two files of one name.
     """
-    if not folder.is_dir():
-        raise FormatError("no such folder of polygon files", path=folder)
+    existing_folder(folder)
     places = [below for below in (folder / POLYGONS, folder / "polygons") if below.is_dir()] or [folder]
     folders = [path for place in places for path in (place, *sorted(place.glob("*"))) if path == place or
                _terrain_of(path.name) is not None]  # fmt: skip

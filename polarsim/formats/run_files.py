@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from polarsim.errors import FormatError
+from polarsim.errors import ConfigError, FormatError
 from polarsim.formats.files import found_from
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 
+PHOTO = "photo"  # the domain of photos; all others are models of twins
+_NO_MODELS = ("boxes", "instances", "coco", "tables", "maps", "materials")  # of the folders below renders/
 STRIP_TEXT = "strip.json"  # in the folder of a photo's strip: its key, and name and caption of each panel
 
 
@@ -70,10 +72,28 @@ def cover_photo(inventory: Path, position: str) -> Path | None:
 def pictures_of(run: Path, domain: str, terrain: int) -> dict[PhotoKey, Path]:
     """A terrain's photos (domain `photo`) or twins of a model, by key; empty where the run has none."""
     folder = f"Terrain{terrain:02d}"
-    if domain == "photo":
+    if domain == PHOTO:
         return pictures_at(run / "acquire" / folder / "photos.parquet")
     twins = run / "renders" / domain / folder
     return pictures_at(twins) if twins.is_dir() else {}
+
+
+def models_of(run: Path) -> tuple[str, ...]:
+    """Return the models that a run's twins were rendered with."""
+    folders = sorted(path for path in (run / "renders").glob("*") if path.is_dir())
+    return tuple(path.name for path in folders if path.name not in _NO_MODELS and any(path.glob("Terrain??/*.png")))
+
+
+def refuse_unknown_domain(run: Path, domain: str) -> None:
+    """End where a run has no such domain.
+
+    Raises
+    ------
+    ConfigError
+        The domain is neither `photo` nor a model of the run; the message lists those.
+    """
+    if domain not in (known := (PHOTO, *models_of(run))):
+        raise ConfigError(f"domain {domain!r}, this run has {', '.join(known)}", path=run)
 
 
 def polygons_of(run: Path, key: PhotoKey) -> Path:

@@ -11,6 +11,7 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, tables
+from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
@@ -81,9 +82,9 @@ def terrain_in(folder: str | Path) -> int:
     Raises
     ------
     FormatError
-        No ground, or those of several terrains.
+        No such folder, no ground in it, or those of several terrains.
     """
-    grounds = sorted(Path(folder).glob(obj.GROUND_PATTERN))
+    grounds = sorted(existing_folder(folder).glob(obj.GROUND_PATTERN))
     if len(grounds) != 1:
         found = ", ".join(path.name for path in grounds) or "none"
         raise FormatError(f"expected the ground of one terrain, {obj.GROUND_PATTERN}; found {found}", path=folder)

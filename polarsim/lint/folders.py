@@ -15,7 +15,7 @@ from pathlib import Path
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, release, yolo
-from polarsim.formats.files import census
+from polarsim.formats.files import census, existing_folder
 from polarsim.formats.release import Layout
 from polarsim.lint.files import (
     Boxes,
@@ -235,9 +235,7 @@ def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | No
     FormatError
         The folder is missing or of no known layout, or no copy can be written.
     """
-    root = Path(root)
-    if not root.is_dir():
-        raise FormatError("no such folder", path=root)
+    root = existing_folder(root)
     if release.OF_RUN.terrains(root / "labels"):  # the folder of a run
         root /= "labels"
     layout = layout_of(root)

@@ -54,16 +54,19 @@ def chosen(catalogue: Catalogue, subset: Mapping[str, Sequence[str]]) -> Catalog
     Raises
     ------
     ConfigError
-        No picture is left; the line names what there is.
+        No picture has one of the values; the line names those that there are.
     """
     if not subset:
         return catalogue
     kept = list(catalogue.pictures)
     for name, values in subset.items():
-        there = sorted({FIELDS[name](one) for one in kept})
+        unknown = set(values) - {FIELDS[name](one) for one in catalogue.pictures}
+        there = {FIELDS[name](one) for one in kept}
         kept = [one for one in kept if FIELDS[name](one) in values]
-        if not kept:
-            raise ConfigError(f"subset: no picture with {name}={'+'.join(values)}, there are {', '.join(there[:12])}")
+        if unknown or not kept:
+            absent = "+".join(value for value in values if value in unknown or not kept)
+            known = sorted(there, key=lambda word: (len(word) if name in _NUMBERS else 0, word))  # 3 before 11
+            raise ConfigError(f"subset: no picture with {name}={absent}, there are {', '.join(known[:12])}")
     said = ", ".join(f"{name} {' or '.join(values)}" for name, values in subset.items())
     return catalogue.with_pictures(kept, f"A subset: {len(kept)} of {len(catalogue.pictures)} pictures, {said}.")
 

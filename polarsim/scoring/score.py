@@ -13,6 +13,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import release, yolo
+from polarsim.formats.files import existing_folder
 from polarsim.geometry.boxes import iou, match, match_sum
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
@@ -243,9 +244,7 @@ def read_sound(files: Mapping[Name, Path], reader: Callable[[Path], Content]) ->
 
 
 def _label_files(folder: Path) -> release.KeyFiles:
-    if not folder.is_dir():
-        raise FormatError("no such folder of label files", path=folder)
-    return release.key_files(release.box_folder(folder))
+    return release.key_files(release.box_folder(existing_folder(folder)))
 
 
 def _names(paths: list[Path], folder: Path) -> list[str]:
