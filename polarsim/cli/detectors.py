@@ -128,6 +128,14 @@ def _print_ipd(report: dict[str, Any]) -> None:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for cells in rows:
         typer.echo("  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip())
+    boxes = "; ".join(
+        f"{name} A {row['labels_a']}, B {row['labels_b']}, pairs {row['pairs']}"
+        for name, row in report["classes"].items()
+    )
+    typer.echo(
+        "IOU_mean is over all ground truth boxes of a domain, ipd over the common pairs of both domains, so ipd need not "
+        f"be the difference of the IOU_means: {boxes}"
+    )
     for name in ("a", "b"):
         if unseen := report[f"without_predictions_{name}"]:
             some = ", ".join(unseen[:3]) + (", ..." if len(unseen) > 3 else "")

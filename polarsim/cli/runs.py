@@ -98,14 +98,23 @@ def compare(
     out: Annotated[Path, typer.Option(callback=writes_file(), help="Table to write, without its ending.")] = Path(
         "comparison"
     ),
+    common: Annotated[
+        bool, typer.Option("--common/--all", help="Only metrics of a terrain that all runs have measured, or all.")
+    ] = True,
     results: Results = Path("results"),
 ) -> None:
-    """Put the evaluation of several runs side by side: of other seeds, options, versions. In four forms."""
-    from polarsim.report.evaluation_table import compare_runs
+    """Put the evaluation of runs side by side, with differences to the first run: CSV, Markdown, LaTeX and Parquet."""
+    from polarsim.report.evaluation_table import compare_runs, compared
 
     for form in (".csv", ".md", ".tex", ".parquet"):
         refuse_existing_folder(out.with_name(out.name + form))
-    compare_runs(runs=[run_folder(results, run) for run in runs], stem=out)
+    several = len(runs) > 1
+    table = compare_runs(
+        runs=[run_folder(results, run) for run in runs], stem=out, common=common and several, differences=several
+    )
+    if several:
+        typer.echo(f"{' / '.join(runs)}, medians over the terrains that these runs have in common:")
+        typer.echo("\n".join(compared(table, runs)))
     typer.echo(f"{out}.md")
 
 

@@ -27,6 +27,9 @@ MEDIAN_NOTE = (
     "Medians: of each run over the terrains that all runs with this metric have; none where they share no terrain. "
     "n is in the CSV form."
 )
+DIFFERENCE_NOTE = "Difference: the median of each further run less that of {run}."
+MOST_LINES = 8  # of a summary
+_OF_TERRAIN = ["terrain", *ROW_NAMES]
 
 
 def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
@@ -95,16 +98,27 @@ def shown_value(value: float, unit: str) -> str:
     return f"{value:.0f}" if value == round(value) else format_value(value)
 
 
-def compare_runs(*, runs: Sequence[Path], stem: Path) -> None:
-    """Write stem.{csv,md,tex,parquet}: every metric that the stages of the runs have measured so far.
+def compare_runs(*, runs: Sequence[Path], stem: Path, common: bool = False, differences: bool = False) -> pd.DataFrame:
+    """Write stem.{csv,md,tex,parquet}: the metrics that the stages of the runs have measured so far.
 
     CSV and Parquet hold a row a run, terrain and metric; Markdown and LaTeX a row a metric and a column a terrain, in
-    which the runs follow each other.
+    which the runs follow each other. Returns the rows.
+
+    Parameters
+    ----------
+    runs
+        Folders of the runs.
+    stem
+        Tables to write, without their ending.
+    common
+        Leave out each metric of a terrain that a run has not measured there.
+    differences
+        Add the column `difference`: the value less that of the first run; of Markdown and LaTeX, of the medians.
 
     Raises
     ------
     PolarsimError
-        A run has measured nothing, or is named twice.
+        A run has measured nothing, or is named twice; the runs have no metric in common.
     FormatError
         A file of metrics is broken.
     """
@@ -112,8 +126,46 @@ def compare_runs(*, runs: Sequence[Path], stem: Path) -> None:
         raise PolarsimError(f"run {twice[0]!r} is named twice")
     table = in_order(pd.concat([_measured(run) for run in runs], ignore_index=True))
     names = [run.name for run in runs]
+    if common:
+        table = _common(table, len(runs))
+        if table.empty:
+            raise PolarsimError(f"runs {', '.join(names)} have no metric of a terrain in common; --all compares all")
+    if differences:
+        first = table[table["run"] == names[0]].set_index(_OF_TERRAIN)["value"]
+        of_first = first.reindex(pd.MultiIndex.from_frame(table[_OF_TERRAIN])).to_numpy()
+        table["difference"] = np.where(table["run"] == names[0], np.nan, (table["value"] - of_first).round(9))
     caption = RUNS_CAPTION.format(runs=" / ".join(names))
-    write_table(stem, table, caption, layout=format_runs(table, names), notes=[MEDIAN_NOTE])
+    notes = [MEDIAN_NOTE, *([DIFFERENCE_NOTE.format(run=names[0])] if differences else [])]
+    write_table(stem, table, caption, layout=format_runs(table, names, differences=differences), notes=notes)
+    return table
+
+
+def _common(table: pd.DataFrame, runs: int) -> pd.DataFrame:
+    """Return the rows of the metrics that all runs have measured on the same terrain."""
+    measured = table[table["value"].notna()]
+    counts = measured.groupby(_OF_TERRAIN)["run"].transform("nunique")
+    return measured[counts == runs].reset_index(drop=True)
+
+
+def compared(table: pd.DataFrame, runs: Sequence[str]) -> list[str]:
+    """Return lines that summarise a comparison: F1 of the labels, else the first metrics; at most `MOST_LINES`.
+
+    Each has the medians of the runs in turn, the difference of each to the first run, and what each was measured on.
+    """
+    rows = format_runs(table, runs, differences=True)
+    sizes = table.groupby([*ROW_NAMES, "run"], sort=False)["n"].sum().to_dict()
+    of_labels = rows[(rows["stage"] == "labels") & (rows["metric"] == "f1")]
+    chosen = (of_labels if len(of_labels) else rows).head(MOST_LINES)
+    lines = []
+    for row in chosen.to_dict("records"):
+        names = tuple(row[name] for name in ROW_NAMES)
+        counts = " / ".join(str(sizes.get((*names, run), MISSING)) for run in runs)
+        unit = "" if row["unit"] == "1" else f" {row['unit']}"
+        lines.append(
+            f"{row['stage']}, {row['subject']}, {row['metric']}: {row['median']}{unit}, difference "
+            f"{row['difference']}, n {counts}"
+        )
+    return lines
 
 
 def _measured(run: Path) -> pd.DataFrame:
@@ -127,8 +179,11 @@ def _measured(run: Path) -> pd.DataFrame:
     return table
 
 
-def format_runs(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
-    """A row a metric, a column a terrain with the value of every run in turn, and each run's median."""
+def format_runs(table: pd.DataFrame, runs: Sequence[str], *, differences: bool = False) -> pd.DataFrame:
+    """A row a metric, a column a terrain with the value of every run in turn, and each run's median.
+
+    With `differences` also the median of each further run less that of the first.
+    """
     rows = []
     for names, metrics in table.groupby(list(ROW_NAMES), sort=False):
         unit = str(metrics["unit"].iloc[0])
@@ -139,9 +194,17 @@ def format_runs(table: pd.DataFrame, runs: Sequence[str]) -> pd.DataFrame:
             )
             for terrain in sorted(set(table["terrain"]))
         }
-        median = " / ".join(shown_value(value, unit) for value in _medians(values, runs))
-        rows.append({**dict(zip(ROW_NAMES, map(str, names), strict=True)), **cells, "median": median})
+        medians = _medians(values, runs)
+        median = " / ".join(shown_value(value, unit) for value in medians)
+        row = {**dict(zip(ROW_NAMES, map(str, names), strict=True)), **cells, "median": median}
+        rows.append(row | ({"difference": _differences(medians, unit)} if differences else {}))
     return pd.DataFrame(rows)
+
+
+def _differences(values: Sequence[float], unit: str) -> str:
+    """Text of each further value less the first, with a sign."""
+    found = [value - values[0] for value in values[1:]]
+    return " / ".join(MISSING if math.isnan(one) else f"{one:+.{_SHOWN.get(unit, 3)}f}" for one in found) or MISSING
 
 
 def _medians(values: Mapping[Any, float], runs: Sequence[str]) -> list[float]:

@@ -50,3 +50,40 @@ def test_the_command_says_where_the_table_lies(tmp_path):
     done = CliRunner().invoke(app, ["compare", "seed1", "--results", str(tmp_path), "--out", str(tmp_path / "one")])
     assert done.exit_code == 0
     assert done.stdout.strip() == str(tmp_path / "one.md")
+
+
+def test_the_command_compares_what_all_runs_have_and_says_by_how_much(tmp_path):
+    for run, values in {"one": {1: 0.5, 3: 0.9}, "other": {1: 0.75, 6: 0.1}}.items():
+        for terrain, value in values.items():
+            metrics = [Metric("rock: all", "f1", value, "1", 40 + terrain, "truth")]
+            write_metrics(tmp_path / run / f"evaluation/labels_Terrain{terrain:02d}.csv", "labels", terrain, metrics)
+    measured(tmp_path, "one", 1, 2.0)  # a metric of one run alone
+    call = ["compare", "one", "other", "--results", str(tmp_path), "--out", str(tmp_path / "both")]
+    done = CliRunner().invoke(app, call)
+    assert done.exit_code == 0
+    table = read_csv(tmp_path / "both.csv")
+    assert table[["run", "terrain", "metric", "value"]].values.tolist() == [
+        ["one", 1, "f1", 0.5],
+        ["other", 1, "f1", 0.75],
+    ]
+    assert table["difference"].isna().tolist() == [True, False]
+    assert table["difference"][1] == 0.25
+    assert "+0.250" in (tmp_path / "both.md").read_text()
+    (line,) = [line for line in done.stdout.splitlines() if "rock: all" in line]
+    assert all(part in line for part in ("f1", "0.500 / 0.750", "+0.250", "41 / 41"))
+
+    assert CliRunner().invoke(app, [*call, "--all"]).exit_code == 0
+    everything = read_csv(tmp_path / "both.csv")
+    assert len(everything) == 5
+    rows = everything.set_index(["run", "terrain", "metric"])["difference"]
+    assert rows.notna().sum() == 1
+    assert rows["other", 1, "f1"] == 0.25
+
+
+def test_runs_without_a_common_metric_are_refused(tmp_path):
+    measured(tmp_path, "one", 1, 1.0)
+    measured(tmp_path, "other", 3, 1.0)
+    runs = [tmp_path / "one", tmp_path / "other"]
+    with pytest.raises(PolarsimError, match="--all"):
+        compare_runs(runs=runs, stem=tmp_path / "both", common=True)
+    assert not list(tmp_path.glob("both.*"))
