@@ -14,8 +14,9 @@ render: {models: [hapke]}
 """
 SNAKEFILE = """
 from polarsim.config import parse_config
+from polarsim.run_config import base_of
 
-if not workflow.config_settings.configfiles:
+if base_of(workflow.config_settings.configfiles):
     configfile: "config/config.yaml"
 
 TERRAINS = [f"{terrain:02d}" for terrain in parse_config(config).terrains]

@@ -133,8 +133,8 @@ def _print_ipd(report: dict[str, Any]) -> None:
         for name, row in report["classes"].items()
     )
     typer.echo(
-        "IOU_mean is over all ground truth boxes of a domain, ipd over the common pairs of both domains, so ipd need not "
-        f"be the difference of the IOU_means: {boxes}"
+        "IOU_mean is over all ground truth boxes of a domain, ipd over the common pairs of both domains, so ipd may "
+        f"differ from the difference of the IOU_means: {boxes}"
     )
     for name in ("a", "b"):
         if unseen := report[f"without_predictions_{name}"]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from polarsim.config import read_config
 from polarsim.running import processes
 from polarsim.running.run import MISSING, UNFINISHED
 
@@ -195,3 +196,55 @@ def test_too_little_room_or_no_permission_is_one_line_before_any_work(folder, st
     mounted("size=1m,ro")
     assert one_line(start(folder)) == f"error: {folder}/results: cannot be written, Read-only file system"
     assert not list((folder / "results").iterdir())
+
+
+def test_a_run_that_is_stopped_has_failed_nowhere(folder, start):
+    process = start(folder)
+    jobs_at_work(folder, process)
+    process.send_signal(signal.SIGINT)
+    code, said = ended(process)
+    assert code == 130
+    told = [line for line in said.splitlines() if line.startswith("polarsim run: ")]
+    assert not any(word in line for line in told for word in ("failed", "killed", "broke off", "mended"))
+    assert any(" jobs done, stopped" in line for line in told)
+    page = (folder / "results/toy" / MISSING).read_text()
+    assert "stopped" in page
+    assert "failed" not in page
+
+
+@AT_ONCE
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("-n", "run=mine"), ["--config run=mine"]),
+        (("together", "-n", "tugether"), ["'tugether'", "all", "together"]),
+        (("config/config.yaml",), ["--configfile config/config.yaml"]),
+        (("--configfile", "config/config.yaml", "config/more.yaml"), ["--configfile config/more.yaml"]),
+        (("results/other/together.txt",), ["'other'", "'toy'", "--configfile"]),
+        (("results/toy/togther.txt",), ["results/toy/togther.txt"]),
+        (("-n", "--configfiles", "config/config.yaml"), ["--configfile"]),
+        (("--cores", "some"), ["--cores", "'some'"]),
+        (("-n", "--retries"), ["--retries"]),
+    ],
+)
+def test_words_that_are_no_call_are_one_line_of_ours_and_nothing_is_run(folder, start, words, named):
+    code, said = ended(start(folder, *words))
+    (line,) = said.splitlines()
+    assert code == 2
+    assert line.startswith("error: ")
+    assert all(name in line for name in named)
+    assert "Exception" not in line
+    assert not (folder / "results").exists()
+
+
+@AT_ONCE
+def test_a_run_stores_its_configuration_and_a_dry_run_does_not(folder, start):
+    stored = folder / "results/toy/config.yaml"
+    (folder / "more.yaml").write_text("rocks: {rock_cell_mm: 2.5}\n")
+    several = ("--default-resources", "mem_mb=10", "runtime=3")  # values of an option, no targets
+    assert ended(start(folder, "--cores", "all", "--configfile", "more.yaml", "-n", *several))[0] == 0
+    assert not stored.exists()
+    code, said = ended(start(folder, "--configfile", "more.yaml", "--config", "positions=[B]"))
+    assert code == 0, said
+    config = read_config(stored)
+    assert (config.rocks.rock_cell_mm, config.positions, config.run) == (2.5, ("B",), "toy")
