@@ -73,7 +73,7 @@ def check_config(
         names = _holders(error, parts)
         if len(names) == 1:
             error.path = Path(names[0])
-        else:
+        elif names:
             error.reason = f"{', '.join(names)}: {error.reason}"
         raise
 
