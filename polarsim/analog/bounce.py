@@ -90,8 +90,10 @@ def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(n, rays, 3) float32 directions, uniform over hemispheres about normals: one spread set, rotated at random."""
     k = np.arange(2 * _BOUNCE_RAYS) + 0.5
     z = 1 - k / _BOUNCE_RAYS
-    angle = np.pi * (1 + 5**0.5) * k
-    sphere = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], 1)[:_BOUNCE_RAYS]
+    longitude = np.pi * (1 + 5**0.5) * k
+    sphere = np.stack([np.sqrt(1 - z * z) * np.cos(longitude), np.sqrt(1 - z * z) * np.sin(longitude), z], 1)[
+        :_BOUNCE_RAYS
+    ]
     angle = rng.uniform(0, 2 * np.pi, len(normals))
     side = np.where(np.abs(normals[:, 2:]) < 0.9, [[0, 0, 1.0]], [[1.0, 0, 0]])
     first = np.cross(normals, side)

@@ -18,9 +18,11 @@ MISSING = "–"  # a cell without a value
 
 # By how a column's name ends; all else has three.
 _DECIMALS = {"_mm": 2, "_px": 2, "_deg": 3, "exposure_ms": 0, "count": 0}
-_TEX = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "<": r"$<$"}
-_TEX |= {character: "\\" + character for character in "&%$#_{}"}
-_TEX |= {">": r"$>$", "≥": r"$\geq$", "±": r"$\pm$", "°": r"$^\circ$"}
+_TEX = {
+    **{character: "\\" + character for character in "&%$#_{}"},
+    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "<": r"$<$",
+    ">": r"$>$", "≥": r"$\geq$", "±": r"$\pm$", "°": r"$^\circ$",
+}  # fmt: skip
 
 
 def with_origin(table: pd.DataFrame, origin: Mapping[str, str]) -> pd.DataFrame:

@@ -18,8 +18,9 @@ LABELS = table(
     (BRIGHT, "rock", SMALL), (BRIGHT, "rock", LARGE), (DIM, "rock", SMALL), (DIM, "rock", LARGE),
     (OTHER, "rock", LARGE), (OTHER, "shadow", SMALL),
 ).assign(rock=[1, 2, 1, 2, 1, 1])  # fmt: skip
-FOUND = table((BRIGHT, "rock", SMALL), (BRIGHT, "rock", LARGE), (DIM, "rock", LARGE), (OTHER, "rock", (0, 0, 5, 5)))
-FOUND = FOUND.assign(confidence=0.9)
+FOUND = table(
+    (BRIGHT, "rock", SMALL), (BRIGHT, "rock", LARGE), (DIM, "rock", LARGE), (OTHER, "rock", (0, 0, 5, 5))
+).assign(confidence=0.9)  # fmt: skip
 
 
 @pytest.fixture

@@ -20,11 +20,11 @@ from polarsim.render.options import Model, Parameters, RenderOptions
 
 CELL = 0.06  # metres
 _MOST_SAMPLES = 250_000
-_ROUNDS = 5
+_REWEIGHTINGS = 5  # rounds of the robust fit of albedos and lamps
 _CLEAR = 0.1  # residual that counts fully, natural logarithm
 _MOST = 5.0  # and how many times that counts at most: edges of shadows and other faults
 _EVALUATIONS = 45  # a parameter
-_ROUNDS = 3
+_ALTERNATIONS = 3  # rounds of fitting the parameters and choosing the darkening
 _LEAST = 3  # samples of a cell under a lamp in a view
 
 
@@ -48,7 +48,7 @@ class Cells:
         lamps, cells = int(self.lamp.max()) + 1, int(self.cell.max()) + 1
         albedo, weight = np.zeros(cells), np.ones(len(ratio))
         left = ratio
-        for _ in range(_ROUNDS):
+        for _ in range(_REWEIGHTINGS):
             left = ratio - albedo[self.cell]
             whole = np.bincount(self.lamp, weight, lamps)
             gain = np.divide(np.bincount(self.lamp, weight * left, lamps), whole, out=np.zeros(lamps), where=whole > 0)
@@ -86,7 +86,7 @@ def fitted_models(
     """
     found = dict(start)
     darkening = best_darkening(cells, found, engine, options)
-    for _ in range(_ROUNDS):
+    for _ in range(_ALTERNATIONS):
         found = {
             model: fitted_parameters(cells, Setting(model, own, darkening, engine, options))
             for model, own in start.items()

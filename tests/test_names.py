@@ -1,0 +1,91 @@
+"""A module-level or class-level name is assigned once: a second value changes code that reads the first."""
+
+import ast
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).parent.parent
+FOLDERS = ("polarsim", "workflow/scripts", "benchmarks", "tests")
+BRANCHES = ("body", "orelse", "finalbody", "handlers", "cases")
+
+
+def targets(node: ast.AST) -> Iterator[str]:
+    """Names that an assignment target binds; `a.b` and `a[0]` bind none."""
+    if isinstance(node, ast.Name):
+        yield node.id
+    elif isinstance(node, ast.Tuple | ast.List):
+        yield from chain.from_iterable(targets(element) for element in node.elts)
+    elif isinstance(node, ast.Starred):
+        yield from targets(node.value)
+
+
+def bound(node: ast.stmt) -> Iterator[str]:
+    """Names that one statement binds."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        overloads = {ast.unparse(decorator).split(".")[-1] for decorator in node.decorator_list}
+        yield from () if overloads & {"overload", "setter", "deleter"} else (node.name,)
+    elif isinstance(node, ast.Assign):
+        yield from chain.from_iterable(targets(target) for target in node.targets)
+    elif isinstance(node, ast.AugAssign | ast.For) or (isinstance(node, ast.AnnAssign) and node.value):
+        yield from targets(node.target)
+    elif isinstance(node, ast.Import | ast.ImportFrom):
+        yield from (alias.asname or alias.name for alias in node.names)
+
+
+def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """Statements of one scope, those of its branches and loops included."""
+    for node in body:
+        yield node
+        if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            for branch in BRANCHES:
+                yield from statements(getattr(node, branch, []))
+
+
+def repeated(source: str) -> list[str]:
+    """`line: name` of each second binding of a name in the module's scope or in one class."""
+    tree, found = ast.parse(source), []
+    for scope in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
+        seen: set[str] = set()
+        for node in statements(scope.body):
+            names = list(bound(node))
+            found += [f"{node.lineno}: {name}" for name in names if name in seen]
+            seen.update(names)
+    return found
+
+
+def test_no_name_of_a_module_or_class_is_assigned_twice():
+    paths = [path for folder in FOLDERS for path in sorted((CHECKOUT / folder).rglob("*.py"))]
+    assert len(paths) > 500
+    found = {path.relative_to(CHECKOUT).as_posix(): repeated(path.read_text(encoding="utf-8")) for path in paths}
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        "ROUNDS = 3",
+        "ROUNDS: int = 3",
+        "FEW, (ROUNDS, *_) = 1, (3,)",
+        "FEW = ROUNDS = 3",
+        "ROUNDS += 3",
+        "for ROUNDS in range(3): pass",
+        "if True:\n    ROUNDS = 3",
+        "try:\n    pass\nexcept ValueError:\n    ROUNDS = 3",
+        "from polarsim.grid import ROUNDS",
+        "import numpy as ROUNDS",
+        "def ROUNDS(): pass",
+        "class ROUNDS: pass",
+    ],
+)
+def test_a_second_binding_is_found_in_a_module_and_in_a_class(second):
+    module = f"ROUNDS = 5\n{second}\n"
+    indented = "".join(f"    {line}\n" for line in module.splitlines())
+    assert [one.split(": ")[1] for one in repeated(module)] == ["ROUNDS"]
+    assert [one.split(": ")[1] for one in repeated(f"class Options:\n{indented}")] == ["ROUNDS"]
+
+
+def test_other_scopes_and_attributes_are_no_second_binding():
+    assert repeated("ROUNDS = 5\ndef f():\n    ROUNDS = 3\nROUNDS.real = {}\nROUNDS[0] = 1\nFEW: int\nFEW = 3\n") == []
