@@ -243,7 +243,7 @@ def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | No
         raise FormatError("repaired copies are written of the published layout only", path=root)
     report = lint_pictures(root) if layout is None else lint_release(root, workers, layout)
     report = report.chosen(names)
-    return report if fix is None else replace(report, repairs=write_repaired(root, report.findings, fix))
+    return report if fix is None else replace(report, repairs=write_repaired(root, report.findings, fix, names))
 
 
 def layout_of(root: Path) -> Layout | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,20 @@ from polarsim.errors import FormatError
 from polarsim.formats import release, tables, yolo
 from polarsim.formats.files import text_of, writing_folder
 from polarsim.geometry.boxes import clip
-from polarsim.lint.files import BACKGROUND, GROUND, ROCK_CLASS, SHADOW_CLASS, Boxes, Polygons
+from polarsim.lint.files import (
+    BACKGROUND,
+    GROUND,
+    ROCK_CLASS,
+    SHADOW_CLASS,
+    Boxes,
+    Polygons,
+    box_defects,
+    file_defects,
+    ring_defects,
+)
 from polarsim.lint.findings import Finding
-from polarsim.lint.rules import RULES
-from polarsim.lint.siblings import modal, of_class
+from polarsim.lint.rules import RULES, Defect
+from polarsim.lint.siblings import modal_file, of_class, set_defects, swapped_classes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, by_bracket
 
 CHANGES = "changes.csv"
@@ -30,17 +41,25 @@ _OF_SET = {
         "missing_file", "empty_file", "shadow_missing", "shadow_extra", "shadow_moved", "shadows_off_late",
     ),
 }  # fmt: skip
+_LOSSY = ("malformed", "near_duplicate")  # repairs after which a file may lack a box, or have a wrong one
+_ROUNDS = 8  # of repairing the defects that earlier repairs reveal; two or three are enough
 
 
-def write_repaired(root: Path, findings: Iterable[Finding], out: Path) -> int:
+def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Collection[str] = RULES) -> int:
     """Copy the label files of a published folder with repairs of its findings, and list these in `changes.csv`.
 
     Photos, scans, meshes and everything else of the folder are not copied.
 
+    Parameters
+    ----------
+    names
+        Rules whose defects are repaired where an earlier repair reveals them, such as a box twice in a file that had
+        a malformed line.
+
     Returns
     -------
     int
-        How many findings were repaired; findings whose rule states no repair, or in other files, are left.
+        Number of findings that were repaired; findings whose rule states no repair, or in other files, are left.
 
     Raises
     ------
@@ -61,8 +80,8 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path) -> int:
         for name in _LABELS:
             if (root / name).is_dir():
                 shutil.copytree(root / name, copy / name, ignore=shutil.ignore_patterns(release.SNAKEMAKE_FILE))
-        repairs = _Repairs(copy, by_file)
-        repairs.names()
+        repairs = _Repairs(copy, by_file, {name for name in names if RULES[name].repair})
+        repairs.files()
         for terrain in release.terrains(copy):
             repairs.boxes(terrain)
             repairs.polygons(terrain)
@@ -79,9 +98,10 @@ class _Repairs:
 
     copy: Path
     by_file: Mapping[str, Sequence[Finding]]
+    names: set[str]  # of rules with a repair
     done: list[Finding] = field(default_factory=list)
 
-    def names(self) -> None:
+    def files(self) -> None:
         """Leave files of wrong names out; give an impossible exposure the nearest one, where nobody has it."""
         for file, found in self.by_file.items():
             path = self.copy / file
@@ -97,29 +117,81 @@ class _Repairs:
                 self.done.append(finding)
 
     def boxes(self, terrain: int) -> None:
-        """Write a terrain's label files with findings anew."""
+        """Repair the label files of a terrain.
+
+        Files are repaired by themselves before most exposures of their bracket decide what the others take, so a
+        defect of most exposures does not spread. A file that may have lost a box does not vote where others can.
+        """
         folder = release.label_folder(self.copy, terrain)
         there = release.label_files(self.copy, terrain)
         found = self._found(folder)
+        doubtful = {key for key, own in found.items() if any(finding.defect in _LOSSY for finding in own)}
         for key in there:
             if any(finding.defect == "malformed" for finding in found.get(key, ())):
                 _drop_malformed(there[key], yolo.read_boxes)
-        sound = {key: yolo.read_boxes(path) for key, path in there.items()}
-        for keys in by_bracket({*there, *found}).values():
-            files = {key: sound[key] for key in keys if key in sound}
-            for key in (key for key in keys if key in found):
-                labels = _repaired_boxes(sound.get(key, _NOTHING), found[key])
-                names = {finding.defect for finding in found[key]}
-                yolo.write_boxes(folder / f"{key}.txt", *_as_in_set(labels, key, files, names))
-                self.done += found[key]
+        labels = {key: yolo.read_boxes(path) for key, path in there.items()}
+        before, missing = dict(labels), set(found) - set(labels)
+        for number in range(_ROUNDS):
+            own = list(self._own_defects(labels))
+            for key, defect in own:
+                doubtful |= {key} if defect.name in _LOSSY else set()
+            for key in {key for key, _ in own}:
+                labels[key] = _repaired_boxes(labels[key], [defect for name, defect in own if name == key])
+            of_set = list(self._set_defects(labels, missing, set() if number else doubtful))
+            self.done += self._revealed(folder, found, [*own, *of_set])
+            if not own and not of_set:
+                break
+            missing = set()
+        for key, content in labels.items():
+            if key not in before or not _equal(content, before[key]):
+                yolo.write_boxes(folder / f"{key}.txt", *content)
+        self.done += [finding for key in found for finding in found[key]]
+
+    def _own_defects(self, labels: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Defect]]:
+        for key, content in labels.items():
+            yield from ((key, defect) for defect in box_defects(*content) if defect.name in self.names)
+        if "swapped_class" in self.names:
+            for view in sorted({key.view for key in labels}):
+                yield from swapped_classes({key: content for key, content in labels.items() if key.view == view})
+
+    def _set_defects(
+        self, labels: dict[PhotoKey, Boxes], missing: set[PhotoKey], doubtful: set[PhotoKey]
+    ) -> Iterator[tuple[PhotoKey, Defect]]:
+        """Give files with defects, and missing ones, what most exposures of their bracket have; yield the defects."""
+        for keys in by_bracket({*labels, *missing}).values():
+            files = {key: labels[key] for key in keys if key in labels}
+            voters = {key: content for key, content in files.items() if key not in doubtful} or files
+            names = {key: {"missing_file"} for key in missing.intersection(keys)}
+            for key, defect in set_defects(files, voters):
+                if defect.name in self.names:
+                    names.setdefault(key, set()).add(defect.name)
+                    yield key, defect
+            for key, defects in names.items():
+                labels[key] = _as_in_set(files.get(key, _NOTHING), key, voters, defects)
+
+    def _revealed(
+        self, folder: Path, found: Mapping[PhotoKey, Sequence[Finding]], defects: Iterable[tuple[PhotoKey, Defect]]
+    ) -> list[Finding]:
+        """Findings of defects that the tree did not have before other repairs."""
+        below = folder.relative_to(self.copy)
+        known = {(finding.file, finding.defect) for finding in (*self.done, *itertools.chain(*found.values()))}
+        files = [((below / f"{key}.txt").as_posix(), defect) for key, defect in defects]
+        new = {(file, defect.name): defect.detail for file, defect in files if (file, defect.name) not in known}
+        return [Finding(file, 0, name, detail) for (file, name), detail in new.items()]
 
     def polygons(self, terrain: int) -> None:
-        """Write a terrain's polygon files with findings anew."""
+        """Repair the polygon files of a terrain."""
         for key, found in self._found(release.polygon_folder(self.copy, terrain)).items():
             path = release.polygon_folder(self.copy, terrain) / f"{key}.txt"
             if any(finding.defect == "malformed" for finding in found):
                 _drop_malformed(path, yolo.read_polygons)
-            yolo.write_polygons(path, _repaired_polygons(yolo.read_polygons(path), found))
+            polygons = yolo.read_polygons(path)
+            for _ in range(_ROUNDS):
+                defects = [*ring_defects(polygons), *file_defects(polygons)]
+                if self.names.isdisjoint(defect.name for defect in defects):
+                    break
+                polygons = _repaired_polygons(polygons, [one for one in defects if one.name in self.names])
+            yolo.write_polygons(path, polygons)
             self.done += found
 
     def _found(self, folder: Path) -> dict[PhotoKey, list[Finding]]:
@@ -150,20 +222,24 @@ def _drop_malformed(path: Path, reader: Callable[[Path], Any]) -> None:
             return
 
 
-def _repaired_boxes(labels: Boxes, found: Sequence[Finding]) -> Boxes:
+def _equal(one: Boxes, other: Boxes) -> bool:
+    return all(np.array_equal(first, second) for first, second in zip(one, other, strict=True))
+
+
+def _repaired_boxes(labels: Boxes, found: Sequence[Defect]) -> Boxes:
     """Doubles left out, swapped classes changed, boxes cut at the photo's border."""
     classes, boxes = labels[0].copy(), labels[1]
-    rows = {finding.defect: list(finding.rows) for finding in found}
+    rows = {defect.name: list(defect.rows) for defect in found}
     classes[rows.get("swapped_class", [])] = ROCK_CLASS
     if "out_of_photo" in rows:
         boxes = clip(boxes, WIDTH, HEIGHT)
-    kept = np.ones(len(classes), bool)
+    kept = np.asarray((boxes[:, 2:] > boxes[:, :2]).all(axis=1))
     kept[rows.get("duplicate", []) + rows.get("near_duplicate", [])] = False
     return classes[kept], boxes[kept]
 
 
-def _as_in_set(labels: Boxes, key: PhotoKey, files: Mapping[PhotoKey, Boxes], names: set[str]) -> Boxes:
-    """Boxes of the classes that have defects as most exposures of the exposure bracket have them.
+def _as_in_set(labels: Boxes, key: PhotoKey, voters: Mapping[PhotoKey, Boxes], names: set[str]) -> Boxes:
+    """Boxes of the classes that have defects as most voters of the exposure bracket have them.
 
     A photo of a missing or empty file gets shadows where a shorter exposure shows some.
     """
@@ -171,20 +247,22 @@ def _as_in_set(labels: Boxes, key: PhotoKey, files: Mapping[PhotoKey, Boxes], na
     for number, of_set in _OF_SET.items():
         if names.isdisjoint(of_set):
             continue
-        known = of_class(files, number)
+        known = of_class(voters, number)
         shown = min((other.exposure_ms for other in known), default=key.exposure_ms) <= key.exposure_ms
-        wanted = modal(known) if number == ROCK_CLASS or shown else boxes[:0]
+        wanted = boxes[:0]
+        if known and (number == ROCK_CLASS or shown):
+            wanted = known[modal_file(known)]
         other = classes != number
         classes = np.concatenate([classes[other], np.full(len(wanted), number)])
         boxes = np.concatenate([boxes[other], wanted])
     return classes, boxes
 
 
-def _repaired_polygons(polygons: Polygons, found: Sequence[Finding]) -> Polygons:
+def _repaired_polygons(polygons: Polygons, found: Sequence[Defect]) -> Polygons:
     """Outlines made valid and cut at the photo's border, small components left out, ground painted first and as
     ground.
     """
-    rows = {finding.defect: set(finding.rows) for finding in found}
+    rows = {defect.name: set(defect.rows) for defect in found}
     dropped = rows.get("tiny_polygon", set()) | rows.get("thin_polygon", set())
     reshaped = rows.get("invalid_ring", set()) | rows.get("out_of_photo", set())
     repaired: Polygons = []

@@ -21,14 +21,15 @@ FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and
 Defects = Iterator[tuple[PhotoKey, Defect]]
 
 
-def set_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Defects of the files of one exposure bracket, against what most of them hold."""
+def set_defects(files: Mapping[PhotoKey, Boxes], voters: Mapping[PhotoKey, Boxes] | None = None) -> Defects:
+    """Defects of the files of one exposure bracket, against the content that most voters (default: all) share."""
+    voters = files if voters is None else voters
     filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
     if filled:
         for key in sorted(set(files) - set(filled)):
             yield key, Defect("empty_file", f"{len(filled)} other exposures have boxes")
     for number in (ROCK_CLASS, SHADOW_CLASS):
-        yield from _against_modal(files, number)
+        yield from _against_modal(files, number, modal(of_class(voters, number)))
     seen: PhotoKey | None = None
     for key in sorted(files, key=lambda key: key.exposure_ms):
         shadows = int((files[key][0] == SHADOW_CLASS).sum())
@@ -56,11 +57,19 @@ def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.
 
 def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
     """(n, 4) the content that most files share; of equally frequent ones that with fewest boxes, then the shortest."""
-    if not boxes:
-        return np.zeros((0, 4))
-    contents = [tuple(sorted(map(tuple, np.round(boxes[key], 1).tolist()))) for key in sorted(boxes)]
-    times = Counter(contents)
-    return np.array(max(times, key=lambda content: (times[content], -len(content)))).reshape(-1, 4)
+    return np.array(_content(boxes[modal_file(boxes)])).reshape(-1, 4) if boxes else np.zeros((0, 4))
+
+
+def modal_file(boxes: Mapping[PhotoKey, np.ndarray]) -> PhotoKey:
+    """The shortest exposure among the files with the modal content; at least one file is needed."""
+    contents = {key: _content(boxes[key]) for key in sorted(boxes)}
+    times = Counter(contents.values())
+    return max(contents, key=lambda key: (times[contents[key]], -len(contents[key])))  # the first of equals
+
+
+def _content(boxes: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    """Boxes (n, 4) to 0.1 px, in an order that does not depend on the file's."""
+    return tuple(sorted(map(tuple, (np.round(boxes, 1) + 0.0).tolist())))
 
 
 def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
@@ -68,10 +77,9 @@ def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
     return {name: modal({key: boxes[key] for key in keys}) for name, keys in by_bracket(boxes).items()}
 
 
-def _against_modal(files: Mapping[PhotoKey, Boxes], number: int) -> Defects:
-    """Boxes of one class that are missing, additional or elsewhere than in most exposures."""
+def _against_modal(files: Mapping[PhotoKey, Boxes], number: int, common: np.ndarray) -> Defects:
+    """Boxes of one class that are missing, additional or elsewhere than the common ones (n, 4)."""
     of_kind, kind = of_class(files, number), BOX_CLASSES[number]
-    common = modal(of_kind)
     for key, here in of_kind.items():
         change = changed(common, here)
         rows = np.flatnonzero(files[key][0] == number)
@@ -160,6 +168,13 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
             yield key, Defect("rock_absent", f"{absent} rocks")
         if alone:
             yield key, Defect("rock_alone", f"{alone} rocks")
+    yield from swapped_classes(files)
+
+
+def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
+    """Shadows of the files of one view that are rocks in the best files of other azimuths, rover light off."""
+    best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
+    rocks = {azimuth: _rocks(files[key]) for azimuth, key in best.items()}
     for key, (classes, boxes) in sorted(files.items()):
         shadows = np.flatnonzero(classes == SHADOW_CLASS)
         elsewhere = [rocks[azimuth] for azimuth in rocks if azimuth != key.azimuth]

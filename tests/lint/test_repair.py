@@ -1,7 +1,10 @@
 import filecmp
+import shutil
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import tables, yolo
@@ -135,3 +138,91 @@ def test_a_copy_over_or_inside_the_tree_is_refused(root):
     for out in (root, root / "inside"):
         with pytest.raises(FormatError, match="needs a new folder"):
             write_repaired(root, [], out)
+
+
+def twice(lines, row):
+    return [*lines, lines[row]]
+
+
+def nearly_twice(lines, row):
+    kind, x, y, *size = lines[row].split()
+    return [f"{kind} {float(x) + 0.003:.6f} {y} {' '.join(size)}", *lines]
+
+
+def cut_short(lines, row):
+    return [*lines[:row], lines[row].rpartition(" ")[0], *lines[row + 1 :]]
+
+
+def with_garbage(lines, row):
+    return [*lines[:row], "rock 1 2", *lines[row:]]
+
+
+EXPOSURES = exposures(11, "30")
+DEFECTS = [twice, nearly_twice, cut_short, with_garbage]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("defects")
+
+
+@settings(max_examples=40)
+@given(
+    data=st.data(),
+    damaged=st.dictionaries(
+        st.sampled_from(EXPOSURES), st.tuples(st.sampled_from(DEFECTS), st.integers(0, 2)), max_size=len(EXPOSURES) - 1
+    ),
+)
+def test_a_defect_of_any_number_of_exposures_does_not_spread(folder, data, damaged):
+    shutil.rmtree(folder)
+    sound = {exposure_ms: 0 for exposure_ms in EXPOSURES if exposure_ms not in damaged}
+    for exposure_ms in data.draw(st.permutations(EXPOSURES)):
+        shown = (2 if exposure_ms >= 128 else 1) > CLASSES
+        file = path(folder / "tree", exposure_ms)
+        yolo.write_boxes(file, CLASSES[shown], BOXES[shown])
+        if exposure_ms in sound:
+            sound[exposure_ms] = file.read_bytes()
+        else:
+            damage, row = damaged[exposure_ms]
+            file.write_text("".join(f"{line}\n" for line in damage(file.read_text().splitlines(), row)))
+    out, again = folder / "repaired", folder / "again"
+    write_repaired(folder / "tree", lint(folder / "tree", set(RULES)).findings, out)
+    assert {exposure_ms: path(out, exposure_ms).read_bytes() for exposure_ms in sound} == sound
+    shadows = any(exposure_ms >= 128 for exposure_ms in sound)
+    for exposure_ms in damaged:
+        assert_boxes(path(out, exposure_ms), (2 if exposure_ms >= 128 and shadows else 1) > CLASSES)
+    report = lint(out, set(RULES))
+    assert [one for one in report.findings if RULES[one.defect].repair] == []
+    (out / CHANGES).unlink()
+    assert write_repaired(out, report.findings, again) == 0
+    (again / CHANGES).unlink()
+    assert files_of(again) == files_of(out)
+
+
+def assert_boxes(file, shown):
+    """A file has the sound boxes; of doubtful shadows nothing is asserted where no sound file has any."""
+    classes, boxes = yolo.read_boxes(file)
+    for number in range(1 + shown.all()):
+        mine, wanted = boxes[classes == number], BOXES[number == CLASSES]
+        np.testing.assert_allclose(mine[np.argsort(mine[:, 0])], wanted, atol=2e-3)
+
+
+def test_most_exposures_with_a_box_twice_leave_the_sound_file_alone(root):
+    for exposure_ms in EXPOSURES[:-1]:
+        file = path(root, exposure_ms)
+        file.write_text("".join(f"{line}\n" for line in twice(file.read_text().splitlines(), 0)))
+    sound = path(root, EXPOSURES[-1]).read_bytes()
+    out = root.with_name("repaired")
+    write_repaired(root, lint(root, set(RULES)).findings, out)
+    assert path(out, EXPOSURES[-1]).read_bytes() == sound
+    assert_whole(out, EXPOSURES[-2])
+
+
+def test_a_defect_that_a_repair_reveals_is_repaired_and_listed(root):
+    file = path(root, 1024)
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([lines[0], *lines, "rock 1"]))
+    out = root.with_name("repaired")
+    write_repaired(root, lint(root, set(RULES)).findings, out)
+    assert_whole(out, 1024)
+    assert list(tables.read_csv(out / CHANGES, ["file", "code"])["code"]) == ["B201", "F110"]
