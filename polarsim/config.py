@@ -24,6 +24,7 @@ from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
+from polarsim.randomness import unsigned_zeros
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
@@ -384,7 +385,7 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     if moved := [f"{old} is now {new}" for old, new in MOVED.items() if _holds(content, old.split("."))]:
         raise ConfigError("; ".join(moved))
     try:
-        return Config.model_validate(_with_release_root(dict(content)))
+        return Config.model_validate(_with_release_root(unsigned_zeros(dict(content))))
     except ValidationError as error:
         raise ConfigError(describe_error(error, "configuration")) from error
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from polarsim.formats.instances import BACKGROUND, GROUND
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import Pose, looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.indirect import scattered
@@ -51,6 +51,15 @@ def test_in_an_integrating_sphere_each_bounce_returns_the_albedo_of_the_last(len
     assert view.olat_images["lambert", "lamp"].mean() == pytest.approx(direct, rel=0.01)  # facets, not a sphere
     expected = direct * sum(ALBEDO**k for k in range(1, bounces + 1))  # Goebel, Appl. Opt. 6 (1967) 125
     assert view.indirect["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
+
+
+def test_the_sign_of_a_zero_in_the_pose_changes_no_light(lens):
+    pose = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.1, 1.0]))
+    flipped = Pose(*(np.where(part == 0, -part, part) for part in (pose.rotation, pose.translation)))
+    assert flipped.matrix.tobytes() != pose.matrix.tobytes()
+    options = TRACED.model_copy(update={"bounce_rays": 4})
+    one, other = (traced(sphere(), each, lens.scaled(0.5), options) for each in (pose, flipped))
+    np.testing.assert_array_equal(one.indirect["lambert", "lamp"], other.indirect["lambert", "lamp"])
 
 
 @given(st.tuples(*3 * [st.floats(-1, 1)]).filter(lambda v: np.linalg.norm(v) > 0.1))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.randomness import generator
+from polarsim.randomness import generator, unsigned_zeros
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.drive.control import Steering, SteeringLaw
 from polarsim.rover.drive.options import DriveOptions, Point
@@ -46,18 +46,20 @@ class Job:
     def digest(self) -> str:
         """Of everything here: a saved state of another drive is not gone on with."""
         content = json.dumps(
-            [
-                *(part.model_dump(mode="json") for part in (self.vehicle, self.drive, self.physics, self.rocks)),
-                vars(self.soil),
-                self.seed,
-            ],
+            unsigned_zeros(
+                [
+                    *(part.model_dump(mode="json") for part in (self.vehicle, self.drive, self.physics, self.rocks)),
+                    vars(self.soil),
+                    self.seed,
+                ]
+            ),
             sort_keys=True,
         )
         found = hashlib.sha256(content.encode())
         around = self.world.around
         beyond = () if around is None else (around.x, around.y, around.level, around.vertices, around.triangles)
         for array in (self.world.level, self.world.vertices, self.world.triangles, *beyond):
-            found.update(np.ascontiguousarray(array).tobytes())
+            found.update(unsigned_zeros(np.ascontiguousarray(array)).tobytes())
         return found.hexdigest()
 
 

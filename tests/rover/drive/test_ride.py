@@ -186,3 +186,10 @@ def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp
     assert sky.min() > 0
     assert np.ptp(sky) > 3
     assert (ids >= ROCK_IDS).sum() > 20
+
+
+def test_the_sign_of_a_zero_changes_no_digest():
+    level = job()
+    flipped = replace(level, world=replace(level.world, level=-level.world.level))  # all heights are zeros
+    assert flipped.world.level.tobytes() != level.world.level.tobytes()
+    assert flipped.digest() == level.digest()
