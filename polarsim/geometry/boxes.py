@@ -13,16 +13,19 @@ MAX_LOG_SIZE = 1.6  # |log width ratio| + |log height ratio| of a pair
 
 def area(boxes: np.ndarray) -> np.ndarray:
     """(n,) areas, px^2; 0 for empty boxes."""
+    boxes = np.asarray(boxes, float)
     return np.clip(boxes[..., 2] - boxes[..., 0], 0, None) * np.clip(boxes[..., 3] - boxes[..., 1], 0, None)
 
 
 def centres(boxes: np.ndarray) -> np.ndarray:
     """(n, 2) centres of boxes (n, 4)."""
+    boxes = np.asarray(boxes, float)
     return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
 
 
 def window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tuple[slice, slice]:
     """Rows and columns of a picture's pixels around a box (4,), with a margin (2,) in x and y; empty outside it."""
+    box, margin = np.asarray(box, float), np.asarray(margin, float)
     left, top = np.maximum(np.floor(box[:2] - margin), 0).astype(int)
     right, bottom = np.minimum(np.ceil(box[2:] + margin), [width, height]).astype(int)
     return slice(top, max(top, bottom)), slice(left, max(left, right))
@@ -30,7 +33,7 @@ def window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tupl
 
 def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """(n, m) intersection over union of every box of `first` (n, 4) with every one of `second` (m, 4)."""
-    first, second = np.asarray(first, float).reshape(-1, 4), np.asarray(second, float).reshape(-1, 4)
+    first, second = _rows(first), _rows(second)
     inter = _intersection(first, second)
     union = area(first)[:, None] + area(second)[None] - inter
     return np.divide(inter, union, out=np.zeros_like(inter), where=union > 0)
@@ -43,9 +46,15 @@ def largest_iou(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 def largest_covered_share(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
     """(n,) largest intersection of each box (n, 4) with one of the others (m, 4), over the smaller area of both."""
+    boxes, others = _rows(boxes), _rows(others)
     inter, smaller = _intersection(boxes, others), np.minimum(area(boxes)[:, None], area(others)[None])
     share = np.divide(inter, smaller, out=np.zeros_like(inter), where=smaller > 0)
     return np.asarray(share.max(axis=1, initial=0.0))
+
+
+def _rows(boxes: np.ndarray) -> np.ndarray:
+    """Boxes (n, 4) as float: unsigned and short integers would overflow in differences and areas."""
+    return np.asarray(boxes, float).reshape(-1, 4)
 
 
 def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -57,8 +66,20 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
-    gain = np.where(overlap >= threshold, 1 + overlap / (1 + min(overlap.shape)), 0.0)
-    return _assigned(gain, overlap >= threshold)
+    return match_most(overlap, overlap >= threshold)
+
+
+def match_most(score: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One-to-one pairs (rows, columns) among the allowed ones: as many as can be, then of the largest summed score.
+
+    Parameters
+    ----------
+    score : (n, m) float
+        Between 0 and 1 where allowed.
+    allowed : (n, m) bool
+    """
+    gain = np.where(allowed, 1 + score / (1 + min(score.shape)), 0.0)  # all scores together weigh less than one pair
+    return _assigned(gain, allowed)
 
 
 def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -118,6 +139,7 @@ def assign(
 
     if not len(projected) or not len(annotated):
         return np.zeros(0, int), np.zeros(0, int)
+    projected, annotated = _rows(projected), _rows(annotated)
     size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
     size_annotated = annotated[:, 2:] - annotated[:, :2]
     offset = (projected[:, None, :2] + projected[:, None, 2:] - annotated[None, :, :2] - annotated[None, :, 2:]) / 2

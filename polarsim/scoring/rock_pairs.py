@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import linear_sum_assignment
 
+from polarsim.geometry.boxes import match_most
 from polarsim.scoring.metrics import Metric, summary
 
 MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
@@ -25,19 +25,16 @@ class RockPairs:
 
 
 def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
-    """One-to-one pairs of the smallest summed distance of centres, none beyond half the true rock's size.
+    """One-to-one pairs: as many as possible, then the nearest; none beyond half the true rock's size.
 
-    Both tables in one frame.
+    Distances are between centres, as shares of that radius. Both tables are in one frame.
     """
     if not len(true) or not len(found):
         return RockPairs(np.zeros(0, int), np.zeros(0, int))
     centres = [table[["x", "y", "z"]].to_numpy(float) for table in (true, found)]
     distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
     radius = np.maximum(MATCH_RADIUS * true["size_m"].to_numpy(float), SMALLEST_RADIUS)[:, None]
-    gain = np.where(distance < radius, 2 - distance / radius, 0.0)  # many pairs first, then near ones
-    rows, columns = linear_sum_assignment(-gain)
-    good = distance[rows, columns] < radius[rows, 0]
-    return RockPairs(rows[good], columns[good])
+    return RockPairs(*match_most(1 - distance / radius, distance < radius))
 
 
 def recall_and_precision(true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, seen: np.ndarray) -> list[Metric]:

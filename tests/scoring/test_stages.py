@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
@@ -470,3 +472,25 @@ def test_an_object_that_one_exposure_shows_counts_at_all_of_its_bracket():
     table = pd.DataFrame(rows)
     table.loc[table["rock"] == 2, "contrast"] = 3.0
     assert visible(table, OPTIONS)[["key", "rock"]].to_numpy().tolist() == [[str(key), 1] for key in keys]
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 0.6)), min_size=1, max_size=6),
+    st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 0.6)), min_size=1, max_size=6),
+)
+def test_as_many_rocks_are_paired_as_can_be(true, found):
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    first, second = (rock_rows([(x, y, 0.5) for x, y in part]) for part in (true, found))
+    pairs = pair_rocks(first, second)
+    distance = np.linalg.norm(np.array(true)[:, None] - np.array(found)[None], axis=-1)
+    assert (distance[pairs.true, pairs.found] < 0.25).all()
+    possible = maximum_bipartite_matching(csr_array(distance < 0.25), perm_type="column")
+    assert len(pairs.true) == (possible >= 0).sum()
+
+
+def test_three_far_pairs_count_more_than_two_near_ones():
+    true = rock_rows([(x, 0, 0.2) for x in (0.0, 0.099, 0.198)])
+    found = rock_rows([(x, 0, 0.2) for x in (0.099, 0.198, 0.297)])
+    assert pair_rocks(true, found).found.tolist() == [0, 1, 2]
