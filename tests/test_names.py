@@ -1,4 +1,4 @@
-"""A module-level or class-level name is assigned once: a second value changes code that reads the first."""
+"""Each fact of the code has one place: a name is assigned once per scope, the size of a photo is written once."""
 
 import ast
 from collections.abc import Iterator
@@ -6,6 +6,8 @@ from itertools import chain
 from pathlib import Path
 
 import pytest
+
+from polarsim.photo import HEIGHT, WIDTH
 
 CHECKOUT = Path(__file__).parent.parent
 FOLDERS = ("polarsim", "workflow/scripts", "benchmarks", "tests")
@@ -89,3 +91,15 @@ def test_a_second_binding_is_found_in_a_module_and_in_a_class(second):
 
 def test_other_scopes_and_attributes_are_no_second_binding():
     assert repeated("ROUNDS = 5\ndef f():\n    ROUNDS = 3\nROUNDS.real = {}\nROUNDS[0] = 1\nFEW: int\nFEW = 3\n") == []
+
+
+def test_the_size_of_a_photo_is_written_in_one_module():
+    """Numbers of the code, not of texts: the width and height of NASA's photos and their halves."""
+    sizes = {WIDTH, HEIGHT, WIDTH // 2, HEIGHT // 2}
+    found = {
+        f"{path.relative_to(CHECKOUT)}:{node.lineno}"
+        for path in sorted((CHECKOUT / "polarsim").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and type(node.value) is int and node.value in sizes
+    }
+    assert {place.split(":")[0] for place in found} == {"polarsim/photo.py"}, found

@@ -11,6 +11,7 @@ import typer
 from polarsim.arguments import STOPPED, refuse_existing_folder, run_and_config, run_folder, writes_file, writes_folder
 from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count
 from polarsim.errors import PolarsimError
+from polarsim.photo import WIDTH
 
 command = commands_of("Runs of the pipeline")
 
@@ -128,7 +129,7 @@ def explore(
             help="Write the page to this new folder, for any static host, instead of serving it.",
         ),
     ] = None,
-    width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 968,
+    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Width of the pictures, px.")] = WIDTH // 2,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     results: Results = Path("results"),

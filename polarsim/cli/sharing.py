@@ -9,6 +9,7 @@ import typer
 
 from polarsim.arguments import run_folder, writes_file, writes_folder
 from polarsim.cli.application import Results, commands_of, listed
+from polarsim.photo import WIDTH
 from polarsim.reporting import reporting
 
 command = commands_of("For other tools")
@@ -83,7 +84,7 @@ def fiftyone(
     domain: Annotated[
         list[str] | None, typer.Option(help="Only photo, or a model's twins; may be repeated. Default: all.")
     ] = None,
-    width: Annotated[int, typer.Option(min=240, max=1936, help="Width of the pictures, px.")] = 1936,
+    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Width of the pictures, px.")] = WIDTH,
     results: Results = Path("results"),
 ) -> None:
     """Write a run as a FiftyOne data set: photos and twins with labels and predictions."""

@@ -24,7 +24,7 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 
 Files = dict[str, Callable[[], bytes]]  # by address below the page, without a slash in front
-WIDTH_PX = 968  # of the pictures, half a photo's
+WIDTH_PX = WIDTH // 2  # of the pictures
 CORRECTIONS = "data/corrections.json"
 
 

@@ -14,7 +14,7 @@ from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.lint.siblings import Defects, modals, of_class
-from polarsim.photo import CAMERAS, SUNS, Bracket, PhotoKey
+from polarsim.photo import CAMERAS, HEIGHT, SUNS, Bracket, PhotoKey
 
 LEAST_BOXES = 3  # fewer tell no view
 BETTER, GOOD = 0.25, 0.4  # mean IoU by which another view must fit better, and at least
@@ -118,7 +118,7 @@ def _right_from_left(left: np.ndarray, right: np.ndarray) -> np.ndarray | None:
     """(3, 2) offset of a box's centre as a plane over the Left photo; None where too few boxes pair."""
     if min(len(left), len(right)) < LEAST_PAIRS:
         return None
-    starts = [np.array([[a - SLOPE * 608, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
+    starts = [np.array([[a - SLOPE * HEIGHT / 2, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
     plane = max(starts, key=lambda start: _fit(_moved(left, start), right))
     for _ in range(ROUNDS):
         moved = _moved(left, plane)

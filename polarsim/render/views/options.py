@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveIn
 
 from polarsim.formats.files import found_from
 from polarsim.formats.yaml_files import read_model
+from polarsim.photo import HEIGHT, WIDTH
 from polarsim.render.options import RenderOptions
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 from polarsim.user_path import UserPath
@@ -78,8 +79,8 @@ class PinholeLens(Section):
         lt=170,
         description="The lens has this horizontal field of view, degrees; a wider one shows more and smaller.",
     )
-    width_px: PositiveInt = Field(1936, le=16384, description="Pictures have this width, px.")
-    height_px: PositiveInt = Field(1216, le=16384, description="Pictures have this height, px.")
+    width_px: PositiveInt = Field(WIDTH, le=16384, description="Pictures have this width, px.")
+    height_px: PositiveInt = Field(HEIGHT, le=16384, description="Pictures have this height, px.")
     baseline_m: PositiveFloat = Field(
         0.3, description="With `stereo` the right camera stands this far from the left one, metres."
     )
