@@ -78,7 +78,7 @@ class Scene:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         library = embree()
-        self._vertices, self._faces = padded(vertices), np.ascontiguousarray(faces, np.uint32)
+        self._vertices, self._faces = padded(vertices), np.require(faces, np.uint32, ["C", "A"])
         self.address: int = library.rtcNewScene(device())
         weakref.finalize(self, library.rtcReleaseScene, self.address)
         library.rtcSetSceneFlags(self.address, ROBUST)

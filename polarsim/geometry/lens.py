@@ -16,6 +16,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from polarsim.photo import HEIGHT, WIDTH
+
 CHUNK = 1 << 14  # pixels whose arrays stay in the cache
 CLOSE = 1e-7  # of undistortion, in units of the focal length: the next step squares what is left
 HALF_PIXEL = 0.5  # OpenCV's (0, 0) is our (0.5, 0.5)
@@ -32,8 +34,8 @@ class Lens:
     cx: float
     cy: float
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    width: int = 1936
-    height: int = 1216
+    width: int = WIDTH
+    height: int = HEIGHT
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -41,7 +43,7 @@ class Lens:
         return self.height, self.width
 
     @classmethod
-    def from_opencv(cls, matrix: np.ndarray, distortion: np.ndarray, size: tuple[int, int] = (1936, 1216)) -> Lens:
+    def from_opencv(cls, matrix: np.ndarray, distortion: np.ndarray, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Lens:
         """Camera matrix (3, 3), 4 or 5 distortion terms (k1 k2 p1 p2 [k3]), size (width, height)."""
         terms = np.zeros(5)
         terms[: len(distortion)] = distortion
@@ -71,7 +73,8 @@ class Lens:
 
     def directions(self, pixels: np.ndarray) -> np.ndarray:
         """Directions (..., 3) with z = 1 of pixels (..., 2): the inverse of `project`, to 1e-9 px inside the photo."""
-        distorted = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
+        # Contiguous, so that `flat` is a view of it.
+        distorted = np.ascontiguousarray((np.asarray(pixels) - [self.cx, self.cy]) / [self.fx, self.fy])
         if any(self.distortion):
             flat = distorted.reshape(-1, 2)
             for start in range(0, len(flat), CHUNK):

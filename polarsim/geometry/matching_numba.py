@@ -15,8 +15,10 @@ def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tup
     shape = (len(other), len(thresholds), len(overlap))
     matched, passed = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     if overlap.size:
+        # Numba reads arrays of the other byte order as if they were of this machine's.
+        overlap, thresholds = np.ascontiguousarray(overlap, float), np.ascontiguousarray(thresholds, float)
         near = np.flatnonzero(overlap.max(axis=1) >= thresholds.min())
-        _match(np.ascontiguousarray(overlap), thresholds, np.ascontiguousarray(other), near, matched, passed)
+        _match(overlap, thresholds, np.ascontiguousarray(other, bool), near, matched, passed)
     return matched, passed
 
 

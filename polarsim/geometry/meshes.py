@@ -24,7 +24,7 @@ class Mesh:
         face_normals = cross(b - a, c - a)
         corners = self.faces.T.ravel()
         sums = [np.bincount(corners, np.tile(part, 3), len(self.vertices)) for part in face_normals.T]
-        normals = np.stack(sums, axis=1)
+        normals = np.stack(sums, axis=1).astype(float)  # without faces NumPy counts in integers
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 

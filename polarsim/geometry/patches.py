@@ -62,6 +62,7 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
     """
     import cv2
 
+    shaded, photo = np.asarray(shaded, np.float32), np.asarray(photo, np.float32)
     ours = cv2.GaussianBlur(shaded, (0, 0), _BLUR_PX)  # no roots: in them penumbras look shorter
     theirs = cv2.GaussianBlur(np.maximum(photo - BLACK_LEVEL, 0), (0, 0), _BLUR_PX)
     half, reach = window.half, window.half + window.search

@@ -24,6 +24,7 @@ def tracked_plane(points: np.ndarray, start: np.ndarray, scales: list[float]) ->
 
 def level_from(plane: np.ndarray) -> Pose:
     """The least rotation that makes the plane level, and the translation that puts its height at x = y = 0 to z = 0."""
+    plane = np.asarray(plane, float)
     normal = np.array([-plane[0], -plane[1], 1.0])
     normal /= np.linalg.norm(normal)
     axis = np.cross(normal, [0, 0, 1])

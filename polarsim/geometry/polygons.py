@@ -23,6 +23,7 @@ PAINT_ORDER = tuple(POLYGON_CLASSES.index(name) for name in ("background", "grou
 
 def signed_area(ring: np.ndarray) -> float:
     """Shoelace area of a ring (n, 2), px^2; positive where it runs clockwise on the photo."""
+    ring = np.asarray(ring, float)
     x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
 

@@ -113,7 +113,7 @@ def _lines(origins: np.ndarray, directions: np.ndarray, part: slice) -> tuple[np
 
 
 def _float32(values: np.ndarray) -> np.ndarray:
-    return np.require(values, np.float32, ["C", "W"])  # the compiled loops take no read-only arrays
+    return np.require(values, np.float32, ["C", "A", "W"])  # the compiled loops take no read-only arrays
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class MovableScene:
         """
         self.address = _new_scene()
         self._vertices = [padded(part.vertices) for part in parts]
-        self._faces = [np.ascontiguousarray(part.faces, np.uint32) for part in parts]
+        self._faces = [np.require(part.faces, np.uint32, ["C", "A"]) for part in parts]
         self._scenes = [_new_scene() for _ in parts]
         self._triangles = [
             attach(scene, vertices, faces, part.mask)

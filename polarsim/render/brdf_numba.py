@@ -37,7 +37,7 @@ _SERIES_BELOW, _SERIES = _f(0.1), tuple(_f(c) for c in (1 / 120, -1 / 24, 1 / 6,
 
 def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
     """`brdf.reflectance` in float32; the reference itself of models that are a few sums and products."""
-    vectors = [np.require(v, np.float32, ["C", "W"]).reshape(-1) for v in (normal, to_lamp, to_viewer)]
+    vectors = [np.require(v, np.float32, ["C", "A", "W"]).reshape(-1) for v in (normal, to_lamp, to_viewer)]
     values = np.empty(len(normal), np.float32)
     if isinstance(parameters, HapkeParameters):
         _hapke(*vectors, *_numbers(parameters), False, _1, values)
