@@ -27,6 +27,7 @@ MIN_FIT = 0.52  # sum of IoU over what could match that speaks for itself
 MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # ... and that suffices with such a lead over the next best pose
 START_DIRECTIONS = 64  # points a rock while hypotheses are refined from afar
 SAME_POSITION = 0.1  # metres: fits that end nearer to each other are one
+MIN_GUESS = 0.3  # least share of a pose that nothing proves to be likelier than the survey's
 NO_LEAD = 0.1  # of the share: a pose that leads another one by less is a guess, however much both explain
 
 
@@ -103,13 +104,25 @@ def checked(localisation: LabelLocalisation) -> LabelLocalisation:
             f"two poses explain the {len(localisation.boxes)} boxes nearly alike, {localisation.share:.2f} and "
             f"{localisation.runner_up:.2f} of what could match"
         )
-    off = np.linalg.norm(localisation.fit.sandbox_from_left.translation - localisation.prior.mean[:3])
-    if np.isfinite(localisation.prior.sd[0]) and off > MAX_OFF_SURVEY:
+    off = _off_survey(localisation)
+    if off > MAX_OFF_SURVEY:
         raise RegistrationError(
             f"the pose that explains the boxes best stands {off:.1f} m from the survey's position, at most "
             f"{MAX_OFF_SURVEY:g} m are believed: are these another position's boxes?"
         )
     return localisation
+
+
+def is_likely(localisation: LabelLocalisation) -> bool:
+    """Whether a pose that `checked` refuses is still likelier than the survey's: enough to move labels in the image."""
+    return localisation.share >= MIN_GUESS and _off_survey(localisation) <= MAX_OFF_SURVEY
+
+
+def _off_survey(localisation: LabelLocalisation) -> float:
+    """Distance of the left camera from its surveyed position, metres; 0 where nobody surveyed it."""
+    if not np.isfinite(localisation.prior.sd[0]):
+        return 0.0
+    return float(np.linalg.norm(localisation.fit.sandbox_from_left.translation - localisation.prior.mean[:3]))
 
 
 def survey_prior(surveyed: Pose | None, options: LocalisationOptions) -> PosePrior:

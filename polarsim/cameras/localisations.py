@@ -26,12 +26,20 @@ log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
+class Refusal:
+    """Why labels do not localise a position, and the pose that explains them best, where there is one."""
+
+    reason: str
+    best: LabelLocalisation | None
+
+
+@dataclass(frozen=True)
 class Localisations:
-    """Where positions stand, where rocks do, and why positions were refused."""
+    """Localised positions, translations of rocks, and refused positions."""
 
     localised: dict[str, LabelLocalisation]
     translations: Translations
-    refused: dict[str, str]  # position -> reason
+    refused: dict[str, Refusal]
 
 
 def localise_all(
@@ -46,7 +54,7 @@ def localise_all(
 
     Returns
     -------
-    Placements
+    Localisations
         Positions with too few boxes or meshes are neither localised nor refused.
     """
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
@@ -86,16 +94,18 @@ def _with_position(
     alone: LabelLocalisation | None,
 ) -> Localisations:
     """One more position, and all poses and translations fitted anew; or one more that is refused."""
+    best = alone
     try:
         if alone is None or before.localised:  # others have told of the rocks since
             moved = translated(outlines, before.translations.metres)
             poses = {other: one.fit.sandbox_from_left for other, one in before.localised.items()}
             surveyed = pose_beside(position, poses)
-            alone = localise_by_labels(boxes, moved, lens, surveyed, options)
-        after = _fitted({**before.localised, position: alone}, before.translations, outlines, lens, options)
+            best = localise_by_labels(boxes, moved, lens, surveyed, options)
+        assert best is not None
+        after = _fitted({**before.localised, position: best}, before.translations, outlines, lens, options)
         checked(after.localised[position])
     except RegistrationError as error:
-        return replace(before, refused={**before.refused, position: error.reason})
+        return replace(before, refused={**before.refused, position: Refusal(error.reason, best)})
     return replace(after, refused=before.refused)
 
 

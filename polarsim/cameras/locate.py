@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -13,20 +13,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.cameras.labels import LabelLocalisation
+from polarsim.cameras.labels import LabelLocalisation, is_likely
 from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.sandbox_frame import SandboxFrame, find_sandbox_frame
 from polarsim.cameras.scans import Network, register_scans
 from polarsim.cameras.small_box import small_box_frame
-from polarsim.cameras.surveyed import pose_beside, stations
+from polarsim.cameras.surveyed import likely_pose, stations
 from polarsim.cameras.translations import translation_table
 from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import SURVEYED, LocalisedRig, read_rig, write_localised
+from polarsim.formats.rigs import SURVEYED, UNSURE, LocalisedRig, read_rig, write_localised
 from polarsim.formats.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
@@ -47,6 +47,7 @@ class Located:
 
     localised: dict[str, LocalisedRig]
     details: dict[str, pd.DataFrame]
+    guessed: Mapping[str, LocalisedRig] = field(default_factory=dict)  # unproven poses of other positions
 
 
 def locate_cameras(
@@ -86,7 +87,7 @@ def locate_cameras(
             located = _locate_by_scans(known, scanned, rig)
         else:
             located = _locate_by_labels(known, positions, rig, seeds, options)
-        localised = _completed(located.localised, positions, rig, stations(known.terrain))
+        localised = _completed(located, positions, rig, stations(known.terrain))
     with writing_folder(cameras) as folder:
         for position in sorted(localised):
             write_localised(folder / f"Pos{position}.json", localised[position])
@@ -182,22 +183,26 @@ def _locate_by_labels(
         localised[position] = _localised(rig, pose, "labels", metrics)
         rows += _match_rows(position, localisation, outlines.rocks)
     rows.sort(key=itemgetter(0, 1))
-    return Located(localised, {**details, "matches.parquet": pd.DataFrame(rows, columns=list(MATCHES.columns))})
+    guessed = {
+        position: _localised(
+            rig,
+            guess.fit.sandbox_from_left,
+            UNSURE,
+            {**_label_metrics(guess, len(outlines)), **_off_survey(position, guess.fit.sandbox_from_left, surveyed)},
+        )
+        for position, refusal in sorted(found.refused.items())
+        if (guess := refusal.best) is not None and is_likely(guess)
+    }
+    matches = pd.DataFrame(rows, columns=list(MATCHES.columns))
+    return Located(localised, {**details, "matches.parquet": matches}, guessed)
 
 
 def _tell_refused(found: Localisations) -> None:
-    """Warn of positions that labels do not localise; one view may be hopeless.
-
-    Raises
-    ------
-    RegistrationError
-        All are refused: these are other labels or other meshes.
-    """
-    reasons = [f"position {position}: {reason}" for position, reason in sorted(found.refused.items())]
-    if reasons and not found.localised:
-        raise RegistrationError(reasons[0])
-    for reason in reasons:
-        log.warning("%s", reason)
+    """Warn of positions that labels do not localise."""
+    for position, refusal in sorted(found.refused.items()):
+        log.warning("position %s: %s", position, refusal.reason)
+    if found.refused and not found.localised:
+        log.warning("labels and meshes localise no position: do they show the same terrain?")
 
 
 def _label_metrics(localisation: LabelLocalisation, meshes: int) -> dict[str, float]:
@@ -233,18 +238,28 @@ def _offsets(localisation: LabelLocalisation) -> np.ndarray:
 
 
 def _completed(
-    localised: dict[str, LocalisedRig], positions: Sequence[str], rig: StereoRig, surveyed: Mapping[str, Pose]
+    located: Located, positions: Sequence[str], rig: StereoRig, surveyed: Mapping[str, Pose]
 ) -> dict[str, LocalisedRig]:
-    """Positions that neither scans nor labels localise stand where the survey has them, moved as the others are.
+    """All positions: those that neither scans nor labels localise get the likeliest pose, which nothing proves.
 
-    Those of terrain 13 are in no survey: they are left to the photos, unless no position has a pose then.
+    It is the one that labels suggest, or else that of the survey, moved as the terrain's localised positions are.
+    Positions of terrain 13 are in no survey: they are left to the photos, unless no position has a pose then.
+
+    Raises
+    ------
+    RegistrationError
+        No position has a pose.
     """
-    complete = dict(localised)
-    poses = {position: one.sandbox_from_left for position, one in localised.items()}
+    complete = dict(located.localised)
+    poses = {position: one.sandbox_from_left for position, one in located.localised.items()}
     for position in positions:
-        if position in localised:
+        if position in complete:
             continue
-        pose = pose_beside(position, poses) if position in surveyed else None
+        if position in located.guessed:
+            log.warning("position %s: its pose is a guess by labels and meshes that nothing confirms", position)
+            complete[position] = located.guessed[position]
+            continue
+        pose = likely_pose(position, poses) if position in surveyed else None
         if pose is None:
             log.warning("position %s: %s; photos may localise it", position, _NOTHING)
             continue

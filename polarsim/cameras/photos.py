@@ -71,10 +71,10 @@ def refine_cameras(
     localised = start = read_all_localised(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
-    if any(view[0] in localised and not localised[view[0]].surveyed for view in pictures):
+    if any(view[0] in localised and not localised[view[0]].unproven for view in pictures):
         name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
         localised = _with_features(name, localised, surface, pictures)
-        shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].surveyed}
+        shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].unproven}
         localised, suns = _refined(name, localised, surface, shown, options)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
@@ -108,7 +108,7 @@ def _with_features(
     name: str, located: dict[str, LocalisedRig], surface: Surface, pictures: Pictures
 ) -> dict[str, LocalisedRig]:
     """The rigs, and those of further positions whose photos share enough with theirs."""
-    sure = {position: one for position, one in located.items() if not one.surveyed}
+    sure = {position: one for position, one in located.items() if not one.unproven}
     unsure = {view[0] for view in pictures} - set(sure)
     return located | (localise_by_features(name, unsure, sure, surface, pictures) if unsure else {})
 

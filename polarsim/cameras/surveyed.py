@@ -7,7 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from polarsim import survey
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
+
+# The rig was tilted anew for C; from A to B it only moved back: on six terrains their pitches of 22 to 28.5 degrees
+# differ by 1.3 at most.
+SAME_TILT = {"A": "B", "B": "A"}
+USUAL_PITCH_DEG = 25.7  # downwards, mean of 18 localised positions
 
 
 def stations(terrain: int) -> dict[str, Pose]:
@@ -42,3 +47,17 @@ def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
         if other != position and (known := surveyed_pose(other)) is not None
     ]
     return Pose(surveyed.rotation, surveyed.translation + (np.mean(offsets, axis=0) if offsets else 0.0))
+
+
+def likely_pose(position: str, localised: Mapping[str, Pose]) -> Pose | None:
+    """The likeliest pose of a position without evidence of its own; None for positions that the survey does not have.
+
+    It is `pose_beside`, tilted as the position whose tilt it shares, or as positions usually are. Rocks moved from Left
+    to Right by the ground meet the drawn ones with F1 0.71 by `pose_beside`, 0.80 by this pose (terrains 04, 11, 12).
+    """
+    pose = pose_beside(position, localised)
+    if pose is None:
+        return None
+    neighbour = localised.get(SAME_TILT.get(position, ""))
+    pitch = np.radians(USUAL_PITCH_DEG) if neighbour is None else yaw_pitch_roll(neighbour)[1]
+    return looking(pose.translation, yaw_pitch_roll(pose)[0], float(pitch))

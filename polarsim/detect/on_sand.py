@@ -61,7 +61,7 @@ class Sand:
         photo = PhotoKey.parse(key)
         sandbox = self._terrains.get(photo.terrain)
         rig = sandbox.rigs.get(photo.position) if sandbox else None
-        if sandbox is None or rig is None or rig.surveyed or not len(found):
+        if sandbox is None or rig is None or rig.unproven or not len(found):
             return found
         half, wall = half_width(photo.terrain), SURELY_WALL if is_surveyed(photo.terrain) else 0.0
         return found[on_sand(found, rig.camera(photo.camera), sandbox.level_m, half, wall)]

@@ -20,6 +20,7 @@ from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
 MOST_PX = 1 << 16  # width or height of a photo
 SURVEYED = "survey"  # method of a rig that nothing else localises
+UNSURE = "labels, unsure"  # of one whose pose labels suggest and do not prove
 FEATURES = "features"  # of one that photos from localised positions localise
 
 
@@ -29,13 +30,13 @@ class LocalisedRig:
 
     rig: StereoRig
     sandbox_from_left: Pose
-    method: str = ""  # "scans", "labels", FEATURES or SURVEYED, ", photos" behind it: what the pose rests on
+    method: str = ""  # "scans", "labels", FEATURES, UNSURE or SURVEYED, ", photos" behind it: what the pose rests on
     metrics: dict[str, float] = field(default_factory=dict)  # metrics of the fit; keys carry their units
 
     @property
-    def surveyed(self) -> bool:
-        """Whether nothing but the survey localises the rig: what was scanned from there cannot be laid by its pose."""
-        return self.method == SURVEYED
+    def unproven(self) -> bool:
+        """Whether the pose is the survey's or a guess: nothing that rests on it is evidence, no mesh is seen by it."""
+        return self.method in (SURVEYED, UNSURE)
 
     def sandbox_from(self, camera: str) -> Pose:
         """Pose of camera L or R in the sandbox."""

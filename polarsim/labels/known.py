@@ -50,7 +50,7 @@ def gather(
     image: its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
     """
     world, bare = build_worlds(terrain, localised, suns, options)
-    located = {position: rig for position, rig in localised.items() if not rig.surveyed}
+    located = {position: rig for position, rig in localised.items() if not rig.unproven}
     known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK)
     apart: dict[str, Known] = {}
     if len(located) < len(localised):

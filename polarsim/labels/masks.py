@@ -189,7 +189,7 @@ def draw_masks(
         drawn = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
         for (_, position, camera), members in groupby(drawn, key=lambda key: key.view):
             in_view = labels[(labels["position"] == position) & (labels["camera"] == camera)]
-            shown = bare if localised[position].surveyed else world
+            shown = bare if localised[position].unproven else world
             outlines = ViewOutlines(shown, localised[position], camera, in_view, options)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for _, own in groupby(members, key=lambda key: key.bracket):

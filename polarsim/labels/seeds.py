@@ -180,7 +180,7 @@ def without_strangers(drawings: Drawings, terrain: TerrainMesh, localised: Mappi
         if key.camera == "L":
             annotated.setdefault(key.position, []).append(one.rocks)
     agreed = {position: consensus_boxes(own) for position, own in annotated.items()}
-    cameras = {position: rig.camera("L") for position, rig in localised.items() if not rig.surveyed}
+    cameras = {position: rig.camera("L") for position, rig in localised.items() if not rig.unproven}
     names = positions_of_strangers(agreed, cameras, [terrain.rock_vertices(rock) for rock in terrain.rocks])
     return {key: one for key, one in drawings.items() if key.position not in names}
 

@@ -158,7 +158,7 @@ def build_worlds(
         return build_world(terrain, TRIM, suns, options.wall_height_m)
 
     world = built(terrain)
-    return world, built(terrain.ground()) if any(rig.surveyed for rig in localised.values()) else world
+    return world, built(terrain.ground()) if any(rig.unproven for rig in localised.values()) else world
 
 
 def build_world(

@@ -21,7 +21,7 @@ from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import lamps, rigs, scene, tables
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import LocalisedRig
+from polarsim.formats.rigs import SURVEYED, LocalisedRig
 from polarsim.formats.run_files import instances_of, pictures_at
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
@@ -99,7 +99,7 @@ class Terrain:
 
     def pose_origin(self, position: str) -> Origin:
         """A pose that nothing but the survey gives was measured; all others were fitted."""
-        return MEASURED[self.kind] if self.rigs[position].surveyed else "fitted"
+        return MEASURED[self.kind] if self.rigs[position].method == SURVEYED else "fitted"
 
 
 @dataclass(frozen=True)

@@ -48,16 +48,16 @@ class LabelPaths:
 
 
 def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, LocalisedRig], cameras: Path) -> dict[View, list[PhotoKey]]:
-    """The keys of each view whose position has a pose; the others are named in a warning and left out."""
+    """The keys of each view whose position has a proven pose; the others are named in a warning and left out."""
     views: dict[View, list[PhotoKey]] = {}
     without = set()
     for key in sorted(keys):
-        if key.position in rigs:
+        if key.position in rigs and not rigs[key.position].unproven:
             views.setdefault((key.position, key.camera), []).append(key)
         else:
             without.add(key.position)
     for position in sorted(without):
-        log.warning("%s: no pose, nothing is rendered at position %s", cameras / f"Pos{position}.json", position)
+        log.warning("%s: no proven pose, nothing is rendered at position %s", cameras / f"Pos{position}.json", position)
     return views
 
 

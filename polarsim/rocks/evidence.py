@@ -31,7 +31,7 @@ class Evidence:
 
     def of_their_position(self, rocks: Sequence[np.ndarray]) -> Evidence:
         """The same without positions whose boxes are another one's, by rocks (n, 3) that shape alone tells; warns."""
-        cameras = {position: rig.camera("L") for position, rig in self.localised.items() if not rig.surveyed}
+        cameras = {position: rig.camera("L") for position, rig in self.localised.items() if not rig.unproven}
         names = positions_of_strangers(self.agreed, cameras, rocks)
         return replace(
             self, annotated={position: boxes for position, boxes in self.annotated.items() if position not in names}

@@ -121,7 +121,7 @@ def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> S
         if position not in localised:
             log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
             continue
-        if localised[position].surveyed:
+        if localised[position].unproven:
             log.warning("terrain %02d: the scan at %s localises no camera and is left out", inventory.terrain, position)
             continue
         points_left = read_scan(inventory, position, localised[position].rig)

@@ -68,7 +68,7 @@ def check_consistency(
     scans = {
         position: on_sand(localised[position], read_scan(known, position, localised[position].rig), half_width(terrain))
         for position in known.scanned
-        if position in localised and not localised[position].surveyed
+        if position in localised and not localised[position].unproven
     }
     metrics = []
     scene, last = read_terrain(meshes, terrain), read_all_localised(cameras)
@@ -126,7 +126,7 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
 def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, LocalisedRig]) -> list[Metric]:
     """What all cameras of a terrain did in common after the meshes, and which none but the survey localises."""
     metrics = [
-        Metric(f"camera {position}", "surveyed", float(rig.surveyed), "1", 1, "own")
+        Metric(f"camera {position}", "surveyed", float(rig.unproven), "1", 1, "own")
         for position, rig in sorted(after.items())
     ]
     if len(set(before) & set(after)) > 1:

@@ -38,7 +38,7 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
     for position, rig in sorted(localised.items()):
         left, right = (pictures.get((position, camera), {}) for camera in CAMERAS)
         azimuths = sorted(set(left) & set(right))
-        if azimuths and not rig.surveyed:
+        if azimuths and not rig.unproven:
             small = replace(rig.rig, left=rig.rig.left.scaled(SCALE), right=rig.rig.right.scaled(SCALE))
             seen = look_with_both(surface, rig.sandbox_from_left, small)
             ties = [
@@ -87,7 +87,7 @@ def boxes_of_both(
     metrics = []
     for position, rig in sorted(localised.items()):
         boxes = {camera: agreed_boxes(annotated, position, camera) for camera in CAMERAS}
-        if min(map(len, boxes.values())) < LEAST_BOXES or rig.surveyed:
+        if min(map(len, boxes.values())) < LEAST_BOXES or rig.unproven:
             continue
         down, share = {}, {}
         for camera, own in boxes.items():

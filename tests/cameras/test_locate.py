@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.cameras import scans
+from polarsim.cameras.labels import MIN_FIT
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded
@@ -12,7 +13,7 @@ from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
 from polarsim.formats.colmap import read_model
 from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import read_all_localised, write_rig
+from polarsim.formats.rigs import SURVEYED, UNSURE, read_all_localised, write_rig
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
 from polarsim.geometry.poses import angle_between, looking
 from polarsim.geometry.stereo import stated_rig
@@ -162,13 +163,35 @@ def test_a_terrain_without_rocks_or_scans_stands_as_surveyed(tmp_path):
     assert localised["A"].sandbox_from_left.translation[0] == pytest.approx(3.541)
 
 
-def test_labels_of_another_terrain_are_refused(tmp_path, annotated, rng):
+def test_labels_of_another_terrain_localise_nothing_and_end_nothing(tmp_path, annotated, rng, caplog):
     for position in "AB":
         corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
         boxes = np.column_stack([corner, corner + rng.uniform(30, 150, (14, 2))])
         yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes)
-    with pytest.raises(RegistrationError, match=r"Terrain03: position [AB]: the best pose explains 0"):
-        locate(tmp_path, annotated, stated_rig())
+    with caplog.at_level(logging.WARNING):
+        localised = locate(tmp_path, annotated, stated_rig())
+    assert {one.method for one in localised.values()} == {SURVEYED}
+    assert "labels and meshes localise no position" in caplog.text
+    for position in "ABC":
+        assert f"position {position}" in caplog.text
+
+
+def test_boxes_too_few_to_prove_a_pose_still_suggest_one(tmp_path, annotated, labelled, true_poses, caplog):
+    rng = np.random.default_rng(508)
+    corner = rng.uniform([100, 300], [1700, 1000], (8, 2))
+    stones = np.column_stack([corner, corner + rng.uniform(30, 150, (8, 2))])  # drawn, and without a mesh
+    boxes = np.concatenate([labelled.seen("A")[:5], stones])
+    yolo.write_boxes(tmp_path / "seeds" / "03_A_off_30_L_0256.txt", np.zeros(len(boxes), int), boxes)
+    with caplog.at_level(logging.WARNING):
+        localised = locate(tmp_path, annotated, stated_rig())
+    assert {position: one.method for position, one in localised.items()} == {"A": UNSURE, "B": "labels", "C": SURVEYED}
+    assert localised["A"].unproven
+    assert not localised["B"].unproven
+    assert localised["A"].metrics["share"] < MIN_FIT
+    assert "position A: its pose is a guess" in caplog.text
+    assert np.linalg.norm(localised["A"].sandbox_from_left.translation - true_poses["A"].translation) < 0.3
+    assert np.degrees(angle_between(localised["A"].sandbox_from_left, true_poses["A"])) < 2
+    assert set(pd.read_parquet(tmp_path / "cameras" / "matches.parquet")["position"]) == {"B"}
 
 
 def test_a_broken_seed_names_its_file_and_line(tmp_path, annotated):

@@ -138,12 +138,12 @@ def _check(
 def _samples_of_terrain(
     terrain: int, cameras: Path, mesh: TerrainMesh, photos: Path | None, options: RenderOptions, threads: int
 ) -> Samples | None:
-    """Of all views whose position has a pose; None without any."""
+    """Of all views whose position has a proven pose; None without any."""
     rigs = read_all_localised(cameras)
     suns = read_suns(cameras, rigs)
     surfaces = surfaces_of(mesh, options)
     paths = _paths_by_view(terrain, photos)
-    views = [view for view in sorted(paths) if view[0] in rigs]
+    views = [view for view in sorted(paths) if view[0] in rigs and not rigs[view[0]].unproven]
     parts: list[Samples] = []
     for number, view in enumerate(track(views, f"photos of terrain {terrain:02d}")):
         rig = rigs[view[0]]
