@@ -26,7 +26,7 @@ from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import SURVEYED, UNSURE, LocalisedRig, read_rig, write_localised
+from polarsim.formats.rigs import PITCH_SD, SURVEYED, UNSURE, LocalisedRig, read_rig, write_localised
 from polarsim.formats.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.formats.scans import read_scan
 from polarsim.formats.schemas import ALIGNMENT, MATCHES
@@ -259,12 +259,14 @@ def _completed(
             log.warning("position %s: its pose is a guess by labels and meshes that nothing confirms", position)
             complete[position] = located.guessed[position]
             continue
-        pose = likely_pose(position, poses) if position in surveyed else None
-        if pose is None:
+        likely = likely_pose(position, poses) if position in surveyed else None
+        if likely is None:
             log.warning("position %s: %s; photos may localise it", position, _NOTHING)
             continue
         log.warning("position %s has neither a scan nor labels and meshes that localise it: the survey does", position)
-        complete[position] = _localised(rig, pose, SURVEYED, _off_survey(position, pose, surveyed))
+        pose, pitch_sd = likely
+        metrics = {PITCH_SD: pitch_sd, **_off_survey(position, pose, surveyed)}
+        complete[position] = _localised(rig, pose, SURVEYED, metrics)
     if not complete:
         raise RegistrationError(f"positions {', '.join(positions)}: {_NOTHING}")
     return complete

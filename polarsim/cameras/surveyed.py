@@ -12,7 +12,8 @@ from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
 # The rig was tilted anew for C; from A to B it only moved back: on six terrains their pitches of 22 to 28.5 degrees
 # differ by 1.3 at most.
 SAME_TILT = {"A": "B", "B": "A"}
-USUAL_PITCH_DEG = 25.7  # downwards, mean of 18 localised positions
+USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG = 25.7, 2.6  # downwards, mean and standard deviation of 18 localised positions
+SHARED_PITCH_SD_DEG = 0.8  # of A about B
 
 
 def stations(terrain: int) -> dict[str, Pose]:
@@ -49,15 +50,17 @@ def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
     return Pose(surveyed.rotation, surveyed.translation + (np.mean(offsets, axis=0) if offsets else 0.0))
 
 
-def likely_pose(position: str, localised: Mapping[str, Pose]) -> Pose | None:
+def likely_pose(position: str, localised: Mapping[str, Pose]) -> tuple[Pose, float] | None:
     """The likeliest pose of a position without evidence of its own; None for positions that the survey does not have.
 
-    It is `pose_beside`, tilted as the position whose tilt it shares, or as positions usually are. Rocks moved from Left
-    to Right by the ground meet the drawn ones with F1 0.71 by `pose_beside`, 0.80 by this pose (terrains 04, 11, 12).
+    It is `pose_beside`, tilted as the position whose tilt it shares, or as positions usually are; behind it the
+    standard deviation of the pitch, degrees. Rocks of 03, 04, 08, 11, 12 that the ground moves from Left to Right meet
+    drawn ones with F1 0.80, by `pose_beside` with 0.57.
     """
     pose = pose_beside(position, localised)
     if pose is None:
         return None
     neighbour = localised.get(SAME_TILT.get(position, ""))
     pitch = np.radians(USUAL_PITCH_DEG) if neighbour is None else yaw_pitch_roll(neighbour)[1]
-    return looking(pose.translation, yaw_pitch_roll(pose)[0], float(pitch))
+    sd_deg = USUAL_PITCH_SD_DEG if neighbour is None else SHARED_PITCH_SD_DEG
+    return looking(pose.translation, yaw_pitch_roll(pose)[0], float(pitch)), sd_deg

@@ -20,6 +20,8 @@ from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
 MOST_PX = 1 << 16  # width or height of a photo
 SURVEYED = "survey"  # method of a rig that nothing else localises
+PITCH_SD = "pitch_sd_deg"  # metric of a surveyed rig: how well its pitch is known
+KNOWN_PITCH_DEG = 1.5  # standard deviation up to which a pitch is known
 UNSURE = "labels, unsure"  # of one whose pose labels suggest and do not prove
 FEATURES = "features"  # of one that photos from localised positions localise
 
@@ -37,6 +39,11 @@ class LocalisedRig:
     def unproven(self) -> bool:
         """Whether the pose is the survey's or a guess: nothing that rests on it is evidence, no mesh is seen by it."""
         return self.method in (SURVEYED, UNSURE)
+
+    @property
+    def pitch_known(self) -> bool:
+        """Whether anything but habit tells how far down the cameras look."""
+        return self.method != SURVEYED or self.metrics.get(PITCH_SD, np.inf) <= KNOWN_PITCH_DEG
 
     def sandbox_from(self, camera: str) -> Pose:
         """Pose of camera L or R in the sandbox."""

@@ -12,22 +12,26 @@ from polarsim.geometry.boxes import area, clip
 USUAL_PX = 50.0  # sqrt(area) of a common label
 # Of the logarithm of the odds that a label and the box that a person draws there overlap by IoU >= 0.5. Fitted by
 # `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels, where one person's drawing is
-# the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells) and of `translated` to 12 too, for
-# the latter the pose of each position in turn forgotten. `figures/reliability.png` of a run shows how well they hold.
+# the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells) to 12 too. Those of `translated`
+# were fitted to 03, 04, 08, 11, 12, the pose of each position in turn forgotten; the share counts as it does for fused
+# rocks. `figures/reliability.png` of a run shows how well they hold.
 COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
     ("rock", "seed"): (5.06, 0.0, 0.89),
     ("rock", "fused"): (2.18, 3.30, 1.08),
-    ("rock", "translated"): (0.96, 0.0, 3.33),
+    ("rock", "translated"): (1.75, 3.30, 1.61),
     ("rock", "projected"): (0.81, 0.0, 0.56),
     ("shadow", "seed"): (4.27, 0.0, 0.31),
     ("shadow", "fused"): (1.90, 0.0, 1.31),
-    ("shadow", "translated"): (0.40, 0.0, 2.42),
+    ("shadow", "translated"): (1.03, 0.0, 1.40),
     ("shadow", "cast"): (0.31, 0.0, 0.79),
 }
+PITCH_UNKNOWN = {"rock": (1.01, 3.30, 2.37), "shadow": (0.44, 0.0, 1.89)}  # of `translated` by a usual pitch
 ROVER_CAST = (-2.4, 0.0, 0.0)  # the same of shadows that the rover light casts: slivers beside their rocks
 
 
-def confidence(kind: str, source: str, share: float, size_px: float, *, by_rover_light: bool = False) -> float:
+def confidence(
+    kind: str, source: str, share: float, size_px: float, *, by_rover_light: bool = False, pitch_known: bool = True
+) -> float:
     """Probability that a label is right: logistic in the share of azimuths that show the rock, and in the log of size.
 
     Parameters
@@ -39,8 +43,14 @@ def confidence(kind: str, source: str, share: float, size_px: float, *, by_rover
         sqrt(width * height) of the label.
     by_rover_light
         A shadow of the rover light, not of a Sun lamp.
+    pitch_known
+        Whether anything tells how far down the camera looks, which decides how far translated labels move.
     """
-    start, missed, size = ROVER_CAST if by_rover_light and source == "cast" else COEFFICIENTS[kind, source]
+    start, missed, size = COEFFICIENTS[kind, source]
+    if source == "cast" and by_rover_light:
+        start, missed, size = ROVER_CAST
+    if source == "translated" and not pitch_known:
+        start, missed, size = PITCH_UNKNOWN[kind]
     score = start + missed * (share - 1) + size * math.log(max(size_px, 1.0) / USUAL_PX)
     return 1 / (1 + math.exp(-score))
 
@@ -57,10 +67,20 @@ class Label:
 
 
 def label_of(
-    kind: str, rock: int, source: str, box: np.ndarray, share: float = 1.0, *, by_rover_light: bool = False
+    kind: str,
+    rock: int,
+    source: str,
+    box: np.ndarray,
+    share: float = 1.0,
+    *,
+    by_rover_light: bool = False,
+    pitch_known: bool = True,
 ) -> Label:
-    """A label with its confidence; `share` of the annotated azimuths show its rock. Seeds are not cut at the border."""
+    """A label with its `confidence`; `share` of the annotated azimuths show its rock.
+
+    Seeds are not cut at the border.
+    """
     box = box if source == "seed" else clip(box)
     size = float(np.sqrt(area(box)))
-    sure = confidence(kind, source, share, size, by_rover_light=by_rover_light)
+    sure = confidence(kind, source, share, size, by_rover_light=by_rover_light, pitch_known=pitch_known)
     return Label(kind, int(rock), source, round(sure, 3), box)

@@ -26,6 +26,7 @@ PRESENCE = 0.6  # share of the azimuths with seeds whose lamps light a rock that
 SAME_LAMP_WEIGHT = 2.0  # in a fused box, of what was annotated in the other camera under the same lamp; else 1
 MESH_WEIGHT = 1.0  # of a mesh in a fused box, for edges that agree with the annotated ones; an annotated box has 1
 ROCK_MARGIN_PX = 1.0  # people draw rocks this much larger on every side
+UNANNOTATED_LAMP = 0.2  # of a drawing without the rock: what a lamp under which nobody drew counts as, in confidences
 LIT = 0.1  # least share of a rock that a lamp must light for people to see it
 LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
 IN_VIEW = 0.5  # least share of a rock that a photo shows, to expect a drawing of it there
@@ -64,12 +65,13 @@ class PositionRocks:
             chosen = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]
             share = np.ones(len(self.tracks))
         elif azimuth in SUNS:
-            share = np.array([self._share(row) for row in range(len(self.tracks))])
-            chosen = np.flatnonzero(share >= PRESENCE).tolist()
+            annotated = np.array([len(track.azimuths) for track in self.tracks])
+            telling = np.array([len(self._telling(row)) for row in range(len(self.tracks))])
+            chosen = np.flatnonzero(annotated >= PRESENCE * telling).tolist()
+            share = annotated / (telling + UNANNOTATED_LAMP)
         else:
             return self._by_rover_light(camera, boxes)
-        source = self.moved_source(camera)
-        labels = [label_of(ROCK, self.ids[row], source, boxes[row], float(share[row])) for row in chosen]
+        labels = [self.moved_label(ROCK, self.ids[row], camera, boxes[row], float(share[row])) for row in chosen]
         return labels + self._beyond_border(camera, azimuth, boxes)
 
     def rover_light_terms(self, camera: CameraSide, row: int) -> np.ndarray:
@@ -87,14 +89,13 @@ class PositionRocks:
         for row, box in enumerate(boxes):
             sure = rover_light.probability(self.rover_light_terms(camera, row), self.options.annotator_rover_light)
             if sure >= rover_light.PRESENCE:
-                label = label_of(ROCK, self.ids[row], self.moved_source(camera), box)
+                label = self.moved_label(ROCK, self.ids[row], camera, box)
                 labels.append(replace(label, confidence=round(sure, 3)))
         return labels
 
-    def _share(self, row: int) -> float:
-        """Of the azimuths whose drawings could show a track's rock, those that do."""
-        annotated = self.tracks[row].azimuths
-        return len(annotated) / len(annotated | self._lighting(int(self.ids[row])))
+    def _telling(self, row: int) -> set[Azimuth]:
+        """The azimuths whose drawings show a track's rock, or could."""
+        return self.tracks[row].azimuths | self._lighting(int(self.ids[row]))
 
     def _lighting(self, rock: int) -> set[Azimuth]:
         """Annotated azimuths whose lamp lights a rock."""
@@ -109,8 +110,8 @@ class PositionRocks:
 
     def _lone(self, row: int) -> bool:
         """A rock of one azimuth's drawings alone, here and at other positions, though other photos could show it."""
-        annotated, rock = self.tracks[row].azimuths, int(self.ids[row])
-        return len(annotated) == 1 and len(annotated | self._lighting(rock)) >= LONE_OF and self._elsewhere(rock) == 0
+        alone = len(self.tracks[row].azimuths) == 1 and len(self._telling(row)) >= LONE_OF
+        return alone and self._elsewhere(int(self.ids[row])) == 0
 
     def _elsewhere(self, rock: int) -> float | None:
         """Share of the Sun azimuths at which other positions' drawings show a rock; None where their photos cannot."""
@@ -141,10 +142,11 @@ class PositionRocks:
                 found.append(label)
         return found
 
-    def moved_source(self, camera: CameraSide) -> str:
-        """Source of labels from other drawings: `translated` where no pose says how far things move to a camera."""
+    def moved_label(self, kind: str, rock: int, camera: CameraSide, box: np.ndarray, share: float = 1.0) -> Label:
+        """A label from other drawings: `translated` where no proven pose says how far things move to a camera."""
         annotated_here = any(own == camera for own, _ in self.annotated)
-        return "translated" if self.in_image and not annotated_here else "fused"
+        source = "translated" if self.in_image and not annotated_here else "fused"
+        return label_of(kind, rock, source, box, share, pitch_known=self.localised.pitch_known)
 
     def annotated_azimuths(self, rock: int) -> set[Azimuth]:
         """Under which lamps people drew a rock here."""
@@ -157,8 +159,10 @@ class PositionRocks:
         elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in known}
         taken = np.array([*(label.box for label in rocks), *elsewhere.values()]).reshape(-1, 4)
         share = {int(rock): len(track.azimuths) for rock, track in zip(self.ids, self.tracks, strict=True)}
-        source = self.moved_source(camera)
-        found = [label_of(ROCK, rock, source, box, share[rock] / len(self.azimuths)) for rock, box in elsewhere.items()]
+        found = [
+            self.moved_label(ROCK, rock, camera, box, share[rock] / len(self.azimuths))
+            for rock, box in elsewhere.items()
+        ]
         for label in self._projected_rocks(camera):
             annotated_as_another = iou(label.box[None], taken).max(initial=0.0) >= SAME_ROCK_IOU
             if label.rock not in known and label.rock not in elsewhere and not annotated_as_another:

@@ -97,8 +97,7 @@ class PositionShadows:
             mean_shadow(box, cut, cast.get(int(rock)), CAST_WEIGHT)
             for rock, box, cut in zip(throwers, moved, at_border(annotated, self.rocks.view(other).size), strict=True)
         ]
-        source = self.rocks.moved_source(camera)
-        return [label_of(SHADOW, rock, source, box) for rock, box in zip(throwers, boxes, strict=True)]
+        return [self.rocks.moved_label(SHADOW, rock, camera, box) for rock, box in zip(throwers, boxes, strict=True)]
 
     def _unannotated(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
         """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was annotated."""

@@ -18,7 +18,8 @@ def test_what_a_person_drew_is_surer_than_what_geometry_made_of_it():
     assert order == sorted(order, reverse=True)
 
 
-def test_what_moved_to_the_other_camera_without_its_pose_is_a_guess_unless_it_is_large():
-    for kind in ("rock", "shadow"):
-        assert confidence(kind, "translated", 1.0, 40) < 0.6 < confidence(kind, "fused", 1.0, 40)
-        assert confidence(kind, "translated", 1.0, 120) > 0.8
+@pytest.mark.parametrize("kind", ["rock", "shadow"])
+def test_what_moved_to_the_other_camera_without_its_pose_is_a_guess_unless_it_is_large(kind):
+    blind, tilted = (confidence(kind, "translated", 1.0, 40, pitch_known=known) for known in (False, True))
+    assert blind < 0.65 < tilted < confidence(kind, "fused", 1.0, 40)
+    assert confidence(kind, "translated", 1.0, 120, pitch_known=False) > 0.8
