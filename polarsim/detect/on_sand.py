@@ -29,8 +29,8 @@ class Sandbox:
 class Sand:
     """Where the sand lies in the photos of some terrains.
 
-    Photos of other terrains and positions keep all their boxes, and so do those of rigs that only the survey localises:
-    its poses are up to 0.2 m off.
+    Photos of other terrains and positions keep all their boxes, and so do those of rigs of unproven pose,
+    which may be decimetres off.
     """
 
     def __init__(self, terrains: Mapping[int, Sandbox], files: Sequence[Path]) -> None:

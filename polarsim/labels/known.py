@@ -30,7 +30,7 @@ class Known:
     seeds: Seeds
     tracks: dict[str, list[Track]]
     rocks: dict[str, np.ndarray]  # by position: (tracks,) rock ids
-    apart: Mapping[str, Known] = field(default_factory=dict)  # positions that only the survey localises, each by itself
+    apart: Mapping[str, Known] = field(default_factory=dict)  # positions of unproven pose, each by itself
 
     def of(self, position: str) -> Known:
         """What photos of a position may use: its own drawings alone where nobody knows where its cameras stood."""
@@ -46,8 +46,8 @@ def gather(
 ) -> Known:
     """Give every annotated rock its id: that of the mesh that projects there, or the number of a stand-in.
 
-    Meshes projected through a surveyed pose meet other rocks. A position that nothing else localises keeps to its
-    image: its rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
+    Meshes projected through an unproven pose meet other rocks. A position with such a pose keeps to its image: its
+    rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
     """
     world, bare = build_worlds(terrain, localised, suns, options)
     located = {position: rig for position, rig in localised.items() if not rig.unproven}

@@ -25,7 +25,7 @@ COEFFICIENTS = {  # by kind and source: at full share and usual size; for every 
     ("shadow", "translated"): (1.03, 0.0, 1.40),
     ("shadow", "cast"): (0.31, 0.0, 0.79),
 }
-PITCH_UNKNOWN = {"rock": (1.01, 3.30, 2.37), "shadow": (0.44, 0.0, 1.89)}  # of `translated` by a usual pitch
+PITCH_UNKNOWN = {"rock": (0.90, 3.30, 1.61), "shadow": (0.46, 0.0, 1.40)}  # of `translated` by a usual pitch
 ROVER_CAST = (-2.4, 0.0, 0.0)  # the same of shadows that the rover light casts: slivers beside their rocks
 
 

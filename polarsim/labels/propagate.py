@@ -182,7 +182,7 @@ def grid_labels(
         log.warning("position %s: no camera pose, its photos get no labels", position)
     for position in known.apart:
         seeded = "its labels stay in the image" if position in known.seeds else "no labels, for it has no seed"
-        log.warning("position %s: nothing but the survey localises its cameras: %s", position, seeded)
+        log.warning("position %s: nothing proves the pose of its cameras: %s", position, seeded)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
     sets: dict[Bracket, list[PhotoKey]] = {}
     for key in keys:

@@ -173,7 +173,7 @@ class UnlitStarts:
 def without_strangers(drawings: Drawings, terrain: TerrainMesh, localised: Mapping[str, LocalisedRig]) -> Drawings:
     """The drawings of positions whose left photos' rocks the meshes meet; a warning names the others.
 
-    Poses of the survey tell nothing, and neither do they of their own position's drawings.
+    Unproven poses tell nothing, and neither do they of their own position's drawings.
     """
     annotated: dict[str, list[np.ndarray]] = {}
     for key, one in drawings.items():

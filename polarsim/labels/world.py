@@ -149,7 +149,7 @@ def _half_angle(towards: np.ndarray, radius: float) -> float:
 def build_worlds(
     terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray], options: LabelsOptions
 ) -> tuple[World, World]:
-    """The terrain, and its bare ground for positions that only the survey localises: their photos show rocks elsewhere.
+    """The terrain, and its bare ground for positions of unproven pose: their photos show rocks elsewhere.
 
     Without such positions the second is the first.
     """

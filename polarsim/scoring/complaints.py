@@ -38,7 +38,7 @@ LIMITS = {
     "across_rows_spread": _Limit(1.5, "the right photos' rows stray by {value:.1f} px from those of the left ones"),
     "iou_lost": _Limit(0.25, "meshes meet the right camera's boxes by {value:.2f} of IoU worse than the left one's"),
     "boxes_across_rows": _Limit(2.5, "boxes of the right camera lie {value:.1f} px otherwise up or down on the meshes"),
-    "surveyed": _Limit(0.5, "nothing but the survey localises the camera: decimetres and degrees off"),
+    "surveyed": _Limit(0.5, "nothing proves the pose of the camera: it may be decimetres and degrees off"),
 }
 
 

@@ -124,7 +124,7 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
 
 
 def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, LocalisedRig]) -> list[Metric]:
-    """What all cameras of a terrain did in common after the meshes, and which none but the survey localises."""
+    """What all cameras of a terrain did in common after the meshes, and which have no proven pose."""
     metrics = [
         Metric(f"camera {position}", "surveyed", float(rig.unproven), "1", 1, "own")
         for position, rig in sorted(after.items())

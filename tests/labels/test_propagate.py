@@ -9,7 +9,7 @@ from polarsim.formats import inventory, obj, png, rigs, tables, yolo
 from polarsim.formats.coco import Annotation, write_coco
 from polarsim.formats.lamps import surveyed_suns
 from polarsim.formats.scene import read_terrain
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.poses import Pose
 from polarsim.labels.known import gather
 from polarsim.labels.light import OlatLight
@@ -346,11 +346,49 @@ def test_a_broken_seed_line_leaves_nothing_behind(scene, tmp_path):
     assert not list(tmp_path.glob("broken/*"))
 
 
-def lose_pose(scene, position, off):
-    """The pose of a position as only the survey knows it."""
+def lose_pose(scene, position, off, method=rigs.SURVEYED, **metrics):
+    """The pose of a position as only the survey knows it, or as `method` says."""
     lost = localised(position)
     pose = Pose(lost.sandbox_from_left.rotation, lost.sandbox_from_left.translation + off)
-    rigs.write_localised(scene.cameras / f"Pos{position}.json", rigs.LocalisedRig(lost.rig, pose, rigs.SURVEYED))
+    rigs.write_localised(scene.cameras / f"Pos{position}.json", rigs.LocalisedRig(lost.rig, pose, method, metrics))
+
+
+@pytest.mark.parametrize("method", ["labels", rigs.UNSURE, rigs.SURVEYED])
+def test_other_exposures_of_a_seeded_photo_are_the_seed_whatever_the_pose(scene, tmp_path, method):
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]), method)
+    found = propagate(scene, tmp_path / "lost", [one for one in KEYS if (one.position, one.azimuth) == ("A", "30")])
+    _, seed = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt")
+    for light in ("off", "on"):
+        for exposure in (64, 128, 1024, 2048):
+            np.testing.assert_array_equal(rocks(found, f"A_{light}_30_L_{exposure:04d}"), seed[: len(BLOCKS)])
+        np.testing.assert_array_equal(shadows(found, f"A_{light}_30_L_1024"), seed[len(BLOCKS) :])
+
+
+@pytest.mark.parametrize("method", [rigs.UNSURE, rigs.SURVEYED])
+def test_from_one_azimuth_an_unproven_position_copies_rocks_to_the_others(scene, tmp_path, method):
+    (scene.seeds / "03_A_off_180_L_0256.txt").unlink()
+    lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]), method)
+    found = propagate(scene, tmp_path / "lost", [key("A_off_270_L_0128")])
+    _, seed = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt")
+    np.testing.assert_array_equal(rocks(found, "A_off_270_L_0128"), seed[: len(BLOCKS)])
+
+
+def test_a_guessed_pose_moves_labels_to_the_other_camera_along_its_epipolar_lines(scene, tmp_path):
+    lose_pose(scene, "A", np.zeros(3), rigs.UNSURE)
+    found = propagate(scene, tmp_path / "lost", [key("A_off_30_R_1024")])
+    expected = np.array([scene.expected_box("A", "R", rock) for rock in BLOCKS])
+    np.testing.assert_allclose(centres(rocks(found, "A_off_30_R_1024")), centres(expected), atol=3)
+    assert set(tables.read_parquet(tmp_path / "lost" / "labels.parquet")["source"]) == {"translated"}
+
+
+def test_labels_moved_by_a_usual_pitch_are_less_sure_than_by_a_known_one(scene, tmp_path):
+    sure = {}
+    for name, metrics in {"usual": {rigs.PITCH_SD: 2.6}, "shared": {rigs.PITCH_SD: 0.8}}.items():
+        lose_pose(scene, "A", np.zeros(3), **metrics)
+        propagate(scene, tmp_path / name, [key("A_off_30_R_1024")])
+        sure[name] = tables.read_parquet(tmp_path / name / "labels.parquet")["confidence"].to_numpy()
+        assert len(sure[name]) == 2 * len(BLOCKS)
+    assert (sure["usual"] < sure["shared"]).all()
 
 
 def test_a_position_that_nobody_could_localise_keeps_to_its_own_drawings(untouched_scene, scene, tmp_path, labels):

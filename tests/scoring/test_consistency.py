@@ -78,7 +78,7 @@ def test_a_camera_that_only_the_survey_localises_is_named(world):
     localised = {position: LocalisedRig(stated_rig(), pose, "labels", {}) for position, pose in world.poses.items()}
     localised["C"] = LocalisedRig(stated_rig(), world.poses["C"], "survey", {})
     (sentence,) = said(cameras_together(localised, localised))
-    assert sentence.startswith("Terrain 3: camera C: nothing but the survey localises the camera")
+    assert sentence.startswith("Terrain 3: camera C: nothing proves the pose of the camera")
 
 
 def test_cameras_that_photos_rotated_away_from_the_meshes_are_noticed(world):
