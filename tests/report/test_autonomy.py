@@ -8,7 +8,9 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from polarsim.formats.npz import write_arrays
 from polarsim.formats.schemas import AUTONOMY, AUTONOMY_EFFECTS
+from polarsim.formats.tables import write_parquet
 from polarsim.report.autonomy_table import format_autonomy, format_effects
 from polarsim.report.figures import autonomy
 from polarsim.report.figures.autonomy import draw_modes, kinds_of, placed
@@ -96,3 +98,21 @@ def test_what_was_not_measured_is_a_dash_and_intervals_stand_behind_their_value(
     effect = ("both", "sun", "1", "collisions", "", 5, 3.0, 2.5, 3.5, 1.0, np.nan, np.nan)
     shown = format_effects(pd.DataFrame([effect], columns=list(AUTONOMY_EFFECTS.columns)))
     assert shown["collisions"].item() == "3.00 [2.50, 3.50] (+1.00)"
+
+
+def test_levels_of_the_ground_are_drawn_at_their_nodes(tmp_path):
+    write_arrays(tmp_path / "ground.npz", x0_m=-2.0, y0_m=1.0, cell_m=0.5, level_m=np.zeros((3, 5)))
+    write_parquet(tmp_path / "rocks.parquet", pd.DataFrame(columns=["x_m", "y_m", "width_m", "height_m"], dtype=float))
+    axis = Figure().subplots()
+    autonomy._draw_rocks(axis, tmp_path)
+    left, right, bottom, top = axis.images[0].get_extent()
+    assert [(right - left) / 5, (top - bottom) / 3] == [0.5, 0.5]  # a pixel a node
+    assert [left + 0.25, bottom + 0.25] == [-2.0, 1.0]  # at its centre
+    assert [*axis.get_xlim(), *axis.get_ylim()] == [-2.0, 0.0, 1.0, 2.0]
+
+
+def test_exposures_are_in_the_order_of_their_times():
+    found = [drive("stereo", "1", exposure, "off") for exposure in ("12.5", "auto", "0256", "1000000")]
+    own = kinds_of(pd.DataFrame(found, columns=list(AUTONOMY.columns)))
+    x = dict(zip(own["exposure"], placed(own)[0], strict=True))
+    assert sorted(x, key=x.__getitem__) == ["12.5", "0256", "1000000", "auto"]

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import ConfigError
+from polarsim.formats.picture_sets import AUTO, exposure_name
 from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
 from polarsim.render.options import Model
@@ -104,9 +105,6 @@ def _rotation(angle_deg: float) -> np.ndarray:
 _LAMPS: dict[type, Callable[..., Iterator[PlannedLamp]]] = {NearLamps: _near, Suns: _suns, LunarSuns: _lunar}
 
 
-AUTO = "auto"
-
-
 @dataclass(frozen=True)
 class Picture:
     """One picture of the grid. Those of one scene, camera and light share their labels: its `ground_truth`."""
@@ -126,7 +124,7 @@ class Picture:
 
     @property
     def name(self) -> str:
-        exposure = AUTO if self.exposure_ms is None else f"{self.exposure_ms:04g}"
+        exposure = exposure_name(AUTO if self.exposure_ms is None else self.exposure_ms)
         light = "on" if self.rover else "off"
         return f"{self.ground_truth}_{light}_{self.model.replace('_', '-')}_{exposure}"
 
@@ -180,7 +178,7 @@ def plan(views: Views, scale: float = 1.0) -> list[Picture]:
     names: set[str] = set()
     for picture in pictures:
         if picture.name in names:
-            raise ConfigError(f"exposures_ms: two pictures would be {picture.name}.png")
+            raise ConfigError(f"two pictures would be {picture.name}.png")
         names.add(picture.name)
     return pictures
 

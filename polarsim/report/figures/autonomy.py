@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.npz import read_arrays
+from polarsim.formats.picture_sets import exposure_order, exposure_title
 from polarsim.formats.schemas import AUTONOMY, HIGH_M
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.autonomy_names import ALL, ANY, MODES, exposure_title, sun_title
+from polarsim.report.figures.autonomy_names import ALL, ANY, MODES, sun_title
 from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
 
 PRINTED_PX = 1400
@@ -68,7 +69,7 @@ def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width:
     """
     own = kinds_of(table)
     seen = own[own["sun"] != ANY]
-    looks = Looks(sorted(set(seen["sun"])), sorted(set(seen["exposure"])))
+    looks = Looks(sorted(set(seen["sun"])), sorted(set(seen["exposure"]), key=exposure_order))
     places, edges, labels = placed(own)
     own = own.assign(x=places)
     columns = 1 if len(labels) <= _IN_A_COLUMN else 2
@@ -96,7 +97,8 @@ def placed(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[str]]:
     """
     x, edges, labels = pd.Series(np.nan, kinds.index), [0.0], []
     for kind, part in kinds.groupby("kind", sort=False):
-        own = sorted(set(zip(part["sun"], part["exposure"], strict=True)))
+        pairs = set(zip(part["sun"], part["exposure"], strict=True))
+        own = sorted(pairs, key=lambda pair: (pair[0], exposure_order(pair[1])))
         suns = sorted({sun for sun, _ in own})
         place = {key: number + suns.index(key[0]) for number, key in enumerate(own)}
         wide = max(place.values()) + 1
@@ -201,10 +203,12 @@ def _draw_rocks(axis: Any, world: Path) -> None:
     ground = read_arrays(world / "ground.npz", ("x0_m", "y0_m", "cell_m", "level_m"))
     rows, columns = ground["level_m"].shape
     x0, y0, cell = (float(ground[name]) for name in ("x0_m", "y0_m", "cell_m"))
-    extent = (x0, x0 + cell * columns, y0, y0 + cell * rows)
+    east, north = x0 + cell * (columns - 1), y0 + cell * (rows - 1)
+    half = cell / 2  # levels are those of nodes, at the pixels' centres
+    extent = (x0 - half, east + half, y0 - half, north + half)
     axis.imshow(ground["level_m"], extent=extent, origin="lower", cmap="gray", alpha=0.4)
-    axis.set_xlim(x0, x0 + cell * columns)
-    axis.set_ylim(y0, y0 + cell * rows)  # rocks may lie beyond
+    axis.set_xlim(x0, east)
+    axis.set_ylim(y0, north)  # rocks may lie beyond
     for rock in read_parquet(world / "rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):
         high = rock["height_m"] > HIGH_M
         axis.add_patch(Circle((rock["x_m"], rock["y_m"]), rock["width_m"] / 2, fill=high, color=INK if high else FAINT))

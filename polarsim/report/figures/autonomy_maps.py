@@ -11,9 +11,10 @@ import pandas as pd
 
 from polarsim.formats.files import read_json
 from polarsim.formats.npz import read_arrays
+from polarsim.formats.picture_sets import exposure_title
 from polarsim.formats.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.autonomy_names import MODES, exposure_title, sun_title
+from polarsim.report.figures.autonomy_names import MODES, sun_title
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, heading, legend_line, page, picture
 
 PICTURES = 2  # beside a map

@@ -9,7 +9,3 @@ ALL = "all"  # Suns, exposures and detectors together
 
 def sun_title(sun: str) -> str:
     return sun if sun == "night" else f"Sun {sun}"
-
-
-def exposure_title(exposure: str) -> str:
-    return exposure if exposure == "auto" else f"{float(exposure):g} ms"

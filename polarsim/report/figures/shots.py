@@ -8,10 +8,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import png
+from polarsim.formats.picture_sets import PictureSet
 from polarsim.formats.tables import read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEX_COLOURS, ROCK
+from polarsim.report.figures.autonomy_names import sun_title
 from polarsim.report.figures.canvas import FIGURE_WIDTH, heading, note, page, picture, rectangle
 
 POSES, SHOTS = ["frame", "time_s"], 6
@@ -51,8 +53,8 @@ def _draw_shots(
         if not len(chosen):
             note(sheet, "no picture was taken")
             return
-        sun, model, exposure = pictures.split("_")
-        title = f"{view.name}, Sun {sun}, {model}, {int(exposure)} ms"
+        named = PictureSet.parse(pictures)
+        title = f"{view.name}, {sun_title(named.sun)}, {named.model}, {named.exposure_ms:g} ms"
         panels = np.ravel(sheet.subplots(2, SHOTS // 2))
         for axes in panels:
             axes.set_axis_off()

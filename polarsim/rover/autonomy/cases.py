@@ -13,8 +13,9 @@ from typing import cast
 
 import pandas as pd
 
+from polarsim.formats.picture_sets import AUTO, exposure_name
 from polarsim.render.options import Model
-from polarsim.rover.autonomy.options import AUTO, ON, AutonomyOptions, Mode
+from polarsim.rover.autonomy.options import ON, AutonomyOptions, Mode
 
 ANY = "any"  # in the place of what a drive does not depend on
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
@@ -46,7 +47,8 @@ class Case:
 
     @property
     def name(self) -> str:
-        named = [value for value in self.axes.values() if value != ANY]
+        axes = self.axes | {"model": self.model.replace("_", "-")}  # `_` separates the axes
+        named = [value for value in axes.values() if value != ANY]
         return "_".join([*named, f"seed{self.seed}"])
 
     @property
@@ -64,8 +66,7 @@ class Case:
 
 def cases(options: AutonomyOptions, detectors: Sequence[str]) -> list[Case]:
     """All drives by detectors of these names, all of a seed before the next: drives cut short compare what is done."""
-    exposures = [f"{ms:04g}" if isinstance(ms, int | float) else ms for ms in options.exposures_ms]
-    lights = list(product(options.suns, exposures, options.lights, options.models))
+    lights = list(product(options.suns, map(exposure_name, options.exposures_ms), options.lights, options.models))
     found = []
     for seed, mode in product(options.seeds, options.modes):
         axes: list[tuple[str, ...]] = [()] if mode in UNLIT else list(lights)
@@ -79,7 +80,10 @@ def parsed(name: str) -> Case:
     """The drive of a name."""
     head, _, seed = name.rpartition("_seed")
     mode, *axes = head.split("_", len(AXES) - 1)
-    return Case(mode, int(seed), *axes)  # type: ignore[arg-type]
+    named = dict(zip(AXES[1:], axes, strict=False))
+    if "model" in named:
+        named["model"] = named["model"].replace("-", "_")
+    return Case(cast(Mode, mode), int(seed), **named)
 
 
 def matched(drives: pd.DataFrame, axis: str) -> pd.DataFrame:

@@ -25,6 +25,7 @@ from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.errors import RoverError, about
 from polarsim.formats.instances import GROUND, ROCK_IDS
+from polarsim.formats.picture_sets import AUTO
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -37,7 +38,7 @@ from polarsim.render.sensor import expose, noise_of
 from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
 from polarsim.rover.autonomy.looks import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
-from polarsim.rover.autonomy.options import AUTO, AutonomyOptions, Mode
+from polarsim.rover.autonomy.options import AutonomyOptions, Mode
 from polarsim.rover.cameras.lights import headlights
 from polarsim.rover.cameras.live_camera import LiveScene, auto_exposure_ms, light_of
 from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, OnboardOptions

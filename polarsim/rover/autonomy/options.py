@@ -10,7 +10,6 @@ from polarsim.render.options import Model
 from polarsim.rover.cameras.options import SunName
 
 Mode = Literal["truth", "detector", "stereo", "both", "blind"]
-AUTO = "auto"  # exposure: the camera chooses it
 OFF, ON = "off", "on"
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from polarsim.errors import RoverError
+from polarsim.formats.picture_sets import PictureSet
 from polarsim.render.options import Model
 
 BOX = ["x0", "y0", "x1", "y1"]
@@ -15,8 +16,8 @@ DETECTION_COLUMNS = ("frame", "kind", "confidence", *BOX)
 
 
 def picture_set(sun: str, model: Model, exposure_ms: float) -> str:
-    """Name of the pictures of a view in one light: `<Sun>_<model>_<exposure>`, the exposure in ms with four digits."""
-    return f"{sun}_{model}_{exposure_ms:04g}"
+    """Name of the pictures of a view in one light: `<Sun>_<model>_<exposure>`, see `formats.picture_sets`."""
+    return str(PictureSet(sun, model, exposure_ms))
 
 
 def picture_folder(folder: Path, view: str, sun: str, model: Model, exposure_ms: float) -> Path:

@@ -22,6 +22,7 @@ from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text, writing
+from polarsim.formats.picture_sets import exposure_name
 from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
@@ -39,7 +40,7 @@ _BRDF = {"principled": "default"}  # the paper's word for it
 
 def video_name(view: str, sun: str, model: Model, exposure_ms: float) -> str:
     """File name of a video, as the paper names them but for the container."""
-    return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_ms:04g}.webm"
+    return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_name(exposure_ms)}.webm"
 
 
 def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from polarsim.detect.windows import draw_windows, make_folders, write_window
 from polarsim.errors import RoverError, about
 from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder
+from polarsim.formats.picture_sets import PictureSet
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
 from polarsim.rover.cameras.options import OnboardOptions
@@ -24,7 +24,6 @@ from polarsim.rover.onboard.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 
 DOMAIN = "drives"  # of the data set
-_SET = re.compile(r"([^_]+)_\w+_([\d.]+)")  # Sun, reflectance model, exposure, ms
 
 
 @dataclass(frozen=True)
@@ -133,9 +132,8 @@ def _pictures(drive: Path, every: int) -> Iterator[Picture]:
     if not sets:
         raise RoverError(f"no pictures of {FRONT}", path=drive)
     for folder in sets:
-        named = _SET.fullmatch(folder.name)
-        if not named:
-            raise RoverError("expected the name of a set of pictures, SUN_MODEL_EXPOSURE", path=folder)
+        with about(folder):
+            named = PictureSet.parse(folder.name)
         for path in sorted(folder.glob("*.png"))[::every]:
-            labels = labels_folder(drive, FRONT, named[1]) / f"{path.stem}.txt"
-            yield Picture(f"{folder.name}_{path.stem}", path, labels, float(named[2]))
+            labels = labels_folder(drive, FRONT, named.sun) / f"{path.stem}.txt"
+            yield Picture(f"{folder.name}_{path.stem}", path, labels, named.exposure_ms)

@@ -53,6 +53,15 @@ def test_pictures_of_two_drives_are_told_apart_whatever_their_folders_are_called
     assert len({name for name in names if name.startswith("drive1_")}) == len(names) / 2
 
 
+@pytest.mark.parametrize("exposure", ["12.5", "1000000"])
+def test_pictures_of_any_exposure_are_taken(exposure, drive, tmp_path):
+    other = shutil.copytree(drive[0], tmp_path / "other")
+    (other / FRONT / "1_hapke_0256").rename(other / FRONT / f"1_lunar_lambert_{exposure}")
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(other, windows=1), onboard=ONBOARD)
+    names = [name for part in read_parts(tmp_path / "dataset").values() for name in part]
+    assert any(f"_{exposure}_" in name for name in names)
+
+
 def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_before(drive, tmp_path):
     make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], windows=1), onboard=ONBOARD)
     fine_tune(

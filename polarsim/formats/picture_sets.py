@@ -1,0 +1,62 @@
+"""Names of exposures, and of the picture sets of a drive: `<Sun>_<model>_<exposure>`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.errors import FormatError
+
+AUTO = "auto"  # the camera sets the exposure
+
+
+def exposure_name(exposure_ms: float | str) -> str:
+    """Return the name of an exposure, ms, at least four characters: `0256`, `12.5`, `1000000`; `auto` is unchanged.
+
+    The name has all digits of the number: `float(exposure_name(x)) == x`.
+    """
+    if isinstance(exposure_ms, str):
+        return exposure_ms
+    return np.format_float_positional(float(exposure_ms), trim="-").zfill(4)
+
+
+def exposure_order(name: str) -> tuple[bool, float]:
+    """Return the sort key of an exposure's name: by milliseconds, words such as `auto` last."""
+    return (True, 0.0) if name.isalpha() else (False, float(name))
+
+
+def exposure_title(name: str) -> str:
+    """Return an exposure's name as figures print it."""
+    return name if name == AUTO else f"{float(name):g} ms"
+
+
+@dataclass(frozen=True)
+class PictureSet:
+    """Pictures of one view in one light."""
+
+    sun: str
+    model: str  # reflectance model; the name of one may contain an underscore
+    exposure_ms: float
+
+    def __str__(self) -> str:
+        return f"{self.sun}_{self.model}_{exposure_name(self.exposure_ms)}"
+
+    @classmethod
+    def parse(cls, name: str) -> PictureSet:
+        """Read a set's name.
+
+        Raises
+        ------
+        FormatError
+            The text is no such name.
+        """
+        sun, _, rest = name.partition("_")
+        model, _, exposure = rest.rpartition("_")
+        try:
+            found = cls(sun, model, float(exposure))
+        except ValueError as error:
+            raise FormatError(f"{name!r} is no name of a picture set, expected SUN_MODEL_EXPOSURE") from error
+        if not (sun and model and np.isfinite(found.exposure_ms) and found.exposure_ms > 0):
+            raise FormatError(f"{name!r} is no name of a picture set, expected SUN_MODEL_EXPOSURE")
+        return found
