@@ -11,7 +11,7 @@ from polarsim.formats.files import read_json
 from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.job import job_of
-from polarsim.rover.drive.ride import drive_to_end
+from polarsim.rover.drive.ride import drive_to_end, identity_of
 from polarsim.rover.drive.table import figures_of
 from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
 from polarsim.rover.exchange.bag import write_changed_bag
@@ -64,14 +64,14 @@ def run_all(
 def driven(
     meshes: Path, folder: Path, options: RoverOptions, seed: int, progress: Callable[[float], None] | None
 ) -> Trace:
-    """A drive's trace: driven now, unless the same one lies in the folder."""
+    """Return a drive's trace: of the drive in the folder, if job and code are the same, else of a new drive."""
     job = job_of(meshes=meshes, world=options.world, soil=options.soil, drive=options.drive, seed=seed)
-    if (folder / DRIVE).is_file() and _finished(folder / DRIVE, job.digest()):
+    if (folder / DRIVE).is_file() and _finished(folder / DRIVE, identity_of(job)):
         return read_trace(folder)
     return drive_to_end(job, folder, progress)
 
 
-def _finished(path: Path, digest: str) -> bool:
-    """Whether this very drive was driven; one whose energy did not close is no drive."""
+def _finished(path: Path, identity: str) -> bool:
+    """Return whether the drive of this identity has ended; a drive whose energy balance failed does not count."""
     content = read_json(path)
-    return bool(content.get("digest") == digest and content.get("ended") != "energy")
+    return bool(content.get("digest") == identity and content.get("ended") != "energy")

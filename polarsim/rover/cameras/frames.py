@@ -34,7 +34,7 @@ from polarsim.render.options import Model
 from polarsim.rover.cameras.layout import POSE_COLUMNS, TRUTH_COLUMNS, labels_folder, picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
-from polarsim.rover.drive.trace import DRIVE, TRACE, TRACKS, WORLD, read_trace
+from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, read_trace
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 
@@ -232,7 +232,7 @@ def _size(suite: CameraSuite, view: str) -> tuple[int, int]:
 def _identity(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int) -> str:
     """Digest of all that decides a drive's pictures, code included; which views, Suns, exposures there are does not."""
     which = {"views", "suns", "exposures_ms", "every", "onboard", "videos", "video_speed"}
-    names = (TRACE, TRACKS, DRIVE, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")
+    names = (TRACE, TRACKS, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")
     chosen = options.model_dump_json(exclude=which)
     return digest(
         (folder / name for name in names), code_digest(__name__), vehicle.model_dump_json(), chosen, str(seed)

@@ -77,6 +77,11 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
     return trace
 
 
+def identity_of(job: Job) -> str:
+    """Return the digest of all that determines a drive, code included: of a job, and of the code that drives it."""
+    return f"{job.digest()} {code_digest(__name__)}"
+
+
 class Ride:
     """A drive under way; by default the driver follows the job's path."""
 
@@ -97,7 +102,7 @@ class Ride:
         self.settled = False
         self.ended: str | None = None
         self.reason = ""
-        self._whose = f"{job.digest()} {code_digest(__name__)}"  # of which drive and code a saved state is
+        self._identity = identity_of(job)
 
     def go_on(self, seconds: float) -> None:
         """Drive for a while, or to the end.
@@ -125,7 +130,7 @@ class Ride:
         frames = _tracks(self.frames)
         self.simulation.save(
             path,
-            digest=np.array(self._whose),
+            digest=np.array(self._identity),
             rows=np.array(self.rows).reshape(-1, len(COLUMNS)),
             headway=np.array(self.headway),
             ride=np.array([self.step, self.moving_since, self.driver.line, self.driver.turning]),
@@ -144,7 +149,7 @@ class Ride:
         FormatError
             No readable state.
         """
-        if str(read_arrays(path, ("digest",))["digest"]) != self._whose:
+        if str(read_arrays(path, ("digest",))["digest"]) != self._identity:
             return
         saved = self.simulation.restore(path)
         self.rows, self.headway = list(saved["rows"]), [float(value) for value in saved["headway"]]
@@ -226,7 +231,7 @@ class Ride:
             "seconds": round(self.simulation.time, 9),
             "path_m": self.route.points.tolist(),
             "along_m": self.driver.done,
-            "digest": job.digest(),
+            "digest": self._identity,
             "soil": vars(self.simulation.soil),
             "options": {
                 name: part.model_dump(mode="json")

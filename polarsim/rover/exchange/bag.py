@@ -21,7 +21,7 @@ from polarsim.formats.files import read_json, write_json, writing
 from polarsim.formats.ros import Message, Stamped
 from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
-from polarsim.rover.drive.trace import DRIVE, TRACE, TRACKS, WORLD, Trace, read_trace
+from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace
 from polarsim.rover.exchange import messages
 from polarsim.rover.exchange.bag_pictures import PictureTopics
 from polarsim.rover.exchange.options import BagOptions
@@ -73,7 +73,7 @@ def write_changed_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOpt
 
 def _made_of(folder: Path, vehicle: Vehicle, options: BagOptions, seed: int) -> str:
     """A digest of all that decides a bag's bytes."""
-    files = [folder / name for name in (TRACE, TRACKS, DRIVE)] + sorted((folder / WORLD).glob("*.*"))
+    files = [folder / name for name in (TRACE, TRACKS)] + sorted((folder / WORLD).glob("*.*"))
     files += PictureTopics(folder, vehicle, options).files()
     own = (vehicle.model_dump_json(), options.model_dump_json(), str(seed), code_digest(__name__))
     places = (str(path.relative_to(folder)) for path in files)
