@@ -21,7 +21,7 @@ from polarsim.errors import RoverError
 from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
 from polarsim.rover.drive.control import Command, Driver, Path, SteeringLaw
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import Start, State, tilt_of, upside_down
+from polarsim.rover.drive.state import Start, State, require_finite, tilt_of, upside_down
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
@@ -45,8 +45,9 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     Action: speed, m/s, and steering angle, rad, to the left. Observation: `state`, see `STATE`, and, where it is asked
     for, `image`, (h, w, 1) grey. Reward: metres gained along the path, less `offset_cost` times metres off it and
-    second. An episode ends at the path's end, off the grid or upside down, and is cut after `seconds`. `info`: slip,
-    sinkage_m, contacts by wheel, offset_m, along_m, energy_j, and `ended`, why.
+    second. An episode ends at the path's end, off the grid, upside down or where the physics breaks, with the last
+    state before it, and is cut after `seconds`. `info`: slip, sinkage_m, contacts by wheel, offset_m, along_m,
+    energy_j, and `ended`, why.
 
     Parameters
     ----------
@@ -102,23 +103,30 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._camera = LiveCamera(world, self.vehicle, path, self._camera_options) if self._sees else None
         self._simulation.advance(SETTLE_S)
         self._simulation.zero()
-        state = self._simulation.state()
-        self._locate(state)
-        return self._observed(state), self._info(state)
+        self._keep(self._simulation.state())
+        return self._observed(self._state), self._info(self._state)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """A tenth of a second under a command."""
+        """Drive on for a tenth of a second.
+
+        Raises
+        ------
+        RoverError
+            An action that is not finite, or no episode has begun.
+        """
         if self._simulation is None:
             raise RoverError("step before reset")
+        require_finite(action)
         speed, steer = np.clip(action, self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
         self._simulation.apply(Command(float(speed), float(steer)))
         before, ended = self._driver.done, ""
         try:
             self._simulation.advance(1 / ACTION_HZ)
-        except RoverError as error:  # off the grid, or beyond what the physics can
+        except RoverError as error:  # off the grid, or the physics is broken: the last state remains
             ended = str(error)
-        state = self._simulation.state()
-        self._locate(state)
+        else:
+            self._keep(self._simulation.state())
+        state = self._state
         if not ended and self._driver.finished:
             ended = "finished"
         if not ended and upside_down(state.rotation):
@@ -137,7 +145,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         """The camera's picture, (h, w, 3) grey."""
         if self.render_mode is None or self._simulation is None:
             return None
-        return np.repeat(self._picture(self._simulation.state()), 3, axis=2)
+        return np.repeat(self._picture(self._state), 3, axis=2)
 
     @property
     def _sees(self) -> bool:
@@ -150,7 +158,10 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             found["image"] = spaces.Box(0, 255, (height, width, 1), np.uint8)
         return found
 
-    def _locate(self, state: State) -> None:
+    def _keep(self, state: State) -> None:
+        """Keep the state and energy of an instant, and find its place along the path."""
+        assert self._simulation is not None
+        self._state, self._energy = state, self._simulation.account.motor
         self._driver.command(float(state.position[0]), float(state.position[1]), state.heading)
 
     def _observed(self, state: State) -> dict[str, np.ndarray]:
@@ -175,14 +186,13 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return self._camera.picture(state, self._simulation.ground.level)
 
     def _info(self, state: State) -> dict[str, Any]:
-        assert self._simulation is not None
         return {
             "slip": dict(zip(WHEELS, map(float, state.wheel("slip")), strict=True)),
             "sinkage_m": dict(zip(WHEELS, map(float, state.wheel("sinkage_m")), strict=True)),
             "contacts": {code: CONTACTS[int(kind)] for code, kind in zip(WHEELS, state.wheel("contact"), strict=True)},
             "offset_m": self._driver.offset,
             "along_m": self._driver.done,
-            "energy_j": self._simulation.account.motor,
+            "energy_j": self._energy,
             "ended": "",
         }
 

@@ -66,7 +66,7 @@ def require_closed(account: Account, bound: float, time: float) -> None:
         More than `bound` of the energy is unaccounted for.
     """
     whole = max(account.put_in, GUARDED)
-    if abs(account.missing) > bound * whole:
+    if not abs(account.missing) <= bound * whole:  # NaN is open too
         raise EnergyError(
             f"at {time:.2f} s {100 * account.missing / whole:.2g} % of the energy is missing, {100 * bound:.2g} % may "
             "be: take a smaller step or a softer soil"

@@ -127,8 +127,11 @@ def describe(  # type: ignore[no-untyped-def]
         start = original = 0.0
         for part in range(5):
             across = (0.3 * part - 0.6) * shapes[wheel, HALF_WIDTH]
-            node_row = int(np.rint((xpos[body, 1] + across * ay - y0) / cell))
-            node_column = int(np.rint((xpos[body, 0] + across * ax - x0) / cell))
+            node_row = _nearest_node((xpos[body, 1] + across * ay - y0) / cell, len(state))
+            node_column = _nearest_node((xpos[body, 0] + across * ax - x0) / cell, state.shape[1])
+            if node_row < 0 or node_column < 0:
+                start = original = np.nan
+                break
             start += state[node_row, node_column, START] / 5
             original += state[node_row, node_column, ORIGINAL] / 5
         row[12], row[13] = start - lowest, original - lowest
@@ -136,6 +139,14 @@ def describe(  # type: ignore[no-untyped-def]
         row[14] = forces[wheel, 2] + qfrc_constraint[first + LIFT]
         row[15] = actuator_force[WHEELS + wheel]
         row[16] = 1.0 if readings[wheel, 3] > 0 else 0.0
+
+
+@njit()
+def _nearest_node(at, count):  # type: ignore[no-untyped-def]
+    """Return the number of the node nearest to a coordinate in cells, within 0 and `count` - 1; -1 for NaN."""
+    if math.isnan(at):
+        return -1
+    return int(np.rint(min(max(at, 0.0), count - 1.0)))
 
 
 @njit()

@@ -123,7 +123,7 @@ class Simulation:
         self._require_inside(self.data.xpos[self._bodies])
         self._steer(steps * self.dt)
         self._run(steps)
-        if not np.isfinite(self.data.qpos).all():
+        if not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
             raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
         if self.guarded:
             energy.require_closed(self.account, self.options.energy_bound, self.time)

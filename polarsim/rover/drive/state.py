@@ -63,6 +63,18 @@ class State:
         return row
 
 
+def require_finite(action: np.ndarray) -> None:
+    """Refuse an action that is no number.
+
+    Raises
+    ------
+    RoverError
+        NaN or infinity in it.
+    """
+    if not np.isfinite(np.asarray(action, float)).all():
+        raise RoverError(f"action {np.asarray(action).tolist()}: expected finite numbers")
+
+
 def heading_of(rotation: np.ndarray) -> float:
     """From x towards y, of a quaternion w x y z."""
     w, x, y, z = rotation

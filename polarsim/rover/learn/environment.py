@@ -30,7 +30,7 @@ from polarsim.rover.drive.control import Command, Path
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import start_of
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import OffGridError, State, upside_down
+from polarsim.rover.drive.state import OffGridError, State, require_finite, upside_down
 from polarsim.rover.learn.collisions import Collisions
 from polarsim.rover.learn.courses import Course, MadeUpCourse
 from polarsim.rover.learn.observation import STATE, crop, numbers
@@ -48,8 +48,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     Action, (2,) within -1 and 1: speed over `task.top_speed_m_s`, steering to the left over `task.top_steer_deg`.
     Observation: `hazards` and `state`, see `observation`; where it is asked for `image`, (h, w, 1) grey. Reward:
-    `task.reward`. An episode is terminated at the goal's line, off the grid or upside down, and truncated after
-    `options.longest_s`. `info`: `ended`, why; `along_m`, `energy_j`, `collisions` so far, `light`.
+    `task.reward`. An episode is terminated at the goal's line, off the grid, upside down or where the physics breaks,
+    with the last state before it, and truncated after `options.longest_s`. `info`: `ended`, why; `along_m`,
+    `energy_j`, `collisions` so far, `light`.
 
     `reset(options=...)` takes `sun`, `exposure_ms` and `lights`, named as in the configuration; what is not given is
     drawn by the seed from `suns` and `exposures_ms`, or as `options.lights` says.
@@ -134,24 +135,35 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             self._simulation.advance(self.task.settle_s)
         self._simulation.zero()
         self._next_look = self._looked = 0.0
-        state = self._simulation.state()
+        state = self._state = self._simulation.state()
+        self._energy = self._simulation.account.motor
         self._collisions.update(state)
         self._look(state)
         return self._observed(state), self._info(state)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """A tenth of a second under a command."""
-        simulation, task, before = self.simulation, self.task, self.simulation.state()
+        """Drive on for a tenth of a second.
+
+        Raises
+        ------
+        RoverError
+            An action that is not finite, or no episode has begun.
+        """
+        require_finite(action)
+        simulation, task = self.simulation, self.task
+        before, spent = self._state, self._energy
         speed, steer = np.clip(np.asarray(action, float), -1.0, 1.0).tolist()
         simulation.apply(Command(speed * task.top_speed_m_s, steer * math.radians(task.top_steer_deg)))
-        spent, ended = simulation.account.motor, ""
+        ended = ""
         try:
             simulation.advance(1 / ACTION_HZ)
         except OffGridError:
             ended = "off the grid"
         except EnergyError:
             ended = "energy"
-        state, unknown = simulation.state(), bool(ended)  # where a step broke off, state and energy may be no numbers
+        else:  # else the last state and energy remain: those of a broken step may be no numbers
+            self._state, self._energy = simulation.state(), simulation.account.motor
+        state, unknown = self._state, bool(ended)
         if not ended and upside_down(state.rotation):
             ended = "upside down"
         failed = bool(ended)
@@ -167,7 +179,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             reward += (
                 worth.progress_1_m * (self._along(state) - self._along(before))
                 + worth.collision * len(new)
-                + worth.energy_1_j * (simulation.account.motor - spent)
+                + worth.energy_1_j * (self._energy - spent)
             )
         late = simulation.time >= self.options.longest_s - 1e-9
         truncated = late and not ended
@@ -178,7 +190,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         """The front camera's picture, (h, w, 3) grey."""
         if self.render_mode is None or self._simulation is None:
             return None
-        return np.repeat(self._picture(self._simulation.state()), 3, axis=2)
+        return np.repeat(self._picture(self._state), 3, axis=2)
 
     def _lit(self, given: dict[str, Any]) -> AutonomyOptions:
         """The options under one Sun, with one exposure."""
@@ -241,7 +253,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     def _info(self, state: State) -> dict[str, Any]:
         return {
             "along_m": self._along(state),
-            "energy_j": self.simulation.account.motor,
+            "energy_j": self._energy,
             "collisions": self._hits,
             "light": {"sun": self.light.sun, "exposure_ms": self.light.exposure_ms},
             "ended": "",

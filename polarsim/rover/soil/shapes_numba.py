@@ -123,6 +123,16 @@ def clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
 
 
 @njit()
+def _bound(at, count, last):  # type: ignore[no-untyped-def]
+    """Return a bound of a range of nodes, within 0 and `count`: the first node, or one after the last; NaN gives 0."""
+    if not at > -1.0:  # of NaN too: its integer would be an address far outside
+        return 0
+    if at >= count:
+        return count
+    return min(math.ceil(at) + 1, count) if last else max(math.floor(at), 0)
+
+
+@njit()
 def window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: ignore[no-untyped-def]
     length = max(shape[RADIUS] + (shape[GROUSER_HEIGHT] if shape[GROUSERS] > 0 else 0.0), shape[HALF_LENGTH])
     ax, ay = (rotation[0, 1], rotation[1, 1]) if shape[KIND] == WHEEL else (0.0, 0.0)
@@ -130,10 +140,10 @@ def window(shape, centre, rotation, x0, y0, cell, rows, columns):  # type: ignor
     half_x = length * math.sqrt(max(1 - ax**2, 0.0)) + shape[HALF_WIDTH] * abs(ax) + extra
     half_y = length * math.sqrt(max(1 - ay**2, 0.0)) + shape[HALF_WIDTH] * abs(ay) + extra
     return (
-        max(math.floor((centre[1] - half_y - y0) / cell), 0),
-        min(math.ceil((centre[1] + half_y - y0) / cell) + 1, rows),
-        max(math.floor((centre[0] - half_x - x0) / cell), 0),
-        min(math.ceil((centre[0] + half_x - x0) / cell) + 1, columns),
+        _bound((centre[1] - half_y - y0) / cell, rows, 0),
+        _bound((centre[1] + half_y - y0) / cell, rows, 1),
+        _bound((centre[0] - half_x - x0) / cell, columns, 0),
+        _bound((centre[0] + half_x - x0) / cell, columns, 1),
     )
 
 
@@ -152,8 +162,8 @@ def low_window(shape, centre, rotation, top, x0, y0, cell, rows, columns):  # ty
     half_x = (along * abs(ay) + across * abs(ax)) / level + cell
     half_y = (along * abs(ax) + across * abs(ay)) / level + cell
     return (
-        max(math.floor((centre[1] - half_y - y0) / cell), 0),
-        min(math.ceil((centre[1] + half_y - y0) / cell) + 1, rows),
-        max(math.floor((centre[0] - half_x - x0) / cell), 0),
-        min(math.ceil((centre[0] + half_x - x0) / cell) + 1, columns),
+        _bound((centre[1] - half_y - y0) / cell, rows, 0),
+        _bound((centre[1] + half_y - y0) / cell, rows, 1),
+        _bound((centre[0] - half_x - x0) / cell, columns, 0),
+        _bound((centre[0] + half_x - x0) / cell, columns, 1),
     )

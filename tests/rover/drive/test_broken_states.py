@@ -1,0 +1,107 @@
+"""A state with NaN or infinity is never an index, and ends an episode with finite numbers."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
+pytest.importorskip("gymnasium", reason="gymnasium is not installed")
+
+from polarsim.errors import RoverError
+from polarsim.rover.drive.energy import Account, EnergyError, require_closed
+from polarsim.rover.drive.mujoco_kernels import DOFS, FIRST_DOF, WHEELS, describe
+from polarsim.rover.environment import DriveEnvironment
+from polarsim.rover.learn.courses import MadeUpCourse
+from polarsim.rover.learn.environment import TraverseEnvironment
+from polarsim.rover.learn.observation import STATE
+from polarsim.rover.soil.nodes import FIELDS, ORIGINAL, START
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.soil.shapes import Wheel
+from polarsim.rover.soil.shapes_numba import window
+from polarsim.rover.world.practice import PracticeGround
+
+ROWS, COLUMNS, CELL = 7, 9, 0.1
+SHAPE = Wheel(0.25, 0.2).numbers(CELL)
+GROUND = PracticeGround(length_m=5.0, width_m=4.0, cell_m=0.04, rocks=0)
+FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
+any_number = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(any_number, any_number, any_number)
+def test_the_window_of_a_body_lies_within_the_grid_wherever_the_body_is(x, y, tilt):
+    rotation = np.eye(3)
+    rotation[0, 1] = tilt
+    found = window(SHAPE, np.array([x, y, 0.0]), rotation, -0.3, -0.2, CELL, ROWS, COLUMNS)
+    assert 0 <= found[0] <= found[1] <= ROWS
+    assert 0 <= found[2] <= found[3] <= COLUMNS
+
+
+@given(any_number, any_number, st.just(0.0) | any_number)
+def test_a_wheel_is_described_wherever_it_is(x, y, axle):
+    """In plain Python, where an index out of range is an error; beyond the grid the nearest nodes count."""
+    dofs = FIRST_DOF + DOFS * WHEELS
+    xpos, xmat = np.full((WHEELS, 3), [x, y, 0.2]), np.tile(np.eye(3).ravel(), (WHEELS, 1))
+    xmat[:, 1] = axle
+    state = np.zeros((ROWS, COLUMNS, FIELDS))
+    state[..., START] = np.arange(1, ROWS * COLUMNS + 1).reshape(ROWS, COLUMNS)
+    state[..., ORIGINAL] = state[..., START]
+    table = np.zeros((WHEELS, 17))
+    with np.errstate(all="ignore"):
+        describe.py_func(
+            xpos, xmat, np.zeros((WHEELS, 6)), np.zeros((2, 3)), np.zeros(dofs), np.zeros(dofs), np.zeros(2 * WHEELS),
+            np.arange(WHEELS), np.zeros(dofs + 1), np.zeros((WHEELS, 4)), np.zeros((WHEELS, 3)),
+            np.zeros((WHEELS, 4)), state, -0.3, -0.2, CELL, np.tile(SHAPE, (WHEELS, 1)), table,
+        )  # fmt: skip
+    sinkage = table[:, 12]  # a node's number less the height of the wheel's lowest point
+    if np.isnan([x, y]).any():
+        assert np.isnan(sinkage).all()
+    elif axle == 0:
+        assert ((sinkage > 1.0) & (sinkage < ROWS * COLUMNS + 0.1)).all()
+
+
+@pytest.mark.parametrize("missing", [np.nan, np.inf])
+def test_an_energy_balance_that_is_no_number_is_open(missing):
+    account = Account(missing, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * 4, (0.0,) * 4)
+    with pytest.raises(EnergyError):
+        require_closed(account, 0.02, 1.0)
+
+
+@pytest.fixture(params=["drive", "traverse"])
+def environment(request):
+    if request.param == "drive":
+        return DriveEnvironment(practice=GROUND, soil=FIRM)
+    return TraverseEnvironment(course=MadeUpCourse(GROUND, soil=FIRM), mode="blind")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_broken_physics_ends_an_episode_with_finite_numbers(environment, value, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings here
+    environment.reset(seed=1)
+    observed, *_ = environment.step(np.float32([0.2, 0.1]))
+    data = environment.simulation.data if hasattr(environment, "simulation") else environment._simulation.data
+    data.qvel[0] = value
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of NumPy, of the numbers that break
+        last, reward, terminated, truncated, info = environment.step(np.float32([0.2, 0.1]))
+    assert (terminated, truncated, bool(info["ended"])) == (True, False, True)
+    assert np.isfinite(reward)
+    assert np.isfinite(info["energy_j"])
+    assert np.isfinite(info["along_m"])
+    assert environment.observation_space.contains(last)
+    assert all(np.isfinite(values).all() for values in last.values())
+    same = np.arange(len(last["state"])) != list(STATE).index("look_age") if "hazards" in last else slice(None)
+    np.testing.assert_array_equal(last["state"][same], observed["state"][same])
+    again, reward, terminated, *_ = environment.step(np.float32([0.2, 0.1]))  # nobody reset it
+    assert terminated
+    assert np.isfinite(reward)
+    assert all(np.isfinite(values).all() for values in again.values())
+
+
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [0.1, np.inf]])
+def test_an_action_that_is_no_number_is_refused(environment, action):
+    environment.reset(seed=1)
+    with pytest.raises(RoverError):
+        environment.step(np.float32(action))
