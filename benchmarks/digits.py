@@ -5,8 +5,7 @@ scans, rocks, labels on the run's meshes, detections and the IPD of one terrain 
 of its own: as they are (the reference), with two threads, with the linear algebra, NumPy and Embree of a processor
 without AVX-512, and `--repeats` times with every input moved up or down by one unit in the last place: points
 of scans, the seeds' boxes, vertices of meshes, the cameras' focal lengths. The IPD is that of the packaged detector
-between photos of the left camera in 8 bits and the same photos by a gamma curve, over the labels made here; once in
-float32, as a run predicts, once as `polarsim detect` computes, in bfloat16 where the processor has it.
+between photos of the left camera in 8 bits and the same photos by a gamma curve, over the labels made here, in float32.
 
 A digit holds where a value's distance from the reference, over the reference, is below its power of ten; positions of
 cameras count by their distance over that of the camera from the origin, rotations by their angle in radians, boxes over
@@ -57,7 +56,6 @@ WITHOUT_AVX512 = {
 }
 PHOTOS = 6  # in which the detector looks
 MOST = 16.0  # digits of a double
-PRECISIONS = ("float32", "as detect")  # of the detector: that of a run's predictions, that of `polarsim detect`
 
 
 @dataclass(frozen=True)
@@ -146,16 +144,13 @@ def work(run: Run, out: Path, threads: int) -> None:
     lit = index[[key.azimuth != "no" and key.camera == "L" for key in map(PhotoKey.parse, index["key"])]]
     labels = tables.read_parquet(out / "labels.parquet", tables.LABEL_COLUMNS)
     labels = labels[labels["key"].isin(set(lit.head(PHOTOS)["key"]))]
-    as_detect = detect.fast
-    for precision in PRECISIONS:
-        detect.fast = as_detect if precision == "as detect" else lambda loaded, *_: loaded
-        performances = [
-            instance_performance(labels, detections(lit.head(PHOTOS), out / precision, threads, gamma), 0.25)
-            for gamma in (1.0, 2.2)
-        ]
-        pair(*performances).to_parquet(out / f"{precision}.parquet")
-        found = instance_performance_difference(*performances)
-        (out / f"{precision}.csv").write_text(f"ipd,ipd_abs\n{found.ipd!r},{found.ipd_abs!r}\n")
+    performances = [
+        instance_performance(labels, detections(lit.head(PHOTOS), out / "detections", threads, gamma), 0.25)
+        for gamma in (1.0, 2.2)
+    ]
+    pair(*performances).to_parquet(out / "ipd.parquet")
+    found = instance_performance_difference(*performances)
+    (out / "ipd.csv").write_text(f"ipd,ipd_abs\n{found.ipd!r},{found.ipd_abs!r}\n")
 
 
 def detections(photos: pd.DataFrame, out: Path, threads: int, gamma: float) -> pd.DataFrame:
@@ -202,13 +197,12 @@ def compared(reference: Path, other: Path) -> Iterator[tuple[str, np.ndarray, in
         both = both[both["side"] == "both"]
         first, second = both[columns].to_numpy(), both[[f"{column}_other" for column in columns]].to_numpy()
         yield name.removesuffix(".parquet"), digits(((second - first) / (scale or np.abs(first))).ravel()), alone
-    for precision in PRECISIONS:
-        a, b = (pd.read_parquet(folder / f"{precision}.parquet") for folder in (reference, other))
-        both = a.merge(b, on=["key", "kind", "rock"], suffixes=("", "_other"))
-        apart = both[["first_other", "second_other"]].to_numpy() - both[["first", "second"]].to_numpy()
-        yield f"performance of each rock, {precision}", digits(apart.ravel()), len(a) + len(b) - 2 * len(both)
-        a, b = (pd.read_csv(folder / f"{precision}.csv").to_numpy()[0] for folder in (reference, other))
-        yield f"IPD, absolute IPD, {precision}", digits(b / a - 1), 0
+    a, b = (pd.read_parquet(folder / "ipd.parquet") for folder in (reference, other))
+    both = a.merge(b, on=["key", "kind", "rock"], suffixes=("", "_other"))
+    apart = both[["first_other", "second_other"]].to_numpy() - both[["first", "second"]].to_numpy()
+    yield "performance of each rock", digits(apart.ravel()), len(a) + len(b) - 2 * len(both)
+    a, b = (pd.read_csv(folder / "ipd.csv").to_numpy()[0] for folder in (reference, other))
+    yield "IPD, absolute IPD", digits(b / a - 1), 0
 
 
 def line(name: str, held: np.ndarray, alone: int) -> str:

@@ -1,6 +1,6 @@
 """Speed and memory of `polarsim detect` on photos of 1936 x 1216 pixels.
 
-    python benchmarks/find.py PICTURE ... [--threads 2] [--weights DETECTOR.pt] [--no-draw]
+    python benchmarks/find.py PICTURE ... [--threads 2] [--weights DETECTOR.pt] [--precision P] [--no-draw]
 
 Each picture is looked at four times under other names; the first look pays for start-up and does not count. Wall time
 depends on what else runs: the CPU seconds say what a photo costs.
@@ -31,6 +31,7 @@ def main() -> None:
     parser.add_argument("pictures", type=Path, nargs="+")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--weights", type=Path, default=PACKAGED)
+    parser.add_argument("--precision", choices=["float32", "bfloat16"], default="float32")
     parser.add_argument("--draw", action=argparse.BooleanOptionalAction, default=True)
     given = parser.parse_args()
     root = Path(tempfile.mkdtemp())
@@ -39,7 +40,7 @@ def main() -> None:
             for path in given.pictures:
                 shutil.copy(path, root / f"{path.stem}_{number}{path.suffix}")
         paths = sorted(root.iterdir())
-        options = prediction_options([], [], "cpu")
+        options = prediction_options([], [], "cpu", precision=given.precision)
         spent: list[tuple[float, float]] = []
         for name, some in (("first", paths[:1]), ("all", paths)):
             start = time.perf_counter(), time.process_time()

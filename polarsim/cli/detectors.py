@@ -43,18 +43,24 @@ def detect(
         typer.Option("--masks", help="Write what every pixel shows too; for a detector that was trained with masks."),
     ] = False,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "auto",
+    precision: Annotated[
+        Literal["float32", "bfloat16"],
+        typer.Option(help="Precision of the convolutions. bfloat16 needs a processor with instructions for it."),
+    ] = "float32",
     threads: Annotated[int, typer.Option(min=1, help="Pictures looked at at a time, each by one thread.")] = 2,
 ) -> None:
     """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
+    from polarsim.detect.detectors import choose_device
     from polarsim.detect.find import find_in_pictures, prediction_options
     from polarsim.detect.options import PACKAGED
 
-    options = prediction_options(listed(widths), listed(gates), device, mirrored=mirrored)
+    options = prediction_options(listed(widths), listed(gates), device, mirrored=mirrored, precision=precision)
     found = find_in_pictures(
         pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
         confidence=confidence, draw=draw, masks=masks,
     )  # fmt: skip
     counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
+    typer.echo(f"precision {precision}, device {choose_device(device)}")
     typer.echo(f"{counts} in {out}")
 
 

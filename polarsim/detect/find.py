@@ -16,7 +16,6 @@ import pandas as pd
 from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
-from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, load_torch
 from polarsim.detect.frame import resized
 from polarsim.detect.fusion import fuse
 from polarsim.detect.masks import LoadedAt, class_mask, mask_widths, within_boxes
@@ -34,7 +33,6 @@ _TINT = 0.4  # weight of a mask's colour in a drawn picture
 # A picture as detectors see it, and width and height of the whole one -> boxes (n, 6): x0, y0, x1, y1 in pixels of the
 # whole one, confidence, class.
 Look = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
-Seen = TypeVar("Seen")
 Result = TypeVar("Result")
 _THREADS = 1  # of torch: pictures are looked at side by side, for one alone does not fill two cores
 _LEAST = 0.01  # confidence before calibration
@@ -136,7 +134,7 @@ def _look(
     """What a detector of a file sees, and its widths: its own where the options name none."""
     sizes = sizes_of(detector, options)
     with about(path):
-        loaded = fast(detectors.load_detector(detector, folder, options, _THREADS), detector, options.device)
+        loaded = detectors.load_detector(detector, folder, options, _THREADS)
 
     def look(shown: np.ndarray, size: tuple[int, int]) -> np.ndarray:
         (found,) = detect(loaded, [shown], sizes, options.nms_iou, size)
@@ -148,7 +146,7 @@ def _look(
 def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOptions) -> LoadedAt:
     """What makes masks with a detector of a file."""
     with about(path):
-        loaded = fast(detectors.load_masks(detector, options, _THREADS), detector, options.device)
+        loaded = detectors.load_masks(detector, options, _THREADS)
     return loaded, mask_widths(detector, options)
 
 
@@ -157,7 +155,7 @@ def _merged(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
 
 
 def prediction_options(
-    widths: Sequence[str], gates_px: Sequence[str], device: str, *, mirrored: bool = False
+    widths: Sequence[str], gates_px: Sequence[str], device: str, *, mirrored: bool = False, precision: str = "float32"
 ) -> PredictionOptions:
     """Options of texts that a person typed.
 
@@ -172,6 +170,7 @@ def prediction_options(
                 "confidence": _LEAST,
                 "nms_iou": 0.5,
                 "mirrored": mirrored,
+                "precision": precision,
                 "widths": widths,
                 "gates_px": gates_px,
                 "device": device,
@@ -188,25 +187,6 @@ def _as_seen(pixels: np.ndarray, longest: int) -> np.ndarray:
         # Light of deeper pictures is averaged before the tone curve.
         grey = resized(grey, longest) if grey.dtype == np.uint8 else tone.shrink(grey, longest)
     return _eight_bits(grey, pixels.dtype)
-
-
-def fast(
-    loaded: Callable[[np.ndarray], Seen], detector: detectors.Detector, device: str
-) -> Callable[[np.ndarray], Seen]:
-    """A detector that computes convolutions in bfloat16 where the processor has instructions for it: half the time.
-
-    The same of what makes its masks. Ultralytics' detectors choose their own precision.
-    """
-    device = choose_device(device)
-    if not detector.model.startswith("compact") or not computes_bfloat16("auto", device):
-        return loaded
-    torch = load_torch()
-
-    def detect_in_bfloat16(pictures: np.ndarray) -> Seen:
-        with torch.autocast(device, torch.bfloat16):
-            return loaded(pictures)
-
-    return detect_in_bfloat16
 
 
 def read_any(path: Path) -> np.ndarray:

@@ -185,6 +185,11 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
     device: Literal["auto", "cpu", "cuda"] = Field(
         "cpu", description="Detectors run here, in training too; auto: on cuda where there is one."
     )
+    precision: Literal["float32", "bfloat16"] = Field(
+        "float32",
+        description="Precision of a compact detector's convolutions while it predicts. bfloat16 is faster where the "
+        "processor has instructions for it, and an error elsewhere.",
+    )
     confidence: float = Field(0.001, gt=0, lt=1, description="Predictions from this confidence on are written.")
     nms_iou: float = Field(
         0.6, gt=0, lt=1, description="Above this IoU the less confident of two boxes is dropped, as in YOLOv5's val."

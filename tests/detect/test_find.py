@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
+from typer.testing import CliRunner
 
+from polarsim.cli import app
 from polarsim.detect import detectors, tone
 from polarsim.detect.find import find_in_pictures, prediction_options, read_any
 from polarsim.detect.frame import resized
@@ -205,26 +207,40 @@ def test_a_picture_of_another_shape_is_not_stretched():
     np.testing.assert_allclose(found[0, :4], [400, 600, 520, 700], atol=2.1)
 
 
-@pytest.mark.parametrize(
-    ("model", "there", "fast"), [("compact", True, True), ("compact", False, False), ("yolov5n", True, False)]
-)
-def test_our_detectors_compute_in_bfloat16_where_the_processor_can(
-    weights, block_finder, tmp_path, monkeypatch, model, there, fast
+def precisions(monkeypatch, *, there: bool) -> list[bool]:
+    """Whether autocast is on, one entry each time a detector looks at a picture; bfloat16 is there or not."""
+    seen: list[bool] = []
+    monkeypatch.setattr("polarsim.detect.detectors.models.has_bfloat16", lambda _: there)
+
+    class Family:
+        load = staticmethod(
+            lambda *_: lambda pictures: seen.append(torch.is_autocast_enabled("cpu")) or brightest(pictures)
+        )
+
+    monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
+    return seen
+
+
+@pytest.mark.parametrize("model", ["compact", "yolov5n"])
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+@pytest.mark.parametrize("there", [True, False])
+def test_a_detector_computes_in_the_precision_that_is_asked_for_or_refuses(
+    weights, tmp_path, monkeypatch, model, precision, there
 ):
-    monkeypatch.setattr("polarsim.detect.find.computes_bfloat16", lambda *_: there)
+    """Neither the processor nor the command chooses another precision."""
+    seen = precisions(monkeypatch, there=there)
     detectors.write_detector(weights, replace(detectors.read_detector(weights), model=model))
-    seen = []
-
-    def load(*_):
-        return lambda pictures: seen.append(torch.is_autocast_enabled("cpu")) or brightest(pictures)
-
-    monkeypatch.setattr("polarsim.detect.find.detectors.load_detector", load)
     cv2.imwrite(str(tmp_path / "one.png"), picture())
-    options = PredictionOptions(device="cpu")
-    find_in_pictures(
-        pictures=[tmp_path / "one.png"], weights=[weights], out=tmp_path / "out", options=options, threads=1
-    )
-    assert seen == [fast]
+    given = [str(tmp_path / "one.png"), "--out", str(tmp_path / "out"), "--weights", str(weights), "--device", "cpu"]
+    done = CliRunner().invoke(app, ["detect", *given, *([] if precision == "float32" else ["--precision", precision])])
+    if precision == "float32" or (there and model == "compact"):
+        assert done.exit_code == 0
+        assert f"precision {precision}" in done.output
+        assert seen == [precision == "bfloat16"]
+    else:
+        assert isinstance(done.exception, DetectError) or done.exit_code == 1
+        assert not (tmp_path / "out").exists()
+        assert seen == []
 
 
 def test_bfloat16_finds_what_float32_finds():

@@ -42,7 +42,10 @@ def choose_device(device: str) -> str:
 
 def computes_bfloat16(precision: str, device: str) -> bool:
     """Whether a training computes in bfloat16, see `TrainingOptions.precision`; emulated it would be slower."""
-    if precision != "auto":
-        return precision == "bfloat16"
+    return has_bfloat16(device) if precision == "auto" else precision == "bfloat16"
+
+
+def has_bfloat16(device: str) -> bool:
+    """Return whether `cpu` or `cuda` has instructions for bfloat16; torch emulates them elsewhere."""
     torch = load_torch()
     return bool(torch.cuda.is_bf16_supported() if device == "cuda" else torch.cpu._is_avx512_bf16_supported())

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
 
 from polarsim.detect.calibration import calibrated
+from polarsim.detect.detectors.devices import choose_device, has_bfloat16, load_torch
 from polarsim.detect.detectors.families import Family, LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector
 from polarsim.detect.mirrored import boxes_both_ways, masks_both_ways
 from polarsim.detect.options import PredictionOptions
+from polarsim.errors import DetectError
+
+Predicted = TypeVar("Predicted")
 
 
 def family(model: str) -> Family:
@@ -23,20 +31,56 @@ def family(model: str) -> Family:
 
 
 def load_detector(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
-    """See `Family.load`; looks at mirrored pictures too where the options say so.
+    """See `Family.load`; in the options' precision, and with mirrored pictures where they ask for it.
 
     Confidences are calibrated where the detector has a calibration.
+
+    Raises
+    ------
+    DetectError
+        Detector or processor do not have the precision.
     """
-    loaded = family(detector.model).load(detector, folder, options, threads)
+    loaded = _in_precision(family(detector.model).load(detector, folder, options, threads), detector.model, options)
     if options.mirrored:
         loaded = boxes_both_ways(loaded, options.nms_iou)
     return lambda pictures: [calibrated(rows, detector.calibration) for rows in loaded(pictures)]
 
 
 def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
-    """See `Family.load_masks`; looks at mirrored pictures too where the options say so."""
-    loaded = family(detector.model).load_masks(detector, options, threads)
+    """See `Family.load_masks`; precision and mirrored pictures as `load_detector`."""
+    loaded = _in_precision(family(detector.model).load_masks(detector, options, threads), detector.model, options)
     return masks_both_ways(loaded) if options.mirrored else loaded
+
+
+def _in_precision(
+    loaded: Callable[[np.ndarray], Predicted], model: str, options: PredictionOptions
+) -> Callable[[np.ndarray], Predicted]:
+    """Return the detector with its convolutions in `options.precision`; never in another one."""
+    device = choose_device(options.device)
+    if options.precision == "float32":
+        return loaded if device == "cpu" else _without_tf32(loaded)
+    if not _is_compact(model):
+        raise DetectError(f"precision bfloat16: detector {model} predicts in float32 alone")
+    if not has_bfloat16(device):
+        raise DetectError(f"precision bfloat16: the {device} here has no instructions for it, choose float32")
+    torch = load_torch()
+
+    def predict(pictures: np.ndarray) -> Predicted:
+        with torch.autocast(device, torch.bfloat16):
+            return loaded(pictures)
+
+    return predict
+
+
+def _without_tf32(loaded: Callable[[np.ndarray], Predicted]) -> Callable[[np.ndarray], Predicted]:
+    """Return the detector with convolutions on CUDA in float32; torch rounds their factors to ten bits by default."""
+    torch = load_torch()
+
+    def predict(pictures: np.ndarray) -> Predicted:
+        with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
+            return loaded(pictures)
+
+    return predict
 
 
 def detector_name(model: str) -> str:

@@ -16,7 +16,6 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.detect import detectors, tone
-from polarsim.detect.find import fast
 from polarsim.detect.frame import widest_look
 from polarsim.detect.options import PicturesOptions, StereoOptions
 from polarsim.detect.predict import detect, sizes_of
@@ -213,7 +212,6 @@ class Eyes:
         detector = detectors.read_detector(weights)
         with about(weights):
             loaded = detectors.load_detector(detector, FilePath.cwd(), self.onboard.prediction, 1)
-            loaded = fast(loaded, detector, self.onboard.prediction.device)
         sizes = sizes_of(detector, self.onboard.prediction).by_class[BOX_CLASSES.index(ROCK)]
         sizes = sizes.within(widest_look(self.mount.lens.width))
         return loaded, ClassSizes.same(sizes)  # shadows are not looked for

@@ -13,7 +13,6 @@ from typing import Any
 import pandas as pd
 
 from polarsim.detect import detectors, tone
-from polarsim.detect.find import fast
 from polarsim.detect.frame import widest_look
 from polarsim.detect.parts import digest, write_in_parts
 from polarsim.detect.predict import detect, sizes_of
@@ -64,7 +63,6 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
         if loaded is None:
             with about(weights):
                 loaded = detectors.load_detector(detector, pictures, onboard.prediction, threads)
-                loaded = fast(loaded, detector, onboard.prediction.device)
         sizes = sizes_of(detector, onboard.prediction).within(widest_look(suite.mounts[FRONT].lens.width))
         _write_detections(pictures, paths, loaded, sizes, exposure_ms, onboard, identity)
         write_text(note, identity)

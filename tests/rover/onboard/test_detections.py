@@ -38,6 +38,10 @@ def test_the_packaged_detectors_boxes_lie_in_the_pictures_and_nothing_is_seen_tw
         assert found["x1"].max() <= 387.2  # a fifth of the camera's 1936
     monkeypatch.setattr("polarsim.detect.detectors.load_detector", lambda *_: pytest.fail("looked again"))
     detect_drive(folder, driven.vehicle(), suite, 3)
+    other = suite.onboard.prediction.model_copy(update={"precision": "bfloat16"})
+    changed = suite.model_copy(update={"onboard": suite.onboard.model_copy(update={"prediction": other})})
+    with pytest.raises(pytest.fail.Exception, match="looked again"):
+        detect_drive(folder, driven.vehicle(), changed, 3)
 
 
 def test_pictures_are_looked_at_no_wider_than_they_are(drive, tmp_path, monkeypatch):
