@@ -40,7 +40,7 @@ from polarsim.rover.autonomy.cases import AXES, DETECTING, Case, cases
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.rank import rank_detectors
 from polarsim.rover.autonomy.table import drive_case, summarise_autonomy
-from polarsim.rover.cameras.options import PACKAGED_FILES, OnboardOptions
+from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
@@ -74,7 +74,7 @@ def _is_driven(case: Case, asked: argparse.Namespace, options: AutonomyOptions, 
             soil=SoilOptions(table=CONFIG / "soils.csv"),
             drive_options=DriveOptions(vehicle=CONFIG / "viper.yaml"),
             options=options,
-            onboard=asked.weights.get(case.detector, OnboardOptions()),
+            cameras=CameraSuiteOptions(onboard=asked.weights.get(case.detector, OnboardOptions())),
             threads=asked.threads,
         )
     print(row_of(case, tables.read_parquet(folder / "figures.parquet", EVERY_AUTONOMY.columns)), flush=True)

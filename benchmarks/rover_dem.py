@@ -22,7 +22,7 @@ from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.drive import drive, job_for
 from polarsim.rover.autonomy.measure import figures
 from polarsim.rover.autonomy.options import AutonomyOptions
-from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import run_drive
 from polarsim.rover.soil.options import SoilOptions
@@ -126,7 +126,7 @@ def _drive(asked: argparse.Namespace, name: str, options: WorldOptions) -> None:
     if asked.autonomy:
         own = AutonomyOptions()
         job = job_for(meshes=asked.meshes, world=options, soil=soil, drive=route, options=own, seed=0)
-        outcome = drive(job, "truth", Light("3", 256.0), own, OnboardOptions())
+        outcome = drive(job, "truth", Light("3", 256.0), own, CameraSuiteOptions())
         rows = figures(outcome, job.vehicle, own).set_index("metric")["value"]
         print(f"{name}, by labels: {outcome.trace.drive['ended']}", rows.round(3).to_dict())
         return

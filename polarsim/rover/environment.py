@@ -100,7 +100,7 @@ class DriveEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._simulation = Simulation(world, self.vehicle, self._soil, self.options, start)
         # Only where it is along the path is asked of this driver; it commands nothing.
         self._driver = Driver(path, SteeringLaw(TOP[0], 0.0, 0.0, TOP[1]))
-        self._camera = LiveCamera(world, self.vehicle, path, self._camera_options) if self._sees else None
+        self._camera = LiveCamera(world, self.vehicle, path, self._camera_options, own) if self._sees else None
         self._simulation.advance(SETTLE_S)
         self._simulation.zero()
         self._keep(self._simulation.state())

@@ -37,7 +37,7 @@ rule drive_alone:
         soil=options("rover.soil"),
         drive_options=options("rover.drive"),
         options=ROVER.autonomy.model_dump(mode="json", exclude=OTHER_DRIVES),
-        onboard=onboard_of_case,
+        cameras=cameras_of_case,
         code=code_of("drive_alone"),
     script:
         "../scripts/drive_alone.py"

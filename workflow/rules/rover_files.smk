@@ -1,6 +1,6 @@
 """Files and options of the drives: what each step reads, and which set of pictures figures show."""
 
-from polarsim.rover.autonomy.cases import cases
+from polarsim.rover.autonomy.cases import UNLIT, cases
 from polarsim.rover.vehicle.mounts import FRONT
 
 ROVER = CONFIG.rover
@@ -126,11 +126,16 @@ def autonomy_of(name):
     return expand("results/{{run}}/rover/autonomy/{case}/{name}", case=AUTONOMY_CASES, name=name)
 
 
-def onboard_of_case(wildcards):
-    """What a drive depends on of how its detector looks; modes without one depend on the ground alone."""
-    detecting = DECIDING.get(AUTONOMY_CASES[wildcards.case].detector)
-    own = {"weights", "pictures", "prediction", "confidence", "ground"} if detecting else {"ground"}
-    return (detecting or ROVER.cameras.onboard).model_dump(mode="json", include=own)
+def cameras_of_case(wildcards):
+    """Options of `rover.cameras` that change a drive: of its pictures, where it takes some, and of its detector, if any."""
+    case = AUTONOMY_CASES[wildcards.case]
+    detecting = DECIDING.get(case.detector)
+    looks = {"weights", "pictures", "prediction", "confidence", "ground"} if detecting else {"ground"}
+    pictures = (
+        {"render": {"skirt_m"}} if case.mode in UNLIT else dict.fromkeys(["render", "stars", "ground_albedo"], True)
+    )
+    cameras = ROVER.cameras.model_copy(update={"onboard": detecting or ROVER.cameras.onboard})
+    return cameras.model_dump(mode="json", include={"far_m": True, "onboard": looks} | pictures)
 
 
 def weights_of_case(wildcards):

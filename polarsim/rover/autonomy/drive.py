@@ -20,7 +20,7 @@ from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import AutonomyOptions, Mode
 from polarsim.rover.autonomy.pictures import write_pictures
 from polarsim.rover.autonomy.pilot import Pilot, pilot
-from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import Job, job_of, path_of
@@ -97,7 +97,7 @@ def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
 
 
 def drive(
-    job: Job, mode: Mode, light: Light, options: AutonomyOptions, onboard: OnboardOptions, threads: int = 1
+    job: Job, mode: Mode, light: Light, options: AutonomyOptions, cameras: CameraSuiteOptions, threads: int = 1
 ) -> Outcome:
     """Drive from the first point of a job's path to the last; pictures are rendered on so many threads.
 
@@ -111,7 +111,7 @@ def drive(
     route = Route(np.array(job.drive.path_m, float))
     driver: Pilot | None = None
     if mode != "blind":
-        eyes = Eyes(job.world, job.vehicle, route, mode, light, options, onboard, job.seed, threads)
+        eyes = Eyes(job.world, job.vehicle, route, mode, light, options, cameras, job.seed, threads)
         driver = pilot(route, eyes, options)
     ride = Ride(job, driver)
     if driver is not None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TypeVar
@@ -24,23 +24,20 @@ from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.errors import RoverError, about
 from polarsim.formats.instances import GROUND, ROCK_IDS
-from polarsim.formats.picture_sets import AUTO
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BOX_CLASSES, ROCK
-from polarsim.render.gain import default_gain
 from polarsim.render.hits import cast_strip
-from polarsim.render.lamps import Lamp
-from polarsim.render.sensor import expose, noise_of
+from polarsim.render.lamps import Spot
 from polarsim.rover.autonomy.cases import Light
 from polarsim.rover.autonomy.hazard_grid import HazardGrid, Look
 from polarsim.rover.autonomy.looks import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
 from polarsim.rover.autonomy.options import AutonomyOptions, Mode
-from polarsim.rover.cameras.lights import headlights
-from polarsim.rover.cameras.live_camera import LiveScene, auto_exposure_ms, light_of
-from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, OnboardOptions
+from polarsim.rover.cameras.lights import headlights, named_sun
+from polarsim.rover.cameras.live_camera import LiveScene
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.onboard.ground_view import plane_under
@@ -48,7 +45,6 @@ from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 
-SUN = "sun"
 T = TypeVar("T")
 _BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
 _NEAREST_M = 1.5  # depth that stereo looks for
@@ -81,13 +77,15 @@ class Eyes:
         mode: Mode,
         light: Light,
         options: AutonomyOptions,
-        onboard: OnboardOptions,
+        cameras: CameraSuiteOptions,
         seed: int,
         threads: int = 1,
     ) -> None:
         """
         Parameters
         ----------
+        cameras : CameraSuiteOptions
+            Lens, sensor, reflectance and stars of the pictures, and the detector, `onboard`.
         threads : int
             That render pictures; they are the same, however many.
 
@@ -97,15 +95,14 @@ class Eyes:
             An unknown light, no detector where the mode has one.
         """
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
-        self.options, self.onboard, self.seed, self._threads = options, onboard, seed, threads
+        self.options, self.onboard, self.seed, self._threads = options, cameras.onboard, seed, threads
         self.mount = mount_of(vehicle.camera(FRONT), options.scale)
         self._small = mount_of(vehicle.camera(FRONT), options.scale * options.stereo_scale)
         self._round = [mount_of(vehicle.camera(name), options.around_scale) for name in (FRONT, *options.around)]
-        self._scene = LiveScene(world, vehicle, path, light.model, _BESIDE_M)
-        self._render = self._scene.render.model_copy(update={"noise": options.noise})
-        self._suns = (
-            {} if light.sun == NIGHT else {SUN: Lamp.sun(SUN_AZIMUTHS_DEG[light.sun], options.sun_elevation_deg)}
-        )
+        noisy = cameras.render.model_copy(update={"noise": options.noise or cameras.render.noise})
+        cameras = cameras.model_copy(update={"render": noisy})
+        self._scene = LiveScene(world, vehicle, path, cameras, light.model, _BESIDE_M)
+        self._sun = named_sun(light.sun, options.sun_elevation_deg)
         self._lights = [vehicle.light(name) for name in options.lamps] if light.lit else []
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
@@ -132,12 +129,12 @@ class Eyes:
             seen = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
             points, rock = (np.concatenate(parts) for parts in zip(*seen, strict=True))
             return Glance([self._timed("map", lambda: look_of_pixels(points, rock, camera, ground, grid))], camera)
-        lamps = self._suns | {f"light {name}": spot for name, spot in headlights(self._lights, links).items()}
+        spots = headlights(self._lights, links)
         # Stereo matches small pictures, so the second camera, and without a detector the first, takes no larger ones.
         cameras = [camera if self._detects else self._small.at(base)]
         if self.pairs:
             cameras.append(right_of(self._small.at(base), self.options.stereo_base_m))
-        taken = self._timed("pictures", lambda: [self._picture(one, lamps, k) for k, one in enumerate(cameras)])
+        taken = self._timed("pictures", lambda: [self._picture(one, spots, k) for k, one in enumerate(cameras)])
         self._glances += 1
         looks, pair, found = [], None, np.zeros((0, 5))
         shown: np.ndarray | None = None
@@ -163,17 +160,11 @@ class Eyes:
         kept = (ids == GROUND) | (ids >= ROCK_IDS)  # and not the rover's own body
         return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
 
-    def _picture(self, camera: Camera, lamps: dict[str, Lamp], which: int) -> tuple[np.ndarray, float]:
+    def _picture(self, camera: Camera, spots: Mapping[str, Spot], which: int) -> tuple[np.ndarray, float]:
         """(h, w) 12-bit grey values, and their exposure, ms."""
-        model, render = self.light.model, self._render
-        light = light_of(self._scene.surfaces, camera, lamps, model, render, self._threads)
-        gain = render.gain.get(model, default_gain(model, render))
         exposure = self.light.exposure_ms
-        if not isinstance(exposure, int | float):
-            assert exposure == AUTO
-            exposure = auto_exposure_ms(light, gain)
-        name = ("autonomy", self.seed, self._glances, which, self.light.sun, self.light.exposure_ms)
-        return expose(light, exposure * gain, render, noise_of(render, *name)), float(exposure)
+        name = ("autonomy", self.seed, self._glances, which, self.light.sun, exposure)
+        return self._scene.picture(camera, self._sun, spots, exposure, *name, threads=self._threads)
 
     def _found(self, grey: np.ndarray, exposure_ms: float) -> tuple[np.ndarray, np.ndarray]:
         """The picture as the detector sees it, and (n, 5) boxes of rocks, px of the camera, and their confidences."""

@@ -16,7 +16,7 @@ from polarsim.rover.autonomy.drive import drive, job_for, write
 from polarsim.rover.autonomy.measure import events, figures
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.touches import touches
-from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
@@ -40,7 +40,7 @@ def drive_case(
     soil: SoilOptions,
     drive_options: DriveOptions,
     options: AutonomyOptions,
-    onboard: OnboardOptions,
+    cameras: CameraSuiteOptions,
     threads: int = 1,
 ) -> None:
     """Drive a case, measure it and write its folder: the drive's files, its events, and then `figures.parquet`.
@@ -52,7 +52,7 @@ def drive_case(
     """
     own = parsed(case)
     job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=own.seed)
-    outcome = drive(job, own.mode, own.light, options, onboard, threads)
+    outcome = drive(job, own.mode, own.light, options, cameras, threads)
     vehicle = read_vehicle(drive_options.vehicle)
     rocks = touches(outcome.trace, vehicle)
     write(folder, outcome, options)

@@ -39,7 +39,7 @@ def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
     RoverError
         None is asked for, or the real one is down.
     """
-    found: dict[str, Sun] = {name: _named(name, options.sun_elevation_deg) for name in options.suns}
+    found: dict[str, Sun] = {name: named_sun(name, options.sun_elevation_deg) for name in options.suns}
     real = options.real_sun
     if real is not None:
         compass, height = sun_over(real.latitude_deg, real.longitude_deg, real.moment_utc)
@@ -55,11 +55,16 @@ def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
     return found
 
 
-def _named(name: str, elevation_deg: float) -> Sun:
-    if name == NIGHT:
+def sun_at(name: str, azimuth_deg: float | None, elevation_deg: float) -> Sun:
+    """Return a Sun in this direction, from east to north; without an azimuth it is night."""
+    if azimuth_deg is None:
         return Sun(name, None, 0.0, -90.0, np.eye(3))
-    azimuth = SUN_AZIMUTHS_DEG[name]
-    return Sun(name, Lamp.sun(azimuth, elevation_deg), azimuth, elevation_deg, np.eye(3))
+    return Sun(name, Lamp.sun(azimuth_deg, elevation_deg), azimuth_deg, elevation_deg, np.eye(3))
+
+
+def named_sun(name: str, elevation_deg: float) -> Sun:
+    """Return one of the paper's Suns, or night."""
+    return sun_at(name, None if name == NIGHT else SUN_AZIMUTHS_DEG[name], elevation_deg)
 
 
 def headlights(lights: Sequence[LightPart], world_from_link: Mapping[str, Pose]) -> dict[str, Spot]:

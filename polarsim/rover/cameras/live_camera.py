@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import to_8_bits
+from polarsim.formats.picture_sets import AUTO
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, USUAL_EXPOSURE_MS, WHITE_LEVEL
-from polarsim.render.gain import default_gain
-from polarsim.render.lamps import Lamp
-from polarsim.render.olat import render_view
-from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose
+from polarsim.render.lamps import Spot
+from polarsim.render.options import Model
 from polarsim.rover.cameras.bodywork import body_of, links_at
-from polarsim.rover.cameras.lights import headlights
+from polarsim.rover.cameras.imaging import Imaging
+from polarsim.rover.cameras.lights import Sun, headlights, sun_at
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.render_scene import MovingSurfaces, RenderScene, options_of, rocks_of
+from polarsim.rover.cameras.render_scene import MovingSurfaces, RenderScene, rocks_of
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
@@ -46,6 +45,8 @@ class LiveCameraOptions:
     model: Model = "hapke"
     exposure_ms: float | Literal["auto"] = USUAL_EXPOSURE_MS
     lights: tuple[str, ...] = ()  # of the vehicle's table, that are on
+    # Lens, sensor, reflectance, stars and far ground, as the section `rover.cameras` has them.
+    cameras: CameraSuiteOptions = field(default_factory=CameraSuiteOptions)
 
     def size(self, vehicle: Vehicle) -> tuple[int, int]:
         """Width and height of its pictures, px."""
@@ -54,15 +55,53 @@ class LiveCameraOptions:
 
 
 class LiveScene:
-    """What cameras of a rover that drives now look at; the ground is followed within `beside_m` of a path."""
+    """The scene of a drive under way; the ground is followed within `beside_m` of a path.
 
-    def __init__(self, world: World, vehicle: Vehicle, path: Path, model: Model, beside_m: float = BESIDE_M) -> None:
-        self._vehicle, suite, body = vehicle, CameraSuiteOptions(models=(model,), finer=1), body_of(vehicle)
-        self.render = options_of(suite, body)
+    The ground has the drive's own cells, whatever `cameras.finer`, and no grouser marks: finer ground takes too long
+    between two moments.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        vehicle: Vehicle,
+        path: Path,
+        cameras: CameraSuiteOptions,
+        model: Model,
+        beside_m: float = BESIDE_M,
+    ) -> None:
+        self._vehicle, self._model, body = vehicle, model, body_of(vehicle)
+        own = cameras.model_copy(update={"models": (model,)})
+        self.imaging = Imaging.of(own, body)
         lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = WheelTracks(lattice, _near(world, path, beside_m), suite.finer)
-        reach = {"skirt_m": self.render.skirt_m, "far_m": suite.far_m}
+        tracks = WheelTracks(lattice, _near(world, path, beside_m), finer=1)
+        reach = {"skirt_m": own.render.skirt_m, "far_m": own.far_m}
         self._scene = RenderScene(tracks, rocks_of(world), body, around=world.around, **reach)
+
+    def picture(
+        self,
+        camera: Camera,
+        sun: Sun,
+        spots: Mapping[str, Spot],
+        exposure_ms: float | str,
+        *name: object,
+        threads: int = 1,
+    ) -> tuple[np.ndarray, float]:
+        """Return the 12-bit picture (h, w) uint16 of the moment that is shown, and its exposure, ms.
+
+        Parameters
+        ----------
+        exposure_ms
+            A number, or `auto`.
+        name
+            Names the picture, and so draws its noise.
+        """
+        found = self.imaging.render(self.surfaces, camera, {sun.name: sun}, spots, labels=False, threads=threads)
+        radiance = found.olat_images[self._model, sun.name]
+        if isinstance(exposure_ms, str):
+            assert exposure_ms == AUTO
+            exposure_ms = auto_exposure_ms(radiance, self.imaging.gain(self._model))
+        return self.imaging.expose(radiance, self._model, exposure_ms, *name), float(exposure_ms)
 
     @property
     def surfaces(self) -> MovingSurfaces:
@@ -87,41 +126,24 @@ class LiveScene:
 
 
 class LiveCamera:
-    """A camera; the ground is followed within `BESIDE_M` of a path."""
+    """A camera; the ground is followed within `BESIDE_M` of a path. `seed` draws the noise of its pictures."""
 
-    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: LiveCameraOptions) -> None:
-        self._options = options
+    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: LiveCameraOptions, seed: int = 0) -> None:
+        self._options, self._seed = options, seed
         self._mount = mount_of(vehicle.camera(options.camera), options.scale)
-        self._scene = LiveScene(world, vehicle, path, options.model)
-        azimuth = options.sun_azimuth_deg
-        self._suns = {} if azimuth is None else {SUN: Lamp.sun(azimuth, options.sun_elevation_deg)}
+        self._scene = LiveScene(world, vehicle, path, options.cameras, options.model)
+        self._sun = sun_at(SUN, options.sun_azimuth_deg, options.sun_elevation_deg)
         self._lights = [vehicle.light(name) for name in options.lights]
 
-    def picture(self, state: State, level: np.ndarray) -> np.ndarray:
-        """(h, w, 1) uint8 of the rover's state and the ground's levels; by the detectors' tone curve `gamma`."""
+    def grey(self, state: State, level: np.ndarray) -> np.ndarray:
+        """Return the 12-bit picture (h, w) uint16 of the rover's state and the ground's levels."""
         base, links = self._scene.show(state, level)
-        lamps = self._suns | {f"light {name}": spot for name, spot in headlights(self._lights, links).items()}
-        options, render, camera = self._options, self._scene.render, self._mount.at(base)
-        gain = render.gain.get(options.model, default_gain(options.model, render))
-        light = light_of(self._scene.surfaces, camera, lamps, options.model, render)
-        exposure = auto_exposure_ms(light, gain) if options.exposure_ms == "auto" else options.exposure_ms
-        grey = expose(light, exposure * gain, render, None)
-        return to_8_bits(grey, PicturesOptions(tone="gamma"))[..., None]
+        spots, name = headlights(self._lights, links), ("live", self._seed, self._options.camera, state.time)
+        return self._scene.picture(self._mount.at(base), self._sun, spots, self._options.exposure_ms, *name)[0]
 
-
-def light_of(
-    surfaces: MovingSurfaces,
-    camera: Camera,
-    lamps: Mapping[str, Lamp],
-    model: Model,
-    render: RenderOptions,
-    threads: int = 1,
-) -> np.ndarray:
-    """(h, w) light that a camera gets from all lamps together; without lamps there is none."""
-    if not lamps:
-        return np.zeros(camera.lens.shape, np.float32)
-    found = render_view(surfaces, camera, dict(lamps), (model,), None, render, threads)
-    return np.asarray(np.sum(list(found.olat_images.values()), axis=0))
+    def picture(self, state: State, level: np.ndarray) -> np.ndarray:
+        """Return `grey` as (h, w, 1) uint8, by the detectors' tone curve `gamma`."""
+        return to_8_bits(self.grey(state, level), PicturesOptions(tone="gamma"))[..., None]
 
 
 def auto_exposure_ms(light: np.ndarray, gain: float) -> float:

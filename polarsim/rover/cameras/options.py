@@ -92,6 +92,10 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
         return PACKAGED_FILES[self.weights] if isinstance(self.weights, str) else self.weights
 
 
+# Of a drive's pictures: no walls, a Sun, and fewer rays to its disc than twins have.
+_RENDER = RenderOptions(rim=False, bounce=0.0, falloff=True, lamp_probe_px=16, lamp_samples=8, calibration_photos=0)
+
+
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     """These options say which pictures of a drive are made."""
 
@@ -131,7 +135,7 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
         0.12, gt=0, le=1, description="The soil has this albedo; the body's albedos are told over it."
     )
     render: RenderOptions = Field(
-        RenderOptions(rim=False, bounce=0.0, falloff=True, lamp_probe_px=16, lamp_samples=8, calibration_photos=0),
+        _RENDER,
         description="These options are those of a run's configuration; their `models` and walls do not count.",
     )
     onboard: OnboardOptions = OnboardOptions()
@@ -142,6 +146,14 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     def pictures(self) -> list[tuple[Model, float]]:
         """Model and exposure, ms, of every picture of a view under a Sun."""
         return list(product(self.models, self.exposures_ms))
+
+    @field_validator("render", mode="before")
+    @classmethod
+    def _over_own_defaults(cls, value: object) -> object:
+        """Keep the defaults of this section where a part of it is given: those of twins differ."""
+        if not isinstance(value, dict):
+            return value
+        return _RENDER.model_dump(include=_RENDER.model_fields_set) | value
 
     @field_validator("views", "suns", "lights", "models", "exposures_ms")
     @classmethod

@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from polarsim.errors import RoverError
-from polarsim.formats.instances import BACKGROUND
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
-from polarsim.render.gain import default_gain
-from polarsim.render.olat import NO_LAMP, Rendering, render_view
-from polarsim.render.optics import imaged, through_lens
-from polarsim.render.options import Model
-from polarsim.render.sensor import expose, noise_of
-from polarsim.render.views.options import StarField
-from polarsim.render.views.stars import Sky, sky_of, star_radiance
+from polarsim.render.olat import Rendering
+from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.cameras import grouser_marks
 from polarsim.rover.cameras.bodywork import body_of, links_at
 from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
+from polarsim.rover.cameras.imaging import Imaging
 from polarsim.rover.cameras.lights import headlights, suns_of
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.render_scene import RenderScene, options_of, rocks_of
+from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle
-
-BRIGHT_STARS = 300.0  # flux of the stars of the paper's videos over that of real ones
 
 
 class CameraSuite:
@@ -50,10 +43,15 @@ class CameraSuite:
         self.suns = suns_of(options)
         self.lights = [vehicle.light(name) for name in options.lights]
         self.body = body_of(vehicle)
-        self.render_options = options_of(options, self.body)
+        self.imaging = Imaging.of(options, self.body)
         self._events = _events(trace, vehicle)
         self._tread = _tread(vehicle)
         self._frame = -1
+
+    @property
+    def render_options(self) -> RenderOptions:
+        """The renderer's options with the body's materials in them."""
+        return self.imaging.options
 
     @property
     def frames(self) -> list[int]:
@@ -92,36 +90,19 @@ class CameraSuite:
         """The camera of a view at a frame, in the rover's world."""
         return self.mounts[view].at(self.trace.pose_at(float(self.trace.tracks.time[frame])))
 
-    def render(self, view: str, suns: Sequence[str], threads: int = 1) -> Rendering:
+    def render(self, view: str, sun_names: Sequence[str], threads: int = 1) -> Rendering:
         """OLAT images and ids of a view of the frame that is shown, by Sun; with the rover's lights, stars and lens.
 
         Shadows among the ids are those that the Sun throws: at night there are none.
         """
-        camera = self.camera(view, self._frame)
-        active_lamps = {name: lamp for name in suns if (lamp := self.suns[name].lamp) is not None}
+        camera, suns = self.camera(view, self._frame), {name: self.suns[name] for name in sun_names}
         spots = headlights(self.lights, self._links)
-        own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun is named so
-        options, models = self.render_options, self.options.models
-        found = render_view(
-            self.render_scene.surfaces, camera, active_lamps | own, models, list(active_lamps), options, threads
-        )
-        light = {(model, name): _sum(found.whole, model, name, own) for model in models for name in suns}
-        olat_images = through_lens(light, active_lamps, self.render_scene.surfaces, camera, options, threads)
-        ids = {name: found.ids[name if name in active_lamps else NO_LAMP] for name in (NO_LAMP, *suns)}
-        if self._sky is not None:
-            empty = ids[NO_LAMP] == BACKGROUND
-            for name in suns:
-                stars = empty * star_radiance(self._sky, self.suns[name].world_from_celestial, camera)
-                stars = imaged(stars, camera.lens, options)
-                olat_images |= {(model, name): olat_images[model, name] + stars for model in models}
-        return Rendering(olat_images, ids)
+        return self.imaging.render(self.render_scene.surfaces, camera, suns, spots, labels=True, threads=threads)
 
     def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
         """(h, w) uint16 picture of the frame that is shown, 12-bit grey values."""
-        options = self.render_options
-        gain = options.gain.get(model, default_gain(model, options))
-        noise = noise_of(options, "rover", self.seed, self._frame, view, sun, model, exposure_ms)
-        return expose(rendering.olat_images[model, sun], exposure_ms * gain, options, noise)
+        name = ("rover", self.seed, self._frame, view, sun, model, exposure_ms)
+        return self.imaging.expose(rendering.olat_images[model, sun], model, exposure_ms, *name)
 
     @cached_property
     def render_scene(self) -> RenderScene:
@@ -133,20 +114,6 @@ class CameraSuite:
         tracks = WheelTracks(lattice, changed.reshape(world.level.shape), options.finer)
         reach = {"skirt_m": self.render_options.skirt_m, "far_m": options.far_m}
         return RenderScene(tracks, rocks_of(world), self.body, around=world.around, **reach)
-
-    @cached_property
-    def _sky(self) -> Sky | None:
-        if self.options.stars == "none":
-            return None
-        return sky_of(StarField(intensity=BRIGHT_STARS if self.options.stars == "bright" else 1.0))
-
-
-def _sum(
-    olat_images: Mapping[tuple[Model, str], np.ndarray], model: Model, sun: str, lights: Iterable[str]
-) -> np.ndarray:
-    """(h, w) radiance under a Sun, where it shines, and the rover's lights."""
-    parts = [olat_images[model, name] for name in (sun, *lights) if (model, name) in olat_images]
-    return np.sum(parts, axis=0) if len(parts) > 1 else parts[0]
 
 
 def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:

@@ -25,7 +25,7 @@ from polarsim.rover.autonomy.eyes import Eyes
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.options import OFF, ON, AutonomyOptions, Mode
 from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
-from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, OnboardOptions
+from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, CameraSuiteOptions
 from polarsim.rover.drive.control import Command, Path
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import start_of
@@ -60,7 +60,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     course : where episodes take place; none: a made-up ground for every seed.
     mode : what the map is made of; `blind` has an empty one.
     options : how the rover looks and maps, under which Suns; speeds and planning are the learner's.
-    onboard : the detector, for modes that have one.
+    cameras : lens, sensor and reflectance of all pictures, and the detector, `onboard`, for modes that have one.
     image : show the front camera's picture as well, in every observation.
     """
 
@@ -72,7 +72,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         *,
         mode: Mode = "truth",
         options: AutonomyOptions | None = None,
-        onboard: OnboardOptions | None = None,
+        cameras: CameraSuiteOptions | None = None,
         task: TaskOptions | None = None,
         image: bool = False,
         render_mode: str | None = None,
@@ -81,7 +81,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             raise RoverError(f"render mode {render_mode!r}, expected 'rgb_array' or none")
         self.render_mode, self.course, self.mode = render_mode, course or MadeUpCourse(), mode
         self.options = options or AutonomyOptions(scale=_QUARTER, suns=("1", "2", "3", "4"), longest_s=120.0)
-        self.onboard, self.task, self._image = onboard or OnboardOptions(), task or TaskOptions(), image
+        self.cameras, self.task, self._image = cameras or CameraSuiteOptions(), task or TaskOptions(), image
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         bounds, cells = np.array(list(STATE.values()), np.float32), self.task.crop.cells
         found: dict[str, spaces.Space[Any]] = {
@@ -128,9 +128,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.map = HazardGrid(job.world, self.options.map)
         self._eyes = None
         if self.mode != "blind":
-            self._eyes = Eyes(job.world, job.vehicle, self.line, self.mode, self.light, lit, self.onboard, own)
+            self._eyes = Eyes(job.world, job.vehicle, self.line, self.mode, self.light, lit, self.cameras, own)
         self._collisions, self._hits = Collisions(job.world, job.vehicle), 0
-        self._camera = self._camera_of(lit) if self._image or self.render_mode else None
+        self._camera = self._camera_of(lit, own) if self._image or self.render_mode else None
         if self.task.settle_s:
             self._simulation.advance(self.task.settle_s)
         self._simulation.zero()
@@ -235,7 +235,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             found["image"] = self._picture(state)
         return found
 
-    def _camera_of(self, lit: AutonomyOptions) -> LiveCamera:
+    def _camera_of(self, lit: AutonomyOptions, seed: int) -> LiveCamera:
         options = LiveCameraOptions(
             scale=_PICTURE_SCALE,
             sun_azimuth_deg=SUN_AZIMUTHS_DEG.get(self.light.sun),  # none at night
@@ -243,8 +243,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             model=self.light.model,
             exposure_ms=lit.exposures_ms[0],
             lights=lit.lamps if self.light.lit else (),
+            cameras=self.cameras,
         )
-        return LiveCamera(self.simulation.world, self.vehicle, self.line, options)
+        return LiveCamera(self.simulation.world, self.vehicle, self.line, options, seed)
 
     def _picture(self, state: State) -> np.ndarray:
         assert self._camera is not None

@@ -23,7 +23,7 @@ from polarsim.rover.autonomy.pictures import WIDTH_PX
 from polarsim.rover.autonomy.pilot import Pilot
 from polarsim.rover.autonomy.planner import Planner
 from polarsim.rover.autonomy.touches import touches
-from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive import ride as ride_module
 from polarsim.rover.drive.job import Job
@@ -66,15 +66,15 @@ def value(rows: pd.DataFrame, metric: str) -> float:
 
 
 def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
-    onboard = OnboardOptions()
-    blind = drive(job, "blind", Light("3", 256), OPTIONS, onboard)
+    cameras = CameraSuiteOptions()
+    blind = drive(job, "blind", Light("3", 256), OPTIONS, cameras)
     rocks = touches(blind.trace, job.vehicle)
     assert value(figures(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
     found = events(blind, rocks)
     assert found["what"].tolist() == ["collision"] * 2
     assert sorted(zip(found["x_m"], found["y_m"], strict=True)) == sorted(BOXES)
     assert found["time_s"].is_monotonic_increasing
-    once, again = (drive(job, "truth", Light("3", 256), OPTIONS, onboard) for _ in range(2))
+    once, again = (drive(job, "truth", Light("3", 256), OPTIONS, cameras) for _ in range(2))
     rows = figures(once, touches(once.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
@@ -97,7 +97,9 @@ def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, mon
     monkeypatch.setattr(Pilot, "_still_free", lambda *_: None)
     motors = job.vehicle.drive.model_copy(update={"torque_limit_n_m": torque_n_m} if torque_n_m else {})
     slow = replace(job, vehicle=job.vehicle.model_copy(update={"drive": motors}))
-    outcome = drive(slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), OnboardOptions())
+    outcome = drive(
+        slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), CameraSuiteOptions()
+    )
     assert outcome.trace.drive["ended"] == ended
     if torque_n_m is None:
         late = outcome.trace.table[outcome.trace.table["time_s"] > 8]
@@ -107,8 +109,8 @@ def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, mon
 
 def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
-    onboard = OnboardOptions()
-    outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS.model_copy(update={"scale": 0.25}), onboard)
+    cameras = CameraSuiteOptions()
+    outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS.model_copy(update={"scale": 0.25}), cameras)
     grid = outcome.pilot.grid
     x, y = np.meshgrid(grid.x, grid.y)
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
@@ -141,7 +143,7 @@ def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):
     pictures = {}
     for lit in (False, True):
         light = Light("night", 1024.0, lit)
-        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, clean, OnboardOptions(), 0)
+        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, clean, CameraSuiteOptions(), 0)
         pictures[lit] = eyes.look(state, level, grid).pair[0]
     assert pictures[False].max() == 0
     suite = CameraSuiteOptions(
@@ -160,7 +162,7 @@ def test_noise_in_the_dark_is_no_ground_that_was_seen(job):
     ride = Ride(autonomous_job(job, OPTIONS))
     ride.go_on(0.1)
     state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
-    eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", Light("night", 1024.0), OPTIONS, OnboardOptions(), 0)
+    eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", Light("night", 1024.0), OPTIONS, CameraSuiteOptions(), 0)
     glance = eyes.look(state, level, grid)
     assert glance.pair[0].std() > 0
     assert not (glance.looks[0].weight > 0).any()
@@ -172,7 +174,7 @@ def test_pictures_are_the_same_on_any_number_of_threads(job):
     state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
     light, pairs = Light("3", 256.0), []
     for threads in (1, 3):
-        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, OPTIONS, OnboardOptions(), 0, threads)
+        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, OPTIONS, CameraSuiteOptions(), 0, threads)
         pairs.append(eyes.look(state, level, grid).pair)
     assert pairs[0][0].std() > 0
     np.testing.assert_array_equal(*pairs)
