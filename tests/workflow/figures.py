@@ -1,4 +1,4 @@
-"""Measures of a figure's pixels: where a picture is in it, and the share of it that is a picture."""
+"""Whether figures show what they should, from their pixels."""
 
 from pathlib import Path
 
@@ -6,11 +6,17 @@ import cv2
 import numpy as np
 
 from polarsim.formats import png
+from polarsim.formats.run_files import pictures_at
 from polarsim.formats.tone import to_8bit
+from polarsim.photo import PhotoKey
+from tests.report.pixels import coloured
 
 REDUCED = 8  # pixels of a figure to one that is compared
 NARROWEST = 0.15  # of the width of a figure: a picture in it
 BLOCK = 16  # px
+ALIKE = 0.9  # correlation of a picture with itself in a figure, under its labels; other photos reach 0.8
+WHITE = 253  # and brighter: paper; the palest cell of a matrix has 251
+NOTE = 0.05  # of a figure: what words take
 GREYS = 24  # distinct greys in a block of a picture; lines, letters and areas of one colour have fewer
 
 
@@ -26,6 +32,7 @@ def find_picture(figure: Path, picture: Path) -> tuple[float, np.ndarray]:
     """
     sheet, photo = grey(png.read(figure)), grey(to_8bit(png.read(picture)))
     sheet = resized(sheet, sheet.shape[1] // REDUCED)
+    photo = resized(photo, sheet.shape[1])
     best, position = -1.0, np.zeros(2)
     for width in range(round(NARROWEST * sheet.shape[1]), sheet.shape[1] + 1):
         part = resized(photo, width)
@@ -39,12 +46,15 @@ def find_picture(figure: Path, picture: Path) -> tuple[float, np.ndarray]:
 
 
 def pictured_share(figure: Path) -> float:
-    """Return the share of a figure's blocks with as many greys as photos and renderings have."""
+    """Return the share of a figure's blocks that are of photos or renderings: many greys, and none of them in most."""
     pixels = np.round(grey(png.read(figure))).astype(int)
     rows, columns = (size // BLOCK for size in pixels.shape)
     blocks = pixels[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK).swapaxes(1, 2)
-    steps = np.diff(np.sort(blocks.reshape(rows * columns, -1), axis=1), axis=1) > 0
-    return float((steps.sum(axis=1) + 1 >= GREYS).mean())
+    ordered = np.sort(blocks.reshape(rows * columns, -1), axis=1)
+    many = (np.diff(ordered, axis=1) > 0).sum(axis=1) >= GREYS
+    half = ordered.shape[1] // 2
+    even = (ordered[:, half:] == ordered[:, :-half]).any(axis=1)  # half of the pixels in one run of equal ones
+    return float((many & ~even).mean())
 
 
 def grey(pixels: np.ndarray) -> np.ndarray:
@@ -54,3 +64,74 @@ def grey(pixels: np.ndarray) -> np.ndarray:
 
 def resized(pixels: np.ndarray, width: int) -> np.ndarray:
     return cv2.resize(pixels, (width, round(width * pixels.shape[0] / pixels.shape[1])), interpolation=cv2.INTER_AREA)
+
+
+def shown_pictures(results: Path, terrain: str, position: str) -> dict[str, list[Path]]:
+    """Photos and twins that figures of one position must show, by the path of the figure."""
+    photos = pictures_at(results / f"acquire/Terrain{terrain}/photos.parquet")
+    keys = [key for key in photos if key.position == position]
+    usual = min(keys, key=lambda key: (key.azimuth != "30", key.light, key.camera, key.stops_off_usual))
+    brackets = {key.bracket: key for key in sorted(keys, key=lambda key: -key.stops_off_usual)}  # the usual exposures
+    twin = next((results / "renders").glob(f"*/Terrain{terrain}/{usual}.png"))
+    seeds = (PhotoKey.parse(path.stem) for path in sorted((results / f"acquire/Terrain{terrain}/seeds").glob("*.txt")))
+    seed = next(key for key in seeds if (key.camera, key.position) == ("L", position))
+    return {
+        f"contact_Terrain{terrain}_Pos{position}.png": [photos[key] for key in brackets.values()],
+        f"comparison_Terrain{terrain}_Pos{position}.png": [photos[usual], twin],
+        f"residuals_Terrain{terrain}.png": [photos[seed]],
+    }
+
+
+def empty_figures(results: Path) -> dict[str, str]:
+    """Return the figures of a run that do not show what they should, each with what is missing.
+
+    Contact sheets, comparisons and residuals must hold their photos and twins, at a place each; figures of pictures and
+    meshes have areas of many greys; plots have data in colour. A figure that consists of a note is `note`.
+    """
+    found = {}
+    for path in sorted((results / "figures").rglob("*.png")):
+        name = str(path.relative_to(results / "figures"))
+        least = [(measure, share) for start, measure, share in LEAST if name.startswith(start)]
+        assert least, f"{name}: tell LEAST what this figure shows"
+        (measure, share), *_ = least
+        value = measure(path)
+        if value < share:
+            is_note = inked_share(path) < NOTE and coloured(path) == 0
+            found[name] = "note" if is_note else f"{measure.__name__} {value:.4f}, expected {share}"
+    for photos in sorted((results / "acquire").glob("Terrain*/photos.parquet")):
+        terrain = photos.parent.name.removeprefix("Terrain")
+        for position in sorted({key.position for key in pictures_at(photos)}):
+            for name, pictures in shown_pictures(results, terrain, position).items():
+                places = [find_picture(results / "figures" / name, picture) for picture in pictures]
+                apart = {tuple(np.round(place / NARROWEST).astype(int)) for _, place in places}
+                worst = min(correlation for correlation, _ in places)
+                if worst < ALIKE or len(apart) < len(places):
+                    found[name] = f"{len(apart)} places of {len(places)} pictures, correlation {worst:.2f}"
+    return found
+
+
+def inked_share(figure: Path) -> float:
+    """Return the share of pixels that are not white."""
+    return float((grey(png.read(figure)) < WHITE).mean())
+
+
+LEAST = (  # start of a figure's path, a measure of it and the smallest value of one that is not blank
+    ("comparison_", pictured_share, 0.1),
+    ("contact_", pictured_share, 0.1),
+    ("crops_", pictured_share, 0.05),
+    ("detection.", inked_share, 0.2),
+    ("gap.", coloured, 0.0005),
+    ("gap_rocks_", pictured_share, 0.1),
+    ("ipd.", coloured, 0.0005),
+    ("ipd_histogram.", coloured, 0.005),
+    ("label_errors_", coloured, 0.01),
+    ("meshes_", pictured_share, 0.1),
+    ("offsets_", pictured_share, 0.1),
+    ("opposition.", pictured_share, 0.1),
+    ("precision_recall.", coloured, 0.001),
+    ("reflectance.", coloured, 0.005),
+    ("reliability.", coloured, 0.001),
+    ("residuals_", pictured_share, 0.1),
+    ("seen_", pictured_share, 0.1),
+    ("strip/", pictured_share, 0.1),
+)

@@ -1,0 +1,35 @@
+"""Every figure of a run shows pictures where it should, and data elsewhere."""
+
+from pathlib import Path
+
+import pytest
+
+from polarsim.formats.run_files import pictures_at
+from polarsim.report.figures.contact import draw_contact
+from tests.workflow.figures import ALIKE, empty_figures, find_picture, pictured_share
+
+DEMO = Path(__file__).parents[2] / "results/demo"
+
+
+@pytest.mark.slow
+def test_figures_of_a_small_run_show_pictures_and_data(small):
+    # One epoch of training finds no rock, and no Sun of this run is near opposition: these figures say so.
+    notes = ["gap_rocks_analog.png", "gap_rocks_hapke.png", "opposition.png"]
+    assert empty_figures(small / "results/small") == dict.fromkeys(notes, "note")
+
+
+@pytest.mark.slow
+def test_a_sheet_without_photos_is_told_from_one_with_them(small, tmp_path):
+    results = small / "results/small"
+    photos = pictures_at(results / "acquire/Terrain01/photos.parquet")
+    labels = results / "labels/tables/Terrain01.parquet"
+    keys = [key for key in photos if key.position == "A"]
+    draw_contact(keys=keys, labels=labels, pictures=[], figure=tmp_path / "sheet.png")
+    assert pictured_share(tmp_path / "sheet.png") < 0.02
+    assert find_picture(tmp_path / "sheet.png", photos[keys[0]])[0] < 0.6 < ALIKE
+
+
+@pytest.mark.skipif(not (DEMO / "results.html").exists(), reason="no finished demo is here")
+def test_figures_of_a_finished_demo_show_pictures_and_data():
+    empty = empty_figures(DEMO)
+    assert {name: wrong for name, wrong in empty.items() if not (wrong == "note" and "label_errors" in name)} == {}
