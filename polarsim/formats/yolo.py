@@ -70,9 +70,11 @@ def _shape(path: str | Path, number: int, fields: list[str], photo: np.ndarray) 
         )
     values = numbers(path, number, fields[1:])
     if count > 6:
-        if count == 7 and fields[6].isdigit():
+        whole = [field for field in fields[5:] if count == 7 and field.isdigit()]
+        if whole:
             raise FormatError(
-                f"7 fields, the last {fields[6]}: a track id? Expected class x y width height confidence",
+                f"7 fields with the whole number {whole[0]}: a track id? Expected class x y width height confidence or "
+                "a triangle, whose coordinates have a decimal point",
                 path=path,
                 line=number,
             )
@@ -285,7 +287,11 @@ def _names_in(path: Path) -> tuple[str, ...] | None:
     """Names by class number; None for a file of another purpose."""
     if path.suffix.lower() in (".yaml", ".yml"):
         content = read_yaml(path)
-        return _numbered(path, content["names"]) if isinstance(content, dict) and "names" in content else None
+        if not isinstance(content, dict) or "names" not in content:
+            return None
+        if "kpt_shape" in content:
+            raise FormatError("kpt_shape: lines with keypoints are not read; export boxes or polygons", path=path)
+        return _numbered(path, content["names"])
     if path.name == NOTES_FILE:
         content = read_json(path)
         stated = content.get("categories") if isinstance(content, dict) else None

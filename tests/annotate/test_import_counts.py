@@ -422,6 +422,7 @@ def test_without_a_class_list_the_default_is_stated(tmp_path, polarsim):
         ({"data.yaml": "names: [rock]"}, "class 1"),
         ({"data.yaml": "names: [rock, rock]"}, "twice"),
         ({"data.yaml": "names: [rock, pebble]"}, "pebble"),
+        ({"data.yaml": "names: [rock, shadow]\nkpt_shape: [4, 3]"}, "keypoints"),
     ],
 )
 def test_a_class_list_that_leaves_a_doubt_is_refused(tmp_path, files, reason):
@@ -454,6 +455,7 @@ def test_names_of_roboflow_are_read_and_other_files_counted(tmp_path):
         ("0 0.5 0.5 0.05 0.05\n0 0.5 0.5 0.05 0.05 0.9 1", ":2: .*track id"),
         ("0 0.5 0.5 0.05 0.05 0.9 3", ":1: .*track id"),
         ("0 0.5 0.5 0.05 0.05 0.9 1.7", ":1: .*track id"),
+        ("0 0.5 0.5 0.05 0.05 1 0.9", ":1: .*track id"),
         ("0 0.5 0.5 0.05 0.05 0.9 0.1 0.2", ":1: 8 fields"),
         ("0 968 608 97 61", ":1: .*pixels"),
     ],
