@@ -39,7 +39,7 @@ class Shape:
     @property
     def box(self) -> np.ndarray:
         """(4,) box as x0, y0, x1, y1 in pixels."""
-        return around(self.corners)
+        return around(self.corners) if self.is_polygon else self.corners.ravel()
 
 
 @reader("label file", largest_mb=100)
@@ -47,18 +47,21 @@ def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[S
     """Read every line of a label file; all other readers of label files use this grammar.
 
     A line is `class x y width height` (a box), the same with a confidence of 0 to 1 (a detection), or a class and x and
-    y of at least three points (a polygon). `size` is the width and height of the photo, the rig's by default.
+    y of at least three points (a polygon). A triangle with a whole number as its third point could also be a tracked
+    detection, `class x y width height confidence id`: it needs a larger polygon in the same file.
+    `size` is the width and height of the photo, the rig's by default.
 
     Raises
     ------
     FormatError
         A line is none of these, or its values cannot be: file, line number and reason.
     """
-    photo = _SIZE if size is None else np.array(size, float)
-    return [_shape(path, number, fields, photo) for number, fields in fields_of(path, "label file")]
+    lines = fields_of(path, "label file")
+    outlined = any(len(fields) > 7 for _, fields in lines)
+    return [_shape(path, number, fields, size or (WIDTH, HEIGHT), outlined) for number, fields in lines]
 
 
-def _shape(path: str | Path, number: int, fields: list[str], photo: np.ndarray) -> Shape:
+def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, int], outlined: bool) -> Shape:
     count = len(fields)
     if count < 5 or (count > 6 and count % 2 == 0):
         commas = ", with commas instead of spaces" if any("," in field for field in fields) else ""
@@ -70,7 +73,7 @@ def _shape(path: str | Path, number: int, fields: list[str], photo: np.ndarray) 
         )
     values = numbers(path, number, fields[1:])
     if count > 6:
-        whole = [field for field in fields[5:] if count == 7 and field.isdigit()]
+        whole = [field for field in fields[5:] if count == 7 and field.isdigit() and not outlined]
         if whole:
             raise FormatError(
                 f"7 fields with the whole number {whole[0]}: a track id? Expected class x y width height confidence or "
@@ -81,14 +84,16 @@ def _shape(path: str | Path, number: int, fields: list[str], photo: np.ndarray) 
         if (np.abs(values - 0.5) > _FARTHEST).any():
             hint = ": class x y width height confidence and a track id?" if count == 7 else ""
             raise FormatError(f"polygon far outside the photo{hint}", path=path, line=number)
-        return Shape(number, fields[0], values.reshape(-1, 2) * photo, None, True, count)
+        return Shape(number, fields[0], values.reshape(-1, 2) * np.array(size, float), None, True, count)
     if count == 6 and not 0 <= values[4] <= 1:
         raise FormatError(f"sixth field {fields[5]}, no confidence from 0 to 1: a track id?", path=path, line=number)
-    centre, extent = values[:2] * photo, values[2:4] * photo
-    if (extent <= 0).any() or (extent > photo + 1).any() or (np.abs(centre / photo - 0.5) > 0.5 + 1e-3).any():
-        pixels = ", in pixels? Expected shares of the photo" if (values[:4] > 1).all() else ""
+    (width, height), (x, y, w, h) = size, values[:4].tolist()
+    inside = abs(x - 0.5) <= 0.5 + 1e-3 and abs(y - 0.5) <= 0.5 + 1e-3
+    if not inside or not 0 < w * width <= width + 1 or not 0 < h * height <= height + 1:
+        pixels = ", in pixels? Expected shares of the photo" if min(x, y, w, h) > 1 else ""
         raise FormatError(f"box outside the photo or without area{pixels}", path=path, line=number)
-    corners = np.array([centre - extent / 2, centre + extent / 2])
+    x, y, half_width, half_height = x * width, y * height, w * width / 2, h * height / 2
+    corners = np.array([[x - half_width, y - half_height], [x + half_width, y + half_height]])
     return Shape(number, fields[0], corners, float(values[4]) if count == 6 else None, False, count)
 
 

@@ -11,7 +11,7 @@ from polarsim.formats import png, yolo
 from polarsim.formats.release import SNAKEMAKE_FILE
 from polarsim.lint.folders import lint
 from polarsim.lint.rules import RULES
-from polarsim.photo import PhotoKey, exposures
+from polarsim.photo import exposures
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
 
 BOX, DETECTION = "0 0.5 0.5 0.2 0.2\n", "0 0.5 0.5 0.2 0.2 0.73\n"
@@ -162,7 +162,9 @@ def test_masks_are_painted_from_every_layout_of_polygons(tmp_path, polarsim, pla
 
 
 def test_a_triangle_is_a_polygon_and_a_line_with_a_track_id_is_none(tmp_path):
-    triangle = write(tmp_path / f"{PhotoKey.parse(str(KEY))}.txt", "2 0.4 0.5 0.45 0.5 0.45 0.55\n")
+    triangle = write(tmp_path / f"{KEY}.txt", "2 0.4 0.5 0.45 0.5 0.45 0.55\n")
     assert len(yolo.read_polygons(triangle)[0][1]) == 3
     with pytest.raises(FormatError, match="track id"):
         yolo.read_polygons(write(triangle, "2 0.5 0.5 0.05 0.05 0.9 1\n"))
+    both = write(triangle, RING + "2 0.4 0.5 0.45 0.5 1 0.55\n")  # at the photo's border, beside a larger polygon
+    assert len(yolo.read_polygons(both)) == 2
