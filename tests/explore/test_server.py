@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import polarsim
@@ -335,6 +335,7 @@ def test_a_broken_file_in_the_folder_is_named(run):
     assert f"{SEED}.txt" in content.decode()
 
 
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.sampled_from(["rock", "shadow"]), *[st.floats(0, 1)] * 4), max_size=6))
 def test_every_box_inside_the_photo_is_read_back(tmp_path_factory, rows):
     folder = tmp_path_factory.mktemp("run")

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.evaluate import clip_labels
@@ -74,6 +74,7 @@ def predictions(draw):
     return rows
 
 
+@settings(max_examples=20)
 @given(rows=predictions())
 def test_the_explorer_counts_the_false_positives_of_the_table(made, rows):
     x0, y0, _, _ = boxes_of(SEED)["rock", 1]

@@ -1,0 +1,568 @@
+"""Every command on the outputs of a small run and of the other commands: polarsim reads what polarsim writes.
+
+Each test looks at what a command made: numbers against the run's own tables, pictures for content.
+"""
+
+import ast
+import json
+import os
+import shutil
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import typer.main
+import yaml
+
+from polarsim.annotate.export import TOOLS
+from polarsim.annotate.import_labels import READERS
+from polarsim.cli import app
+from polarsim.formats import coco, png, yolo
+from polarsim.geometry.boxes import area, clip, iou, match
+from polarsim.lint.rules import RULES
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.publish.run import FORMS
+from tests.rover.drives import SMALL as SMALL_DRIVE
+from tests.rover.drives import configured
+
+pytestmark = pytest.mark.slow
+
+EDGES = ["x0", "y0", "x1", "y1"]
+KEY = "01_A_off_180_L_0256"
+KEYS = "*_L_0256"  # of four photos: two positions under two azimuths
+READ_FORMS = ("yolo", "coco", "detectors")  # of published sets
+FORMS_FOR_OTHERS = {  # forms that no command of polarsim reads: tests/publish reads each by its own tool's rules
+    "croissant": "its tables and pictures are those of the run; mlcroissant reads it",
+    "hf": "its tables and pictures are those of the run; Hugging Face's datasets reads it",
+    "parquet": "as hf",
+    "kitti": "rectified pairs, whose boxes are on other pixels than the photos'",
+    "colmap": "lenses, poses and points without labels",
+    "nerfstudio": "lenses, poses and points without labels",
+    "pds4": "an archive's form of the run's pictures and tables",
+    "ro-crate": "a description of the run's own files",
+    "gltf": "meshes for viewers",
+    "usd": "meshes for simulators",
+    "mcap": "messages of ROS 2",
+    "euroc": "a drive, which the small run does not have",
+    "tum": "a drive, which the small run does not have",
+}
+NOT_READ_AGAIN = {  # commands that print, or whose files only people and other programs read
+    "brdf": "prints two numbers and draws a figure",
+    "compare": "a table for people",
+    "explore": "a page for browsers",
+    "ipd": "prints a report",
+    "report": "a page for browsers",
+    "rerun": "a recording for the Rerun viewer",
+    "rules": "prints a list",
+    "run": "writes the run that all other commands read",
+    "schema": "for editors",
+    "score": "prints a report",
+    "validate": "prints a report; its repaired copy is a folder that it reads (tests/lint)",
+}
+READ_AGAIN = {  # commands whose output another test of this module hands on
+    "detect", "drive", "export", "fiftyone", "import", "masks", "outline", "publish", "render", "show", "undo",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def place(small, make_checkout, tmp_path_factory) -> Path:
+    """A checkout with the finished run, in which commands write: files are replaced there, never changed."""
+    folder = make_checkout(tmp_path_factory.mktemp("place"))
+    (folder / "data").symlink_to(small / "data")
+    shutil.copytree(small / "results", folder / "results", copy_function=os.link)
+    shutil.copytree(small / ".snakemake/metadata", folder / ".snakemake/metadata")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(place, monkeypatch) -> Path:
+    """The run's folder; the checkout is the current one."""
+    monkeypatch.chdir(place)
+    return place / "results/small"
+
+
+@pytest.fixture(scope="module")
+def labels(small) -> pd.DataFrame:
+    """The run's labels as its stages read them, without those outside the photo."""
+    table = pd.read_parquet(small / "results/small/labels/labels.parquet")
+    corners = clip(table[EDGES].to_numpy(float))
+    return table.assign(**dict(zip(EDGES, corners.T, strict=True)))[area(corners) > 0]
+
+
+@pytest.fixture
+def call(polarsim):
+    """Call a command that must succeed; what it printed."""
+
+    def run(*arguments: object, code: int = 0) -> str:
+        done = polarsim(*arguments)
+        assert done.returncode == code, (done.stderr, done.stdout[-2000:])
+        assert "stray" not in done.stderr, done.stderr  # nothing that polarsim writes is a stray file
+        return done.stdout
+
+    return run
+
+
+@pytest.fixture
+def exported(call, tmp_path):
+    """Export the four photos for a labelling tool."""
+
+    def write(tool: str) -> Path:
+        call("export", tmp_path / tool, "--run", "small", "--keys", KEYS, "--tool", tool)
+        return tmp_path / tool
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def found_once(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("found")
+
+
+@pytest.fixture
+def found(exported, call, found_once) -> Path:
+    """What the packaged detector finds in the four photos, once for all tests."""
+    folder = found_once / "found"
+    if not folder.exists():
+        shutil.copytree(exported("labelimg"), found_once / "pictures")
+        call("detect", found_once / "pictures", "--out", folder)
+    return folder
+
+
+def of_keys(table: pd.DataFrame, pattern: str = KEYS) -> pd.DataFrame:
+    return table[table["key"].str.endswith(pattern.lstrip("*"))]
+
+
+def same_boxes(folder: Path, wanted: pd.DataFrame) -> None:
+    """Check that label files hold the boxes of a table (key, kind, x0, y0, x1, y1) to a twentieth of a pixel."""
+    files = {path.stem: path for path in folder.rglob("??_*.txt")}
+    assert set(files) == set(wanted["key"])
+    for key, rows in wanted.groupby("key"):
+        classes, boxes = yolo.read_boxes(files[key])
+        for number, kind in enumerate(BOX_CLASSES):
+            own, other = boxes[classes == number], rows.loc[rows["kind"] == kind, EDGES].to_numpy(float)
+            assert len(own) == len(other), (key, kind)
+            if len(own):
+                pairs = match(iou(own, other), 0.5)
+                assert len(pairs[0]) == len(own)
+                np.testing.assert_allclose(own[pairs[0]], other[pairs[1]], atol=0.05)
+
+
+def has_content(path: Path, *, least: int = 40) -> np.ndarray:
+    """The pixels of a picture that shows more than areas of few grey values."""
+    import cv2
+
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert pixels is not None, path
+    grey = pixels if pixels.ndim == 2 else pixels[..., :3].astype(int).sum(axis=2)
+    assert len(np.unique(grey)) >= least, path
+    assert grey.std() > 0.01 * grey.max(), path
+    return pixels
+
+
+def report_of(call, tmp_path: Path, *arguments: object, code: int = 0) -> dict:
+    call(*arguments, "--json", tmp_path / "report.json", code=code)
+    return json.loads((tmp_path / "report.json").read_text())
+
+
+def called_here() -> Iterable[str]:
+    """First arguments of all calls of commands in this module."""
+    for node in ast.walk(ast.parse(Path(__file__).read_text())):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("call", "report_of"):
+            words = [one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
+            yield from words[:1]
+
+
+def test_every_command_and_form_is_tested_here():
+    commands = set(typer.main.get_command(app).commands)
+    assert set(called_here()) & commands == commands
+    assert NOT_READ_AGAIN.keys() | READ_AGAIN == commands
+    assert not NOT_READ_AGAIN.keys() & READ_AGAIN
+    assert {*READ_FORMS, *FORMS_FOR_OTHERS} == set(FORMS)
+    assert set(TOOLS) == {"labelimg", "cvat", "label-studio"}
+    assert set(READERS) == {"coco", "yolo", "cvat", "label-studio", "fiftyone"}
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_an_export_is_imported(call, exported, labels, tmp_path, tool):
+    folder = exported(tool)
+    pictures = sorted(folder.rglob("*.png"))
+    assert len(pictures) == 4
+    for path in pictures:
+        assert has_content(path).shape[:2] == (HEIGHT, WIDTH)
+    sources = {
+        "labelimg": [folder],
+        "cvat": [folder, folder / "annotations/instances_default.json"],
+        "label-studio": [folder / "tasks.json"],
+    }[tool]
+    for number, source in enumerate(sources):
+        said = call("import", source, tmp_path / f"back{number}")
+        assert f"{len(of_keys(labels))} boxes in 4 photos" in said
+        same_boxes(tmp_path / f"back{number}", of_keys(labels))
+
+
+def test_what_cvat_and_label_studio_make_of_an_export_is_imported(call, exported, labels, tmp_path):
+    """Files in these tools' own forms, with the boxes that they read from our export."""
+    annotated = coco.read_coco(exported("cvat") / "annotations/instances_default.json")
+    root = ElementTree.Element("annotations")
+    for key, rows in annotated.items():
+        image = ElementTree.SubElement(root, "image", name=f"{key}.png", width=str(WIDTH), height=str(HEIGHT))
+        for one in rows:
+            edges = dict(zip(("xtl", "ytl", "xbr", "ybr"), map(str, one.box), strict=True))
+            ElementTree.SubElement(image, "box", label=one.kind, occluded="0", **edges)
+    ElementTree.ElementTree(root).write(tmp_path / "cvat.xml")
+    call("import", tmp_path / "cvat.xml", tmp_path / "from_cvat")
+    same_boxes(tmp_path / "from_cvat", of_keys(labels))
+    tasks = json.loads((exported("label-studio") / "tasks.json").read_text())
+    for task in tasks:  # a person accepted the predictions
+        task["annotations"] = [{"result": task["predictions"][0]["result"], "was_cancelled": False}]
+    (tmp_path / "done.json").write_text(json.dumps(tasks))
+    call("import", tmp_path / "done.json", tmp_path / "from_label_studio")
+    same_boxes(tmp_path / "from_label_studio", of_keys(labels))
+
+
+def test_labels_of_the_run_are_imported_and_outlined(call, here, labels, tmp_path):
+    call("import", here / "labels/boxes", tmp_path / "boxes")
+    same_boxes(tmp_path / "boxes", labels)
+    source = here / "labels/coco/Terrain01.json"
+    annotated = coco.read_coco(source)
+    call("import", source, tmp_path / "coco")
+    shown = [(str(key), one.kind, *one.box) for key, rows in annotated.items() for one in rows]
+    same_boxes(tmp_path / "coco", pd.DataFrame(shown, columns=["key", "kind", *EDGES]))
+    assert len(shown) > 0.9 * len(labels)  # labels that are hidden whole are left out
+    said = call("outline", source, tmp_path / "outlined.json")
+    assert said.startswith(f"{len(shown)} outlines on 16 photos")
+    outlined = coco.read_coco(tmp_path / "outlined.json")
+    for key, rows in annotated.items():
+        pixels = sum(int(one.mask.sum()) for one in rows)
+        assert sum(int(one.mask.sum()) for one in outlined[key]) == pytest.approx(pixels, rel=0.05)
+    call("import", tmp_path / "outlined.json", tmp_path / "outlines")
+    same_boxes(tmp_path / "outlines", pd.DataFrame(shown, columns=["key", "kind", *EDGES]))
+
+
+@pytest.mark.parametrize("below", ["", "/Terrain01"])
+def test_polygons_of_the_run_are_painted_as_its_masks(call, here, tmp_path, below):
+    said = call("masks", f"{here}/labels/polygons{below}", tmp_path / "masks")
+    assert said.startswith("16 grey maps")
+    painted = {path.stem: path for path in (tmp_path / "masks").rglob("*.png")}
+    wanted = sorted((here / "labels/masks/Terrain01").glob("*.png"))
+    assert len(wanted) == len(painted) == 16
+    for path in wanted:
+        np.testing.assert_array_equal(png.read(painted[path.stem]), png.read(path))
+        assert {43, 86, 128} <= set(np.unique(png.read(path)))
+
+
+@pytest.mark.parametrize("kind", ["boxes", "polygons"])
+def test_labels_of_the_run_are_scored(call, here, labels, tmp_path, kind):
+    report = report_of(call, tmp_path, "score", here / "labels/boxes", here / f"labels/{kind}")
+    for name, row in report["classes"].items():
+        assert row["files"] == 16
+        assert row["truth_boxes"] == (labels["kind"] == name).sum()
+        assert row["label_boxes"] >= 0.9 * row["truth_boxes"]
+        assert row["f1"] == 1 if kind == "boxes" else row["f1"] > 0.8
+    truth = Path("data/analog/truth/labels/boxes")
+    if truth.exists():
+        report = report_of(call, tmp_path, "score", truth, here / "labels/boxes")
+        assert 0.5 < report["classes"]["rock"]["f1"] < 1
+
+
+def test_twins_labels_are_scored_and_compared(call, here, tmp_path):
+    folders = [here / f"{stage}/boxes/Terrain01" for stage in ("labels", "renders")]
+    report = report_of(call, tmp_path, "score", *folders)
+    assert 0.7 < report["classes"]["rock"]["f1"] <= 1
+    tables = [here / f"{stage}/labels.parquet" for stage in ("labels", "renders")]
+    predictions = here / "detect/position/seed0/predictions"
+    seen = [predictions / f"hapke_on_{domain}.parquet" for domain in ("analog", "hapke")]
+    report = report_of(call, tmp_path, "ipd", tables[0], seen[0], tables[1], seen[1], "--resamples", 100)
+    assert report["paired_by"]
+    assert set(report["classes"]) >= {"rock", "shadow"}
+
+
+@pytest.mark.parametrize("root", ["labels", "labels/boxes", "labels/polygons", "renders/boxes"])
+def test_labels_of_the_run_are_validated(call, here, tmp_path, root):
+    report = report_of(call, tmp_path, "validate", here / root, "--select", "error")
+    (content,) = report["contents"].values()
+    assert 16 in content.values(), content  # label files
+    assert report["errors"] == 0
+
+
+def test_what_a_detector_finds_is_scored_compared_imported_and_validated(call, found, here, labels, tmp_path):
+    table = pd.read_csv(found / "detections.csv")
+    assert len(table) > 20
+    truth = tmp_path / "truth"
+    for path in (here / "labels/boxes/Terrain01").glob(KEYS + ".txt"):
+        truth.mkdir(exist_ok=True)
+        shutil.copy(path, truth)
+    scores = report_of(call, tmp_path, "score", truth, found / "labels")
+    for name, row in scores["classes"].items():
+        assert row["label_boxes"] == (table["kind"] == name).sum()
+        assert row["truth_boxes"] == (of_keys(labels)["kind"] == name).sum()
+    assert scores["classes"]["rock"]["tp"] > 5
+    same = report_of(call, tmp_path, "ipd", truth, found / "labels", truth, found / "labels", "--resamples", 100)
+    assert same["classes"]["rock"]["ipd"] == 0
+    assert same["classes"]["rock"]["iou_mean_a"] > 0.2
+    wanted = table.assign(key=table["picture"].str.removesuffix(".png"))
+    for number, source in enumerate((found / "labels", found / "coco.json")):
+        said = call("import", source, tmp_path / f"taken{number}")
+        assert f"{len(table)} boxes in 4 photos" in said
+        same_boxes(tmp_path / f"taken{number}", wanted)
+    trained = tmp_path / "set"  # as trainers have pictures and labels
+    shutil.copytree(found.parent / "pictures", trained / "images", ignore=shutil.ignore_patterns("*.txt"))
+    shutil.copytree(found / "labels", trained / "labels")
+    report = report_of(call, tmp_path, "validate", trained, "--select", "error")
+    assert report["contents"]["folder"] == {"pictures": 4, "label_files": 4, "boxes": len(table)}
+    assert report["errors"] == 0
+
+
+def test_pictures_of_detections_show_photo_and_boxes(found):
+    drawn = sorted((found / "pictures").iterdir())
+    assert len(drawn) == 4
+    for path in drawn:
+        pixels = has_content(path).astype(int)
+        assert (np.ptp(pixels, axis=2) > 60).sum() > 500, "no coloured line"
+        grey = has_content(found.parent / "pictures" / f"{path.stem}.png").astype(int)
+        assert np.median(np.abs(pixels.mean(axis=2) - grey)) < 12, "another picture than the photo"
+
+
+def test_published_sets_are_read(call, here, labels, tmp_path):
+    out = tmp_path / "out"
+    call("publish", "small", out, "--format", ",".join(READ_FORMS))
+    twins = pd.read_parquet(here / "renders/labels.parquet")
+    for domain, wanted in (("analog", labels), ("hapke", twins)):
+        call("import", out / "yolo" / domain, tmp_path / f"yolo_{domain}")
+        same_boxes(tmp_path / f"yolo_{domain}", wanted)
+        report = report_of(call, tmp_path, "validate", out / "yolo" / domain, "--select", "error")
+        assert report["contents"]["folder"] == {"pictures": 16, "label_files": 16, "boxes": len(wanted)}
+        parts = sorted((out / "coco/annotations").glob(f"{domain}_*.json"))
+        photos = {key: rows for path in parts for key, rows in coco.read_coco(path).items()}
+        assert len(photos) == 16
+        for path in parts:
+            call("import", path, tmp_path / path.stem)
+            boxes = {key: rows for key, rows in coco.read_coco(path).items() if rows}
+            shown = [(str(key), one.kind, *one.box) for key, rows in boxes.items() for one in rows]
+            same_boxes(tmp_path / path.stem, pd.DataFrame(shown, columns=["key", "kind", *EDGES]))
+    scores = report_of(call, tmp_path, "score", here / "labels/boxes", tmp_path / "yolo_analog")
+    assert scores["classes"]["rock"]["f1"] == 1
+    weights = out / "detectors/position/seed0/hapke.pt"
+    picture = out / f"coco/images/hapke/{KEY}.png"  # 16 bits
+    assert has_content(picture).dtype == np.uint16
+    call("detect", picture, "--out", tmp_path / "seen", "--weights", weights, "--confidence", 0.001)
+    assert (tmp_path / "seen/detections.csv").read_text().startswith("picture,kind,confidence")
+
+
+def test_a_fiftyone_set_is_imported(call, labels, tmp_path):
+    said = call("fiftyone", "small", tmp_path / "set", "--keys", KEYS, "--domain", "photo")
+    assert said.startswith("4 samples")
+    for path in (tmp_path / "set/data").rglob("*.jpg"):
+        has_content(path)
+    call("import", tmp_path / "set", tmp_path / "back")
+    same_boxes(tmp_path / "back", of_keys(labels))
+
+
+def test_an_import_is_corrections_of_the_run(call, exported, labels, place, here, tmp_path):
+    """Imported labels, and those that the explorer saves, are what `labels.corrections` reads."""
+    from polarsim.explore.corrections import Corrections
+    from polarsim.explore.run import Run
+    from polarsim.labels.seeds import read_corrections
+
+    call("import", exported("labelimg"), tmp_path / "corrections")
+    assert set(map(str, read_corrections(tmp_path / "corrections", 1))) == set(of_keys(labels)["key"])
+    corrections = Corrections(Run.at(here))
+    rows = labels[labels["key"] == KEY]
+    corrections.save(KEY, rows[["kind", *EDGES]].to_dict("records"))
+    report = report_of(call, tmp_path, "score", tmp_path / "corrections", here / "corrections")
+    assert report["classes"]["rock"]["label_boxes"] == (rows["kind"] == "rock").sum()
+    call("import", here / "corrections", tmp_path / "again")
+    same_boxes(tmp_path / "again", rows)
+    found = call("undo", KEY, "--configfile", with_corrections(place, here / "corrections"))
+    assert f"photos follow from {KEY}" in found
+    undone = pd.read_parquet(here / f"labels/undone/{KEY}.parquet")
+    assert set(undone.columns) >= {"key", "kind", "rock", "change"}
+    corrections.drop(KEY)
+    assert list((here / "corrections").iterdir()) == []
+
+
+def with_corrections(place: Path, folder: Path) -> Path:
+    content = yaml.safe_load((place / "config/small.yaml").read_text())
+    target = place / "config/corrected.yaml"
+    target.write_text(yaml.safe_dump(content | {"labels": {"corrections": str(folder)}}))
+    return target
+
+
+@pytest.mark.parametrize("more", [(), ("--masks",), ("--domain", "hapke")], ids=["photo", "masks", "twin"])
+def test_show_draws_the_labels_over_the_picture(call, here, labels, tmp_path, more):
+    call("show", KEY, "--run", "small", "--out", tmp_path / "bare.png", *more, "--kinds", "rock")
+    call("show", KEY, "--run", "small", "--out", tmp_path / "shown.png", *more)
+    shown, bare = (has_content(tmp_path / name).astype(int) for name in ("shown.png", "bare.png"))
+    assert (shown != bare).any(axis=2).sum() > 500  # the shadows
+    coloured = np.ptp(shown[..., :3], axis=2) > 40
+    for row in labels[(labels["key"] == KEY) & (labels["kind"] == "rock")].to_dict("records"):
+        x0, y0, x1, y1 = (round(row[edge]) for edge in EDGES)
+        assert coloured[max(0, y0 - 4) : y1 + 5, max(0, x0 - 4) : x1 + 5].any(), row
+    domain = "hapke" if "hapke" in more else "photo"
+    from polarsim.formats.run_files import pictures_of
+
+    picture = png.read(pictures_of(here, domain, 1)[PhotoKey.parse(KEY)]).astype(float)
+    grey = shown[:HEIGHT, :WIDTH, :3].mean(axis=2)
+    plain = ~coloured[:HEIGHT, :WIDTH]
+    assert np.corrcoef(np.sqrt(picture[plain]), grey[plain])[0, 1] > 0.8  # the picture itself is below the labels
+
+
+def test_the_page_of_the_run_has_pictures_and_labels(call, here, labels, tmp_path):
+    from polarsim.explore.run import Run
+    from polarsim.explore.tables import shown_predictions
+
+    call("explore", "small", "--out", tmp_path / "page", "--width", 240)
+    about = json.loads((tmp_path / "page/data/run.json").read_text())
+    assert about["terrains"] == [1]
+    assert about["domains"] == ["photo", "hapke"]
+    pictures = sorted((tmp_path / "page/data/pictures").rglob("*.jpg"))
+    assert len(pictures) == 32
+    for path in pictures:
+        has_content(path, least=20)
+    outlines = json.loads((tmp_path / f"page/data/outlines/photo/{KEY.rpartition('_')[0]}.json").read_text())
+    assert len(outlines) > 5
+    run = Run.at(here)
+    assert len(about["predictions"]) == 6
+    table = pd.read_parquet(here / "detect/false_positives.parquet")
+    for name in about["predictions"]:
+        seen = shown_predictions(run, name)
+        trained, evaluated = name.rpartition("/")[2].split("_on_")
+        rows = table[(table["trained"] == trained) & (table["evaluated"] == evaluated)]
+        count = seen.loc[seen["confidence"] >= 0.25, "false_positive"].sum()
+        assert count == rows["false_positives"].sum(), name
+
+
+def test_a_comparison_has_the_metrics_of_both_runs(call, here, tmp_path):
+    shutil.copytree(
+        here, tmp_path / "results/small", ignore=lambda _, names: set(names) - {"evaluation"} - set_of(names)
+    )
+    shutil.copytree(tmp_path / "results/small", tmp_path / "results/other")
+    call("compare", "small", "other", "--results", tmp_path / "results", "--out", tmp_path / "both")
+    table = pd.read_csv(tmp_path / "both.csv")
+    counts = table["run"].value_counts()
+    assert counts["small"] == counts["other"] > 20
+    assert table["value"].notna().all()
+    for form in ("md", "tex", "parquet"):
+        assert (tmp_path / f"both.{form}").stat().st_size > 1000
+
+
+def set_of(names: list[str]) -> set[str]:
+    """Names of files, which a filter of folders keeps."""
+    return {name for name in names if "." in name}
+
+
+def test_undo_lists_what_followed_from_a_seed(call, here):
+    seed = sorted((here / "acquire/Terrain01/seeds").glob("01_*.txt"))[0].stem
+    said = call("undo", seed, "--configfile", "config/small.yaml")
+    changes = pd.read_parquet(here / f"labels/undone/{seed}.parquet")
+    assert len(changes) > 0
+    assert f"{changes['key'].nunique()} photos follow from {seed}" in said
+
+
+def test_the_report_is_of_the_run(call, here):
+    said = call("report", "small", "--configfile", "config/small.yaml").splitlines()
+    page = here / "report.html"
+    assert "results/small/report.html" in said
+    assert said[-1] == "results/small/results.html"
+    content = page.read_text(errors="ignore")
+    figures = sorted((here / "figures").glob("*.png"))
+    assert len(figures) > 5
+    for path in figures:
+        assert f"results/small/figures/{path.name}" in content
+        has_content(path, least=10)
+    assert "results/demo" not in content
+
+
+def test_nothing_is_left_to_run(call):
+    call("run", "labels", "--configfile", "config/small.yaml", "--config", "run=small")
+
+
+def test_a_run_that_is_complete_plans_no_job(call, here):
+    before = {path: path.stat().st_mtime_ns for path in sorted((here / "labels").rglob("*.txt"))}
+    call("run", "labels", "--configfile", "config/small.yaml")
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+VIEWS = """
+scenes: [{{name: one, terrains: [{{meshes: {meshes}, terrain: 1}}]}}]
+lens: {{kind: pinhole, hfov_deg: 60, width_px: 160, height_px: 120}}
+cameras: [{{kind: orbit, radius_m: 2.5, height_m: 1.2, number: 2}}]
+lights: [{{kind: lamp, azimuth_deg: [30], elevation_deg: [20], distance_m: 4}}]
+exposures_ms: [256]
+render: {{models: [hapke]}}
+"""
+
+
+def test_meshes_of_the_run_are_rendered_and_the_pictures_are_read(call, here, tmp_path):
+    meshes = here / "meshes/Terrain01"
+    twin = tmp_path / f"{KEY}.png"
+    call("render", meshes, twin, "--maps", tmp_path / "maps", "--cameras", here / "cameras/Terrain01/PosA.json")
+    assert has_content(twin).dtype == np.uint16
+    depth = png.read(tmp_path / "maps/depth.png")
+    assert 1000 < np.median(depth[depth > 0]) < 8000  # mm
+    ids = png.read(tmp_path / "maps/ids.png")
+    assert len(np.unique(ids)) > 5  # rocks
+    call("detect", twin, "--out", tmp_path / "found")
+    assert len(pd.read_csv(tmp_path / "found/detections.csv")) > 3
+    (tmp_path / "views.yaml").write_text(VIEWS.format(meshes=meshes))
+    call("render", tmp_path / "views.yaml", tmp_path / "views")
+    pictures = sorted((tmp_path / "views/images").rglob("*.png"))
+    assert len(pictures) == 2
+    for path in (*pictures, tmp_path / "views/contact.jpg"):
+        has_content(path, least=20)
+    report = report_of(call, tmp_path, "validate", tmp_path / "views", "--select", "error")
+    assert report["contents"]["folder"]["label_files"] == 2
+    assert report["contents"]["folder"]["boxes"] > 0
+    scores = report_of(call, tmp_path, "score", tmp_path / "views/labels", tmp_path / "views/labels")
+    assert scores["classes"]["rock"]["f1"] == 1
+    call("detect", tmp_path / "views/images", "--out", tmp_path / "seen", "--no-draw")
+
+
+def test_a_reflectance_is_printed_and_drawn(call, tmp_path):
+    words = call("brdf", "lambert", "--incidence", 40, "--plot", tmp_path / "plot.png").split()
+    f_r, factor = float(words[words.index("f_r") + 1]), float(words[words.index("1/sr") + 3])
+    assert factor == pytest.approx(np.pi * f_r, rel=1e-4)
+    assert 0 < factor < 1
+    has_content(tmp_path / "plot.png", least=10)
+
+
+def test_the_schema_and_the_rules_are_complete(call):
+    schema = json.loads(call("schema"))
+    assert {"run", "terrains", "source", "labels", "render", "detect"} <= set(schema["properties"])
+    rules = call("rules")
+    for name in RULES:
+        assert name in rules
+
+
+@pytest.mark.skipif(find_spec("rerun") is None, reason="rerun-sdk is not installed")
+def test_a_recording_has_the_pictures_of_the_station(call, tmp_path):
+    said = call("rerun", "small", "01_A", "--out", tmp_path / "one.rrd")
+    assert said.startswith("16 pictures")
+    assert (tmp_path / "one.rrd").stat().st_size > 500_000
+
+
+@pytest.mark.skipif(find_spec("mujoco") is None, reason="mujoco is not installed")
+def test_a_drive_over_the_meshes_of_the_run(call, place, here, tmp_path):
+    options = {**SMALL_DRIVE, "drive": {**SMALL_DRIVE["drive"], "longest_s": 1.0, "settle_s": 0.5}}
+    options["world"] = {**SMALL_DRIVE["world"], "terrains": [1]}
+    content = configured(**options) | {"run": "small", "terrains": [1]}
+    (tmp_path / "drive.yaml").write_text(yaml.safe_dump(content))
+    said = call(
+        "drive", "--config", tmp_path / "drive.yaml", "--results", place / "results", "--no-pictures",
+        "--out", here / "rover/seed0",
+    )  # fmt: skip
+    assert "offset, RMS" in said
+    trace = pd.read_parquet(here / "rover/seed0/trace.parquet")
+    assert len(trace) > 50
+    assert np.isfinite(trace[["x_m", "y_m", "z_m"]].to_numpy()).all()
+    call("explore", "small", "--out", tmp_path / "page", "--width", 240)
+    drive = json.loads((tmp_path / "page/data/drives/seed0.json").read_text())
+    assert len(json.dumps(drive)) > 1000
+    call("publish", "small", tmp_path / "bags", "--format", "tum")
+    lines = (next((tmp_path / "bags/tum").rglob("groundtruth.txt"))).read_text().splitlines()
+    assert len(lines) > 5
+    shutil.rmtree(here / "rover")
