@@ -437,10 +437,8 @@ def test_the_page_of_the_run_has_pictures_and_labels(call, here, labels, tmp_pat
 
 
 def test_a_comparison_has_the_metrics_of_both_runs(call, here, tmp_path):
-    shutil.copytree(
-        here, tmp_path / "results/small", ignore=lambda _, names: set(names) - {"evaluation"} - set_of(names)
-    )
-    shutil.copytree(tmp_path / "results/small", tmp_path / "results/other")
+    for name in ("small", "other"):
+        shutil.copytree(here / "evaluation", tmp_path / "results" / name / "evaluation")
     call("compare", "small", "other", "--results", tmp_path / "results", "--out", tmp_path / "both")
     table = pd.read_csv(tmp_path / "both.csv")
     counts = table["run"].value_counts()
@@ -448,11 +446,6 @@ def test_a_comparison_has_the_metrics_of_both_runs(call, here, tmp_path):
     assert table["value"].notna().all()
     for form in ("md", "tex", "parquet"):
         assert (tmp_path / f"both.{form}").stat().st_size > 1000
-
-
-def set_of(names: list[str]) -> set[str]:
-    """Names of files, which a filter of folders keeps."""
-    return {name for name in names if "." in name}
 
 
 def test_undo_lists_what_followed_from_a_seed(call, here):
