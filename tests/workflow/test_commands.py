@@ -19,7 +19,6 @@ import typer.main
 import yaml
 
 from polarsim.annotate.export import TOOLS
-from polarsim.annotate.import_labels import READERS
 from polarsim.cli import app
 from polarsim.formats import coco, png, yolo
 from polarsim.geometry.boxes import area, clip, iou, match
@@ -183,7 +182,8 @@ def test_every_command_and_form_is_tested_here():
     assert not NOT_READ_AGAIN.keys() & READ_AGAIN
     assert {*READ_FORMS, *FORMS_FOR_OTHERS} == set(FORMS)
     assert set(TOOLS) == {"labelimg", "cvat", "label-studio"}
-    assert set(READERS) == {"coco", "yolo", "cvat", "label-studio", "fiftyone"}
+    (form,) = [one for one in typer.main.get_command(app).commands["import"].params if one.name == "form"]
+    assert set(form.type.choices) == {"auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"}
 
 
 @pytest.mark.parametrize("tool", TOOLS)
@@ -237,8 +237,8 @@ def test_labels_of_the_run_are_imported_and_outlined(call, here, labels, tmp_pat
     assert said.startswith(f"{len(shown)} outlines on 16 photos")
     outlined = coco.read_coco(tmp_path / "outlined.json")
     for key, rows in annotated.items():
-        pixels = sum(int(one.mask.sum()) for one in rows)
-        assert sum(int(one.mask.sum()) for one in outlined[key]) == pytest.approx(pixels, rel=0.05)
+        pixels = sum(one.mask.area for one in rows)
+        assert sum(one.mask.area for one in outlined[key]) == pytest.approx(pixels, rel=0.05)
     call("import", tmp_path / "outlined.json", tmp_path / "outlines")
     same_boxes(tmp_path / "outlines", pd.DataFrame(shown, columns=["key", "kind", *EDGES]))
 
@@ -251,7 +251,8 @@ def test_polygons_of_the_run_are_painted_as_its_masks(call, here, tmp_path, belo
     wanted = sorted((here / "labels/masks/Terrain01").glob("*.png"))
     assert len(wanted) == len(painted) == 16
     for path in wanted:
-        np.testing.assert_array_equal(png.read(painted[path.stem]), png.read(path))
+        different = png.read(painted[path.stem]) != png.read(path)
+        assert different.mean() < 2e-4  # on edges: the files have 6 decimals
         assert {43, 86, 128} <= set(np.unique(png.read(path)))
 
 
