@@ -67,6 +67,7 @@ def show_of_run(
         scale=scale,
         kinds=kinds,
         masks=_masks_of(run, domain, key) if masks else None,
+        title=f"{key}, {picture.parents[1].name} twin" if run in picture.parents else "",
     )
 
 
@@ -87,6 +88,7 @@ def show(
     scale: float = 1.0,
     kinds: Sequence[str] = BOX_CLASSES,
     masks: Mapping[str, np.ndarray] | None = None,
+    title: str = "",
 ) -> None:
     """Write a picture, tone-mapped to eight bits, with boxes, lines from shadows to rocks, ids, confidences, a legend.
 
@@ -102,6 +104,8 @@ def show(
         What is drawn: "rock", "shadow".
     masks : kind -> (h, w) bool
         Regions of the whole photo to fill; none when None.
+    title
+        Text of the legend; default: the key, and the name of the picture where that is another one.
 
     Raises
     ------
@@ -123,7 +127,8 @@ def show(
     else:
         rows = rows_of(label_table([dict(row) for row in labels]), key)
     drawn = draw_labels(pixels, rows, width, Marks(kinds, links=True, shadow_ids=True), masks)
-    png.write(out, add_legend(drawn, f"{key}, {picture.name}" if picture.stem != str(key) else str(key), rows, kinds))
+    usual = f"{key}, {picture.name}" if picture.stem != str(key) else str(key)
+    png.write(out, add_legend(drawn, title or usual, rows, kinds))
 
 
 def rows_of(table: pd.DataFrame, key: PhotoKey) -> pd.DataFrame:

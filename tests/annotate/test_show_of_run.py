@@ -1,5 +1,7 @@
 """Pictures of a run that has one station: photos of one lamp, twins of one model."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -99,3 +101,12 @@ def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
     assert corners[2] == (255, 0)
     assert corners[1][0] == 255
     assert 80 < corners[1][1] < 100
+
+
+def test_the_legend_names_the_model_of_a_twin(tmp_path, run):
+    shutil.copytree(run / "renders/hapke", run / "renders/principled")
+    for domain in ("photo", "hapke", "principled"):
+        show_of_run(key=LEFT, run=run, domain=domain, out=tmp_path / f"{domain}.png")
+    photo, hapke, principled = (png.read(tmp_path / f"{name}.png")[1216:] for name in ("photo", "hapke", "principled"))
+    assert (hapke != principled).any()
+    assert (hapke != photo).any()
