@@ -174,6 +174,7 @@ def test_filters_leave_the_pictures_that_fit(page, address):
     page.locator("input[name=confidence-least]").fill("0.9")
     page.locator("input[name=confidence-least]").press("Enter")
     assert count.inner_text().startswith("0 of")
+    assert "All pictures" in count.inner_text()
     page.locator("#reset").click()
     page.get_by_label("sort by").select_option("score")
     assert page.locator(".tile small").first.inner_text().startswith(("hapke, score 0.50", "principled, score 0.50"))

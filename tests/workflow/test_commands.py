@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,7 @@ import yaml
 
 from polarsim.annotate.export import TOOLS
 from polarsim.cli import app
+from polarsim.cli.labels import import_
 from polarsim.formats import coco, png, yolo
 from polarsim.geometry.boxes import area, clip, iou, match
 from polarsim.lint.rules import RULES
@@ -135,8 +137,19 @@ def of_keys(table: pd.DataFrame, pattern: str = KEYS) -> pd.DataFrame:
     return table[table["key"].str.endswith(pattern.lstrip("*"))]
 
 
+def in_coco(*paths: Path) -> pd.DataFrame:
+    """Boxes of COCO files: key, kind, x0, y0, x1, y1."""
+    rows = [
+        (str(key), one.kind, *one.box) for path in paths for key, own in coco.read_coco(path).items() for one in own
+    ]
+    return pd.DataFrame(rows, columns=["key", "kind", *EDGES])
+
+
 def same_boxes(folder: Path, wanted: pd.DataFrame) -> None:
-    """Check that label files hold the boxes of a table (key, kind, x0, y0, x1, y1) to a twentieth of a pixel."""
+    """Check that label files hold the boxes of a table (key, kind, x0, y0, x1, y1).
+
+    Tables of detections have one decimal.
+    """
     files = {path.stem: path for path in folder.rglob("??_*.txt")}
     assert set(files) == set(wanted["key"])
     for key, rows in wanted.groupby("key"):
@@ -147,7 +160,7 @@ def same_boxes(folder: Path, wanted: pd.DataFrame) -> None:
             if len(own):
                 pairs = match(iou(own, other), 0.5)
                 assert len(pairs[0]) == len(own)
-                np.testing.assert_allclose(own[pairs[0]], other[pairs[1]], atol=0.05)
+                np.testing.assert_allclose(own[pairs[0]], other[pairs[1]], atol=0.06)
 
 
 def has_content(path: Path, *, least: int = 40) -> np.ndarray:
@@ -182,8 +195,8 @@ def test_every_command_and_form_is_tested_here():
     assert not NOT_READ_AGAIN.keys() & READ_AGAIN
     assert {*READ_FORMS, *FORMS_FOR_OTHERS} == set(FORMS)
     assert set(TOOLS) == {"labelimg", "cvat", "label-studio"}
-    (form,) = [one for one in typer.main.get_command(app).commands["import"].params if one.name == "form"]
-    assert set(form.type.choices) == {"auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"}
+    form, _ = get_args(get_type_hints(import_, include_extras=True)["form"])
+    assert set(get_args(form)) == {"auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"}
 
 
 @pytest.mark.parametrize("tool", TOOLS)
@@ -228,19 +241,18 @@ def test_labels_of_the_run_are_imported_and_outlined(call, here, labels, tmp_pat
     call("import", here / "labels/boxes", tmp_path / "boxes")
     same_boxes(tmp_path / "boxes", labels)
     source = here / "labels/coco/Terrain01.json"
-    annotated = coco.read_coco(source)
+    shown = in_coco(source)
     call("import", source, tmp_path / "coco")
-    shown = [(str(key), one.kind, *one.box) for key, rows in annotated.items() for one in rows]
-    same_boxes(tmp_path / "coco", pd.DataFrame(shown, columns=["key", "kind", *EDGES]))
+    same_boxes(tmp_path / "coco", shown)
     assert len(shown) > 0.9 * len(labels)  # labels that are hidden whole are left out
     said = call("outline", source, tmp_path / "outlined.json")
     assert said.startswith(f"{len(shown)} outlines on 16 photos")
     outlined = coco.read_coco(tmp_path / "outlined.json")
-    for key, rows in annotated.items():
+    for key, rows in coco.read_coco(source).items():
         pixels = sum(one.mask.area for one in rows)
         assert sum(one.mask.area for one in outlined[key]) == pytest.approx(pixels, rel=0.05)
     call("import", tmp_path / "outlined.json", tmp_path / "outlines")
-    same_boxes(tmp_path / "outlines", pd.DataFrame(shown, columns=["key", "kind", *EDGES]))
+    same_boxes(tmp_path / "outlines", shown)
 
 
 @pytest.mark.parametrize("below", ["", "/Terrain01"])
@@ -331,22 +343,20 @@ def test_pictures_of_detections_show_photo_and_boxes(found):
 def test_published_sets_are_read(call, here, labels, tmp_path):
     out = tmp_path / "out"
     call("publish", "small", out, "--format", ",".join(READ_FORMS))
-    twins = pd.read_parquet(here / "renders/labels.parquet")
-    for domain, wanted in (("analog", labels), ("hapke", twins)):
+    for domain, stage in (("analog", "labels"), ("hapke", "renders")):
+        wanted = in_coco(here / stage / "coco/Terrain01.json")  # what has no visible pixel is not published
+        assert len(wanted) > 0.9 * len(labels)
         call("import", out / "yolo" / domain, tmp_path / f"yolo_{domain}")
         same_boxes(tmp_path / f"yolo_{domain}", wanted)
         report = report_of(call, tmp_path, "validate", out / "yolo" / domain, "--select", "error")
         assert report["contents"]["folder"] == {"pictures": 16, "label_files": 16, "boxes": len(wanted)}
         parts = sorted((out / "coco/annotations").glob(f"{domain}_*.json"))
-        photos = {key: rows for path in parts for key, rows in coco.read_coco(path).items()}
-        assert len(photos) == 16
+        assert len(in_coco(*parts)) == len(wanted)
         for path in parts:
             call("import", path, tmp_path / path.stem)
-            boxes = {key: rows for key, rows in coco.read_coco(path).items() if rows}
-            shown = [(str(key), one.kind, *one.box) for key, rows in boxes.items() for one in rows]
-            same_boxes(tmp_path / path.stem, pd.DataFrame(shown, columns=["key", "kind", *EDGES]))
+            same_boxes(tmp_path / path.stem, in_coco(path))
     scores = report_of(call, tmp_path, "score", here / "labels/boxes", tmp_path / "yolo_analog")
-    assert scores["classes"]["rock"]["f1"] == 1
+    assert scores["classes"]["rock"]["f1"] > 0.95
     weights = out / "detectors/position/seed0/hapke.pt"
     picture = out / f"coco/images/hapke/{KEY}.png"  # 16 bits
     assert has_content(picture).dtype == np.uint16

@@ -43,7 +43,7 @@ export async function refresh(changed = new Set(['all'])) {
   const start = performance.now();
   shown = filtered(keys);
   const took = performance.now() - start;
-  said.textContent = `${shown.length} of ${run.pictures.rows} pictures${state.only ? `, those of rock ${state.only.split('.')[1]}` : ''}`;
+  said.textContent = `${shown.length} of ${run.pictures.rows} pictures${state.only ? `, those of rock ${state.only.split('.')[1]}` : ''}${shown.length ? '' : ': "All pictures" resets the filters'}`;
   said.dataset.ms = took.toFixed(1);
   renew(filters, () => [form()]);
   for (const tile of tiles.values()) tile.remove();
