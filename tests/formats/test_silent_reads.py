@@ -62,5 +62,5 @@ def test_a_text_that_is_none_is_found_when_the_table_is_read(tmp_path):
 
 def test_a_vertex_that_counts_from_beyond_the_start_is_refused(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -9\n")
-    with pytest.raises(FormatError, match=r"a\.obj: a face names vertex"):
+    with pytest.raises(FormatError, match=r"a\.obj:4: a face names vertex -9"):
         obj.read(tmp_path / "a.obj")
