@@ -81,6 +81,53 @@ def test_holes_are_refused_with_the_first_ones_place(tmp_path, slope, value, mor
         read_elevation(path, 20.0, 100.0)
 
 
+MARKS = (-9999, 9999, -32768, -32767, 99999, -99999, 32767, -3.4028234663852886e38, float("nan"), 1e20)
+
+
+@pytest.mark.parametrize("base", [0.0, -4500.0, 3000.0])
+@pytest.mark.parametrize("mark", MARKS)
+@pytest.mark.parametrize("tagged", ["untagged", "side file"])
+def test_marks_of_holes_are_never_heights(tmp_path, slope, base, mark, tagged):
+    slope += base
+    slope[10:13, 10:13] = mark
+    path = write(tmp_path / "a.tif", slope)
+    if tagged == "side file":
+        band = f'<PAMRasterBand band="1"><NoDataValue>{mark:.20g}</NoDataValue></PAMRasterBand>'
+        (tmp_path / "a.tif.aux.xml").write_text(f"<PAMDataset>{band}</PAMDataset>")
+    with pytest.raises(FormatError, match=r"a\.tif: .*(have no height|a step of)"):
+        read_elevation(path, 20.0, 30.0)
+
+
+def test_a_place_beside_a_hole_is_read(tmp_path, slope):
+    slope[:3, :3] = -9999
+    assert read_elevation(write(tmp_path / "a.tif", slope), 8.0, 8.0).height.min() > 0
+
+
+def test_radii_are_refused_by_name(tmp_path, slope):
+    with pytest.raises(FormatError, match="radii"):
+        read_elevation(write(tmp_path / "a.tif", slope.astype(float) + 1_737_400), 20.0, 30.0)
+
+
+def test_steep_ground_is_no_hole(tmp_path):
+    """A crater's wall of 60 degrees, 200 m high."""
+    height = np.repeat(np.clip(np.arange(40) * PIXEL * np.tan(np.radians(60)) - 60, 0, 200)[None], 30, axis=0)
+    assert np.ptp(read_elevation(write(tmp_path / "a.tif", height.astype(np.float32)), 20.0, 40.0).height) > 70
+
+
+@pytest.mark.parametrize("crs", ['LOCAL_CS["site",UNIT["metre",1]]', 'ENGCRS["site",EDATUM["site"],CS[Cartesian,2],'
+    'AXIS["east",east],AXIS["north",north],LENGTHUNIT["metre",1]]'])  # fmt: skip
+def test_a_local_frame_in_metres_is_read(tmp_path, slope, crs):
+    assert read_elevation(write(tmp_path / "a.tif", slope, crs), 20.0, 50.0).height.shape == slope.shape
+
+
+def test_a_world_file_places_the_heights(tmp_path, slope):
+    path = write(tmp_path / "a.tif", slope, transform=None)
+    (tmp_path / "a.tfw").write_text(f"{PIXEL}\n0\n0\n{-PIXEL}\n{WEST + PIXEL / 2}\n{NORTH - PIXEL / 2}\n")
+    found = read_elevation(path, 10.0, 14.0, (WEST + 41.0, NORTH - 27.0))
+    x, y = np.meshgrid(found.x, found.y)
+    np.testing.assert_allclose(found.height, 7 + 0.1 * (41.0 + x) + 0.2 * (33.0 + y), atol=1e-4)
+
+
 def test_heights_in_another_unit_are_refused(tmp_path, slope):
     path = write(tmp_path / "a.tif", slope)
     with rasterio.open(path, "r+") as file:
