@@ -19,6 +19,7 @@ from polarsim.formats.readers import reader
 PINS = "checksums.json"  # archive name -> SHA-256, written on first sight
 
 _RELEASE_FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)
+_LAYOUT = re.compile("|".join([r"Terrain\d\d.*", r"Pos[A-G].*", nasa.RANGE_FOLDER, *_RELEASE_FOLDERS]))
 
 log = logging.getLogger("polarsim")
 
@@ -69,7 +70,7 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
             path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, options=source.fetch)
             with alone(source.root):
                 if not _folder_of(name, source).is_dir():  # another terrain's job may have been here
-                    unpack(path, _folder_of(name, source), source.fetch)
+                    unpack(path, _folder_of(name, source), source.fetch, _LAYOUT)
         if source.kind == "release":
             _lift(_folder_of(name, source), source.root)
     pins = read_pins(source.root)
@@ -82,6 +83,7 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
             path=source.root,
         )
     files = sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())
+    _require_content(terrain, source, folders, files)
     write_json(
         done,
         {
@@ -94,9 +96,31 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
     )
 
 
+def _require_content(terrain: int, source: SourceOptions, folders: list[Path], files: list[Path]) -> None:
+    """Refuse folders without a file of the terrain, such as photos below folders that the layout does not have."""
+    folder = nasa.find_terrain_folder(source.root, terrain) if source.kind == "polar" else None
+    if not files:
+        raise FetchError(f"no file of terrain {terrain:02d}", path=folders[0])
+    if folder is None:
+        return
+    photos, strays = nasa.find_photos(folder, terrain), nasa.find_strays(folder, terrain)
+    if strays and not photos:
+        raise FetchError(
+            "no photo, expected PosA_1500_Loff/Sun_30/CamL_7_0256.png or one folder deeper", path=strays[0]
+        )
+    if not photos and not any(nasa.find_scans(source.root, terrain)) and nasa.find_calibration(folder) is None:
+        raise FetchError(
+            f"no photo, scan or {nasa.CALIBRATION_NAME} of terrain {terrain:02d}, such as PosA_1500_Loff/Sun_30/"
+            f"CamL_7_0256.png; found {len(files)} other files, such as {files[0].relative_to(source.root)}",
+            path=folder,
+        )
+
+
 def archives_of(terrain: int, source: SourceOptions) -> list[str]:
     """Archives that may hold something of a terrain: named for it, or for no terrain."""
-    there = {path.name for path in source.root.glob("*.zip") if path.is_file()} if source.root.is_dir() else set[str]()
+    there = set[str]()
+    if source.root.is_dir():
+        there = {path.name for path in source.root.iterdir() if path.suffix.lower() == ".zip" and path.is_file()}
     return [name for name in sorted(there | set(source.urls)) if _terrain_in(name) in (None, terrain)]
 
 

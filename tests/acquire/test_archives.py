@@ -1,3 +1,4 @@
+import re
 import shutil
 import stat
 import zipfile
@@ -43,6 +44,35 @@ def test_any_other_top_folder_is_kept(tmp_path):
     archive = pack(tmp_path / "a.zip", {"x.txt": b"x"}, folder="inside")
     unpack(archive, tmp_path / "a")
     assert (tmp_path / "a/inside/x.txt").read_bytes() == b"x"
+
+
+@pytest.mark.parametrize("entry", ["a\\PosA\\x.txt", "export\\a\\PosA\\x.txt", "a/PosA\\x.txt"])
+def test_backslashes_of_windows_separate_folders(tmp_path, entry):
+    archive = pack(tmp_path / "a.zip", {entry: b"x", "a\\": b""} if entry.startswith("a") else {entry: b"x"}, "")
+    unpack(archive, tmp_path / "a", layout=re.compile("PosA"))
+    assert [path.relative_to(tmp_path / "a").as_posix() for path in (tmp_path / "a").rglob("*.txt")] == ["PosA/x.txt"]
+
+
+def test_folders_above_the_layout_are_left_out(tmp_path):
+    archive = pack(tmp_path / "a.zip", {"PosA/x.txt": b"x"}, folder="my data/export")
+    with zipfile.ZipFile(archive, "a") as opened:
+        opened.writestr("__MACOSX/._my data", b"")
+    unpack(archive, tmp_path / "a", layout=re.compile("PosA"))
+    assert (tmp_path / "a/PosA/x.txt").read_bytes() == b"x"
+
+
+@pytest.mark.parametrize(("method", "flag", "reason"), [(9, 0, "Deflate64"), (97, 0, "method 97"), (8, 1, "encrypted")])
+def test_entries_that_python_cannot_unpack_are_named_with_a_remedy(tmp_path, archive, method, flag, reason):
+    """As Windows writes above 2 GB: the method and the flags are in the entry's own header and in the list."""
+    content = bytearray(archive.read_bytes())
+    for start, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        for found in re.finditer(re.escape(start), bytes(content)):
+            content[found.start() + at] |= flag
+            content[found.start() + at + 2] = method
+    archive.write_bytes(bytes(content))
+    with pytest.raises(FormatError, match=rf"zip: entry .*{reason}.*unpack"):
+        unpack(archive, tmp_path / "Terrain11_FreshCrater")
+    assert not left_over(tmp_path, archive)
 
 
 def test_a_folder_with_a_file_of_its_own_name_is_kept_whole(tmp_path):

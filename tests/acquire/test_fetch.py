@@ -17,7 +17,7 @@ import pytest
 from polarsim.acquire.fetch import PINS, archives_of, fetch_archive, fetch_terrain
 from polarsim.acquire.options import FetchOptions, SourceOptions
 from polarsim.errors import ConfigError, FetchError, FormatError
-from polarsim.formats import download
+from polarsim.formats import download, nasa
 
 NAME = "Terrain11_FreshCrater.zip"
 FAST = FetchOptions(tries=3, backoff_s=0, timeout_s=5)
@@ -386,6 +386,42 @@ def test_zips_that_lie_in_the_root_are_used_without_an_address(site, tmp_path):
     (tmp_path / NAME).write_bytes(packed(NASA))
     fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
     assert (tmp_path / "Terrain11_FreshCrater" / "stereo.calibration").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        (NAME, "{}"),
+        (NAME, "export/{}"),
+        (NAME, "my data/2026/{}"),
+        (NAME.replace(".zip", ".ZIP"), "{}"),
+        ("Terrain11.zip", "download/{}"),
+        ("NASA.Zip", "a/b/{}"),
+    ],
+)
+@pytest.mark.parametrize("separator", ["/", "\\"])
+def test_zips_of_other_systems_and_with_other_top_folders_give_the_same_photos(tmp_path, name, form, separator):
+    files = {form.format(path).replace(".png", ".PNG").replace("/", separator): text for path, text in NASA.items()}
+    (tmp_path / name).write_bytes(packed(files))
+    fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
+    folder = nasa.find_terrain_folder(tmp_path, 11)
+    assert [str(key) for key, _ in nasa.find_photos(folder, 11)] == ["11_A_off_30_L_0256"]
+    assert nasa.find_calibration(folder) is not None
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"readme.txt": "text"},
+        {"readme.txt": "text", "x/y/z/PosA_1500_Loff/Sun_30/CamL_7_0256.png": "png"},
+        {"stereo.calibration": "", "x/y/PosA_1500_Loff/Sun_30/CamL_7_0256.png": "png"},
+    ],
+)
+def test_an_archive_without_content_of_the_layout_is_an_error(tmp_path, files):
+    (tmp_path / NAME).write_bytes(packed({f"Terrain11_FreshCrater/{name}": text for name, text in files.items()}))
+    with pytest.raises(FetchError, match=r"Terrain11_FreshCrater.*no photo"):
+        fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
+    assert not (tmp_path / "receipt.json").exists()
 
 
 def test_a_truncated_zip_is_one_line_and_a_good_one_then_works(tmp_path):
