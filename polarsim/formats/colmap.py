@@ -4,11 +4,15 @@ One rig with the left camera as its reference, one frame a position, two images 
 the model's folder, or `PosA_CamL` and `PosA_CamR` where there are none; or a frame a moment, with the names of its
 pictures. Points are those of meshes, grey and without tracks. COLMAP's world is the sandbox, metres; its pixel centres
 lie at integer + 0.5, as ours do.
+
+COLMAP's text format separates fields by blanks, so that a name must not have any.
 """
 
 from __future__ import annotations
 
+import os
 import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import FormatError, about
-from polarsim.formats.files import writing_folder
+from polarsim.formats.files import ENCODINGS, share_file, text_of, write_text, writing_folder
 from polarsim.formats.readers import reader
 from polarsim.formats.rigs import LocalisedRig, checked_lens
 from polarsim.geometry.lens import Lens
@@ -41,7 +45,8 @@ def write_model(
     Parameters
     ----------
     pictures : (position, camera) -> name
-        Names of images, with the position as `PosX` and the camera as `CamL` or `CamR` in them, or a photo key.
+        Names of images, with the position as `PosX` and the camera as `CamL` or `CamR` in them, or a photo key. They
+        are paths from the folder. A file with a blank in its name is linked into the model, as `images/PosX_CamL.png`.
     points : (n, 3) float
         Of the scene, sandbox frame, metres.
 
@@ -54,14 +59,24 @@ def write_model(
 
     with about(folder):
         model = _model(one_rig(localised))
+    linked: dict[str, Path] = {}  # name in the model -> file
     for frame_id, position in enumerate(sorted(localised), 1):
-        names: dict[str, str] = {
-            camera: (pictures or {}).get((position, camera), f"Pos{position}_Cam{camera}") for camera in CAMERAS
-        }
+        names: dict[str, str] = {}
+        for camera in CAMERAS:
+            own = f"Pos{position}_Cam{camera}"
+            name = (pictures or {}).get((position, camera), own)
+            if len(name.split()) > 1:
+                file = Path(os.path.normpath(Path(folder, name)))
+                name = f"images/{own}{file.suffix}" if file.is_file() else own
+                linked |= {name: file} if file.is_file() else {}
+            names[camera] = name
         _add_frame(model, frame_id, names, localised[position].sandbox_from_left)
     for point in [] if points is None else points:
         model.add_point3D(point, pycolmap.Track(), _GREY)
     with writing_folder(folder) as temporary:
+        for name, file in linked.items():
+            (temporary / name).parent.mkdir(exist_ok=True)
+            share_file(file, temporary / name)
         model.write_text(str(temporary))
 
 
@@ -131,9 +146,7 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
     FormatError
         No readable model, another camera model, or images that are no pairs of `PosX` ... `CamL` and `CamR`.
     """
-    import pycolmap
-
-    model = pycolmap.Reconstruction(str(folder))
+    model = _reconstruction(Path(folder))
     images = sorted(model.images.values(), key=lambda image: image.name)
     poses = {image.name: _pose(image.cam_from_world()) for image in images}
     lenses = {image.name: _lens(image.camera) for image in images}
@@ -147,6 +160,20 @@ def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
         rig = StereoRig(lenses[left], lenses[right], poses[left] @ poses[right].inverse())
         localised[position] = LocalisedRig(rig, poses[left].inverse())
     return localised
+
+
+def _reconstruction(folder: Path) -> Any:
+    """Read a model with pycolmap; its text files may start with a byte order mark, which COLMAP does not expect."""
+    import pycolmap
+
+    texts = sorted(folder.glob("*.txt"))
+    marks = tuple(mark for mark, _ in ENCODINGS)
+    if not any(path.read_bytes()[:4].startswith(marks) for path in texts):
+        return pycolmap.Reconstruction(str(folder))
+    with tempfile.TemporaryDirectory() as plain:
+        for path in texts:
+            write_text(Path(plain) / path.name, text_of(path))
+        return pycolmap.Reconstruction(plain)
 
 
 def _add_frame(model: Any, frame_id: int, names: Mapping[str, str], sandbox_from_left: Pose) -> None:

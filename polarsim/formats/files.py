@@ -14,12 +14,12 @@ from typing import Any
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats.readers import reader
 
-_MARKS = (  # byte order marks; that of UTF-16 starts that of UTF-32
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF32_LE, "utf-32-le"),
-    (codecs.BOM_UTF32_BE, "utf-32-be"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
+ENCODINGS = (  # by byte order mark; that of UTF-16 starts that of UTF-32
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
 )
 _CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository, in a wheel a copy
 
@@ -142,9 +142,9 @@ def decode_text(content: bytes) -> str:
     UnicodeError
         Binary data, or bytes that are invalid in the encoding of the mark.
     """
-    for mark, encoding in _MARKS:
+    for mark, encoding in ENCODINGS:
         if content.startswith(mark):
-            return content[len(mark) :].decode(encoding)
+            return content.decode(encoding)
     if b"\0" in content:
         raise UnicodeError("binary data, expected text; UTF-16 needs a byte order mark, UTF-8 does not")
     try:

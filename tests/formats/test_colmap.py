@@ -84,3 +84,45 @@ def test_a_broken_model_is_one_line_with_its_folder(tmp_path):
     images.write_text(images.read_text().replace("PosA_CamR", "somebody"))
     with pytest.raises(FormatError, match="expected pairs PosX_CamL and PosX_CamR"):
         read_model(tmp_path / "colmap")
+
+
+PHOTO = b"not decoded here"
+
+
+@pytest.mark.parametrize(
+    "named", ["my data/Pos{}/Cam{}_7_0256.png", "a\tb/Pos{}_Cam{} (1).PNG", "Würfel/Pos{}_Cam{}.png"]
+)
+def test_photos_with_blanks_in_their_paths_are_found_by_colmap_and_by_us(tmp_path, named):
+    pictures = {(p, camera): f"../{named.format(p, camera)}" for p in LOCALISED for camera in "LR"}
+    for name in pictures.values():
+        (tmp_path / "colmap" / name).resolve().parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "colmap" / name).resolve().write_bytes(PHOTO + name.encode())
+    write_model(tmp_path / "colmap", LOCALISED, pictures)
+    assert list(read_model(tmp_path / "colmap")) == ["A", "C"]
+    model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
+    for image in model.images.values():
+        content = (tmp_path / "colmap" / image.name).read_bytes()
+        position, camera = next(view for view, name in pictures.items() if PHOTO + name.encode() == content)
+        expected = LOCALISED[position].project(camera, np.array([[0.9, 0.7, 0.1]]))
+        np.testing.assert_allclose(image.project_point([0.9, 0.7, 0.1]), expected[0], atol=1e-6)
+
+
+def test_photos_that_are_gone_are_named_by_their_view(tmp_path):
+    pictures = {(p, camera): f"../my data/Pos{p}/Cam{camera}_7.png" for p in LOCALISED for camera in "LR"}
+    write_model(tmp_path / "colmap", LOCALISED, pictures)
+    model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
+    assert sorted(image.name for image in model.images.values())[0] == "PosA_CamL"
+    assert list(read_model(tmp_path / "colmap")) == ["A", "C"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_model_that_an_editor_saved_is_read_the_same(tmp_path, encoding):
+    write_model(tmp_path / "colmap", LOCALISED)
+    expected = read_model(tmp_path / "colmap")
+    for path in (tmp_path / "colmap").glob("*.txt"):
+        path.write_text(path.read_text(), encoding=encoding)
+    back = read_model(tmp_path / "colmap")
+    assert list(back) == list(expected)
+    for position, localised in back.items():
+        assert localised.rig.left == expected[position].rig.left
+        np.testing.assert_array_equal(localised.sandbox_from_left.matrix, expected[position].sandbox_from_left.matrix)
