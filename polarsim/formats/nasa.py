@@ -8,13 +8,14 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import text_of, write_text, writing
+from polarsim.formats.files import ENCODINGS, text_of, write_text, writing
 from polarsim.formats.readers import reader
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, checked_rotation
@@ -41,9 +42,13 @@ _COUNTS = {
     "ROTATION_MATRIX": (9,),
     "TRANSLATION_VECTOR": (3,),
 }
-_PHOTO = re.compile(r"Pos([A-G])_\d+_L(on|off)/(NoSun|Sun_(\d+))/Cam([LR])_(.+)_(\d{4})\.png")
+_PHOTO = re.compile(r"Pos([A-G])_\d+_L(on|off)/(NoSun|Sun_(\d+))/Cam([LR])_(.+)_(\d{4})\.(?i:png)")
 _MOST_BANDS = 8  # of a range map; three are read
-_CLOUD_START = 50  # lines of an ASCII cloud among which its first point must stand
+_CLOUD_START = 50  # lines at the start of a text cloud that must hold its first point
+_PTX_HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)  # numbers per line: columns, rows, place and axes of the scanner, matrix
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?|[+-]?\d+|(?i:[+-]?(?:nan|inf))")
+_NO_DATA_TAG = 42113  # of GDAL
+_NEAREST, _FARTHEST = 0.1, 1000.0  # metres, of the median pixel of a range map: beyond, the unit is another one
 
 
 @reader("calibration", largest_mb=1)
@@ -134,31 +139,59 @@ def _terms(lens: Lens) -> np.ndarray:
 
 @reader("TIFF")
 def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
-    """Points (h, w, 3) float32, metres, in the rectified left frame; NaN where the map has no data (0 or not finite).
+    """Return points (h, w, 3) float32, metres, in the rectified left frame; NaN where the map has no data.
+
+    A pixel has no data where its z is not positive or the file's no-data value, its bands are not finite, or all three
+    are equal: no camera sees a point at x = y = z, and this is how marks such as 99999 appear.
 
     Parameters
     ----------
     size : (width, height)
-        What the map must have, px. It is checked before any pixel is read.
+        Size that the map must have, px. It is checked before any pixel is read.
 
     Raises
     ------
     FormatError
-        No TIFF, another size, fewer than three bands, or no valid point.
+        No TIFF, a compression that needs another package, another size, fewer than three bands, no valid point, or
+        values that are not in millimetres.
     """
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # it would log many lines of a file that is refused in one
     with tifffile.TiffFile(path) as tiff:
         bands_last = _bands_last(tiff.series[0].shape if tiff.series else (), size)
-        bands = np.asarray(tiff.series[0].asarray())
+        page: Any = tiff.pages[0]
+        no_data = page.tags.get(_NO_DATA_TAG)
+        bands = _decoded(tiff, page)
     if bands.dtype.kind not in "fiu":
         raise FormatError(f"values of type {bands.dtype}, a range map has numbers")
-    points = (bands[..., :3] if bands_last else np.moveaxis(bands[:3], 0, -1)).astype(np.float32) * np.float32(MM)
-    points[~np.isfinite(points).all(axis=-1) | (points[..., 2] <= 0)] = np.nan
-    if np.isnan(points[..., 2]).all():
+    points = (bands[..., :3] if bands_last else np.moveaxis(bands[:3], 0, -1)).astype(np.float32)
+    x, y, z = np.moveaxis(points, -1, 0)
+    with np.errstate(invalid="ignore"):
+        empty = ~np.isfinite(points).all(axis=-1) | (z <= 0) | ((x == y) & (y == z))
+    if no_data is not None:
+        empty |= z == np.float32(str(no_data.value).strip("\0 "))  # a true x or y may be 0, a usual value of the tag
+    points *= np.float32(MM)
+    points[empty] = np.nan
+    if empty.all():
         raise FormatError("no valid point")
+    middle = float(np.median(z[~empty]))
+    if not _NEAREST <= middle <= _FARTHEST:
+        raise FormatError(f"the median distance is {middle / MM:.4g}, expected millimetres: convert the unit")
     return points
+
+
+def _decoded(tiff: Any, page: Any) -> np.ndarray:
+    try:
+        return np.asarray(tiff.series[0].asarray())
+    except (ImportError, ValueError) as error:  # tifffile decodes no compression or predictor, or another error
+        if not isinstance(error, ImportError) and "imagecodecs" not in str(error):
+            raise
+        name = getattr(page.compression, "name", page.compression)
+        raise FormatError(
+            f"compression {name} with predictor {int(page.predictor)} needs the package imagecodecs: install it, "
+            "or save the map without compression"
+        ) from error
 
 
 def _bands_last(shape: tuple[int, ...], size: tuple[int, int]) -> bool:
@@ -190,7 +223,8 @@ def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
     Parameters
     ----------
     path : .xyz, .txt, .pts or .ply
-        ASCII `x y z ...` a line after any header (further columns are passed over), or a PLY file.
+        Text with `x y z ...` per line after any header (further columns are ignored), or a PLY file. Fields are
+        separated by blanks, commas or semicolons; decimal commas are read where blanks or semicolons separate.
     unit_m : float
         The file's unit of length, metres.
 
@@ -209,31 +243,102 @@ def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
     return points * unit_m
 
 
+@dataclass(frozen=True)
+class _Dialect:
+    """Spelling of the points of a text cloud."""
+
+    separator: str  # of fields, as pandas takes it
+    decimal: str
+    encoding: str
+
+    def fields(self, line: str) -> list[str]:
+        return line.split() if self.separator == r"\s+" else [field.strip() for field in line.split(self.separator)]
+
+    def numbers(self, line: str) -> list[float]:
+        """Return the first three numbers of a line, fewer where the line ends before; an empty field is NaN.
+
+        Raises
+        ------
+        ValueError
+            A field is no number.
+        """
+        return [float(field.replace(self.decimal, ".") or "nan") for field in self.fields(line)[:3]]
+
+
 def _read_ascii_cloud(path: str | Path) -> np.ndarray:
     import pandas as pd
 
-    with Path(path).open(encoding="ascii") as lines:
+    encoding = _encoding(path)
+    with Path(path).open(encoding=encoding, errors="replace") as lines:
         start = [line for _, line in zip(range(_CLOUD_START), lines, strict=False)]
-    first = next((n for n, line in enumerate(start) if _is_point(line)), None)
-    if first is None:
+    _refuse_ptx(start)
+    spelled = ((number, _dialect(line, encoding)) for number, line in enumerate(start))
+    first, dialect = next(((number, one) for number, one in spelled if one is not None), (0, None))
+    if dialect is None:
         raise FormatError(f"no line of x y z among the first {_CLOUD_START}", path=path)
-    separator = "," if "," in start[first] else r"\s+"
-    table = pd.read_csv(
-        path, sep=separator, header=None, skiprows=first, usecols=[0, 1, 2], dtype=float, encoding="ascii"
-    )
+    try:
+        table = pd.read_csv(
+            path,
+            sep=dialect.separator,
+            decimal=dialect.decimal,
+            header=None,
+            skiprows=first,
+            usecols=[0, 1, 2],
+            dtype=float,
+            encoding=dialect.encoding,
+            encoding_errors="replace",
+        )
+    except ValueError:
+        _require_points(path, first, dialect)
+        raise
     points = table.to_numpy(dtype=float)
-    short = np.isnan(points).any(axis=1) & ~np.isnan(points).all(axis=1)  # all NaN is a ray that met nothing
-    if short.any():
-        raise FormatError("fewer than 3 numbers, a point is x y z", path=path, line=first + 1 + int(np.argmax(short)))
+    partial = np.isnan(points).any(axis=1) & ~np.isnan(points).all(axis=1)  # all NaN: a ray that met nothing
+    if partial.any():
+        _require_points(path, first, dialect)
+        log.warning("%s: %d points left out, a coordinate is not a number", path, int(partial.sum()))
     return points
 
 
-def _is_point(line: str) -> bool:
-    fields = line.replace(",", " ").split()
+def _encoding(path: str | Path) -> str:
+    with Path(path).open("rb") as file:
+        start = file.read(4)
+    return next((encoding for mark, encoding in ENCODINGS if start.startswith(mark)), "utf-8")
+
+
+def _dialect(line: str, encoding: str) -> _Dialect | None:
+    """Return the spelling of a line of x y z; None for other lines, such as a header."""
+    fields = line.split()
+    if ";" in line:
+        dialect = _Dialect(";", "," if "," in line else ".", encoding)
+    elif "," in line and len(fields) >= 3 and all(_DECIMAL_COMMA.fullmatch(field) for field in fields[:3]):
+        dialect = _Dialect(r"\s+", ",", encoding)
+    else:
+        dialect = _Dialect("," if "," in line else r"\s+", ".", encoding)
     try:
-        return len([float(field) for field in fields]) >= 3
+        return dialect if len(dialect.numbers(line)) == 3 else None
     except ValueError:
-        return False
+        return None
+
+
+def _refuse_ptx(start: list[str]) -> None:
+    """Refuse Leica's PTX under another name: the rows of its matrices are no points."""
+    filled = [line.split() for line in start if line.strip()][: len(_PTX_HEADER)]
+    if tuple(map(len, filled)) == _PTX_HEADER and all(row[0].isdigit() for row in filled[:2]):
+        raise FormatError("a PTX file with matrices of a scanner: export the points as x y z of the left camera")
+
+
+def _require_points(path: str | Path, first: int, dialect: _Dialect) -> None:
+    """Name the first line after the header that is no x y z; slow, for files with an error."""
+    with Path(path).open(encoding=dialect.encoding, errors="replace") as lines:
+        for number, line in enumerate(lines):
+            if number < first or not line.strip():
+                continue
+            try:
+                found = dialect.numbers(line)
+            except ValueError as error:
+                raise FormatError(f"{error}, a point is x y z", path=path, line=number + 1) from error
+            if len(found) < 3:
+                raise FormatError("fewer than 3 numbers, a point is x y z", path=path, line=number + 1)
 
 
 def _read_ply(path: str | Path) -> np.ndarray:
@@ -313,7 +418,7 @@ def find_strays(terrain_folder: str | Path, terrain: int) -> list[Path]:
 
 
 def _pictures(folder: Path, terrain: int) -> Iterator[tuple[Path, PhotoKey | None]]:
-    for path in sorted(folder.rglob("*.png")):
+    for path in sorted(path for path in folder.rglob("*") if path.suffix.lower() == ".png"):
         above = len(path.relative_to(folder).parts) - 3
         found = _PHOTO.fullmatch("/".join(path.parts[-3:])) if above in (0, 1) else None
         yield path, _photo_key(found, terrain) if found else None
@@ -349,7 +454,7 @@ def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[st
     """
     maps: dict[str, Path] = {}
     for pattern in (RANGE_FOLDER, f"*/{RANGE_FOLDER}"):
-        for path in sorted(Path(root).glob(f"{pattern}/Terrain{terrain:02d}/Pos?_org-XYZ.tif")):
+        for path in sorted(Path(root).glob(f"{pattern}/Terrain{terrain:02d}/Pos?_org-XYZ.[tT][iI][fF]")):
             maps.setdefault(path.name[3], path)
     clouds: dict[str, Path] = {}
     folder = find_terrain_folder(root, terrain)

@@ -180,6 +180,108 @@ def test_headers_counts_and_commas_of_other_programs_are_understood(tmp_path):
         np.testing.assert_allclose(nasa.read_cloud(tmp_path / name), [[1, 2, 3], [4, 5, 6]])
 
 
+@st.composite
+def clouds(draw):
+    """Points in millimetres, and a text file of them in one of the spellings that programs write."""
+    points = draw(st.lists(st.tuples(*[st.integers(-90_000, 90_000)] * 3), min_size=1, max_size=8))
+    comma = draw(st.booleans())
+    separator = draw(st.sampled_from([" ", "\t", ";", "; ", "   "] + ([] if comma else [",", ", "])))
+    form = draw(st.sampled_from(["{:.2f}", "{:.4e}", "{:+.3f}"]))
+    beyond = draw(st.sampled_from([[], ["17"], ["0.25", "128", "64", "32"]]))
+    fields = [[*(form.format(value / 10) for value in point), *beyond] for point in points]
+    header = draw(st.sampled_from(["", f"{len(points)}\n", "# Höhe über Grund\n\n", "//X;Y;Z\n"]))
+    before = "" if separator.strip() else draw(st.sampled_from(["", "  "]))
+    text = header + "".join(f"{before}{separator.join(row)}\n" for row in fields)
+    text = text.replace(".", ",") if comma else text
+    text = text.replace("\n", draw(st.sampled_from(["\n", "\r\n"])))
+    encoding = draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "latin-1"]))
+    return np.array(points) / 10, text.encode(encoding)
+
+
+@settings(deadline=None, max_examples=150)
+@given(cloud=clouds())
+def test_every_spelling_of_a_cloud_is_the_same_cloud(tmp_path_factory, cloud):
+    path = tmp_path_factory.getbasetemp() / "a.xyz"
+    path.write_bytes(cloud[1])
+    np.testing.assert_allclose(nasa.read_cloud(path, unit_m=1.0), cloud[0], rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("row", ["nan 2 3", "1 2 nan", "1 NaN 3"])
+def test_a_point_with_a_coordinate_that_is_no_number_is_left_out_and_counted(tmp_path, caplog, row):
+    (tmp_path / "a.xyz").write_text(f"1 2 3\n{row}\nnan nan nan\n4 5 6\n")
+    np.testing.assert_array_equal(nasa.read_cloud(tmp_path / "a.xyz", unit_m=1.0), [[1, 2, 3], [4, 5, 6]])
+    assert [line for line in caplog.messages if "1 points left out" in line]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"), [("1 2 3\n\n4 5\n", 3), ("x y z\n1 2 3\n4 five 6\n", 3), ("1;2;3\n4;5\n", 2)]
+)
+def test_a_line_that_is_no_point_is_named(tmp_path, text, line):
+    (tmp_path / "a.xyz").write_text(text)
+    with pytest.raises(FormatError) as caught:
+        nasa.read_cloud(tmp_path / "a.xyz")
+    assert (caught.value.path, caught.value.line) == (tmp_path / "a.xyz", line)
+
+
+@pytest.mark.parametrize("name", ["a.pts", "a.txt", "a.xyz"])
+def test_matrices_of_a_ptx_file_are_no_points(tmp_path, name):
+    header = "2\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+    (tmp_path / name).write_text(f"{header}1 2 3 0.5\n4 5 6 0.5\n")
+    with pytest.raises(FormatError, match="PTX"):
+        nasa.read_cloud(tmp_path / name)
+
+
+def range_map(path, marks, kind="float32", tag=None, factor=1.0):
+    """A wall 3 m away of 16 x 12 pixels in millimetres, with a mark in the first 20 pixels."""
+    import tifffile
+
+    row, column = np.mgrid[:12, :16]
+    bands = np.dstack([column * 100.0 - 800, row * 100.0 - 600, np.full((12, 16), 3000.0)]) * factor
+    bands.reshape(-1, 3)[:20] = marks
+    tags = [] if tag is None else [(42113, "s", 0, tag, True)]
+    tifffile.imwrite(path, bands.astype(kind), photometric="minisblack", planarconfig="contig", extratags=tags)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["float32", "float64", "int32"])
+@pytest.mark.parametrize("mark", [0, -9999, 9999, 99999, -32768, 32767, 1e6])
+def test_marks_of_no_data_are_no_points(tmp_path, mark, kind):
+    for number, path in enumerate(
+        (
+            range_map(tmp_path / "untagged.tif", [mark] * 3, kind),
+            range_map(tmp_path / "tagged.tif", [mark] * 3, kind, f"{mark:g}"),
+            range_map(tmp_path / "one_band.tif", [5, 7, mark], kind, f"{mark:.1f}\0"),
+        )
+    ):
+        points = nasa.read_range_map(path, (16, 12))
+        assert int(np.isnan(points).all(axis=-1).sum()) == 20, (path, number)
+        assert np.nanmax(points[..., 2]) == pytest.approx(3)
+
+
+@pytest.mark.parametrize("factor", [0.001, 1000])
+def test_a_range_map_in_another_unit_is_refused(tmp_path, factor):
+    with pytest.raises(FormatError, match="expected millimetres"):
+        nasa.read_range_map(range_map(tmp_path / "a.tif", 0, factor=factor), (16, 12))
+
+
+@pytest.mark.parametrize("compression", ["lzw", "zstd", "lerc"])
+def test_a_compression_that_needs_another_package_is_named(tmp_path, compression):
+    rasterio = pytest.importorskip("rasterio")
+    profile = {"width": 16, "height": 12, "count": 3, "dtype": "float32", "compress": compression}
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", **profile) as file:
+        file.write(np.full((3, 12, 16), 3000, np.float32))
+    with pytest.raises(FormatError, match=r"a\.tif: compression \w+ .*imagecodecs"):
+        nasa.read_range_map(tmp_path / "a.tif", (16, 12))
+
+
+@pytest.mark.parametrize("name", ["CamL_7_0256.PNG", "CamL_7_0256.Png"])
+def test_photos_are_found_in_any_case_of_their_ending(tmp_path, name):
+    path = tmp_path / "PosA_1500_Loff/Sun_30" / name
+    path.parent.mkdir(parents=True)
+    path.touch()
+    assert [str(key) for key, _ in nasa.find_photos(tmp_path, 1)] == ["01_A_off_30_L_0256"]
+
+
 def test_a_ply_cloud_is_read_in_millimetres_unless_told_otherwise(tmp_path):
     header = (
         "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
