@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import writing
+from polarsim.formats.files import text_of, writing
 from polarsim.formats.readers import reader
 from polarsim.formats.schemas import LABELS, PHOTOS
 from polarsim.photo import PhotoKey
@@ -72,7 +73,8 @@ def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     FormatError
         No readable CSV file, or a column is missing.
     """
-    return _with_columns(pd.read_csv(path, dtype={"azimuth": str, "light": str, "key": str}), columns, path)
+    text = io.StringIO(text_of(path))
+    return _with_columns(pd.read_csv(text, dtype={"azimuth": str, "light": str, "key": str}), columns, path)
 
 
 def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path) -> pd.DataFrame:

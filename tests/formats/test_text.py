@@ -1,0 +1,89 @@
+"""Every reader of text decodes files in the same way."""
+
+import codecs
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from polarsim.errors import PolarsimError
+from polarsim.formats import kitti, nasa, obj, tables, yolo
+from polarsim.formats.files import decode_text, read_json
+from polarsim.formats.yaml_files import read_yaml
+from polarsim.geometry.stereo import stated_rig
+from polarsim.rocks.overrides import read_overrides
+
+UNICODE = ("utf-8", "utf-8-sig", "utf-16", "utf-32", "utf-16-le-mark", "utf-16-be-mark")
+OBJECT = "Rock 0.00 0 -10 10.00 20.00 30.00 40.00 -1 -1 -1 -1000 -1000 -1000 -10\n"
+
+
+def encoded(text: str, encoding: str) -> bytes:
+    if encoding.endswith("-mark"):
+        return ("\ufeff" + text).encode(encoding.removesuffix("-mark"))
+    return text.encode(encoding)
+
+
+def calibration(folder) -> str:
+    nasa.write_calibration(folder / "plain", stated_rig())
+    return "# Kalibrierung fürs Gelände\n" + (folder / "plain").read_text()
+
+
+READERS = {  # file name, text, reader
+    "boxes": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n", yolo.read_boxes),
+    "boxes of any": ("a.txt", lambda _: "7 0.5 0.5 0.1 0.1\n", yolo.read_boxes_of_any),
+    "detections": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1 0.25\n", yolo.read_detections),
+    "polygons": ("a.txt", lambda _: "0 0.1 0.1 0.2 0.1 0.2 0.2\n", yolo.read_polygons),
+    "classes": ("classes.txt", lambda _: "rock\nshadow\nKrater für später\n", lambda p: yolo.class_names(p.parent)),
+    "kitti": ("a.txt", lambda _: OBJECT, kitti.read_objects),
+    "mesh": ("a.obj", lambda _: "o Würfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", obj.read),
+    "cloud": ("a.xyz", lambda _: "# Höhe\n1 2 3\n4 5 6\n", nasa.read_cloud),
+    "calibration": ("stereo.calibration", calibration, nasa.read_calibration),
+    "yaml": ("a.yaml", lambda _: "# größer\nname: Würfel\nsize: [1, 2]\n", read_yaml),
+    "overrides": ("a.yaml", lambda _: "# größer\n- {rock: 900, at: [1, 2]}\n", read_overrides),
+    "json": ("a.json", lambda _: json.dumps({"name": "Würfel"}, ensure_ascii=False), read_json),
+    "csv": ("a.csv", lambda _: "key,name\na,Würfel\n", tables.read_csv),
+}
+
+
+def plain(found: object) -> object:
+    """What was read in a form that `==` compares."""
+    if isinstance(found, np.ndarray):
+        return found.tolist()
+    if isinstance(found, (list, tuple)):
+        return [plain(part) for part in found]
+    return repr(found)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_every_reader_of_text_reads_every_encoding(tmp_path, name):
+    file, make, read = READERS[name]
+    text = make(tmp_path)
+    path = tmp_path / file
+    found = {}
+    for encoding in (*UNICODE, "latin-1"):
+        for end in ("\n", "\r\n"):
+            path.write_bytes(encoded(text.replace("\n", end), encoding))
+            found[encoding, end] = plain(read(path))
+    assert len({str(one) for one in found.values()}) == 1, found
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("content", [b"\0\1\2\3" * 20, codecs.BOM_UTF16_LE + b"1", b"PK\3\4\0\0" * 9])
+def test_binary_content_is_one_line(tmp_path, name, content):
+    file, _, read = READERS[name]
+    (tmp_path / file).write_bytes(content)
+    with pytest.raises(PolarsimError) as caught:
+        read(tmp_path / file)
+    assert caught.value.path == tmp_path / file
+    assert "\n" not in str(caught.value)
+
+
+@settings(max_examples=50)
+@given(
+    text=st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])), encoding=st.sampled_from(UNICODE)
+)
+def test_a_text_comes_back_from_every_encoding(text, encoding):
+    if encoding != "utf-8" or not text.startswith("\ufeff"):
+        assert decode_text(encoded(text, encoding)) == text
