@@ -24,7 +24,7 @@ BOXES, POLYGONS, MESHES, COVERS = "Labels", "SegmentationLabels", "TerrainMeshes
 
 SNAKEMAKE_FILE = ".snakemake_timestamp"  # in every folder that is an output of a rule
 _TERRAIN_FOLDER = re.compile(r"[Tt]errain(\d\d)")
-_COVER = re.compile(r"cover_photo_indexed_(\d\d)_([A-G])\.png")
+_COVER = re.compile(r"cover_photo_indexed_(\d\d)_([A-G])\.(?i:png)")
 _EXAMPLES = 3  # of the strays, in the log
 
 log = logging.getLogger("polarsim")
@@ -206,7 +206,7 @@ def ground_file(root: str | Path, terrain: int) -> Path | None:
 def cover_photos(root: str | Path, terrain: int) -> dict[str, Path]:
     """Pictures with rock ids drawn in, by position."""
     found = {}
-    for path in sorted((Path(root) / COVERS).glob("*.png")):
+    for path in sorted((Path(root) / COVERS).glob("*.[pP][nN][gG]")):
         name = _COVER.fullmatch(path.name)
         if name and int(name[1]) == terrain:
             found[name[2]] = path
