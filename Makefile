@@ -34,7 +34,7 @@ rover: setup ## a rover that finds its own way over the demo's terrains: config/
 
 release: setup ## cameras, labels, twins and tables on the published labels and meshes (POLAR_SIM_ROOT)
 	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(RUN) --configfile config/release.yaml
-	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(BIN)/polarsim report release --configfile config/release.yaml --cores $(CORES)
+	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(BIN)/polarsim report release --cores $(CORES)
 
 accuracy: setup ## poses, rocks and meshes against the truth of three analog sandboxes: config/accuracy.yaml
 	for seed in $(SEEDS); do \
