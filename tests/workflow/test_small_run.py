@@ -67,6 +67,26 @@ def test_another_build_from_the_same_data_has_the_same_bytes(small, checkout, sn
     assert digests(checkout / "results/small") == digests(small / "results/small")
 
 
+def test_tables_depend_neither_on_the_name_of_the_run_nor_on_the_folder_of_its_data(small, checkout, snakemake):
+    (checkout / "moved").symlink_to(small / "data/analog")
+    for part in ("acquire", "cameras", "rocks", "evaluation"):
+        shutil.copytree(small / "results/small" / part, checkout / "results/other" / part, symlinks=True)
+    rules = {"cameras": "tabulate_cameras", "rocks": "tabulate_rocks", "evaluation": "gather_evaluation"}
+    call = [f"results/other/tables/{name}.csv" for name in rules] + ["--configfile", "config/small.yaml"]
+    call += ["--rerun-triggers", "mtime", "--allowed-rules", *rules.values()]
+    built = snakemake(checkout, *call, "--config", "run=other", "source={kind: analog, root: moved, fetch: {tries: 9}}")
+    assert built.returncode == 0, built.stderr[-3000:]
+
+    def without_run(table: Path) -> list[str]:
+        return [line.partition(",")[2] for line in table.read_text().splitlines()]
+
+    tables = sorted((checkout / "results/other/tables").glob("*.csv"))
+    assert {path.stem for path in tables} >= set(rules)
+    for table in tables:
+        assert table.read_text().startswith("run,")
+        assert without_run(table) == without_run(small / "results/small/tables" / table.name)
+
+
 def test_the_run_is_published_by_a_target_and_nothing_else_is_made_anew(small, snakemake):
     call = ("publish", "--cores", "2", "--configfile", "config/small.yaml", "--config", "publish={forms: [coco, gltf]}")
     done = snakemake(small, *call)
