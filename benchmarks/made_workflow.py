@@ -14,7 +14,7 @@ render: {models: [hapke]}
 """
 SNAKEFILE = """
 from polarsim.config import parse_config
-from polarsim.run_config import base_of
+from polarsim.running.configuration import base_of
 
 if base_of(workflow.config_settings.configfiles):
     configfile: "config/config.yaml"

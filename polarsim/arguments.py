@@ -9,24 +9,20 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 from typer.core import TyperCommand
 
 from polarsim.errors import PolarsimError
 
-if TYPE_CHECKING:
-    from polarsim.config import Config
-
 Check = Callable[[Path | None], Path | None]
 PLOTS = (".eps", ".jpg", ".jpeg", ".pdf", ".pgf", ".png", ".ps", ".svg", ".tif", ".tiff", ".webp")  # of matplotlib
 STOPPED = 130  # as a shell has it: 128 and the number of SIGINT
 _SHOWN_RUNS = 10
-DEFAULT_RUN = "demo"
 _EXTRAS = {  # what brings a module that polarsim does without
     **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
     **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rasterio", "rosbags"), "rover"),
@@ -117,30 +113,6 @@ def run_folder(results: Path, run: str) -> Path:
     if not _is_dir(results):
         raise PolarsimError("no such folder of results; --results names it, or start where `results/` is", path=results)
     raise PolarsimError(f"no run {run!r}; {_listed(run, runs_in(results))}", path=results)
-
-
-def run_and_config(results: Path, run: str | None, files: Sequence[Path] = ()) -> tuple[Path, Config]:
-    """Return the folder and the configuration of a run.
-
-    Parameters
-    ----------
-    results
-        Folder of results.
-    run
-        Name of the run; None: that of the files, else `demo`.
-    files
-        Configuration files that replace the stored configuration.
-
-    Raises
-    ------
-    PolarsimError
-        There is no such run, or as `config_of_run`.
-    """
-    from polarsim.run_config import config_of_run, read_configs  # which takes as long as all of a quick command
-
-    name = run if run is not None else read_configs(files).run if files else DEFAULT_RUN
-    folder = run_folder(results, name)
-    return folder, config_of_run(folder, files)
 
 
 def runs_in(results: Path) -> list[str]:

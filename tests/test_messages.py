@@ -11,7 +11,7 @@ import pytest
 from polarsim.errors import ConfigError
 from polarsim.formats import png, yolo
 from polarsim.formats.run_files import models_of, refuse_unknown_domain
-from polarsim.run_config import check_config
+from polarsim.running.configuration import check_config
 
 KEY = "01_A_off_30_L_0256"
 WORDS_OF_LIBRARIES = re.compile(

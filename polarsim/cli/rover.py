@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from polarsim.arguments import run_and_config, writes_folder
+from polarsim.arguments import writes_folder
 from polarsim.cli.application import CONFIG_HELP, commands_of
 from polarsim.reporting import reporting
 
@@ -38,7 +38,7 @@ def drive(
     from polarsim.errors import ConfigError, PolarsimError
     from polarsim.progress import share_bar
     from polarsim.rover.run import run_all
-    from polarsim.run_config import STORED
+    from polarsim.running.configuration import STORED, run_and_config
 
     run_folder, chosen = run_and_config(results, run, configfile or ())
     rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed

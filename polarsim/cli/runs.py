@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from polarsim.arguments import STOPPED, refuse_existing_folder, run_and_config, run_folder, writes_file, writes_folder
+from polarsim.arguments import STOPPED, refuse_existing_folder, run_folder, writes_file, writes_folder
 from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count
 from polarsim.errors import PolarsimError
 from polarsim.photo import WIDTH
@@ -71,7 +71,7 @@ def report(
     The configuration is that of the run's last call, results/<run>/config.yaml, unless --configfile names another.
     """
     from polarsim.formats.files import writing
-    from polarsim.run_config import STORED, config_of_run
+    from polarsim.running.configuration import STORED, config_of_run
     from polarsim.running.report import warn_of_other_configurations, write_report
 
     folder = run_folder(Path("results"), run)
@@ -83,11 +83,12 @@ def report(
         raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
     config = config_of_run(folder, configfile or ())
     warn_of_other_configurations([path for path in parts if path.suffix == ".csv"], config.digest())
-    if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in parts):
+    sources = [*parts, *([stored] if (stored := folder / STORED).exists() else [])]
+    if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in sources):
         writes_file()(page)
         writes_folder(Path(".snakemake"))
         with writing(page) as temporary:
-            write_report(folder, configfile or [folder / STORED], temporary, cores)
+            write_report(folder, configfile or [stored], temporary, cores)
     first = folder / "results.html"
     for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
         typer.echo(str(path))
@@ -184,6 +185,7 @@ def undo(
     from polarsim.labels.seeds import read_corrections
     from polarsim.labels.undo import what_followed
     from polarsim.photo import PhotoKey, positions
+    from polarsim.running.configuration import run_and_config
 
     key = PhotoKey.parse(drawing)
     folder, config = run_and_config(results, run, configfile or ())

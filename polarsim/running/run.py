@@ -20,8 +20,8 @@ from pathlib import Path
 from polarsim.config import Config
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats.files import write_text
-from polarsim.run_config import read_configs, store_config
 from polarsim.running import cluster, disk, processes
+from polarsim.running.configuration import read_configs, store_config
 from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
 from polarsim.running.targets import refuse_unknown, targets_of

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from polarsim.config import Config, parse_config, read_config
 from polarsim.errors import ConfigError
-from polarsim.run_config import STORED, base_of, config_of_run, read_configs, store_config
+from polarsim.running.configuration import STORED, base_of, config_of_run, read_configs, store_config
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
 CURVES = "results/mine/renders/reflectance.csv"  # the quickest file of a run: it needs no data

@@ -27,7 +27,7 @@ from polarsim.grid import selected_grid
 from polarsim.photo import USUAL_EXPOSURE_MS, WIDTH
 from polarsim.photo import positions as positions_of_terrain
 from polarsim.publish.options import FORM_NAMES
-from polarsim.run_config import base_of, check_config, store_config
+from polarsim.running.configuration import base_of, check_config, store_config
 from polarsim.running.inputs import check_paths
 
 CONFIG_FILES = workflow.config_settings.configfiles

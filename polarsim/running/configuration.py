@@ -9,12 +9,14 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
+from polarsim.arguments import run_folder
 from polarsim.config import Config, parse_config
 from polarsim.errors import ConfigError
 from polarsim.formats.files import packaged, write_text
 from polarsim.formats.yaml_files import parse_yaml, read_yaml
 
 BASE = Path("config/config.yaml")  # the configuration that overlays are applied to
+DEFAULT_RUN = "demo"
 STORED = "config.yaml"  # in the folder of a run
 _HEADER = "# The configuration of this run's last call, with all overlays and --config. Written by the workflow.\n"
 _SETTINGS = "--config"
@@ -119,6 +121,28 @@ def config_of_run(run: Path, files: Sequence[Path] = ()) -> Config:
         names = ", ".join(map(_shown, files or [stored]))
         raise ConfigError(f"{names}: the configuration of run {config.run!r}, expected that of run {run.name!r}")
     return config
+
+
+def run_and_config(results: Path, run: str | None, files: Sequence[Path] = ()) -> tuple[Path, Config]:
+    """Return the folder and the configuration of a run.
+
+    Parameters
+    ----------
+    results
+        Folder of results.
+    run
+        Name of the run; None: that of the files, else `demo`.
+    files
+        Configuration files that replace the stored configuration.
+
+    Raises
+    ------
+    PolarsimError
+        There is no such run, or as `config_of_run`.
+    """
+    name = run if run is not None else read_configs(files).run if files else DEFAULT_RUN
+    folder = run_folder(results, name)
+    return folder, config_of_run(folder, files)
 
 
 def _located(part: Any, folder: Path) -> Any:
