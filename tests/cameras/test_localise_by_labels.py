@@ -7,11 +7,18 @@ from polarsim.cameras.labels import checked, localise_by_labels, survey_prior
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
-from polarsim.cameras.surveyed import pose_beside, surveyed_pose
+from polarsim.cameras.surveyed import (
+    SHARED_PITCH_SD_DEG,
+    USUAL_PITCH_DEG,
+    USUAL_PITCH_SD_DEG,
+    likely_pose,
+    pose_beside,
+    surveyed_pose,
+)
 from polarsim.errors import RegistrationError
 from polarsim.geometry.boxes import assign
 from polarsim.geometry.outlines import outlines_of
-from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.poses import Pose, angle_between, looking, yaw_pitch_roll
 from polarsim.geometry.stereo import stated_rig
 
 OPTIONS = LocalisationOptions()
@@ -140,3 +147,17 @@ def test_a_position_beside_others_shares_their_mean_offset_from_the_survey():
     np.testing.assert_allclose(pose_beside("B", localised).translation, surveyed_pose("B").translation + translation)
     np.testing.assert_array_equal(pose_beside("B", {}).matrix, surveyed_pose("B").matrix)
     assert pose_beside("G", localised) is None
+
+
+def test_a_position_without_evidence_is_tilted_as_its_neighbour_or_as_usual():
+    steep = looking(surveyed_pose("A").translation, np.pi, np.radians(19.0))
+    for localised, pitch, sd in (
+        ({"A": steep, "C": surveyed_pose("C")}, 19.0, SHARED_PITCH_SD_DEG),
+        ({"C": steep}, USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG),
+        ({}, USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG),
+    ):
+        pose, found_sd = likely_pose("B", localised)
+        np.testing.assert_allclose(pose.translation, pose_beside("B", localised).translation)
+        np.testing.assert_allclose(np.degrees(yaw_pitch_roll(pose)), [180, pitch, 0], atol=1e-9)
+        assert found_sd == sd
+    assert likely_pose("G", {"A": steep}) is None

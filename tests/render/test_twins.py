@@ -1,10 +1,12 @@
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from polarsim.formats import png
+from polarsim.formats.rigs import SURVEYED, UNSURE, read_localised, write_localised
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
 from polarsim.render.optics import spread, vignette
@@ -192,3 +194,14 @@ def test_unusable_photos_leave_the_gain_as_it_is(folders, lens):
     dark = np.full(lens.shape, BLACK_LEVEL, np.uint16)
     assert not len(gain_ratios(dark, np.ones(dark.shape, np.float32), 256))
     assert not len(gain_ratios(dark + 500, np.zeros(dark.shape, np.float32), 256))
+
+
+@pytest.mark.parametrize("method", [UNSURE, SURVEYED])
+def test_a_position_of_unproven_pose_has_neither_twins_nor_rendered_labels(folders, caplog, method):
+    path = folders / "cameras" / "PosA.json"
+    write_localised(path, replace(read_localised(path), method=method))
+    with caplog.at_level(logging.WARNING):
+        assert not render(folders, "unproven")
+    assert not list((folders / "labels" / "boxes").iterdir())
+    assert len(pd.read_parquet(folders / "labels" / "table.parquet")) == 0
+    assert str(path) in caplog.text
