@@ -14,7 +14,6 @@ from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.autonomy.odometry import odometry
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.planner import Planner, field_of
-from polarsim.rover.autonomy.touches import TOUCH_M
 from polarsim.rover.autonomy.trajectory import absolute_error, relative_error
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
@@ -28,7 +27,7 @@ _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # depths of odometry
 
 def events(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
     """A row a rock that was touched (`rocks`: see `touches`), where it lies, and a row a stop; `AUTONOMY_EVENTS`."""
-    hit = rocks[rocks["gap_m"] <= TOUCH_M].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
+    hit = rocks[rocks["touched"]].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
     what = np.where(hit["height_m"] > HIGH_M, COLLISION, TOUCH)
     rows = [hit.assign(what=what)[list(AUTONOMY_EVENTS.columns)]]
     if outcome.pilot is not None and outcome.pilot.stops:
@@ -41,7 +40,7 @@ def figures(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: Au
     """Rows of metric, unit and value of a drive; `rocks`: see `touches`."""
     drive, table = outcome.trace.drive, outcome.trace.table
     seconds = max(float(drive["seconds"]), 1e-9)
-    hit = rocks[rocks["gap_m"] <= TOUCH_M]
+    hit = rocks[rocks["touched"]]
     high = rocks[rocks["height_m"] > HIGH_M]
     rows: list[tuple[str, str, float]] = [
         ("success", "", float(drive["ended"] == "finished" and not (hit["height_m"] > HIGH_M).any())),

@@ -1,6 +1,8 @@
-"""Which rocks a drive touched, and how near it came to the others: the rocks' meshes against wheels and body.
+"""Which rocks a drive touched, and how near it came to the others.
 
-Wheels are cylinders (rims), the body and the legs are the boxes of the vehicle's table.
+Wheels touch a rock where physics says so: MuJoCo's contacts at each of its steps (`Simulation.wheel_contacts`), which
+the drive records. Body and legs pass through rocks in physics, so they touch a rock where a box of the vehicle's table
+reaches its mesh, at any logged instant. Gaps are those of the meshes to wheels (cylinders) and boxes.
 """
 
 from __future__ import annotations
@@ -14,32 +16,46 @@ from polarsim.rover.vehicle.mounts import link_from_part
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.surface import World
 
-TOUCH_M = 0.01  # physics meets hulls, which stand so far off rocks at most where these are hollow (`world.hulls`)
+BODY_TOUCH_M = 0.01  # points of a rock's surface are apart, so a box may pass between them
 _SAMPLE_M = 0.03  # between points of a rock's surface
-_EVERY_S = 0.2
+_EVERY_S = 0.2  # between instants at which the gap is measured
+_NEAR_M = 0.15  # body and rock come no nearer than that between two of these
 REACH_M = 1.3  # from base_link's origin to the farthest part of the rover, and some more
 _BODY_BELOW_M = 1.0  # of base_link: parts above meet no rock
-TOUCH_COLUMNS = ("rock", "height_m", "gap_m", "part", "time_s")
+BODY = "body"
+PARTS = ("tread", "flank", BODY)
+TOUCH_COLUMNS = ("rock", "height_m", "gap_m", "touched", "part", "time_s")
 
 
 def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
-    """A row a rock: its height, the least gap, metres, below 0 inside, by which part (tread, flank or body), and when.
+    """Return a row for each rock that the rover came near: height, least gap (metres, below 0 inside), `touched`, the
+    part and time of the first touch; where there was none, those of the least gap.
 
-    A rock is touched where `gap_m` is at most `TOUCH_M`. Rocks that the rover never came near have no row.
+    A rock that a tread touched was driven over, whatever else touched it.
     """
     table, world = trace.table, trace.world
     times = table["time_s"].to_numpy()
     rows = np.unique(np.searchsorted(times, np.arange(times[0], times[-1] + 1e-9, _EVERY_S)).clip(max=len(times) - 1))
-    way = table[["x_m", "y_m"]].to_numpy()[rows]
+    way = table[["x_m", "y_m"]].to_numpy()
+    by_wheels: dict[int, list[tuple[str, float]]] = {}
+    for contact in trace.drive["rocks_touched"]:
+        by_wheels.setdefault(int(contact["rock"]), []).append((str(contact["part"]), float(contact["time_s"])))
     found = []
     for rock in world.rocks.to_dict("records"):
+        number = int(rock["rock"])
         distance = np.hypot(*(way - [rock["x_m"], rock["y_m"]]).T)
-        near = rows[distance < rock["radius_m"] + REACH_M]
+        near = rows[distance[rows] < rock["radius_m"] + REACH_M]
         if not len(near):
             continue
-        points = surface_points(world, int(rock["rock"]))
-        part, gap, row = least_gap(table, vehicle, points, near)
-        found.append((int(rock["rock"]), float(rock["height_m"]), gap, part, float(times[row])))
+        points = surface_points(world, number)
+        gaps = [*_wheel_gaps(table, vehicle, points, near), *_body_gaps(table, vehicle, points, near)]
+        part, gap, row = min(gaps, key=lambda one: one[1])
+        touch = list(by_wheels.get(number, []))
+        if min(one[1] for one in gaps if one[0] == BODY) < _NEAR_M:
+            touch += body_touch(table, vehicle, points, np.flatnonzero(distance < rock["radius_m"] + REACH_M))
+        time_s = min((one[1] for one in touch), default=float(times[row]))
+        part = min((one[0] for one in touch), key=PARTS.index, default=part)
+        found.append((number, float(rock["height_m"]), gap, bool(touch), part, time_s))
     return pd.DataFrame(found, columns=list(TOUCH_COLUMNS))
 
 
@@ -73,13 +89,19 @@ def box_gap(points: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0))
 
 
+_AT_ONCE = 20  # rows at which gaps are computed together
 Gap = tuple[str, float, int]  # part of the rover, gap, m, row of the table
 
 
-def least_gap(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> Gap:
-    """Of a rock's points (n, 3) to the rover in rows of a trace's table."""
-    gaps = [*_wheel_gaps(table, vehicle, points, rows), *_body_gaps(table, vehicle, points, rows)]
-    return min(gaps, key=lambda one: one[1])
+def body_touch(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[tuple[str, float]]:
+    """Return `BODY` and the time at which body or legs touch a rock's points (n, 3) first in rows of a trace's table;
+    empty where they never do.
+    """
+    for some in np.array_split(rows, max(1, len(rows) // _AT_ONCE)):
+        touching = [row for _, gap, row in _body_gaps(table, vehicle, points, some) if gap <= BODY_TOUCH_M]
+        if touching:
+            return [(BODY, float(table["time_s"].iloc[min(touching)]))]
+    return []
 
 
 def _wheel_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[Gap]:
@@ -108,7 +130,7 @@ def _body_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: 
             continue
         gap = box_gap(link.inverse().apply(base - offset[:, None]), np.array(shape.size_m, float))
         row, point = np.unravel_index(int(gap.argmin()), gap.shape)
-        found.append(("body", float(gap[row, point]), int(rows[row])))
+        found.append((BODY, float(gap[row, point]), int(rows[row])))
     return found
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from polarsim.errors import RoverError
 from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
+from polarsim.rover.world.hulls import RockPart
 
 # MuJoCo's bits: wheels meet rocks, and nothing else meets anything.
 WHEEL_BITS: dict[str, Any] = {"contype": "1", "conaffinity": "2"}
@@ -35,19 +36,17 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def compile_model(vehicle: Vehicle, hulls: Sequence[np.ndarray], gravity: float, dt: float) -> Any:
-    """MuJoCo's model.
+def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, dt: float) -> Any:
+    """Return MuJoCo's model; see `model_xml`."""
+    return import_mujoco().MjModel.from_xml_string(model_xml(vehicle, rocks, gravity, dt))
 
-    Parameters
-    ----------
-    hulls : of (n, 3) float
-        Corners of the rocks' convex parts in the world, m.
+
+def model_xml(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, dt: float) -> str:
+    """Return the model as MJCF: free `base_link`, for each wheel three links with one joint each, a body a rock.
+
+    A contact sensor for each rock and wheel follows the accelerometer, rock by rock in the order of `rocks`, wheels in
+    that of the vehicle: whether they touch, and the contact's normal.
     """
-    return import_mujoco().MjModel.from_xml_string(model_xml(vehicle, hulls, gravity, dt))
-
-
-def model_xml(vehicle: Vehicle, hulls: Sequence[np.ndarray], gravity: float, dt: float) -> str:
-    """MJCF: free `base_link`, and for each wheel three links with one joint each."""
     root = ET.Element("mujoco", model=vehicle.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     option = ET.SubElement(
@@ -56,12 +55,6 @@ def model_xml(vehicle: Vehicle, hulls: Sequence[np.ndarray], gravity: float, dt:
     # A broken state is to be seen, not put back to the start.
     ET.SubElement(option, "flag", energy="enable", autoreset="disable")
     asset, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
-    for number, corners in enumerate(hulls):
-        ET.SubElement(asset, "mesh", name=f"rock{number}", vertex=_text(np.asarray(corners).ravel()))
-        ET.SubElement(
-            world, "geom", type="mesh", mesh=f"rock{number}", solref=STIFF_ROCK,
-            friction=f"{vehicle.friction_on_rock!r} 0.005 0.0001", **ROCK_BITS,
-        )  # fmt: skip
     chassis = vehicle.chassis
     base = ET.SubElement(world, "body", name="base_link")
     ET.SubElement(base, "freejoint", name="base")
@@ -69,9 +62,21 @@ def model_xml(vehicle: Vehicle, hulls: Sequence[np.ndarray], gravity: float, dt:
     ET.SubElement(base, "site", name="imu")
     for wheel in vehicle.wheels:
         _corner(base, vehicle, wheel)
+    bodies: dict[int, ET.Element] = {}
+    for number, part in enumerate(rocks):
+        ET.SubElement(asset, "mesh", name=f"part{number}", vertex=_text(part.corners.ravel()))
+        if part.rock not in bodies:
+            bodies[part.rock] = ET.SubElement(world, "body", name=f"rock{part.rock}")
+        ET.SubElement(
+            bodies[part.rock], "geom", type="mesh", mesh=f"part{number}", solref=STIFF_ROCK,
+            friction=f"{vehicle.friction_on_rock!r} 0.005 0.0001", **ROCK_BITS,
+        )  # fmt: skip
     _actuators(root, vehicle)
     sensors = ET.SubElement(root, "sensor")
     ET.SubElement(sensors, "accelerometer", name="imu", site="imu")
+    for rock in bodies:
+        for wheel in vehicle.wheels:
+            ET.SubElement(sensors, "contact", geom1=f"{wheel.code}_rim", body2=f"rock{rock}", data="found normal")
     return ET.tostring(root, encoding="unicode")
 
 

@@ -29,6 +29,9 @@ LIFT, STEER, SPIN = range(DOFS)
 MOTOR, SOIL, DAMPER, ROCK, DRIVING = range(5)
 MOTOR_OF, SOIL_OF = 5, 9
 SIZE = 13
+SENSOR = 4  # numbers of a contact sensor: whether there is a contact, its normal
+TREAD, FLANK = range(2)  # of a wheel, as they touch a rock
+FLANK_FROM = math.sqrt(0.5)  # cosine of normal and axle: a flank's contact is nearer to the axle's direction
 LET_GO = 0.01  # m: a wheel lets go a node within this height above its clearance; it cannot rise so fast in a step
 
 
@@ -52,12 +55,14 @@ def advance(  # type: ignore[no-untyped-def]
     xpos, xmat, cvel, subtree_com, xfrc, qvel, qfrc_constraint, actuator_force, bodies, servo,
     state, normals, owner, x0, y0, cell, shapes, slips, law, normal_of_terrain, clearance, shear_cap, slip_length,
     weights, share, headroom, climb, sweeps, every,
-    forces, torques, readings, account,
+    forces, torques, readings, account, sensors, first, last,
 ):  # fmt: skip
     """`steps` steps from a state whose first half (`mj_step1`) is done; leaves one that is.
 
     bodies : (4,) numbers of the wheels in MuJoCo; servo : gain of the drives, N m s/rad, their torque limit, damping of
-    lift, steer, spin; every : 0 leaves displaced soil alone; account : (SIZE,) is added to.
+    lift, steer, spin; every : 0 leaves displaced soil alone; account : (SIZE,) is added to; sensors : (rocks WHEELS
+    SENSOR,) of contacts; first : (rocks, 2) step at which a tread and a flank touched a rock first, or -1; last :
+    (rocks,) step at which a wheel touched it last, or -1.
     """
     centres, rotations = np.empty((WHEELS, 3)), np.empty((WHEELS, 3, 3))
     velocities, spins = np.empty((WHEELS, 3)), np.empty((WHEELS, 3))
@@ -92,7 +97,25 @@ def advance(  # type: ignore[no-untyped-def]
         before[:] = qvel
         _step2(model, data)
         _account(before, qvel, qfrc_constraint, actuator_force, readings, servo, dt, account)
+        _note_contacts(sensors, rotations, done + step, first, last)
         _step1(model, data)
+
+
+@njit()
+def _note_contacts(sensors, rotations, step, first, last):  # type: ignore[no-untyped-def]
+    """Note which rocks wheels touch in a step, by MuJoCo's own contacts."""
+    for rock in range(len(last)):
+        for wheel in range(WHEELS):
+            at = SENSOR * (WHEELS * rock + wheel)
+            if not sensors[at] > 0:
+                continue
+            along_axle = 0.0
+            for axis in range(3):
+                along_axle += sensors[at + 1 + axis] * rotations[wheel, axis, 1]
+            part = FLANK if abs(along_axle) > FLANK_FROM else TREAD
+            if first[rock, part] < 0:
+                first[rock, part] = step
+            last[rock] = step
 
 
 @njit()

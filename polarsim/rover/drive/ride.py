@@ -248,6 +248,8 @@ class Ride:
                 "soil_of": dict(zip(WHEELS, account.soil_of, strict=True)),
             },
             "energy_open": account.open,
+            "rocks_touched": self.simulation.wheel_contacts().to_dict("records"),
+            "rock_deviation_m": self.simulation.rock_deviation_m,
             "steps": self.simulation.steps,
             "rows": len(self.rows),
             "frames": len(self.frames),

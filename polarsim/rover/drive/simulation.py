@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from polarsim.errors import FormatError, RoverError
@@ -22,11 +23,13 @@ from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.soil.shapes import Wheel
 from polarsim.rover.soil.shapes import reach as reach_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
-from polarsim.rover.world.hulls import rock_hulls, under_rocks
+from polarsim.rover.world.hulls import rock_parts, under_rocks
 from polarsim.rover.world.surface import World
 
 SPIN = 2  # of a wheel's joints: lift, steer, spin
 NO_WHEEL = -1
+NO_CONTACT = -1
+PARTS = ("tread", "flank")  # of a wheel, in the order of the kernels
 
 
 class Simulation:
@@ -66,12 +69,14 @@ class Simulation:
             soil = soil.at_gravity(self.options.gravity_m_s2)
         self.soil, self._law = soil, soil.law(self.options.slip_sinkage)
         energy.require_small_step(vehicle, self._law, self.options)
-        hulls = rock_hulls(world)
+        parts = rock_parts(world)
+        self.rocks = np.array(list(dict.fromkeys(part.rock for part in parts)), int)  # that can be met, by number
+        self.rock_deviation_m = max((part.deviation_m for part in parts), default=0.0)  # of physics from meshes
         self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
         # Rims alone: cells are too coarse to see a grouser.
         rims = [Wheel(wheel.radius_m, wheel.width_m) for wheel in vehicle.wheels]
         self._shapes = np.array([rim.numbers(world.cell) for rim in rims])
-        self.model = compile_model(vehicle, hulls, self.options.gravity_m_s2, self.options.step_s)
+        self.model = compile_model(vehicle, parts, self.options.gravity_m_s2, self.options.step_s)
         self.data = self._mujoco.MjData(self.model)
         self._wire()
         self.steps, self.guarded = 0, False
@@ -104,6 +109,21 @@ class Simulation:
         self.time_zero = self.steps
         self._account[:] = 0.0
         self._energy_zero = self._mechanical()
+        self._first[:], self._last[:] = NO_CONTACT, NO_CONTACT
+
+    def wheel_contacts(self) -> pd.DataFrame:
+        """Return the rocks that wheels touched since `zero`: `rock`, `part` (tread, flank), `time_s` when first.
+
+        They are MuJoCo's contacts at each step: what wheels touch is what bears them.
+        """
+        rows, parts = np.nonzero(self._first >= 0)
+        steps = self._first[rows, parts] - self.time_zero
+        found = {"rock": self.rocks[rows], "part": np.array(PARTS, object)[parts], "time_s": steps * self.dt}
+        return pd.DataFrame(found).sort_values(["time_s", "rock"], ignore_index=True)
+
+    def rocks_touched_since(self, steps: int) -> frozenset[int]:
+        """Return the numbers of the rocks that a wheel touched at or after a step, counted as `steps` counts."""
+        return frozenset(self.rocks[self._last >= steps].tolist())
 
     def apply(self, command: Command) -> None:
         """Command all wheels; steering follows at the rate that the vehicle can."""
@@ -164,6 +184,9 @@ class Simulation:
             account=self._account,
             counts=np.array([self.steps, self.time_zero, self.guarded]),
             energy_zero=np.float64(self._energy_zero),
+            first=self._first,
+            last=self._last,
+            friction=self.model.dof_frictionloss,
             command=np.array([command.speed_m_s, command.steer_rad, MODES.index(command.mode), command.crab_rad]),
             **more,
         )
@@ -179,17 +202,19 @@ class Simulation:
         path = Path(path)
         names = (
             "physics", "ground", "owner", "forces", "readings", "slips", "constraint", "actuator", "sensor", "account",
-            "counts", "energy_zero", "command",
+            "counts", "energy_zero", "command", "first", "last", "friction",
         )  # fmt: skip
         saved = read_arrays(path, names)
         whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
         size = self._mujoco.mj_stateSize(self.model, whole)
         if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != size:
             raise FormatError("the state of another world or rover", path=path)
+        self.model.dof_frictionloss[:] = saved["friction"]  # brakes: they act in the first half of the next step
         self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
         self._mujoco.mj_step1(self.model, self.data)
         self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
         self._slips[:] = saved["slips"]
+        self._first[:], self._last[:] = saved["first"], saved["last"]
         self._forces[:], self._readings[:], self._account[:] = saved["forces"], saved["readings"], saved["account"]
         self.data.qfrc_constraint[:], self.data.actuator_force[:] = saved["constraint"], saved["actuator"]
         self.data.sensordata[:] = saved["sensor"]
@@ -230,6 +255,8 @@ class Simulation:
         self._slips = np.zeros(4)  # at which the soil under each wheel was worked lately
         self._account = np.zeros(self._kernels.SIZE)
         self._energy_zero = 0.0
+        self._first, self._last = np.full((len(self.rocks), 2), NO_CONTACT), np.full(len(self.rocks), NO_CONTACT)
+        self._contact_sensors = data.sensordata[3:]  # behind the accelerometer
         self._reach = reach_of(self._shapes)
         self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
         self._wheels_xy = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
@@ -250,6 +277,7 @@ class Simulation:
             self.model._address, self.data._address, steps, self.steps, self.dt, *self._views,
             ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell, self._shapes,
             self._slips, *self._rules, self._forces, self._torques, self._readings, self._account,
+            self._contact_sensors, self._first, self._last,
         )  # fmt: skip
         self.steps += steps
 

@@ -129,7 +129,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._eyes = None
         if self.mode != "blind":
             self._eyes = Eyes(job.world, job.vehicle, self.line, self.mode, self.light, lit, self.cameras, own)
-        self._collisions, self._hits = Collisions(job.world, job.vehicle), 0
+        self._collisions, self._hits = Collisions(self._simulation), 0
         self._camera = self._camera_of(lit, own) if self._image or self.render_mode else None
         if self.task.settle_s:
             self._simulation.advance(self.task.settle_s)

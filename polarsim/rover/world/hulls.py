@@ -1,89 +1,204 @@
-"""Rocks as convex parts, which is all that MuJoCo collides with, and the soil nodes that lie under them.
+"""Rocks as convex parts, which are all that MuJoCo collides with, and the soil nodes under them.
 
-A hull fills hollows. How much it does is seen from above, where wheels come from: the mean height by which the hull
-stands over the rock, over the hull's outline. That works for open shells too, as scans give them, where a volume does
-not. A rock whose hull stands too high is cut across its longest axis, at the centre of its hollow, into two parts with
-hulls of their own, the worst part first, until none is too high or there are as many as allowed.
+A convex hull fills hollows. `convex_parts` cuts a rock until the surface of its parts that is open to the sky deviates
+from the mesh by no more than `DEVIATION_M` at points `STEP_M` apart. The distance to a surface changes no faster than
+the position, so between these points it exceeds the bound by less than `STEP_M / sqrt(3)`. A rock that would need more
+than `MOST_PARTS` parts, or triangles that have no volume when cut further, may deviate more: `RockPart.deviation_m`
+says how much, and a drive records the maximum.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from polarsim.errors import RoverError
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.rover.world.surface import World
 
-SAMPLES = 24  # along the longer side of a part, to see its hollow
+DEVIATION_M = 0.010  # a part that deviates more from the mesh is cut in two
+MOST_PARTS = 64  # convex parts of a rock
+STEP_M = 0.006  # between points of a part's surface
 LEAST_VOLUME = 1e-8  # m3, a cube of 2 mm: less is no rock
-ABOVE = 1.0  # m over a surface from which rays look down
+ABOVE = 1.0  # m over a surface from which rays are cast down
+_MESH_STEP_M = 0.005  # between points of the mesh to which distances are measured: 0.4 mm too long at 10 mm, at most
+_OFF_M = 1e-4  # from a surface, at which rays that leave it start
+_ENOUGH = 0.7  # a cut that leaves this share of the deviation is taken: other axes are not tried
+_INSIDE = (0.2, 0.8)  # shares of a part's extent between which it is cut
 
-HOLLOW_M = 0.01  # a rock is split where its hull stands higher than this above it, on average
-MOST_PARTS = 8  # convex parts of a rock
+
+@dataclass(frozen=True)
+class RockPart:
+    """A convex part of a rock."""
+
+    rock: int  # number in the world
+    corners: np.ndarray  # (n, 3) m
+    deviation_m: float  # maximum distance of its upper surface from the mesh
 
 
-def rock_hulls(world: World, hollow: float = HOLLOW_M, most: int = MOST_PARTS) -> list[np.ndarray]:
-    """Corners (n, 3) of the convex parts of all rocks that can be met, m.
+def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MOST_PARTS) -> list[RockPart]:
+    """Return the convex parts of all rocks that can be met, rock by rock.
 
     Raises
     ------
     RoverError
         A rock without volume.
     """
-    hulls = []
+    found = []
     for row in world.rocks_on_grid.to_dict("records"):
-        vertices, faces = world.rock_mesh(int(row["rock"]))
+        rock = int(row["rock"])
         try:
-            hulls += convex_parts(vertices, faces, hollow, most)
+            parts = convex_parts(*world.rock_mesh(rock), deviation_m, most)
         except RoverError as error:
             raise RoverError(f"terrain {row['terrain']}, rock {row['rock_in_terrain']}: {error}") from error
-    return hulls
+        found += [RockPart(rock, corners, deviation) for corners, deviation in parts]
+    return found
 
 
-@dataclass(frozen=True)
-class _Part:
-    triangles: np.ndarray  # (t, 3) of the rock's vertices
-    corners: np.ndarray  # (n, 3)
-    hollow: float  # m, mean
-    cut: float  # coordinate along `axis`
-    axis: int
+def convex_parts(
+    vertices: np.ndarray, faces: np.ndarray, deviation_m: float = DEVIATION_M, most: int = MOST_PARTS
+) -> tuple[tuple[np.ndarray, float], ...]:
+    """Return corners (n, 3) of convex parts of a mesh, and each part's deviation from the mesh, m.
 
-
-def convex_parts(vertices: np.ndarray, faces: np.ndarray, hollow: float, most: int) -> list[np.ndarray]:
-    """Corners (n, 3) of hulls that stand `hollow` over the rock on average, or less, unless `most` are not enough.
+    Parameters
+    ----------
+    deviation_m
+        Maximum distance from the mesh of the surface of parts that is open to the sky; see the module.
+    most
+        Maximum number of parts, which goes before `deviation_m`.
 
     Raises
     ------
     RoverError
         The mesh has no volume.
     """
-    parts = [_part(vertices, faces)]
-    while len(parts) < most:
-        worst = max(range(len(parts)), key=lambda number: parts[number].hollow)
-        if parts[worst].hollow <= hollow:
+    vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
+    return _convex_parts(vertices.tobytes(), faces.tobytes(), deviation_m, most)
+
+
+@lru_cache(maxsize=512)  # episodes of one world begin with the same rocks
+def _convex_parts(vertices: bytes, faces: bytes, deviation_m: float, most: int) -> tuple[tuple[np.ndarray, float], ...]:
+    rock = _Rock(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, np.int64).reshape(-1, 3), deviation_m)
+    open_parts = [rock.part(np.arange(len(rock.faces)))]
+    whole: list[_Part] = []
+    while open_parts and len(open_parts) + len(whole) < most:
+        worst = max(range(len(open_parts)), key=lambda number: open_parts[number].deviation)
+        if open_parts[worst].deviation <= deviation_m:
             break
-        halves = _split(vertices, parts[worst])
+        halves = rock.halves(open_parts[worst])
         if halves is None:
-            break
-        parts[worst : worst + 1] = halves
-    return [part.corners for part in parts]
+            whole.append(open_parts.pop(worst))
+        else:
+            open_parts[worst : worst + 1] = halves
+    return tuple((part.corners, part.deviation) for part in [*open_parts, *whole])
 
 
-def _split(vertices: np.ndarray, part: _Part) -> list[_Part] | None:
-    """A triangle belongs to the side of its centre, so that parts overlap by a triangle at the cut."""
-    centres = vertices[part.triangles].mean(axis=1)[:, part.axis]
-    halves = []
-    for side in (centres < part.cut, centres >= part.cut):
-        if side.sum() < 4:
-            return None
-        try:
-            halves.append(_part(vertices, part.triangles[side]))
-        except RoverError:  # a flat rest: the whole stays
-            return None
-    return halves
+@dataclass(frozen=True)
+class _Part:
+    triangles: np.ndarray  # (t,) of the rock's faces
+    corners: np.ndarray  # (n, 3)
+    deviation: float  # m
+    farthest: np.ndarray  # (3,) the point that deviates most
+
+
+class _Rock:
+    """A mesh, ready for distances to it."""
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, bound: float) -> None:
+        self.vertices, self.faces, self._bound = vertices, faces, bound
+        self._centres = vertices[faces].mean(axis=1)
+        self._caster = EmbreeCaster(vertices, faces)
+
+    def part(self, triangles: np.ndarray) -> _Part:
+        """Return the hull of some triangles.
+
+        Raises
+        ------
+        RoverError
+            They have no volume.
+        """
+        points = self.vertices[np.unique(self.faces[triangles])]
+        hull = require_volume(points)
+        corners = points[np.sort(hull.vertices)]
+        up = hull.equations[:, 2] > 0
+        on_hull, facet = _points_on(points[hull.simplices[up]], STEP_M)
+        deviation, farthest = self._deviation(on_hull, hull.equations[up, :3][facet])
+        return _Part(triangles, corners, deviation, farthest)
+
+    def halves(self, part: _Part) -> list[_Part] | None:
+        """Cut a part where it deviates most, across the axis that leaves the least deviation; None: it cannot be cut.
+
+        A triangle belongs to the side of its centre, so that parts overlap by a triangle at the cut.
+        """
+        best: list[_Part] | None = None
+        for axis, cut in self._cuts(part):
+            below = self._centres[part.triangles, axis] < cut
+            try:
+                halves = [self.part(part.triangles[side]) for side in (below, ~below)]
+            except RoverError:  # a side without volume
+                continue
+            if best is None or _worst(halves) < _worst(best):
+                best = halves
+            if _worst(best) <= _ENOUGH * part.deviation:
+                break
+        return best
+
+    def _cuts(self, part: _Part) -> Iterator[tuple[int, float]]:
+        """Axes and coordinates to cut at, the longest extent first; medians in the end."""
+        low, high = part.corners.min(axis=0), part.corners.max(axis=0)
+        axes = np.argsort(low - high)
+        for axis in axes:
+            inner = low[axis] + np.array(_INSIDE) * (high - low)[axis]
+            yield int(axis), float(np.clip(part.farthest[axis], *inner))
+        for axis in axes:
+            yield int(axis), float(np.median(self._centres[part.triangles, axis]))
+
+    def _deviation(self, points: np.ndarray, normals: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the maximum distance of points (n, 3) of a hull to the mesh, 0 within the bound, and where it is.
+
+        Points below the mesh do not count: no wheel comes there.
+        """
+        # The distance against the normal is no less than that to the nearest point, and quick to find.
+        against, _ = self._caster.nearest(points + _OFF_M * normals, -normals)
+        points = points[against > self._bound + _OFF_M]
+        if len(points):
+            upwards = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+            points = points[np.isinf(self._caster.nearest(points + _OFF_M * upwards, upwards)[0])]
+        if not len(points):
+            return 0.0, np.zeros(3)
+        distance, _ = self._tree.query(points)
+        farthest = int(np.argmax(distance))
+        return float(np.asarray(distance)[farthest]), points[farthest]
+
+    @property
+    def _tree(self) -> KDTree:
+        if not hasattr(self, "_points"):
+            points, _ = _points_on(self.vertices[self.faces], _MESH_STEP_M)
+            self._points = KDTree(np.unique(points.round(5), axis=0))
+        return self._points
+
+
+def _worst(parts: Sequence[_Part]) -> float:
+    return max(part.deviation for part in parts)
+
+
+def _points_on(triangles: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (n, 3) on triangles (t, 3, 3), at most `step` apart along sides, and (n,) whose they are."""
+    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    counts = np.maximum(np.ceil(longest / step).astype(int), 1)
+    points, owners = [np.zeros((0, 3))], [np.zeros(0, int)]
+    for count in np.unique(counts):
+        own = np.flatnonzero(counts == count)
+        i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
+        inside = i + j <= count
+        weights = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], axis=1) / count
+        points.append(np.einsum("pk,fkd->fpd", weights, triangles[own]).reshape(-1, 3))
+        owners.append(np.repeat(own, len(weights)))
+    return np.concatenate(points), np.concatenate(owners)
 
 
 def require_volume(points: np.ndarray) -> ConvexHull:
@@ -101,26 +216,6 @@ def require_volume(points: np.ndarray) -> ConvexHull:
     if hull.volume < LEAST_VOLUME:
         raise RoverError(f"a rock's mesh of {1e9 * hull.volume:.3g} mm3 has no volume")
     return hull
-
-
-def _part(vertices: np.ndarray, triangles: np.ndarray) -> _Part:
-    points = vertices[np.unique(triangles)]
-    hull = require_volume(points)
-    corners = points[np.sort(hull.vertices)]
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    axis = int(np.argmax((high - low)[:2]))
-    step = float((high - low)[axis]) / SAMPLES
-    x, y = np.meshgrid(np.arange(low[0] + step / 2, high[0], step), np.arange(low[1] + step / 2, high[1], step))
-    hull_top = top_at(points, hull.simplices, x.ravel(), y.ravel())
-    inside = np.isfinite(hull_top)
-    top = top_at(vertices, triangles, x.ravel(), y.ravel())
-    # Where the hull roofs ground beside the rock, what is below is the rock's foot.
-    gap = np.where(inside, hull_top - np.where(np.isfinite(top), top, low[2]), 0.0)
-    gap = np.maximum(gap, 0.0)
-    along = (x if axis == 0 else y).ravel()
-    cut = float((gap * along).sum() / gap.sum()) if gap.sum() > 0 else float(along.mean())
-    cut = float(np.clip(cut, low[axis] + 0.2 * (high - low)[axis], high[axis] - 0.2 * (high - low)[axis]))
-    return _Part(triangles, corners, float(gap.sum() / max(inside.sum(), 1)), cut, axis)
 
 
 def top_at(vertices: np.ndarray, triangles: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -1,9 +1,11 @@
 """Rocks as convex parts, and the soil under them."""
 
 import numpy as np
+import pytest
 import trimesh
+from scipy.spatial import ConvexHull
 
-from polarsim.rover.world.hulls import convex_parts, rock_hulls, under_rocks
+from polarsim.rover.world.hulls import DEVIATION_M, STEP_M, convex_parts, rock_parts, under_rocks
 from polarsim.rover.world.stitch import Terrain, stitch
 from tests.rover.made_world import SMALL, ball, plane
 
@@ -19,9 +21,9 @@ def test_soil_under_a_rock_is_the_rocks():
 
 def test_a_convex_rock_is_one_part():
     rock = ball(0, 0, 0)
-    parts = convex_parts(rock.vertices, rock.faces, 0.01, 8)
-    assert len(parts) == 1
-    assert len(parts[0]) == len(rock.vertices)
+    ((corners, deviation),) = convex_parts(rock.vertices, rock.faces)
+    assert len(corners) == len(rock.vertices)
+    assert deviation == 0
 
 
 def bent() -> trimesh.Trimesh:
@@ -39,15 +41,15 @@ def bent() -> trimesh.Trimesh:
 
 def test_a_hollow_rock_is_split_until_its_hulls_do_not_fill_the_hollow():
     mesh = bent()
-    parts = convex_parts(mesh.vertices, mesh.faces, 0.01, 8)
-    assert 1 < len(parts) <= 8
+    parts = [corners for corners, _ in convex_parts(mesh.vertices, mesh.faces)]
+    assert 1 < len(parts) <= 16
     # Over the centre of the gap no hull stands as high as that of the whole did, 0.2 m.
     tops = []
     for part in parts:
         hull = trimesh.convex.convex_hull(part)
         hits = hull.ray.intersects_location([[0.0, 0.01, 1.0]], [[0.0, 0.0, -1.0]])[0]
         tops += [hit[2] for hit in hits]
-    assert max(tops) < 0.12
+    assert max(tops) < 0.02 + DEVIATION_M + STEP_M / np.sqrt(3)
     corners = np.concatenate(parts)
     np.testing.assert_allclose(corners.min(axis=0), mesh.vertices.min(axis=0))
     np.testing.assert_allclose(corners.max(axis=0), mesh.vertices.max(axis=0))
@@ -55,11 +57,47 @@ def test_a_hollow_rock_is_split_until_its_hulls_do_not_fill_the_hollow():
 
 def test_no_more_parts_are_made_than_allowed():
     mesh = bent()
-    assert len(convex_parts(mesh.vertices, mesh.faces, 1e-6, 3)) == 3
+    parts = convex_parts(mesh.vertices, mesh.faces, 1e-6, 3)
+    assert len(parts) == 3
+    assert max(deviation for _, deviation in parts) > 1e-6  # and it is said
 
 
 def test_every_rock_of_a_world_has_a_hull_around_it():
     world = stitch([Terrain(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), Terrain(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL)
-    hulls = rock_hulls(world, 0.01, 8)
-    assert len(hulls) == 2
-    np.testing.assert_allclose([hull.mean(axis=0)[:2] for hull in hulls], world.rocks[["x_m", "y_m"]], atol=2e-3)
+    parts = rock_parts(world)
+    assert [part.rock for part in parts] == world.rocks["rock"].tolist()
+    centres = [part.corners.mean(axis=0)[:2] for part in parts]
+    np.testing.assert_allclose(centres, world.rocks[["x_m", "y_m"]], atol=2e-3)
+
+
+def bumpy(random: np.random.Generator) -> trimesh.Trimesh:
+    """A rock with hollows: a ball of 0.12 m, its radius a sum of waves over it."""
+    mesh = trimesh.creation.icosphere(3, 0.12)
+    waves = random.uniform(-5, 5, (3, 3)), random.uniform(0, 6.3, 3)
+    mesh.vertices *= (1 + 0.1 * np.sin(mesh.vertices / 0.12 @ waves[0].T + waves[1]).sum(axis=1))[:, None]
+    return mesh
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_deviate_from_the_mesh_by_no_more_than_is_said(seed):
+    """The maximum counts, not the mean; measured by other means, on all that is open to the sky."""
+    mesh = bumpy(np.random.default_rng(seed))
+    parts = convex_parts(mesh.vertices, mesh.faces)
+    said = max(deviation for _, deviation in parts)
+    assert len(parts) > 1
+    assert said <= DEVIATION_M
+    points = np.concatenate([trimesh.convex.convex_hull(corners).sample(1500, seed=seed) for corners, _ in parts])
+    inside = np.zeros(len(points), bool)
+    for corners, _ in parts:
+        inside |= (points @ (hull := ConvexHull(corners)).equations[:, :3].T + hull.equations[:, 3] < -1e-6).all(axis=1)
+    upwards = np.tile([0.0, 0, 1], (len(points), 1))
+    points = points[~inside & ~mesh.ray.intersects_any(points + 1e-4 * upwards, upwards)]
+    points = points[points[:, 2] > 0]
+    assert len(points) > 200
+    distance = [
+        np.linalg.norm(
+            trimesh.triangles.closest_point(mesh.triangles, np.tile(p, (len(mesh.faces), 1))) - p, axis=1
+        ).min()
+        for p in points[:400]
+    ]
+    assert max(distance) < DEVIATION_M + STEP_M / np.sqrt(3)
