@@ -124,3 +124,35 @@ def test_parts_of_a_key_name_station_view_and_bracket():
 @pytest.mark.parametrize(("exposure_ms", "stops"), [(64, 2), (256, 0), (2048, 3)])
 def test_stops_count_doublings_from_the_usual_exposure(exposure_ms, stops):
     assert PhotoKey.parse(f"03_A_off_180_L_{exposure_ms:04d}").stops_off_usual == stops
+
+
+@given(
+    key=st.sampled_from(ALL),
+    folder=st.sampled_from(
+        ["", "data/", "..\\upload\\4\\", "https://host/a-b/", "/data/local-files/?d=", "/data/?d=x y/"]
+    ),
+    prefix=st.sampled_from(["", "cb0618f6-"]),
+    ending=st.sampled_from(["", ".png", ".jpeg", ".txt", "_png.rf.0123abcdEF.jpg", "_jpg.rf.Ab9", ".png?token=a-b/c"]),
+)
+def test_a_key_is_found_in_names_as_tools_store_them(key, folder, prefix, ending):
+    assert PhotoKey.of_picture(f"{folder}{prefix}{key}{ending}") == key
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "holiday.png",
+        "{} copy.png",
+        "{}(1).png",
+        "x{}.png",
+        "{}_left.png",
+        "{}-1.png",
+        "{}.png.jpg",
+        "{}\n",
+        "14{}.png",
+    ],
+)
+def test_a_name_with_anything_else_before_or_behind_its_key_is_refused(name):
+    with pytest.raises(LabelError):
+        PhotoKey.of_picture(name.format(ALL[0]))

@@ -41,7 +41,11 @@ def unpacked(source: Path) -> Iterator[Path]:
         folder = Path(temporary, *["export"] * yolo.FOLDERS_UP)  # no class list above belongs to the archive
         folder.mkdir(parents=True)
         with reading("zip archive", source), zipfile.ZipFile(source) as archive:
-            entries = [entry for entry in archive.infolist() if Path(entry.filename).suffix.lower() in _TEXTS]
+            files = [entry for entry in archive.infolist() if not entry.is_dir()]
+            entries = [entry for entry in files if Path(entry.filename).suffix.lower() in _TEXTS]
+            if not entries:
+                some = ", ".join(entry.filename for entry in files[:3])
+                raise FormatError(f"no file of labels among {len(files)} ({some}); {_EXPECTED}", path=source)
             total = sum(entry.file_size for entry in entries) / MB
             if total > _LARGEST_MB:
                 raise FormatError(f"{total:.0f} MB of text, no export has more than {_LARGEST_MB}", path=source)

@@ -13,7 +13,7 @@ from polarsim.detect.bootstrap import Unit
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.ipd import Rules, Treatment, instance_performance, instance_performance_difference
 from polarsim.errors import DetectError, FormatError, LabelError
-from polarsim.formats import tables, yolo
+from polarsim.formats import release, tables, yolo
 from polarsim.geometry import boxes
 from polarsim.photo import NO_ROCK, PhotoKey
 
@@ -111,7 +111,9 @@ def read_predictions(path: Path) -> pd.DataFrame:
     table = _read_folder(path)
     if table["confidence"].isna().any():
         key = table.loc[table["confidence"].isna(), "key"].iloc[0]
-        raise DetectError("a prediction has 6 fields: class x y width height confidence", path=path / f"{key}.txt")
+        raise DetectError(
+            "a prediction has 6 fields: class x y width height confidence", path=release.box_folder(path) / f"{key}.txt"
+        )
     return table
 
 
@@ -122,7 +124,7 @@ def _refuse_missing(path: Path) -> None:
 
 def _looked_at(path: Path, found: pd.DataFrame) -> set[str]:
     """Pictures that predictions speak of: an empty YOLO file says that nothing was found, a table cannot."""
-    return {file.stem for file in path.glob("*.txt")} if path.is_dir() else set(found["key"])
+    return {file.stem for file in release.box_folder(path).glob("*.txt")} if path.is_dir() else set(found["key"])
 
 
 def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -140,6 +142,7 @@ def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tupl
 
 def _read_folder(folder: Path) -> pd.DataFrame:
     """Every box of a folder's files; IoU does not ask for the pictures' size, so that of POLAR's photos is taken."""
+    folder = release.box_folder(folder)  # of `polarsim detect`: the label files are in `labels`
     names = yolo.class_names(folder)
     parts = []
     for path in sorted(folder.glob("*.txt")):

@@ -513,6 +513,12 @@ def test_exports_are_read_as_they_were_downloaded(tmp_path, form, how):
     assert not any("tmp/tmp" in note for note in done.notes)
 
 
+def test_an_archive_without_labels_is_refused_with_what_was_found(tmp_path):
+    write(tmp_path / "set/images/one.png", "no picture")
+    with pytest.raises(FormatError, match=r"set\.zip: .*images/one\.png"):
+        import_labels(zipped(tmp_path / "set", tmp_path / "set.zip"), tmp_path / "out")
+
+
 def test_a_folder_of_two_forms_or_of_none_is_refused_with_what_was_found(tmp_path):
     write(tmp_path / "set/annotations.xml", cvat(SHAPES["box"]))
     write(tmp_path / "set/instances.json", coco_file({"bbox": [900, 590, 100, 20]}))

@@ -114,3 +114,19 @@ def test_bad_sets_are_named(folders):
     (folders / "pb" / "one.txt").write_text(FOUND_B)
     with pytest.raises(DetectError, match="no picture has labels in both"):
         compare(folders)
+
+
+def test_the_folder_that_detect_writes_is_that_of_its_label_files(folders):
+    whole = compare(folders)
+    for side in ("pa", "pb"):
+        (folders / side / "labels").mkdir()
+        (folders / side / "one.txt").rename(folders / side / "labels/one.txt")
+        (folders / side / "coco.json").write_text("{}")
+    assert compare(folders) == whole
+
+
+@pytest.mark.parametrize("ending", ["17", "1.5", "-0.1", "0.9 3", "0.9 1"])
+def test_a_track_id_is_no_confidence(folders, ending):
+    (folders / "pa/one.txt").write_text(f"0 0.3 0.3 0.2 0.2 0.9\n0 0.7 0.7 0.2 0.1 {ending}\n")
+    with pytest.raises(FormatError, match=r"one\.txt:2: .*track id|one\.txt:2: 7 fields"):
+        compare(folders)

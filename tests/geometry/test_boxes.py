@@ -6,7 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from polarsim.geometry.boxes import area, around, clip, iou, largest_covered_share, match, match_sum, of_mask, window
+from polarsim.geometry.boxes import (
+    area,
+    around,
+    around_ellipse,
+    clip,
+    iou,
+    largest_covered_share,
+    match,
+    match_sum,
+    of_mask,
+    turned,
+    window,
+)
 
 SQUARE = np.array([[0.0, 0, 10, 10]])
 
@@ -89,3 +101,26 @@ def test_a_window_holds_the_pixels_of_the_picture_that_a_widened_box_touches(edg
     held = np.zeros((height, width), bool)
     held[rows, columns] = True
     np.testing.assert_array_equal(held, touched)
+
+
+LENGTHS, ANGLES = st.floats(1, 500), st.floats(-720, 720)
+
+
+@given(left=LENGTHS, top=LENGTHS, width=LENGTHS, height=LENGTHS, angle=ANGLES)
+def test_a_turned_box_is_the_box_around_its_turned_corners(left, top, width, height, angle):
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - [width / 2, height / 2]
+    cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    expected = around(corners @ np.array([[cos, sin], [-sin, cos]]) + [left + width / 2, top + height / 2])
+    box = np.array([left, top, left + width, top + height])
+    np.testing.assert_allclose(turned(box, angle), expected, atol=1e-6)
+    np.testing.assert_allclose(turned(box, -angle), expected, atol=1e-6)
+
+
+@given(centre=st.tuples(LENGTHS, LENGTHS), radii=st.tuples(LENGTHS, LENGTHS), angle=ANGLES)
+def test_the_box_around_an_ellipse_holds_its_points_and_touches_them(centre, radii, angle):
+    around_it = np.radians(np.arange(0, 360, 0.1))
+    points = np.stack([radii[0] * np.cos(around_it), radii[1] * np.sin(around_it)], axis=1)
+    cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    expected = around(points @ np.array([[cos, sin], [-sin, cos]]) + centre)
+    box = around_ellipse(np.array(centre), np.array(radii), angle)
+    np.testing.assert_allclose(box, expected, atol=1e-3 * max(radii))
