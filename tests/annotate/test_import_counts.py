@@ -390,18 +390,22 @@ LINES = "1 0.5 0.5 0.05 0.05\n0 0.45 0.52 0.06 0.02\n"  # the first is the rock 
         ("any.yml", "names:\n  0: Shadow\n  1: Rock\n"),
         ("data.yaml", "names: {'1': rock, '0': shadow}\n"),
         ("notes.json", '{"categories": [{"id": 1, "name": "rock"}, {"id": 0, "name": "shadow"}]}'),
-        ("meta/data.yaml", "names: [shadow, rock]\n"),
     ],
 )
 @pytest.mark.parametrize("handed", [".", "labels", "labels/train"])
 def test_a_class_list_counts_in_any_form_in_the_folder_or_up_to_two_above(tmp_path, file, content, handed):
     write(tmp_path / f"set/labels/train/{KEY}.txt", LINES)
     write(tmp_path / "set" / file, content)
-    if file.startswith("meta") and handed != ".":
-        pytest.skip("beside the folder that is handed over")
     done = import_labels(tmp_path / "set" / handed, tmp_path / "out")
     assert [kind for kind, _ in read_back(tmp_path / "out")] == ["rock", "shadow"]
     assert any(file.rsplit("/", 1)[-1] in line for line in done.notes)
+
+
+def test_a_class_list_in_another_folder_of_the_data_set_counts(tmp_path):
+    write(tmp_path / f"set/labels/train/{KEY}.txt", LINES)
+    write(tmp_path / "set/meta/data.yaml", "names: [shadow, rock]\n")
+    import_labels(tmp_path / "set", tmp_path / "out")
+    assert [kind for kind, _ in read_back(tmp_path / "out")] == ["rock", "shadow"]
 
 
 def test_without_a_class_list_the_default_is_stated(tmp_path, polarsim):
