@@ -17,7 +17,7 @@ rule drive_alone:
         dem=elevation_model(),  # read through params.world
         vehicle=str(ROVER.drive.vehicle),  # read through params.drive_options
         soils=str(ROVER.soil.table),  # read through params.soil
-        weights=weights_of_case,  # read through params.onboard
+        weights=weights_of_case,  # read through params.cameras
     output:
         figures="results/{run}/rover/autonomy/{case}/figures.parquet",
         trace="results/{run}/rover/autonomy/{case}/trace.parquet",  # written through figures

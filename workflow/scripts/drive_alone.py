@@ -6,7 +6,7 @@ from polarsim.job_files import paths
 from polarsim.reporting import reporting
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.table import drive_case
-from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
@@ -20,6 +20,6 @@ with reporting(log=snakemake.log[0]):
         soil=SoilOptions(**snakemake.params.soil),
         drive_options=DriveOptions(**snakemake.params.drive_options),
         options=AutonomyOptions(**snakemake.params.options),
-        onboard=OnboardOptions(**snakemake.params.onboard),
+        cameras=CameraSuiteOptions(**snakemake.params.cameras),
         threads=snakemake.threads,
     )
