@@ -15,7 +15,7 @@ from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import coco, png, release, yolo
 from polarsim.formats.files import write_json, write_text, writing_folder
-from polarsim.formats.run_files import pictures_of, refuse_unknown_domain
+from polarsim.formats.run_files import domains_of, pictures_of
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
@@ -90,7 +90,6 @@ def opening(folder: Path, tool: str) -> str:
 
 def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> dict[PhotoKey, Path]:
     """Pictures of the photos that the run labelled, in the order of keys."""
-    refuse_unknown_domain(run, domain)
     there = [int(folder.name[-2:]) for folder in sorted((run / "labels" / "boxes").glob("Terrain[0-9][0-9]"))]
     if unknown := [str(terrain) for terrain in terrains if terrain not in there]:
         known = ", ".join(map(str, there)) or "none"
@@ -104,8 +103,8 @@ def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> di
             chosen.update({key: pictures[key] for key in wanted if key in pictures})
     if not chosen:
         raise LabelError(
-            f"no labelled picture of a key like {pattern} in domain {domain}, terrains "
-            f"{', '.join(map(str, terrains or there)) or 'none'}",
+            f"no labelled {domain} picture of a key like {pattern}, terrains "
+            f"{', '.join(map(str, terrains or there)) or 'none'}; domains of this run: {', '.join(domains_of(run))}",
             path=run,
         )
     return chosen

@@ -13,7 +13,7 @@ from polarsim.annotate.overlay import Marks, add_legend, draw_labels
 from polarsim.errors import ConfigError, FormatError, LabelError, about
 from polarsim.formats import png
 from polarsim.formats.instances import read_kind_masks
-from polarsim.formats.run_files import instances_of, pictures_of, polygons_of, refuse_unknown_domain
+from polarsim.formats.run_files import domains_of, instances_of, pictures_of, polygons_of
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_parquet
 from polarsim.formats.tone import to_8bit
 from polarsim.formats.yolo import read_polygons
@@ -51,14 +51,13 @@ def show_of_run(
     FormatError
         The run has no polygons or instance map of it.
     """
-    refuse_unknown_domain(run, domain)
     tables = run / ("labels" if domain == "photo" else "renders") / "tables"
     picture = pictures_of(run, domain, key.terrain).get(key)
     if domain == "photo" and picture is None:
         picture = next(iter(sorted(run.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
         log.warning("%s: no photo of %s, %s stands in", run, key, picture or "and no twin")
     if picture is None or not picture.exists():
-        raise LabelError(f"no picture of {key} in domain {domain}", path=run)
+        raise LabelError(f"no {domain} picture of {key}; domains of this run: {', '.join(domains_of(run))}", path=run)
     show(
         key=key,
         picture=picture,

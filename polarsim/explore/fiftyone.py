@@ -15,7 +15,7 @@ from polarsim.explore.pictures import jpeg
 from polarsim.explore.run import Run
 from polarsim.explore.tables import EDGES, picture_table, shown_predictions
 from polarsim.formats.files import write_bytes, write_json, writing_folder
-from polarsim.formats.run_files import PHOTO, refuse_unknown_domain
+from polarsim.formats.run_files import PHOTO, domains_of
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.progress import track
 
@@ -38,8 +38,9 @@ def write_fiftyone(
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
-    for domain in domains:
-        refuse_unknown_domain(run.folder, domain)
+    if unknown := [domain for domain in domains if domain not in domains_of(run.folder)]:
+        known = ", ".join(domains_of(run.folder))
+        raise ConfigError(f"no picture of domain {', '.join(unknown)}; domains of this run: {known}", run.folder)
     table = picture_table(run)
     fits = table["key"].map(lambda key: fnmatchcase(key, pattern))
     rows = table[fits & (table["domain"].isin(domains) if domains else True)].to_dict("records")

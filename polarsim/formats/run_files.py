@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from polarsim.errors import ConfigError, FormatError
+from polarsim.errors import FormatError
 from polarsim.formats.files import found_from
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.readers import reader
@@ -84,16 +84,9 @@ def models_of(run: Path) -> tuple[str, ...]:
     return tuple(path.name for path in folders if path.name not in _NO_MODELS and any(path.glob("Terrain??/*.png")))
 
 
-def refuse_unknown_domain(run: Path, domain: str) -> None:
-    """End where a run has no such domain.
-
-    Raises
-    ------
-    ConfigError
-        The domain is neither `photo` nor a model of the run; the message lists those.
-    """
-    if domain not in (known := (PHOTO, *models_of(run))):
-        raise ConfigError(f"domain {domain!r}, this run has {', '.join(known)}", path=run)
+def domains_of(run: Path) -> tuple[str, ...]:
+    """Return the domains of a run's pictures: photos, and the models of its twins."""
+    return (PHOTO, *models_of(run))
 
 
 def polygons_of(run: Path, key: PhotoKey) -> Path:

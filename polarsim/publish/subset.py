@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from polarsim.errors import ConfigError
 from polarsim.randomness import generator
+
+log = logging.getLogger(__name__)
 
 if TYPE_CHECKING:  # the configuration is read without pandas
     from polarsim.publish.catalogue import Catalogue, Picture
@@ -54,19 +57,21 @@ def chosen(catalogue: Catalogue, subset: Mapping[str, Sequence[str]]) -> Catalog
     Raises
     ------
     ConfigError
-        No picture has one of the values; the line names those that there are.
+        No picture is left; the line names the values that there are. A warning names values that no picture has.
     """
     if not subset:
         return catalogue
     kept = list(catalogue.pictures)
     for name, values in subset.items():
-        unknown = set(values) - {FIELDS[name](one) for one in catalogue.pictures}
         there = {FIELDS[name](one) for one in kept}
+        known = ", ".join(
+            sorted(there, key=lambda word: (len(word) if name in _NUMBERS else 0, word))[:12]
+        )  # 3, then 11
         kept = [one for one in kept if FIELDS[name](one) in values]
-        if unknown or not kept:
-            absent = "+".join(value for value in values if value in unknown or not kept)
-            known = sorted(there, key=lambda word: (len(word) if name in _NUMBERS else 0, word))  # 3 before 11
-            raise ConfigError(f"subset: no picture with {name}={absent}, there are {', '.join(known[:12])}")
+        if not kept:
+            raise ConfigError(f"subset: no picture with {name}={'+'.join(values)}, there are {known}")
+        if absent := [value for value in values if value not in there]:
+            log.warning("subset: no picture with %s=%s, there are %s", name, "+".join(absent), known)
     said = ", ".join(f"{name} {' or '.join(values)}" for name, values in subset.items())
     return catalogue.with_pictures(kept, f"A subset: {len(kept)} of {len(catalogue.pictures)} pictures, {said}.")
 

@@ -62,8 +62,8 @@ def starts_of(folder, key):
 
 def test_shadows_of_a_bracket_begin_where_its_drawing_shows_some_or_as_usual(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
-    write(tmp_path, "03_A_off_30_L_0016", shadows=0)
-    write(tmp_path, "03_A_on_no_L_0016")  # the rover light's shadows tell nothing of the Sun's
+    write(tmp_path, "03_A_off_30_L_0032", shadows=0)
+    write(tmp_path, "03_A_on_no_L_0032")  # the rover light's shadows tell nothing of the Sun's
     assert starts_of(tmp_path, "03_A_off_30_L_0064") == 128
     write(tmp_path, "03_C_off_180_L_0032")
     assert starts_of(tmp_path, "03_C_off_180_L_0064") == 32
