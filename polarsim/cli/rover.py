@@ -38,17 +38,23 @@ def drive(
     from polarsim.errors import ConfigError, PolarsimError
     from polarsim.progress import share_bar
     from polarsim.rover.run import run_all
-    from polarsim.running.configuration import STORED, run_and_config
+    from polarsim.running.configuration import STORED, read_configs, run_and_config
 
-    run_folder, chosen = run_and_config(results, run, configfile or ())
+    if configfile and run is None and results.is_dir():
+        chosen = read_configs(configfile)
+        run_folder = results / chosen.run
+    else:
+        run_folder, chosen = run_and_config(results, run, configfile or ())
     rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
     if not configfile and not rover.run:
         raise ConfigError(
             "this run drives no rover (rover.run): name a configuration with --configfile, such as config/rover.yaml",
             path=run_folder / STORED,
         )
-    if not (meshes := run_folder / "meshes").is_dir():
-        raise PolarsimError("this run has no meshes; polarsim run makes them", path=meshes)
+    meshes = run_folder / "meshes"
+    for terrain in rover.world.terrains if rover.world.dem is None else ():
+        if not (there := meshes / f"Terrain{terrain:02d}").is_dir():
+            raise PolarsimError("no such folder of meshes; polarsim run makes the meshes of a run", path=there)
     folder = out or run_folder / f"rover/seed{number}"
     with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
         figures = run_all(
