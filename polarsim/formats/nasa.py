@@ -461,6 +461,8 @@ def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[st
     inside = [] if folder is None else [*sorted(folder.glob("Pos?.*")), *sorted(folder.glob("*/Pos?.*"))]
     for path in inside:
         if path.suffix.lower() not in CLOUD_SUFFIXES:
+            if path.is_file():
+                log.warning("%s: left out, a cloud's name ends in %s", path, ", ".join(CLOUD_SUFFIXES))
             continue
         if path.stem[3] in clouds:
             raise FormatError(f"a second cloud of position {path.stem[3]} beside {clouds[path.stem[3]]}", path=path)

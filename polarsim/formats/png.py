@@ -10,6 +10,7 @@ import io
 import os
 import struct
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,11 +79,14 @@ def parse_header(content: bytes) -> Header:
 
 
 def _orientation(exif: bytes) -> int:
+    """Return the orientation in an EXIF block; 1 where the block is damaged, as viewers do."""
     from PIL import Image
 
-    tags = Image.Exif()
-    tags.load(exif)
-    return int(tags.get(_ORIENTATION, 1))
+    with suppress(Exception):
+        tags = Image.Exif()
+        tags.load(exif)
+        return int(tags.get(_ORIENTATION, 1))
+    return 1
 
 
 @reader("picture")
@@ -151,7 +155,8 @@ def _pillow_size(content: bytes) -> tuple[int, int, int]:
     Image.MAX_IMAGE_PIXELS = None  # the caller has its own limit
     try:
         with Image.open(io.BytesIO(content)) as image:
-            return image.width, image.height, int(image.getexif().get(_ORIENTATION, 1))
+            exif = image.info.get("exif", b"")
+            return image.width, image.height, _orientation(exif) if exif else 1
     except UnidentifiedImageError as error:
         raise FormatError("no readable picture" if content else "an empty file") from error
 

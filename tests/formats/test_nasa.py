@@ -231,6 +231,14 @@ def test_matrices_of_a_ptx_file_are_no_points(tmp_path, name):
         nasa.read_cloud(tmp_path / name)
 
 
+def test_clouds_of_other_formats_are_named_and_left_out(tmp_path, caplog):
+    (tmp_path / "Terrain01_A").mkdir()
+    for name in ("PosA.ptx", "PosC.xyz"):
+        (tmp_path / "Terrain01_A" / name).write_text("1 2 3\n")
+    assert list(nasa.find_scans(tmp_path, 1)[1]) == ["C"]
+    assert [line for line in caplog.messages if "PosA.ptx" in line]
+
+
 def range_map(path, marks, kind="float32", tag=None, factor=1.0):
     """A wall 3 m away of 16 x 12 pixels in millimetres, with a mark in the first 20 pixels."""
     import tifffile

@@ -219,3 +219,12 @@ def test_images_above_the_limit_are_refused_by_their_size(tmp_path, monkeypatch,
     Image.fromarray(np.zeros((10, 11), np.uint8)).save(tmp_path / name)
     with pytest.raises(FormatError, match="11 x 10"):
         png.read(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "exif", [b"", b"Exif\0\0", b"Exif\0\0II*\0\xff\xff\xff\xff", b"Exif\0\0MM\0*\0\0\0\x08\0\x09" + bytes(9)]
+)
+def test_an_image_with_damaged_exif_is_read_as_stored(tmp_path, exif):
+    Image.fromarray(np.zeros((12, 16), np.uint8)).save(tmp_path / "a.jpg", exif=exif)
+    assert png.size(tmp_path / "a.jpg") == (16, 12)
+    assert png.read(tmp_path / "a.jpg").shape == (12, 16)
