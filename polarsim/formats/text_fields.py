@@ -35,7 +35,8 @@ def numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
     """
     joined = "".join(fields)
     if "_" in joined or not joined.isascii():  # Python accepts `1_000` and digits of other scripts
-        raise FormatError(f"no number among {' '.join(fields)!r}", path=path, line=number)
+        wrong = next(field for field in fields if "_" in field or not field.isascii())
+        raise FormatError(f"could not convert string to float: {wrong!r}", path=path, line=number)
     try:
         values = np.array([float(field) for field in fields])
     except ValueError as error:
