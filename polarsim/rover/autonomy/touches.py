@@ -56,7 +56,7 @@ def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
         time_s = min((one[1] for one in touch), default=float(times[row]))
         part = min((one[0] for one in touch), key=PARTS.index, default=part)
         found.append((number, float(rock["height_m"]), gap, bool(touch), part, time_s))
-    return pd.DataFrame(found, columns=list(TOUCH_COLUMNS))
+    return pd.DataFrame(found, columns=list(TOUCH_COLUMNS)).astype({"touched": bool})
 
 
 def surface_points(world: World, rock: int) -> np.ndarray:

@@ -236,6 +236,8 @@ class Simulation:
 
     def _wire(self) -> None:
         """Views of MuJoCo's memory and room for what the kernel writes."""
+        # MuJoCo's bindings have no public name for where its structures are; pyproject.toml pins the version.
+        self._addresses = self.model._address, self.data._address
         data, vehicle = self.data, self.vehicle
         named = [self.model.body(f"{code}_wheel").id for code in WHEELS]
         self._bodies = np.array(named, np.int64)
@@ -274,7 +276,7 @@ class Simulation:
     def _run(self, steps: int) -> None:
         ground = self.ground
         self._kernels.advance(
-            self.model._address, self.data._address, steps, self.steps, self.dt, *self._views,
+            *self._addresses, steps, self.steps, self.dt, *self._views,
             ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell, self._shapes,
             self._slips, *self._rules, self._forces, self._torques, self._readings, self._account,
             self._contact_sensors, self._first, self._last,
