@@ -481,10 +481,6 @@ def test_the_report_is_of_the_run(call, here):
     assert "results/demo" not in content
 
 
-def test_nothing_is_left_to_run(call):
-    call("run", "labels", "--configfile", "config/small.yaml", "--config", "run=small")
-
-
 def test_a_run_that_is_complete_plans_no_job(call, here):
     before = {path: path.stat().st_mtime_ns for path in sorted((here / "labels").rglob("*.txt"))}
     call("run", "labels", "--configfile", "config/small.yaml")
