@@ -356,8 +356,7 @@ def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] | None = Non
     FormatError
         A line that is neither like the first one: file, line number and reason.
     """
-    lines = fields_of(path, "label file")
-    if not lines or len(lines[0][1]) <= 6:
+    if not has_polygons(path):
         return read_boxes(path, names=names or BOX_CLASSES)
     own = names or POLYGON_CLASSES
     found = [(_plain(own[number]), ring) for number, ring in read_polygons(path, own)]
@@ -365,6 +364,13 @@ def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] | None = Non
     boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for _, ring in annotated]).reshape(-1, 4)
     has_area = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
     return np.array([number for number, _ in annotated], int)[has_area], boxes[has_area]
+
+
+@reader("label file", largest_mb=100)
+def has_polygons(path: str | Path) -> bool:
+    """Return whether the first line of a label file is a polygon; a box has 5 fields, or 6 with a confidence."""
+    lines = fields_of(path, "label file")
+    return bool(lines) and len(lines[0][1]) > 6
 
 
 def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> None:

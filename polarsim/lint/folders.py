@@ -85,6 +85,8 @@ def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED) -
     found = Findings(root)
     published = layout == release.PUBLISHED
     boxes_of, polygons_of = layout.box_files(root, terrain), layout.polygon_files(root, terrain)
+    if not layout.polygons:
+        boxes_of, polygons_of = _by_content(boxes_of)
     stray = release.stray_files(root, terrain) if published else sorted([*boxes_of.stray, *polygons_of.stray])
     for path in stray:
         found.add(path, _stray(path))
@@ -95,6 +97,13 @@ def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED) -
         **(_lint_scene(root, terrain, found) if published else {}),
     }
     return sorted(found.gathered), content
+
+
+def _by_content(files: release.KeyFiles) -> tuple[release.KeyFiles, release.KeyFiles]:
+    """Return the box files and the polygon files of a folder that may hold either."""
+    polygons = {key: path for key, path in files.files.items() if yolo.has_polygons(path)}
+    boxes = {key: path for key, path in files.files.items() if key not in polygons}
+    return release.KeyFiles(boxes, files.stray), release.KeyFiles(polygons)
 
 
 def _box_reader(detections: bool) -> Callable[[Path], Boxes]:

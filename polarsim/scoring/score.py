@@ -224,10 +224,17 @@ def _parts_of(name: PhotoKey | str) -> dict[str, str]:
 def box_reader(detections: bool = False) -> Callable[[Path], Labels]:
     """Return a reader of YOLO box files whose class numbers mean what the class list of their folder states.
 
-    The reader raises a FormatError for a line that is no box. With `detections` a line may have a confidence.
+    The reader raises a FormatError for a line that is no box. With `detections` a line may have a confidence, and a
+    file of a run's polygons counts as the boxes around them.
     """
     names = cache(yolo.class_names)
-    return lambda path: Labels(*yolo.read_boxes(path, names=names(path.parent), detections=detections))
+
+    def read(path: Path) -> Labels:
+        if detections and yolo.has_polygons(path):
+            return Labels(*yolo.read_boxes_or_polygons(path))
+        return Labels(*yolo.read_boxes(path, names=names(path.parent), detections=detections))
+
+    return read
 
 
 def read_sound(files: Mapping[Name, Path], reader: Callable[[Path], Content]) -> tuple[dict[Name, Content], list[str]]:

@@ -168,3 +168,14 @@ def test_a_triangle_is_a_polygon_and_a_line_with_a_track_id_is_none(tmp_path):
         yolo.read_polygons(write(triangle, "2 0.5 0.5 0.05 0.05 0.9 1\n"))
     both = write(triangle, RING + "2 0.4 0.5 0.45 0.5 1 0.55\n")  # at the photo's border, beside a larger polygon
     assert len(yolo.read_polygons(both)) == 2
+
+
+@pytest.mark.parametrize("below", ["", "Terrain03"])
+def test_polygons_without_boxes_are_read_as_polygons(tmp_path, below):
+    ring = np.array([[100.0, 100], [200, 100], [200, 220], [100, 220]])
+    yolo.write_polygons(tmp_path / below / "03_A_off_30_L_0256.txt", [(2, ring), (3, ring + 300)])
+    report = lint(tmp_path, set(RULES))
+    (content,) = report.contents.values()
+    assert content["polygon_files"] == 1
+    assert content["label_files"] == 0
+    assert "malformed" not in report.counts

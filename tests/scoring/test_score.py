@@ -195,3 +195,12 @@ def test_nothing_to_compare_is_an_error_and_no_row_of_zeros(tmp_path, name, text
         (tmp_path / folder / f"{stem}.txt").write_text(content)
     with pytest.raises((FormatError, LabelError), match=message):
         score_folders(tmp_path / "truth", tmp_path / "found")
+
+
+def test_polygons_of_a_run_are_scored_by_the_boxes_around_them(tmp_path):
+    boxes = np.array([[100.0, 100, 200, 220], [400, 400, 500, 520]])
+    corners = [np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) for x0, y0, x1, y1 in boxes]
+    yolo.write_boxes(tmp_path / "truth/03_A_off_30_L_0256.txt", np.array([0, 1]), boxes)
+    yolo.write_polygons(tmp_path / "labels/03_A_off_30_L_0256.txt", list(zip((2, 3), corners, strict=True)))
+    report = score_folders(tmp_path / "truth", tmp_path / "labels")
+    assert [row["miou"] for row in report["classes"].values()] == pytest.approx([1, 1], abs=1e-4)
