@@ -14,13 +14,14 @@ from polarsim.formats.inventory import read_inventory
 from polarsim.formats.rock_translations import read_translations
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.rims import rim
 from polarsim.geometry.vectors import cross
 from polarsim.photo import NO_ROCK
 from polarsim.rocks import table
+from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL, fit_ground
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid, filled
 from polarsim.rocks.overrides import Cuboid, write_cuboids
-from polarsim.rocks.rims import FITTED_GROUND_CELL, fit_ground, rim
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import largest_island, merged_vertices
 

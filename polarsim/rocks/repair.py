@@ -18,13 +18,14 @@ from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.scene import PUBLISHED
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
+from polarsim.geometry.rims import rim
 from polarsim.geometry.topology import is_watertight, open_edges, part_of_vertex
 from polarsim.progress import track
+from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL
 from polarsim.rocks.folder import write_named
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.rims import FITTED_GROUND_CELL, rim
 from polarsim.rocks.solids import islands, largest_island, merged_vertices
 from polarsim.rocks.surfaces import closed_rock
 from polarsim.survey import half_width

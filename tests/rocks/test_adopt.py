@@ -8,9 +8,10 @@ from polarsim.formats import obj
 from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.scene import made_from
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.rims import rim
 from polarsim.rocks.adopt import adopt_rocks, volume_above
+from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.rims import fit_ground, rim
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import compacted
 

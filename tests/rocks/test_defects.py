@@ -7,11 +7,12 @@ from scipy.spatial import KDTree
 
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.rims import rim
 from polarsim.geometry.topology import is_watertight, open_edges
 from polarsim.rocks.adopt import cleaned, volume_above
+from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.repair import COLUMNS, defect_table, defects, repaired
-from polarsim.rocks.rims import fit_ground, rim
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import compacted, islands
 
