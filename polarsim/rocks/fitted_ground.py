@@ -19,15 +19,15 @@ from polarsim.rocks.heights import FloorGrid
 
 FITTED_GROUND_CELL = 0.01  # metres: of a ground that is fitted under published meshes
 MAX_SLOPE_DEG = 35.0  # angle of repose of dry sand
-# Mean error of a left-out rock on six published terrains: 13.0 mm; 14.4 mm by inverse distances, 17.3 mm on the base.
-FOOT_SD = 0.010  # metres: of a rock's foot about the ground
+# Of a left-out rock on six published terrains: 13.4 mm in the mean, 14.4 by inverse distances, 17.3 on the base alone.
+FOOT_SD = 0.020  # metres: of a rock's foot about the ground
 RELIEF_SD = 0.05  # metres: of the ground about the base surface, far from feet
-RELIEF_LENGTH = 0.15  # metres over which the ground returns to the base surface
+RELIEF_LENGTH = 0.25  # metres over which the ground returns to the base surface
 QUADRIC_FROM = 20  # rocks: fewer fit a quadric closer and predict worse (left-out errors of five terrains)
 TUKEY_SCALE = 0.010  # metres: feet off the base surface by several times this do not count for it
 LEAST_SUPPORT = 0.1  # of all feet, by weight, that must count for the base surface
 ITERATIONS = 30
-_PLATE_CELL = 0.04  # metres: the plate is solved on these cells, for it is smooth over 0.15 m
+_PLATE_CELL = 0.04  # metres: the plate is solved on these cells, for it is smooth over 0.25 m
 _STEEPEST = np.tan(np.radians(MAX_SLOPE_DEG)) - 5e-4  # mesh files round heights to 1e-6 m, over cells of 1 cm
 _STEEPEST_PLATE = 0.98 * _STEEPEST  # splines between coarse cells are a little steeper than these
 _PENALTY, _ROUNDS = 20.0, 100  # of the alternating direction method; the slope is then within 0.2 degrees of the bound

@@ -10,7 +10,7 @@ from polarsim.formats.scene import made_from
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
 from polarsim.rocks.adopt import adopt_rocks, volume_above
-from polarsim.rocks.fitted_ground import fit_ground
+from polarsim.rocks.fitted_ground import FOOT_SD, fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import compacted
@@ -61,8 +61,7 @@ def test_published_rocks_are_taken_over_cleaned_on_a_ground_that_meets_them(rele
         published = obj.read(path)
         assert np.isin(np.round(adopted.vertices[:50], 6), np.round(published.vertices, 6)).all()  # the same frame
         foot = rim(adopted)
-        assert np.median(np.abs(foot[:, 2] - GRID.sample(heights, foot))) < 0.010
-        assert np.quantile(np.abs(foot[:, 2] - GRID.sample(heights, foot)), 0.8) < 0.015
+        assert np.median(np.abs(foot[:, 2] - GRID.sample(heights, foot))) < FOOT_SD
 
 
 def test_a_terrain_without_meshes_is_level_ground_and_an_empty_table(tmp_path):
@@ -169,10 +168,11 @@ def test_the_ground_runs_through_rims_on_a_slope_and_ignores_one_that_is_off():
     rims = [rim(half_ball(x, y, z)) for (x, y), z in zip(points, heights, strict=True)]
     ground = fit_ground(rims, GRID)
     sloping = 0.03 * GRID.centres()[..., 0] - 0.02 * GRID.centres()[..., 1] + 0.1
-    far = (np.linalg.norm(GRID.centres()[:, :, None] - points, axis=-1) > 0.6).all(axis=-1)
-    assert np.abs(ground - sloping)[far].max() < 0.004
+    far = np.linalg.norm(GRID.centres() - points[5], axis=-1) > 1
+    assert np.abs(ground - sloping)[far].max() < FOOT_SD / 2
     for number, foot in enumerate(rims):
-        assert np.abs(foot[:, 2] - GRID.sample(ground, foot)).max() < 0.008, number
+        gap = np.abs(foot[:, 2] - GRID.sample(ground, foot)).max()
+        assert gap < FOOT_SD / 2 if number != 5 else gap > FOOT_SD, number  # feet are soft: no cliff leads up to one
 
 
 def test_a_rim_is_the_foot_of_a_rock():

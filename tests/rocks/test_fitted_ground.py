@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from polarsim.formats import obj
 from polarsim.geometry.rims import rim
 from polarsim.rocks.adopt import cleaned
-from polarsim.rocks.fitted_ground import MAX_SLOPE_DEG, QUADRIC_FROM, fit_ground
+from polarsim.rocks.fitted_ground import FOOT_SD, MAX_SLOPE_DEG, QUADRIC_FROM, fit_ground
 from polarsim.rocks.folder import height_mesh
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
@@ -73,7 +73,7 @@ def test_a_slope_within_the_bound_is_kept_where_feet_ask_for_more_elsewhere():
     heights = fit_ground([*level, hill, *cliff], wide)
     assert steepest_deg(wide, heights) <= MAX_SLOPE_DEG
     assert steepest_deg(wide, heights) > MAX_SLOPE_DEG - 4
-    np.testing.assert_allclose(wide.sample(heights, hill), 0.05, atol=0.006)
+    np.testing.assert_allclose(wide.sample(heights, hill), 0.05, atol=FOOT_SD / 2)
 
 
 @pytest.mark.release
@@ -86,5 +86,4 @@ def test_published_rocks_stand_on_a_ground_without_cliffs(release_root, terrain)
     heights = fit_ground(rims, grid)
     assert steepest_deg(grid, heights) <= MAX_SLOPE_DEG
     gaps = [np.median(np.abs(own[:, 2] - grid.sample(heights, own))) for own in rims]
-    assert np.median(gaps) < 0.003
-    assert max(gaps) < 0.02
+    assert np.median(gaps) < FOOT_SD
