@@ -37,6 +37,9 @@ def publish(
     replace: Annotated[
         bool, typer.Option("--replace", help="What another call published in the folder of a form goes.")
     ] = False,
+    split: Annotated[
+        str, typer.Option(help="Split whose parts become train, val and test; default: the run's first one.")
+    ] = "",
     results: Results = Path("results"),
 ) -> None:
     """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
@@ -45,7 +48,7 @@ def publish(
 
     names = [name for text in form for name in listed(text)]
     with reporting():  # typer keeps Ctrl-C to itself
-        parts = write(run_folder(results, run), out, names, subset, max_size, photos, replace)
+        parts = write(run_folder(results, run), out, names, subset, max_size, photos, replace, split)
     for name, part in parts.items():
         typer.echo(summary(name, part, out / name))
 

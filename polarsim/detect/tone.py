@@ -6,9 +6,9 @@ import numpy as np
 
 from polarsim.detect.options import PicturesOptions
 from polarsim.errors import DetectError
+from polarsim.formats.tone import GAMMA
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
-GAMMA = 2.2
 _WHITE, _UNDEREXPOSED, _LARGEST_GAIN = 255, 128, 8  # of pictures of 8 bits
 
 

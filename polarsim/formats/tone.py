@@ -1,4 +1,7 @@
-"""From 12-bit values to eight bits that a person can read: linear above black, then the display's gamma."""
+"""From 12-bit values to eight bits for display: linear above black, then the display's gamma.
+
+Pictures that detectors are trained on, published ones included, have the curve of `detect.tone`.
+"""
 
 from __future__ import annotations
 

@@ -35,6 +35,7 @@ def card(catalogue: Catalogue, form: str, says: str) -> str:
         says,
         "## What is in it",
         _table(_counts(catalogue)),
+        terms.split_of(catalogue),
         "Frames: the sandbox has its origin at the terrain's centre on the ground, X to Sun azimuth 0, Y to 90, Z up; "
         "cameras look along z, x right, y down; metres. Pixels count from the picture's corner, their centres lie at "
         "integer + 0.5. Photo keys read terrain, position, rover light, Sun azimuth, camera, exposure in ms.",

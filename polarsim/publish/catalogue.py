@@ -12,17 +12,21 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+from pydantic import ValidationError
 
+from polarsim.detect.options import DetectOptions, PicturesOptions
+from polarsim.detect.split import read_split
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import lamps, rigs, scene, tables
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.rigs import SURVEYED, LocalisedRig
 from polarsim.formats.run_files import instances_of, pictures_at
+from polarsim.formats.yaml_files import describe_error, read_yaml
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
 
@@ -40,6 +44,7 @@ MAPS = {  # of renders/maps: unit of a step, the step, and what it is; all are c
                 "1000 + k and 2000 + k shadows of rock k on itself and on others."),
     "normal": ("", 1.0, "Normal in the sandbox frame: x, y, z as (n + 1) / 2 of 65535; 0 in all: nothing is seen."),
 }  # fmt: skip
+CONFIG = "config.yaml"  # of a run: its merged configuration
 DRIVE = "trace.parquet"  # beside it lies all else of a drive
 # Where the values of a label come from. A seed is what a person measured by eye; all else was computed from it, from
 # meshes and from lamps, which were fitted; the renderer's are exact of a synthetic picture.
@@ -64,7 +69,7 @@ class Picture:
     width: int
     height: int
     sha256: str = ""  # where a table of the run states it
-    part: str = ""  # of the run's first split: train, val or test; empty where it was not drawn
+    part: str = ""  # of `Catalogue.split`: train, val or test; empty in none of them
 
     @property
     def name(self) -> str:
@@ -112,6 +117,8 @@ class Catalogue:
     pictures: tuple[Picture, ...]  # in the order of domains and keys
     drives: tuple[Path, ...] = ()  # folders
     tables: tuple[Path, ...] = ()
+    split: str = ""  # name of the split whose parts pictures have; empty where the run drew none
+    tone: PicturesOptions = field(default_factory=PicturesOptions)  # of the pictures that detectors are trained on
     config: str = ""  # hash of the run's configuration
     made_on: str = ""  # the day (UTC, YYYY-MM-DD) of the run's newest picture, label, pose or mesh
     left_out: tuple[str, ...] = field(default_factory=tuple)  # what is not published, in sentences
@@ -206,13 +213,18 @@ def _coco(path: Path, size: tuple[int, int]) -> dict[PhotoKey, list[Annotation]]
     return read_coco(path, size)
 
 
-def read_catalogue(run: Path) -> Catalogue:
+def read_catalogue(run: Path, split: str = "") -> Catalogue:
     """Read a run.
+
+    Parameters
+    ----------
+    split
+        Name of the split whose parts pictures have; empty: the first one of the run's configuration.
 
     Raises
     ------
     ConfigError
-        No such run, or one without labelled pictures.
+        No such run, one without labelled pictures, no such split, or several splits without a configuration.
     FormatError
         A file of it is broken.
     """
@@ -221,7 +233,8 @@ def read_catalogue(run: Path) -> Catalogue:
     if not terrains:
         raise ConfigError("no run: no terrain below acquire/, was the name right and did snakemake run?", path=run)
     kind = next(iter(terrains.values())).kind
-    pictures = tuple(sorted(_pictures(run, terrains, PHOTO_DOMAINS[kind])))
+    split = _split(run, split)
+    pictures = tuple(sorted(_pictures(run, terrains, PHOTO_DOMAINS[kind], _parts(run, split))))
     if not pictures:
         raise ConfigError("no picture: neither photos below acquire/ nor twins below renders/", path=run)
     return Catalogue(
@@ -231,6 +244,8 @@ def read_catalogue(run: Path) -> Catalogue:
         pictures=pictures,
         drives=tuple(sorted(path.parent for path in (run / "rover").glob(f"seed*/{DRIVE}"))),
         tables=tuple(sorted((run / "tables").glob("*.parquet"))),
+        split=split,
+        tone=_tone(run),
         config=_config(run),
         made_on=_made_on(run, pictures),
     )
@@ -259,8 +274,9 @@ def _terrain(run: Path, number: int) -> Terrain:
     )
 
 
-def _pictures(run: Path, terrains: Mapping[int, Terrain], photo_domain: str) -> Iterator[Picture]:
-    parts = _parts(run)
+def _pictures(
+    run: Path, terrains: Mapping[int, Terrain], photo_domain: str, parts: Mapping[PhotoKey, str]
+) -> Iterator[Picture]:
     for terrain in terrains.values():
         listed = run / "acquire" / terrain.name / "photos.parquet"
         if listed.is_file():
@@ -292,12 +308,53 @@ def _size(path: Path) -> tuple[int, int]:
     return width, height
 
 
-def _parts(run: Path) -> dict[PhotoKey, str]:
-    """By the first split of the run that was drawn."""
-    for path in sorted((run / "detect").glob("*/split.csv")):
-        table = tables.read_csv(path, ["key", "part"])
-        return {PhotoKey.parse(key): str(part) for key, part in zip(table["key"], table["part"], strict=True)}
-    return {}
+def _split(run: Path, wanted: str) -> str:
+    """Name of the split that is wanted, else of the first one of the run's configuration, else of its only one.
+
+    Raises
+    ------
+    ConfigError
+        The split was not drawn, or nothing states which of several is the first.
+    """
+    drawn = sorted(path.parent.name for path in (run / "detect").glob("*/split.csv"))
+    if wanted and wanted not in drawn:
+        raise ConfigError(f"no split {wanted!r}; drawn: {', '.join(drawn) or 'none'}", path=run / "detect")
+    if wanted or not drawn:
+        return wanted
+    if (run / CONFIG).is_file():
+        first = str((_configured(run).get("splits") or DetectOptions.model_fields["splits"].default)[0])
+    else:
+        first = drawn[0] if len(drawn) == 1 else ""
+    if first not in drawn:
+        reason = f"its first split {first!r} was not drawn" if first else f"no {CONFIG} states its first split"
+        raise ConfigError(f"{reason}; name one of {', '.join(drawn)} with --split", path=run)
+    return first
+
+
+def _configured(run: Path) -> Mapping[str, Any]:
+    """Section `detect` of a run's merged configuration; empty where the run has none."""
+    content = read_yaml(run / CONFIG) if (run / CONFIG).is_file() else None
+    section = content.get("detect") if isinstance(content, Mapping) else None
+    return section if isinstance(section, Mapping) else {}
+
+
+def _tone(run: Path) -> PicturesOptions:
+    """How photos became the pictures that the run's detectors are trained on.
+
+    Raises
+    ------
+    ConfigError
+        The run's configuration states impossible values.
+    """
+    try:
+        return PicturesOptions.model_validate(_configured(run).get("pictures") or {})
+    except ValidationError as error:
+        raise ConfigError(describe_error(error, "detect.pictures"), path=run / CONFIG) from error
+
+
+def _parts(run: Path, split: str) -> dict[PhotoKey, str]:
+    """Part of each photo by a split; empty without one."""
+    return read_split(run / "detect" / split / "split.csv") if split else {}
 
 
 def _config(run: Path) -> str:

@@ -7,16 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.detect.options import PicturesOptions
+from polarsim.detect.tone import to_8_bits
 from polarsim.formats import coco, png, yolo
 from polarsim.formats.tables import key_columns
-from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES
 from polarsim.publish import terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, Picture
 
-PARTS = {"train": "train", "val": "val", "test": "test", "": "train"}  # of pictures of no part too
+UNASSIGNED = "unassigned"  # part of all pictures of a run that drew no split
+PARTS = {"train": "train", "val": "val", "test": "test", "": UNASSIGNED}
 
 
 def coco_bytes(picture: Picture) -> int:
@@ -38,7 +40,11 @@ def write_coco(catalogue: Catalogue, bundle: Bundle) -> None:
                 rows = [(_image(catalogue, one), catalogue.labels(one)) for one in pictures]
                 bundle.make(
                     f"annotations/{domain}_{part}.json",
-                    partial(coco.write_pictures, pictures=rows, description=terms.what_it_is(catalogue)),
+                    partial(
+                        coco.write_pictures,
+                        pictures=rows,
+                        description=f"{terms.what_it_is(catalogue)} {terms.split_of(catalogue)}",
+                    ),
                 )
 
 
@@ -54,18 +60,20 @@ def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
         pictures = catalogue.of_domain(domain)
         for one in pictures:
             name = f"{PARTS[one.part]}/{one.key}"
-            bundle.png(f"{domain}/images/{name}.png", partial(shown, one), [one.path])
+            bundle.png(f"{domain}/images/{name}.png", partial(shown, one, catalogue.tone), [one.path])
             bundle.make(f"{domain}/labels/{name}.txt", partial(_write_boxes, catalogue, one))
-        there = {PARTS[one.part] for one in pictures}
-        own = {part: part if part in there else "train" for part in ("train", "val", "test")}
-        lines = [f"path: {domain}  # from the folder of this file", *(f"{a}: images/{b}" for a, b in own.items())]
+        there = [part for part in PARTS.values() if any(PARTS[one.part] == part for one in pictures)]
+        own = {part: part if part in there else there[0] for part in ("train", "val")}  # trainers ask for both
+        own |= {"test": "test"} if "test" in there else {}
+        folders = [f"{name}: images/{part}" for name, part in own.items()]
+        lines = [f"# {terms.split_of(catalogue)}", f"path: {domain}  # from the folder of this file", *folders]
         names = [f"  {number}: {name}" for number, name in enumerate(BOX_CLASSES)]
         bundle.text(f"{domain}.yaml", "\n".join([*lines, "names:", *names, ""]))
 
 
-def shown(picture: Picture) -> np.ndarray:
-    """(h, w) uint8, linear above black up to the 99.7th percentile, then gamma 2.2: trainers read 16 bits as black."""
-    return to_8bit(png.read(picture.path))[..., 0]
+def shown(picture: Picture, options: PicturesOptions) -> np.ndarray:
+    """(h, w) uint8, by the curve that the run's own detectors are trained with: trainers read 16 bits as black."""
+    return to_8_bits(png.read(picture.path), options, picture.key.exposure_ms)
 
 
 def _write_boxes(catalogue: Catalogue, picture: Picture, path: Path) -> None:

@@ -17,8 +17,9 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.detection_sets import UNASSIGNED
 
-SPLITS = {"train": "train", "val": "validation", "test": "test", "": "train"}  # of pictures of no part too
+SPLITS = {"train": "train", "val": "validation", "test": "test", "": UNASSIGNED}
 SHARD = 400 * 10**6  # bytes of pictures a Parquet file
 _GROUP = 32  # pictures a row group: readers hold one in memory
 _LABEL = {

@@ -33,6 +33,7 @@ from polarsim.publish.catalogue import Catalogue, Picture, read_catalogue
 from polarsim.publish.options import PublishOptions
 from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
 
+NO_PART = "in no part"  # of the note on pictures that are left out
 ALL = "all"  # stands for all forms that a run can have
 Write = Callable[[Catalogue, Bundle], None]
 
@@ -53,6 +54,7 @@ class Form:
     front: Callable[[Catalogue], str] = lambda _: ""  # what stands before the card
     fixed: Callable[[Catalogue], int] = lambda _: 0  # bytes, about, of what is no picture of a station
     lacks: Callable[[Catalogue], str] = lambda _: ""  # why the run cannot have the form
+    by_part: bool = False  # pictures in no part of the run's split are left out
 
 
 def _mesh_bytes(catalogue: Catalogue) -> int:
@@ -80,28 +82,31 @@ FORMS: dict[str, Form] = {
         "`metadata.parquet` with key, pose, lens and objects (bbox x y w h, category 0 rock 1 shadow, masks as COCO "
         "runs). `load_dataset(FOLDER, DOMAIN)` reads it.",
         huggingface.write_folder, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=False),
+        by_part=True,
     ),
     "parquet": Form(
         "The same as `hf` in Parquet files that hold the pictures' own bytes: `load_dataset(FOLDER, DOMAIN)`.",
         huggingface.write_parquet, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=True),
+        by_part=True,
     ),
     "coco": Form(
         "`images/<domain>/KEY.png` with 16 bits and `annotations/<domain>_<part>.json`: boxes, visible masks as runs "
         "and, of twins, amodal masks (`amodal_segmentation`, `amodal_bbox`, `visible_share`); a shadow names the "
         "annotation of its rock in `shadow_of`. `pycocotools` reads it.",
-        detection_sets.write_coco, detection_sets.coco_bytes,
+        detection_sets.write_coco, detection_sets.coco_bytes, by_part=True,
     ),
     "yolo": Form(
-        "A data set a domain for YOLO trainers: `<domain>.yaml`, `<domain>/images/<part>/KEY.png` with 8 bits (linear "
-        "above black to the 99.7th percentile, then gamma 2.2), `<domain>/labels/<part>/KEY.txt` (0 rock, 1 shadow).",
-        detection_sets.write_yolo, detection_sets.yolo_bytes,
+        "A data set a domain for YOLO trainers: `<domain>.yaml`, `<domain>/images/<part>/KEY.png` with 8 bits (by the "
+        "curve that the run's own detectors are trained with, `detect.pictures`), `<domain>/labels/<part>/KEY.txt` "
+        "(0 rock, 1 shadow).",
+        detection_sets.write_yolo, detection_sets.yolo_bytes, by_part=True,
     ),
     "kitti": Form(
         "A data set a domain as KITTI's devkit expects it: rectified pairs (8 bits, `training/image_2` left, "
         "`image_3` right), `calib`, `label_2` (Rock, Shadow; boxes in three dimensions are not known), `disp_noc_0` "
         "and `disp_occ_0` (disparity of the meshes, 256 a pixel; 0 where there is none or where it is 256 px and "
         "more), `ImageSets`, and `keys.csv`, which names the photo keys. In `calib` the laser's frame is the sandbox.",
-        stereo_set.write, stereo_set.bytes_of,
+        stereo_set.write, stereo_set.bytes_of, by_part=True,
     ),
     "colmap": Form(
         "A COLMAP model a domain and terrain: `images/KEY.png` (8 bits), `sparse/0/*.txt` with lenses, the rig, poses "
@@ -168,6 +173,7 @@ def publish(
     max_size: str = "",
     photos: bool = False,
     replace: bool = False,
+    split: str = "",
 ) -> dict[str, Catalogue]:
     """Write `out/<form>/` for every form; what each holds.
 
@@ -185,6 +191,8 @@ def publish(
         Whether NASA's photos go out too: their terms are NASA's. Those of the analog always go.
     replace
         Whether what another call published in the folder of a form goes.
+    split
+        Name of the split whose parts pictures have; the run's first one where it is empty.
 
     Raises
     ------
@@ -198,21 +206,22 @@ def publish(
     """
     for name in FORMS if ALL in forms else forms:
         _check(name)
-    catalogue = chosen(_allowed(read_catalogue(run), photos), parse_subset(subset))
+    catalogue = chosen(_allowed(read_catalogue(run, split), photos), parse_subset(subset))
     most = parse_size(max_size) if max_size else None
     names = _possible(catalogue, forms)
-    parts = {name: _cut(catalogue, FORMS[name], most) for name in names}
+    parts = {name: _cut(_assigned(catalogue, FORMS[name]), FORMS[name], most) for name in names}
     check_space(out, sum(_size(one, FORMS[name]) for name, one in parts.items()))
     for name, one in parts.items():
         recipe = {"form": name, "run": one.name, "config": one.config, "subset": subset, "max_size": max_size}
+        recipe |= {"split": one.split}
         _write(
             name, one, out / name, recipe | {"photos": photos, "polarsim": __version__, "code": _code(name)}, replace
         )
     return parts
 
 
-def publish_run(*, form: str, receipt: Path, options: PublishOptions) -> None:
-    """Publish the run that `receipt` lies in, as `publish/<form>/` beside it, and say in it what came out."""
+def publish_run(*, form: str, receipt: Path, options: PublishOptions, split: str = "") -> None:
+    """Publish the run that `receipt` lies in, as `publish/<form>/` beside it, and write what came out into it."""
     part = publish(
         receipt.parents[1],
         receipt.parent,
@@ -221,9 +230,11 @@ def publish_run(*, form: str, receipt: Path, options: PublishOptions) -> None:
         options.max_size,
         options.photos,
         replace=True,
+        split=split,
     )[form]
     counts = {domain: len(part.of_domain(domain)) for domain in part.domains}
-    write_json(receipt, {"form": form, "pictures": counts} | options.model_dump(mode="json", exclude={"forms"}))
+    own = {"form": form, "pictures": counts, "split": part.split}
+    write_json(receipt, own | options.model_dump(mode="json", exclude={"forms"}))
 
 
 def _code(name: str) -> str:
@@ -264,7 +275,27 @@ def _allowed(catalogue: Catalogue, photos: bool) -> Catalogue:
 def summary(form: str, part: Catalogue, folder: Path) -> str:
     """What came out, for the terminal."""
     what = form if FORMS[form].bytes_of is no_picture else f"{len(part.pictures)} pictures"
-    return f"{what} in {folder}"
+    return "\n".join([f"{what} in {folder}", *(note for note in part.left_out if NO_PART in note)])
+
+
+def _assigned(catalogue: Catalogue, form: Form) -> Catalogue:
+    """Without pictures in no part, for forms with a folder or file a part; all of them where no split was drawn.
+
+    Raises
+    ------
+    ConfigError
+        The split has no picture.
+    """
+    if not form.by_part or not catalogue.split:
+        return catalogue
+    kept = [one for one in catalogue.pictures if one.part]
+    if not kept:
+        raise ConfigError(f"no picture is in a part of split {catalogue.split!r}", path=catalogue.run)
+    without = len(catalogue.pictures) - len(kept)
+    if not without:
+        return catalogue
+    of_all = f"{without} of {len(catalogue.pictures)} pictures"
+    return catalogue.with_pictures(kept, f"{of_all} are {NO_PART} of the split by {catalogue.split}: left out.")
 
 
 def _cut(catalogue: Catalogue, form: Form, most: int | None) -> Catalogue:

@@ -52,6 +52,13 @@ def title(catalogue: Catalogue) -> str:
     return f"polarsim run {catalogue.name}"
 
 
+def split_of(catalogue: Catalogue) -> str:
+    """The split whose parts pictures have, in a sentence."""
+    if not catalogue.split:
+        return "The run drew no split: pictures are in no part."
+    return f"Parts (train, val, test) are those of the run's split by {catalogue.split}."
+
+
 def what_it_is(catalogue: Catalogue) -> str:
     """In two sentences, honest about where pictures come from."""
     source = {

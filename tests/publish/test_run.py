@@ -7,22 +7,25 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from polarsim.detect.options import PicturesOptions
+from polarsim.detect.tone import to_8_bits
 from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.formats.tables import read_parquet, write_parquet
+from polarsim.formats.tables import read_parquet, write_csv, write_parquet
 from polarsim.publish import bundle as bundles
 from polarsim.publish import run as running
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.catalogue import read_catalogue
 from polarsim.publish.options import FORM_NAMES, PublishOptions
-from polarsim.publish.run import FORMS, publish, publish_run
+from polarsim.publish.run import FORMS, publish, publish_run, summary
 from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
-from tests.publish.tiny import content, make_run
+from tests.publish.tiny import KEYS, content, make_run
 
 LACKING = {"euroc", "tum", "detectors"}  # to the tiny run
 
@@ -326,3 +329,80 @@ def test_photos_are_found_from_any_folder(tmp_path, monkeypatch):
     for folder in (tmp_path, elsewhere, run):
         monkeypatch.chdir(folder)
         assert len(read_catalogue(run).of_domain("analog")) == 4
+
+
+FIRST, SECOND = "position", "photo"  # the alphabet has them the other way round
+
+
+@pytest.fixture
+def run_of_two_splits(tmp_path):
+    """A run whose first split tests azimuth 180, leaves one photo out, and is the second one in the alphabet."""
+    run = make_run(tmp_path)
+    rows = [(str(key), "test" if key.azimuth == "180" else "train") for key in KEYS[:-1]]
+    write_csv(run / f"detect/{FIRST}/split.csv", pd.DataFrame(rows, columns=["key", "part"]))
+    return run
+
+
+def parts_published(folder):
+    """Parts of the keys in each form that has a folder or file a part."""
+    found = {"coco": {}, "yolo": {}, "hf": {}}
+    for part in ("train", "val", "test", "unassigned"):
+        for path in (folder / "coco/annotations").glob(f"analog_{part}.json"):
+            images = json.loads(path.read_text())["images"]
+            found["coco"] |= {Path(one["file_name"]).stem: part for one in images}
+        found["yolo"] |= {path.stem: part for path in (folder / f"yolo/analog/images/{part}").glob("*.png")}
+        found["hf"] |= {path.stem: part for path in (folder / f"hf/analog/{part}").glob("*.png")}
+    return found
+
+
+@pytest.mark.parametrize("said_by", ["configuration", "argument"])
+def test_parts_are_those_of_the_first_split_and_pictures_of_no_part_are_left_out(run_of_two_splits, tmp_path, said_by):
+    run = run_of_two_splits
+    if said_by == "configuration":
+        (run / "config.yaml").write_text(f"detect: {{splits: [{FIRST}, {SECOND}]}}\n")
+    done = publish(run, tmp_path / "out", ["coco", "yolo", "hf"], split="" if said_by == "configuration" else FIRST)
+    expected = {str(key): "test" if key.azimuth == "180" else "train" for key in KEYS[:-1]}
+    assert parts_published(tmp_path / "out") == {"coco": expected, "yolo": expected, "hf": expected}
+    for form, part in done.items():
+        assert part.split == FIRST
+        card = (tmp_path / "out" / form / "README.md").read_text()
+        assert f"split by {FIRST}" in card
+        assert "2 of 8 pictures" in card  # of photos and of twins
+        assert "2 of 8 pictures" in summary(form, part, tmp_path)
+
+
+def test_several_splits_without_a_configuration_are_refused_with_their_names(run_of_two_splits, tmp_path):
+    with pytest.raises(ConfigError, match=f"{SECOND}, {FIRST}"):
+        publish(run_of_two_splits, tmp_path / "out", ["coco"])
+    with pytest.raises(ConfigError, match="terrain"):
+        publish(run_of_two_splits, tmp_path / "out", ["coco"], split="terrain")
+    (run_of_two_splits / "config.yaml").write_text("detect: {splits: [view]}\n")
+    with pytest.raises(ConfigError, match="view"):
+        publish(run_of_two_splits, tmp_path / "out", ["coco"])
+    assert not (tmp_path / "out").exists()
+
+
+def test_pictures_of_a_run_without_a_split_are_not_called_training(run, tmp_path):
+    bare = tmp_path / "bare"
+    shutil.copytree(run, bare, ignore=shutil.ignore_patterns("detect"))
+    done = publish(bare, tmp_path / "out", ["coco", "yolo", "hf"])
+    expected = {str(key): "unassigned" for key in KEYS}
+    assert parts_published(tmp_path / "out") == {"coco": expected, "yolo": expected, "hf": expected}
+    assert {part.split for part in done.values()} == {""}
+
+
+@pytest.mark.parametrize("own", [{}, {"tone": "linear"}, {"tone_percentile": 80.0, "tone_floor_dn": 3000.0}])
+def test_published_pictures_are_those_that_training_sees(tmp_path, own):
+    run = make_run(tmp_path)
+    (run / "config.yaml").write_text(json.dumps({"detect": {"splits": [SECOND], "pictures": own}}))
+    publish(run, tmp_path / "out", ["yolo"])
+    for path in (tmp_path / "out/yolo/hapke/images").rglob("*.png"):
+        pixels = png.read(run / f"renders/hapke/Terrain01/{path.name}")
+        np.testing.assert_array_equal(png.read(path), to_8_bits(pixels, PicturesOptions(**own)))
+
+
+def test_impossible_tone_of_the_configuration_is_refused(tmp_path):
+    run = make_run(tmp_path)
+    (run / "config.yaml").write_text("detect: {pictures: {tone_percentile: 300}}\n")
+    with pytest.raises(ConfigError, match=r"config\.yaml.*tone_percentile"):
+        publish(run, tmp_path / "out", ["yolo"])

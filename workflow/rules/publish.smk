@@ -25,6 +25,7 @@ rule publish_run:
         runtime=120,
     params:
         options=options("publish"),
+        split=SPLITS[0] if DOMAINS else "",
         code=code_of("publish_run"),
     script:
         "../scripts/publish_run.py"
