@@ -34,19 +34,20 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"kernels", "photo"},
     {"geometry", "grid"},
     {"formats"},
-    {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint", "explore"},
-    {"rover", "covers", "report", "publish"},
+    {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
+    {"rover", "covers", "report", "publish", "explore"},
     {"arguments", "config", "job_files", "reporting"},
     {"running"},
     {"cli"},
     {"__main__"},
 )
 TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores, what is
-    # published for KITTI is rectified
+    # published for KITTI is rectified, the explorer counts false positives and reads corrections
     "rover": {"render", "detect"},
     "covers": {"rocks", "render", "detect"},
     "report": {"scoring", "annotate"},
     "publish": {"detect"},
+    "explore": {"labels", "detect"},
 }
 
 

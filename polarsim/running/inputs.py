@@ -21,7 +21,10 @@ from polarsim.grid import selected_grid
 from polarsim.labels.seeds import read_all_corrections
 from polarsim.photo import PhotoKey, positions
 
-_FOLDERS = ("source.root", "labels.seeds.root", "labels.corrections", "scoring.annotated_root", "detect.views")
+_FOLDERS = (
+    "source.root", "labels.seeds.root", "labels.corrections", "scoring.annotated_root", "detect.views",
+    "rover.fine_tuning.drives",
+)  # fmt: skip
 _OPTIONAL_SECTIONS = ("detect", "rover", "covers")  # their paths are used only where their key `run` is true
 
 
@@ -63,8 +66,8 @@ def _paths_in(value: object, key: str) -> Iterator[tuple[str, Path]]:
         for name, inner in value.items():
             yield from _paths_in(inner, f"{key}.{name}")
     elif isinstance(value, Sequence) and not isinstance(value, str):
-        for number, inner in enumerate(value):
-            yield from _paths_in(inner, f"{key}.{number}")
+        for inner in value:
+            yield from _paths_in(inner, key)
 
 
 def _check_kind(key: str, path: Path) -> None:
@@ -90,6 +93,9 @@ def _check_source(config: Config) -> None:
         raise ConfigError(f"source.root: no such folder, expected data of kind {source.kind!r}", path=source.root)
     if config.detect.run and views is not None and not (views / "index.csv").is_file():
         raise ConfigError("detect.views: no index.csv, expected output of `polarsim render VIEWS.yaml`", path=views)
+    for drive in config.rover.fine_tuning.drives if config.rover.run else ():
+        if not any(drive.glob("*/poses.parquet")):
+            raise ConfigError("rover.fine_tuning.drives: no pictures of a drive, expected */poses.parquet", path=drive)
 
 
 def _check_seeds(config: Config) -> None:

@@ -51,10 +51,8 @@ def test_a_release_with_a_seed_a_correction_and_an_excluded_seed_passes(data):
         ("scoring.annotated_root", lambda path: {"scoring": {"annotated_root": path}}),
         ("detect.views", lambda path: {"detect": {"views": path}}),
         ("detect.training.pretrained", lambda path: {"detect": {"training": {"pretrained": path}}}),
-        (
-            "rover.soil.table",
-            lambda path: {"rover": {"run": True, "world": {"terrains": [3]}, "soil": {"table": path}}},
-        ),
+        ("rover.fine_tuning.drives", lambda path: {"rover": {**ROVER, "fine_tuning": {"drives": [path]}}}),
+        ("rover.soil.table", lambda path: {"rover": {**ROVER, "soil": {"table": path}}}),
     ],
 )
 def test_a_path_without_usable_content_is_an_error_that_names_it(data, wrong, key, sections):

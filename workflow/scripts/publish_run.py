@@ -11,4 +11,5 @@ with reporting(log=snakemake.log[0]):
         form=snakemake.wildcards.form,
         receipt=Path(snakemake.output.receipt),
         options=PublishOptions(**snakemake.params.options),
+        split=snakemake.params.split,
     )

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pydantic import BaseModel, Field
 
 from polarsim.detect.options import TrainingOptions
+from polarsim.user_path import UserPath
 
 FINE_TUNED = "fine_tuned"  # name of the detector that other drives have made of the one on board
 
@@ -14,7 +13,7 @@ FINE_TUNED = "fine_tuned"  # name of the detector that other drives have made of
 class DriveTuningOptions(BaseModel, extra="forbid", frozen=True):
     """The detector on board goes on with labelled pictures of other drives, before it looks at those of this run."""
 
-    drives: tuple[Path, ...] = Field(
+    drives: tuple[UserPath, ...] = Field(
         (),
         description="It is trained on the front camera's pictures of these drives, such as "
         "`results/OTHER/rover/seed0`: of other runs, over other ground than this run's. None: it is taken as it is.",
