@@ -38,6 +38,8 @@ LIMITS = {
     "across_rows_spread": _Limit(1.5, "the right photos' rows stray by {value:.1f} px from those of the left ones"),
     "iou_lost": _Limit(0.25, "meshes meet the right camera's boxes by {value:.2f} of IoU worse than the left one's"),
     "boxes_across_rows": _Limit(2.5, "boxes of the right camera lie {value:.1f} px otherwise up or down on the meshes"),
+    "feet_off": _Limit(0.1, "the feet of {value:.0%} of the rocks lie over 2 cm above or below it: unsupported"),
+    "far_from_feet": _Limit(0.5, "{value:.0%} of it is farther than 0.5 m from all rocks: its height there is a guess"),
     "surveyed": _Limit(0.5, "nothing proves the pose of the camera: it may be decimetres and degrees off"),
 }
 

@@ -1,5 +1,6 @@
 """Whether a run agrees with itself, without truth: scans, cameras, meshes and boxes, by the files that were written.
 
+A ground that was fitted under published rocks is held against their feet.
 Every scan is put through its written pose and asked how it would still have to move to lie on the written meshes; all
 scans together too. Cameras that photos or labels moved are held against those that the meshes were made with, and
 meshes against the boxes that localised the cameras. What does not agree becomes a plain sentence.
@@ -8,23 +9,27 @@ meshes against the boxes that localised the cameras. What does not agree becomes
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import KDTree
 
 from polarsim.formats import obj
 from polarsim.formats.best_photos import best_pictures
 from polarsim.formats.inventory import read_inventory
 from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.scans import read_scan
-from polarsim.formats.scene import TerrainMesh, read_terrain
+from polarsim.formats.scene import FITTED, TerrainMesh, made_from, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.casters import caster
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.rims import rim
+from polarsim.photo import NO_ROCK
 from polarsim.scoring.alignment import align_rigs, refine_alignment
 from polarsim.scoring.complaints import STAGE, complaint
 from polarsim.scoring.labels import read_annotated
@@ -37,6 +42,9 @@ log = logging.getLogger("polarsim")
 
 MARGIN = 0.15  # metres along the walls that do not count: cloth hangs otherwise in every scan
 POINTS = 20_000  # of a scan
+FOOT_OFF = 0.02  # metres between a rock's foot, median over its points, and a fitted ground that does not support it
+FAR_FROM_FEET = 0.5  # metres: the height of a fitted ground is a guess there
+SUPPORT_STEP = 0.05  # metres between points of the sand at which its distance from feet is measured
 MATCH_COLUMNS = ("position", "iou")
 
 
@@ -74,6 +82,9 @@ def check_consistency(
     scene, last = read_terrain(meshes, terrain), read_all_localised(cameras)
     if scans:
         metrics += scans_on_meshes(scans, scene)
+    if made_from(meshes).get(obj.ground_name(terrain)) == FITTED:
+        rims = [rim(obj.read(path)) for path in obj.rock_files(meshes).values()]
+        metrics += ground_support(scene.part(NO_ROCK), rims, half_width(terrain) - MARGIN)
     metrics += cameras_together(localised, last)
     if (located / "matches.parquet").exists():
         metrics += box_overlaps(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
@@ -121,6 +132,32 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
         metrics.append(Metric(subject, "rotation_between", rotation, "deg", 2, "own"))
         metrics.append(Metric(subject, "translation_between", translation, "mm", 2, "own"))
     return metrics
+
+
+def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> list[Metric]:
+    """How a fitted ground agrees with the feet of rocks, and how much of it is far from all of them.
+
+    Parameters
+    ----------
+    rims : sequence of (n, 3) float
+        Points of each rock's foot, metres.
+    half : float
+        Half width of the square of sand that counts, metres.
+    """
+    side = np.arange(-half, half, SUPPORT_STEP)
+    sand = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    far = 1.0
+    metrics = []
+    if rims:
+        surface, top = caster(ground.vertices, ground.faces), float(ground.vertices[:, 2].max()) + 1
+        feet = np.concatenate(rims)
+        origins = np.column_stack([feet[:, :2], np.full(len(feet), top)])
+        distance, _ = surface.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(feet), 1)))
+        gaps = np.split(np.abs(feet[:, 2] - (top - distance)), np.cumsum([len(own) for own in rims])[:-1])
+        off = float(np.mean([not np.median(gap) <= FOOT_OFF for gap in gaps]))  # without ground the gap is infinite
+        metrics.append(Metric("fitted ground", "feet_off", off, "1", len(rims), "own"))
+        far = float(np.mean(np.asarray(KDTree(feet[:, :2]).query(sand)[0]) > FAR_FROM_FEET))
+    return [*metrics, Metric("fitted ground", "far_from_feet", far, "1", len(sand), "own")]
 
 
 def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, LocalisedRig]) -> list[Metric]:

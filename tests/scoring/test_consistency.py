@@ -11,12 +11,13 @@ from polarsim.formats import png
 from polarsim.formats.rigs import LocalisedRig
 from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
-from polarsim.scoring.complaints import complaints
-from polarsim.scoring.consistency import box_overlaps, cameras_together, scans_on_meshes
+from polarsim.scoring.complaints import complaint, complaints
+from polarsim.scoring.consistency import box_overlaps, cameras_together, ground_support, scans_on_meshes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import metrics_table
 from polarsim.scoring.score import Labels
@@ -211,3 +212,21 @@ def test_boxes_tell_of_cameras_that_were_exchanged(rocky):
 def test_few_boxes_of_a_camera_say_nothing(rocky):
     outlines, annotated = rocky
     assert boxes_of_both({"A": STANDING}, outlines, {k: v for k, v in annotated.items() if k.camera == "L"}) == []
+
+
+def test_a_fitted_ground_that_does_not_support_its_rocks_is_reported():
+    side = np.array([-2.0, 2.0])
+    corners = np.array([[x, y, 0.0] for y in side for x in side])
+    ground = Mesh(corners, np.array([[0, 1, 3], [0, 3, 2]]))
+    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    foot = np.stack([0.1 * np.cos(angle), 0.1 * np.sin(angle), np.zeros(24)], axis=1)
+    places = [np.array([x, y, 0.0]) for x in (-1.2, 0.0, 1.2) for y in (-1.2, 0.0, 1.2)]
+    for lifted, complained in ((0, []), (3, ["feet_off"])):
+        rims = [foot + place + [0, 0, 0.03 * (number < lifted)] for number, place in enumerate(places)]
+        metrics = {one.metric: one for one in ground_support(ground, rims, 1.7)}
+        assert metrics["feet_off"].value == pytest.approx(lifted / 9)
+        assert [one.metric for one in metrics.values() if complaint(one.subject, one.metric, one.value)] == complained
+    one = {metric.metric: metric.value for metric in ground_support(ground, [foot], 1.7)}
+    assert one["far_from_feet"] == pytest.approx(1 - np.pi * 0.6**2 / 3.4**2, abs=0.02)
+    (bare,) = ground_support(ground, [], 1.7)
+    assert (bare.metric, bare.value) == ("far_from_feet", 1.0)
