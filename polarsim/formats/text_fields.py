@@ -33,14 +33,15 @@ def numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
     FormatError
         A field is no finite number.
     """
-    joined = "".join(fields)
-    if "_" in joined or not joined.isascii():  # Python accepts `1_000` and digits of other scripts
-        wrong = next(field for field in fields if "_" in field or not field.isascii())
-        raise FormatError(f"could not convert string to float: {wrong!r}", path=path, line=number)
-    try:
-        values = np.array([float(field) for field in fields])
-    except ValueError as error:
-        raise FormatError(str(error), path=path, line=number) from error
+    values = np.empty(len(fields))
+    for n, field in enumerate(fields):
+        try:
+            if "_" in field or not field.isascii():  # Python accepts `1_000` and digits of other scripts
+                raise ValueError
+            values[n] = float(field)
+        except ValueError as error:
+            comma = ", write a decimal point" if "," in field else ""
+            raise FormatError(f"{field!r} is no number{comma}", path=path, line=number) from error
     if not np.isfinite(values).all():
         raise FormatError("a value that is not finite", path=path, line=number)
     return values

@@ -73,7 +73,7 @@ def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, in
         )
     values = numbers(path, number, fields[1:])
     if count > 6:
-        whole = [field for field in fields[5:] if count == 7 and field.isdigit() and not outlined]
+        whole = [field for field in fields[5:] if count == 7 and _is_whole(field) and not outlined]
         if whole:
             raise FormatError(
                 f"7 fields with the whole number {whole[0]}: a track id? Expected class x y width height confidence or "
@@ -95,6 +95,11 @@ def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, in
     x, y, half_width, half_height = x * width, y * height, w * width / 2, h * height / 2
     corners = np.array([[x - half_width, y - half_height], [x + half_width, y + half_height]])
     return Shape(number, fields[0], corners, float(values[4]) if count == 6 else None, False, count)
+
+
+def _is_whole(text: str) -> bool:
+    """Return whether a text is a number of ASCII digits; `int` also accepts those of other scripts."""
+    return text.isascii() and text.isdigit()
 
 
 def _arrays(classes: Iterable[int], boxes: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -201,7 +206,7 @@ def class_number(path: str | Path, shape: Shape) -> int:
     FormatError
         The class is no whole number.
     """
-    if not shape.label.isdigit():
+    if not _is_whole(shape.label):
         raise FormatError(f"class {shape.label}, expected a whole number", path=path, line=shape.line)
     return int(shape.label)
 
@@ -317,7 +322,7 @@ def _numbered(path: Path, stated: Any) -> tuple[str, ...]:
         raise FormatError("names: expected a list of class names, or number: name", path=path)
     names = {}
     for number, name in pairs.items():
-        if not str(number).isdigit() or int(number) >= _MOST_CLASSES or not isinstance(name, (str, int)):
+        if not _is_whole(str(number)) or int(number) >= _MOST_CLASSES or not isinstance(name, (str, int)):
             raise FormatError(f"names: {number!r}: {name!r}, expected number: name", path=path)
         names[int(number)] = str(name)
     return tuple(names.get(number, "") for number in range(max(names) + 1))
@@ -392,7 +397,7 @@ def _box_class(path: str | Path, shape: Shape, names: tuple[str, ...]) -> int:
 
 
 def _class(path: str | Path, shape: Shape, names: tuple[str, ...]) -> int:
-    if not shape.label.isdigit() or int(shape.label) >= len(names):
+    if not _is_whole(shape.label) or int(shape.label) >= len(names):
         raise FormatError(
             f"class {shape.label}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=shape.line
         )

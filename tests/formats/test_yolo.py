@@ -115,7 +115,7 @@ def test_polygons_read_back(tmp_path):
         ("2 0.1 0.1 0.2 0.2", "5 fields"),
         ("2 0.1 0.1 0.2 0.2 0.3", "6 fields"),
         ("4 0.1 0.1 0.2 0.2 0.3 0.1", "class 4"),
-        ("2 0.1 0.1 0.2 x 0.3 0.1", "could not convert"),
+        ("2 0.1 0.1 0.2 x 0.3 0.1", "no number"),
     ],
 )
 def test_a_broken_polygon_is_named_with_file_line_and_reason(tmp_path, line, reason):
