@@ -710,6 +710,9 @@ CASES: dict[str, list[Case]] = {
         ),
     ],
     "formats.yolo.read_polygons": [Case(text("a.txt", YOLO_RING * 2), yolo.read_polygons, sound_polygons)],
+    "formats.yolo.has_polygons": [
+        Case(text("a.txt", YOLO_RING * 2), yolo.has_polygons, lambda found: [_is(found, bool)])
+    ],
     "formats.yolo.read_boxes_or_polygons": [
         Case(text("a.txt", YOLO_RING * 2), yolo.read_boxes_or_polygons, own_boxes),
         Case(text("a.txt", YOLO_BOXES), yolo.read_boxes_or_polygons, own_boxes),

@@ -52,7 +52,7 @@ def test_people_read_position_and_reason(tmp_path):
     path.write_text("0 0.5 0.5 0.1 0.1\n\n0 0.5 0.5 0.1\n")
     with pytest.raises(FormatError) as caught:
         yolo.read_boxes(path)
-    assert str(caught.value) == f"{path}:3: 4 fields, a YOLO box has 5: class x y width height"
+    assert str(caught.value).startswith(f"{path}:3: 4 fields, expected a box of 5")
     table = tmp_path / "split.csv"
     table.write_text("key\n1\n")
     with pytest.raises(FormatError) as caught:

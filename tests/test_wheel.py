@@ -102,14 +102,15 @@ def test_commands_need_no_extra_and_no_clone(call, tmp_path):
     ("arguments", "told"),
     [
         (("detect", "picture.png", "--weights", "x.pt", "--out", "new"), "polarsim[detect]"),
-        (("drive",), "polarsim[rover]"),  # with the configuration of the wheel
+        (("drive", "--configfile", "config/rover.yaml"), "polarsim[rover]"),  # the wheel's configuration
+        (("drive",), "no stored configuration"),
         (("report",), "results: no such folder"),
         (("render", "config/views.yaml", "out"), "the ground mesh is missing"),  # of a run
     ],
 )
 def test_what_is_lacking_is_named_in_one_line(call, tmp_path, arguments, told):
     png.write(tmp_path / "picture.png", np.zeros((48, 64), np.uint8))
-    if arguments == ("drive",):
+    if arguments[0] == "drive":
         for terrain in range(1, 14):
             name = obj.ground_name(terrain)
             obj.write(tmp_path / f"results/demo/meshes/Terrain{terrain:02d}" / name, SQUARE, "ground")

@@ -125,7 +125,10 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
         return set()
     found = set(read_all_corrections(folder))
     if not found:
-        raise ConfigError("labels.corrections: no KEY.txt and no COCO file with labels", path=folder)
+        raise ConfigError(
+            "labels.corrections: no KEY.txt or COCO file with labels; leave the key out to run without corrections",
+            path=folder,
+        )
     for key in sorted(found):
         if key.terrain not in config.terrains:
             raise ConfigError(f"labels.corrections: {key} is of none of the run's terrains {config.terrains}", folder)

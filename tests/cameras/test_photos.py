@@ -44,7 +44,7 @@ def rough_ground(cells=260):
 
 def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES):
     """Photos from a position, as rows of `photos.parquet`."""
-    surface, rng, rows = surface_of(read_terrain(folder / "meshes", 1)), np.random.default_rng(2), []
+    surface, rng, rows = surface_of(read_terrain(folder / "meshes", 13)), np.random.default_rng(2), []
     for camera in "LR":
         seen = look(surface, rig.camera(camera))
         for azimuth, off in suns.items():
@@ -52,7 +52,7 @@ def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES):
             for ms, share in exposures.items():
                 grey = share * 2500 * image / np.percentile(image, 98)
                 grey = BLACK_LEVEL + grey + rng.normal(0, 2 + 0.5 * np.sqrt(grey))
-                path = folder / "photos" / f"01_{position}_off_{azimuth}_{camera}_{ms:04d}.png"
+                path = folder / "photos" / f"13_{position}_off_{azimuth}_{camera}_{ms:04d}.png"
                 png.write(path, np.clip(np.rint(grey), 0, WHITE_LEVEL).astype(np.uint16))
                 rows.append({"key": path.stem, "path": str(path)})
     return rows
@@ -61,9 +61,9 @@ def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES):
 @pytest.fixture(scope="module")
 def photographed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("photographed")
-    obj.write(folder / "meshes" / obj.ground_name(1), rough_ground(), "ground")
+    obj.write(folder / "meshes" / obj.ground_name(13), rough_ground(), "ground")
     rows = photograph(folder, "A", TRUE)
-    broken = folder / "photos" / "01_A_off_180_L_0256.png"
+    broken = folder / "photos" / "13_A_off_180_L_0256.png"
     broken.write_bytes(b"no picture")
     rows.append({"key": broken.stem, "path": str(broken)})
     pd.DataFrame(rows).to_parquet(folder / "photos.parquet")
@@ -80,7 +80,7 @@ def located(folder, rigs):
 def refine(photographed, tmp_path, rigs, **changes):
     asked = {"photos": photographed / "photos.parquet", "options": RefinementOptions()}
     refine_cameras(
-        terrain=1, located=located(tmp_path, rigs), meshes=photographed / "meshes", cameras=tmp_path / "cameras",
+        terrain=13, located=located(tmp_path, rigs), meshes=photographed / "meshes", cameras=tmp_path / "cameras",
         **{**asked, **changes},
     )  # fmt: skip
     return read_all_localised(tmp_path / "cameras")
@@ -153,7 +153,7 @@ def test_tables_of_the_located_poses_and_a_colmap_model_come_along(refined):
 def test_a_colmap_model_holds_points_of_the_meshes(refined, photographed):
     model = pycolmap.Reconstruction(str(refined[1] / "cameras" / "colmap"))
     points = np.array([point.xyz for point in model.points3D.values()])
-    vertices = read_terrain(photographed / "meshes", 1).vertices
+    vertices = read_terrain(photographed / "meshes", 13).vertices
     assert 10_000 < len(points) <= 20_000
     assert cKDTree(vertices).query(points)[0].max() < 1e-6
     assert np.ptp(points[:, :2], axis=0).min() > 3.9  # from all over the sandbox
@@ -179,7 +179,7 @@ def test_photos_of_another_position_move_nothing(photographed, tmp_path, caplog)
     assert localised["A"].method == "scans"
     assert_same_files(tmp_path)
     assert "photos do not match the meshes" in caplog.text
-    assert "01_A_off_180_L_0256.png" in caplog.text  # the broken photo
+    assert "13_A_off_180_L_0256.png" in caplog.text  # the broken photo
 
 
 def test_positions_are_localised_by_what_their_photos_share_with_others(photographed, tmp_path, caplog):

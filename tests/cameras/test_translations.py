@@ -144,7 +144,7 @@ def test_a_position_that_is_refused_leaves_the_others_as_they_are(labelled, anno
     seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
     found = localise_all({**seen, "A": seen["B"]}, outlines, LENS, OPTIONS)
     assert set(found.localised) == set("BC")
-    assert "another position's boxes" in found.refused["A"]
+    assert "another position's boxes" in found.refused["A"].reason
     np.testing.assert_allclose(
         found.localised["C"].fit.sandbox_from_left.translation, TRUE_POSES["C"].translation, atol=0.02
     )

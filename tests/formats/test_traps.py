@@ -148,7 +148,7 @@ def outcomes(tmp_path_factory):
 @pytest.mark.parametrize("name", TRAPS)
 def test_a_trap_is_refused_in_one_line_soon_and_in_little_memory(outcomes, name):
     said, spent, grown = outcomes[name]
-    assert f"{name}: " in said
+    assert f"{name}:" in said
     assert TRAPS[name][2] in said
     assert len(said.splitlines()) == 1
     assert len(said) < 1000

@@ -163,11 +163,11 @@ def test_the_sun_casts_the_shadows_where_it_is_on_and_the_rover_light_where_it_i
     assert texts["off_30"] != texts["on_no"]
 
 
-def test_instances_table_and_boxes_say_the_same(labelled):
+def test_instances_table_and_boxes_say_the_same(labelled, lens):
     rows = tables.read_parquet(labelled / "table.parquet", tables.LABEL_COLUMNS)
     assert set(rows.source) == {"rendered"}
     for key, group in rows.groupby("key"):
-        classes, boxes = yolo.read_boxes(labelled / "boxes" / f"{key}.txt")
+        classes, boxes = yolo.read_boxes(labelled / "boxes" / f"{key}.txt", size=(lens.width, lens.height))
         of_rows = group[["x0", "y0", "x1", "y1"]].to_numpy()
         np.testing.assert_allclose(np.sort(boxes, axis=0), np.sort(of_rows, axis=0), atol=1e-3)
         assert (classes == 0).sum() == (group.kind == "rock").sum()

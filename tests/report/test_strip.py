@@ -11,7 +11,7 @@ from polarsim.photo import PhotoKey
 from polarsim.report.figures.strip import PANEL_WIDTH, draw_strip, shown_key
 
 BOX = {"x0": 500.0, "y0": 400.0, "x1": 900.0, "y1": 700.0}
-DARK, SHOWN, TESTED = (PhotoKey.parse(f"01_A_off_30_L_{ms}") for ms in ("2048", "0256", "0128"))
+DARK, SHOWN, TESTED = (PhotoKey.parse(f"03_A_off_30_L_{ms}") for ms in ("2048", "0256", "0128"))
 
 
 @pytest.fixture

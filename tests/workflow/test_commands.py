@@ -7,6 +7,8 @@ import ast
 import json
 import os
 import shutil
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from importlib.util import find_spec
@@ -100,12 +102,19 @@ def labels(small) -> pd.DataFrame:
     return table.assign(**dict(zip(EDGES, corners.T, strict=True)))[area(corners) > 0]
 
 
+def in_process_of_its_own(*arguments: object) -> subprocess.CompletedProcess:
+    """Call the command as a shell does: `polarsim run` ends all children of its process at its end."""
+    words = [sys.executable, "-m", "polarsim", *map(str, arguments)]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    return subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
+
+
 @pytest.fixture
 def call(polarsim):
     """Call a command that must succeed; what it printed."""
 
     def run(*arguments: object, code: int = 0) -> str:
-        done = polarsim(*arguments)
+        done = in_process_of_its_own(*arguments) if arguments[0] == "run" else polarsim(*arguments)
         assert done.returncode == code, (done.stderr, done.stdout[-2000:])
         assert "stray" not in done.stderr, done.stderr  # nothing that polarsim writes is a stray file
         return done.stdout
