@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -384,6 +385,8 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     """
     if moved := [f"{old} is now {new}" for old, new in MOVED.items() if _holds(content, old.split("."))]:
         raise ConfigError("; ".join(moved))
+    if endless := [f"{key}: should be a finite number, found {value}" for key, value in _not_finite(content, "")]:
+        raise ConfigError("; ".join(endless))
     try:
         return Config.model_validate(_with_release_root(unsigned_zeros(dict(content))))
     except ValidationError as error:
@@ -439,6 +442,18 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
 def schema() -> str:
     """JSON schema of the configuration; `config/schema.json` holds it for editors."""
     return json.dumps(Config.model_json_schema(), indent=1, sort_keys=True) + "\n"
+
+
+def _not_finite(content: Any, key: str) -> Iterator[tuple[str, float]]:
+    """Yield key and value of every number that is infinite or no number."""
+    if isinstance(content, float) and not math.isfinite(content):
+        yield key, content
+    elif isinstance(content, Mapping):
+        for name, inner in content.items():
+            yield from _not_finite(inner, f"{key}.{name}".removeprefix("."))
+    elif isinstance(content, (list, tuple)):
+        for number, inner in enumerate(content):
+            yield from _not_finite(inner, f"{key}.{number}")
 
 
 def _holds(content: Any, key: Sequence[str]) -> bool:

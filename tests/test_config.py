@@ -219,3 +219,14 @@ def test_every_start_of_snakemake_reads_the_configuration_without_heavy_librarie
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert "polarsim.config" in done.stdout.split()
     assert not {"matplotlib", "numba", "pandas", "scipy", "torch"} & set(done.stdout.split())
+
+
+@pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan")])
+@pytest.mark.parametrize("key", ["labels.min_rock_px", "rocks.rock_cell_mm", "detect.mixes.mixed.analog"])
+def test_a_number_that_is_not_finite_is_an_error_with_its_key(key, value):
+    content = value
+    for name in reversed(key.split(".")):
+        content = {name: content}
+    with pytest.raises(ConfigError) as caught:
+        parse_config({"source": {"kind": "analog"}, **content})
+    assert key in caught.value.reason
