@@ -407,6 +407,7 @@ def test_corrections_are_there_at_the_next_start_until_they_are_dropped(browser,
         np.testing.assert_allclose([one["x0"] for one in edited(page)], before, atol=2e-3)
         assert page.locator("#editor .edited title").text_content() == "rock 1"
         shown(page, address, f"view=correct&key={KEYS[1]}&rock=3.1")
+        page.wait_for_selector("#editor .edited")
         page.keyboard.press("ArrowRight")
         until(page, lambda: len(list(kept.glob("*.txt"))) == 2)
         page.locator("#revert").click()
