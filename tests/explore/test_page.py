@@ -77,7 +77,7 @@ def page(browser, address):
 @contextmanager
 def opened_page(browser, address: str):
     context = browser.new_context(viewport={"width": 1300, "height": 800}, accept_downloads=True)
-    context.set_default_timeout(15_000)
+    context.set_default_timeout(60_000)
     opened, wrong = context.new_page(), []
     opened.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
     opened.on("pageerror", lambda error: wrong.append(str(error)))
@@ -101,7 +101,7 @@ def shown(page, address: str, state: str = ""):
 
 def until(page, true: str | Callable[[], bool]) -> None:
     """Wait for an expression of the page, or a call here, to be true; Playwright's own way breaks the page's policy."""
-    ends = time.monotonic() + 15
+    ends = time.monotonic() + 60  # a loaded machine draws slowly
     while not (page.evaluate(true) if isinstance(true, str) else true()):
         assert time.monotonic() < ends, true
         page.wait_for_timeout(30)
