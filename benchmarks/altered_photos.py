@@ -23,9 +23,9 @@ import pandas as pd
 
 from polarsim.covers.scores import cover_figures
 from polarsim.detect.find import read_any
-from polarsim.formats.schemas import FINE_TUNED
 from polarsim.photo import ROCK
 from polarsim.report.seeds import with_interval
+from polarsim.schemas import FINE_TUNED
 
 RESAMPLES = 500
 UPSIDE_DOWN, NO_WIDTHS = "upside down", "as published, no widths given"

@@ -33,7 +33,7 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.detect import find as detect
 from polarsim.detect.ipd import instance_performance, instance_performance_difference, pair
 from polarsim.detect.options import PACKAGED, PredictionOptions
-from polarsim.formats import png, rigs, tables
+from polarsim.formats import png, tables
 from polarsim.geometry import embree_library
 from polarsim.geometry.poses import angle_between
 from polarsim.labels import propagate
@@ -42,6 +42,7 @@ from polarsim.labels.seeds import Annotated
 from polarsim.photo import WIDTH, PhotoKey
 from polarsim.rocks import find
 from polarsim.rocks.options import RocksOptions
+from polarsim.run_files import rigs
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 TWO_THREADS = {"OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}

@@ -41,9 +41,7 @@ from scipy.spatial import ConvexHull, KDTree
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import nasa, obj, tables, yolo
-from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.obj import Mesh
-from polarsim.formats.rigs import LocalisedRig, read_localised, write_localised, write_rig
 from polarsim.geometry.boxes import area, around, clip
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
@@ -51,6 +49,8 @@ from polarsim.photo import PhotoKey
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised, write_rig
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.rocks import score_rocks

@@ -37,41 +37,43 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import (
     arrow,
     bags,
-    best_photos,
-    class_masks,
     coco,
     colmap,
     files,
     geotiff,
-    instances,
-    inventory,
     kitti,
-    lamps,
-    materials,
     nasa,
     npz,
     obj,
     ply,
     png,
     release,
-    rigs,
     rle,
-    rock_translations,
     ros,
-    run_files,
-    scans,
-    scene,
     tables,
     text_fields,
     yaml_files,
     yolo,
-)  # fmt: skip
-from polarsim.formats.rigs import LocalisedRig
+)
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, POLYGON_CLASSES, SUNS, WIDTH, PhotoKey
+from polarsim.run_files import (
+    best_photos,
+    class_masks,
+    instances,
+    inventory,
+    lamps,
+    materials,
+    rigs,
+    rock_translations,
+    scans,
+    scene,  # fmt: skip
+)
+from polarsim.run_files import pictures as run_files
+from polarsim.run_files.rigs import LocalisedRig
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 RIG = StereoRig(stated_rig().left.scaled(0.02), stated_rig().right.scaled(0.02), stated_rig().left_from_right)
@@ -431,7 +433,7 @@ CASES: dict[str, list[Case]] = {
             lambda path: best_photos.read_all_shrunk({("A", "L"): {"30": path}}, {"A": LOCALISED}, 0.02),
         ),
     ],
-    "formats.class_masks.read": [
+    "run_files.class_masks.read": [
         Case(file("a.png", class_masks.write, CLASS_MASK), class_masks.read, same(CLASS_MASK)),
     ],
     "formats.coco.read_pictures": [
@@ -452,15 +454,15 @@ CASES: dict[str, list[Case]] = {
         Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json)
     ],
     "formats.geotiff.read_elevation": [Case(make_geotiff, lambda path: geotiff.read_elevation(path, 2.0, 3.0))],
-    "formats.instances.read": [Case(file("a.png", png.write, IDS), instances.read, same(IDS))],
-    "formats.instances.read_kind_masks": [
+    "run_files.instances.read": [Case(file("a.png", png.write, IDS), instances.read, same(IDS))],
+    "run_files.instances.read_kind_masks": [
         Case(
             file("a.png", png.write, IDS),
             instances.read_kind_masks,
             lambda found: same(IDS >= instances.SHADOW_IDS)(found["shadow"]),
         ),
     ],
-    "formats.inventory.read_inventory": [
+    "run_files.inventory.read_inventory": [
         Case(file("a.json", inventory.write_inventory, INVENTORY), inventory.read_inventory, sound_inventory),
     ],
     "formats.kitti.read_objects": [
@@ -477,21 +479,21 @@ CASES: dict[str, list[Case]] = {
             lambda found: [_shape(found[name], size) for name, size in kitti.MATRICES.items()],
         ),
     ],
-    "formats.lamps.read_suns": [
+    "run_files.lamps.read_suns": [
         Case(
             the_folder(file(lamps.FILE, lambda path, suns: lamps.write_suns(path.parent, suns), {"30": POINTS[0, 0]})),
             lambda folder: lamps.read_suns(folder, {"A": LOCALISED}),
             lambda found: [_shape(found[sun], (3,)) for sun in SUNS],
         ),
     ],
-    "formats.lamps.read_found_suns": [
+    "run_files.lamps.read_found_suns": [
         Case(
             the_folder(file(lamps.FILE, lambda path, suns: lamps.write_suns(path.parent, suns), {"30": POINTS[0, 0]})),
             lamps.read_found_suns,
             lambda found: [_shape(one, (3,)) for one in found.values()],
         ),
     ],
-    "formats.materials.read_materials": [
+    "run_files.materials.read_materials": [
         Case(
             make_fit,
             lambda folder: materials.read_materials(folder, TERRAIN),
@@ -564,13 +566,13 @@ CASES: dict[str, list[Case]] = {
             lambda found: [own_boxes(one) for one in found.values()],
         ),
     ],
-    "formats.rigs.read_rig": [
+    "run_files.rigs.read_rig": [
         Case(file("calibration.json", rigs.write_rig, stated_rig(), "stated"), rigs.read_rig, sound_rig)
     ],
-    "formats.rigs.read_localised": [
+    "run_files.rigs.read_localised": [
         Case(file("PosA.json", rigs.write_localised, LOCALISED), rigs.read_localised, sound_localised),
     ],
-    "formats.rigs.read_all_localised": [
+    "run_files.rigs.read_all_localised": [
         Case(the_folder(file("PosA.json", rigs.write_localised, LOCALISED)), rigs.read_all_localised, sound_all),
     ],
     "formats.rle.from_text": [
@@ -589,7 +591,7 @@ CASES: dict[str, list[Case]] = {
             check=lambda found: _shape(found, (10, 10)),
         ),
     ],
-    "formats.rock_translations.read_translations": [
+    "run_files.rock_translations.read_translations": [
         Case(
             the_folder(
                 text(
@@ -601,14 +603,14 @@ CASES: dict[str, list[Case]] = {
             lambda found: [_shape(one, (3,)) for one in found.values()],
         ),
     ],
-    "formats.run_files.pictures_at": [
+    "run_files.pictures.pictures_at": [
         Case(
             file("a.parquet", tables.write_parquet, pd.DataFrame({"key": [str(KEY)], "path": ["a/b.png"]})),
             run_files.pictures_at,
             lambda found: [_is(key, PhotoKey) for key in found],
         ),
     ],
-    "formats.run_files.cover_photo": [
+    "run_files.pictures.cover_photo": [
         Case(
             file("a.json", inventory.write_inventory, INVENTORY),
             lambda path: run_files.cover_photo(path, "A"),
@@ -628,7 +630,7 @@ CASES: dict[str, list[Case]] = {
             lambda folder: scans.read_scan(inventory.Inventory(1, "polar", clouds={"A": folder / "m.xyz"}), "A", RIG),
         ),
     ],
-    "formats.scene.read_terrain": [
+    "run_files.scene.read_terrain": [
         Case(
             the_folder(
                 file(obj.ground_name(1), obj.write, TETRAHEDRON, "ground"),
@@ -638,7 +640,7 @@ CASES: dict[str, list[Case]] = {
             sound_mesh,
         ),
     ],
-    "formats.scene.made_from": [
+    "run_files.scene.made_from": [
         Case(
             the_folder(
                 text(scene.MESH_TABLE, "mesh,made_from\nterrain01_ground.obj,scan\nterrain01_rock3.obj,fitted\n")

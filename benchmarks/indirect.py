@@ -20,15 +20,15 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats.instances import GROUND
-from polarsim.formats.lamps import read_suns
-from polarsim.formats.rigs import read_all_localised
-from polarsim.formats.scene import read_terrain
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import lamps_of
 from polarsim.render.olat import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.instances import GROUND
+from polarsim.run_files.lamps import read_suns
+from polarsim.run_files.rigs import read_all_localised
+from polarsim.run_files.scene import read_terrain
 
 MODELS: tuple[Model, ...] = ("hapke", "principled")
 SMALL = 1 / 8  # of a photo

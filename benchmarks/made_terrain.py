@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scene import TerrainMesh
 
 
 def surveyed_rig() -> LocalisedRig:

@@ -28,13 +28,13 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.analog.terrain import build_terrain
 from polarsim.analog.truth import AlbedoMap
 from polarsim.analog.view import look, make_textures
-from polarsim.formats.materials import read_materials
-from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import CAMERAS
 from polarsim.randomness import generator
 from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.options import FittingOptions, RenderOptions
+from polarsim.run_files.materials import read_materials
+from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.materials import ALBEDO_COLUMNS, albedo_metrics
 

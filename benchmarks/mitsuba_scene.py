@@ -14,12 +14,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from polarsim.formats.instances import BACKGROUND
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.options import LambertParameters, Parameters, PrincipledParameters
 from polarsim.render.surfaces import Surfaces
+from polarsim.run_files.instances import BACKGROUND
 
 Integrator = Literal["direct", "path"]
 _SQUARE = 1e-4  # pixels may be longer than wide by this share: Mitsuba has one focal length

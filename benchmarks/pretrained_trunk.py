@@ -36,8 +36,8 @@ from polarsim.detect.detectors.compact.loss import losses
 from polarsim.detect.detectors.compact.network import WIDTHS, Compact
 from polarsim.detect.train import train_detector
 from polarsim.formats import tables
-from polarsim.formats.schemas import FINE_TUNED, RENDERED
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.schemas import FINE_TUNED, RENDERED
 
 TRUNK = "efficientnet-lite0"
 STAGES = {2: 24, 4: 40, 10: 112, 15: 320}  # last blocks at strides 4, 8, 16, 32, and their channels

@@ -21,10 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.formats.lamps import read_suns
-from polarsim.formats.rigs import read_all_localised
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -36,6 +32,10 @@ from polarsim.render.maps import maps_of
 from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.run_files.lamps import read_suns
+from polarsim.run_files.rigs import read_all_localised
+from polarsim.run_files.scene import read_terrain
 
 OPTIONS = RenderOptions()
 

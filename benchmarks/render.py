@@ -33,13 +33,13 @@ from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats import obj
 from polarsim.formats.files import write_json
-from polarsim.formats.rigs import write_localised
-from polarsim.formats.scene import TerrainMesh
 from polarsim.photo import NO_ROCK, SUNS, PhotoKey
 from polarsim.render.lamps import lamps_of, lit_by
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.run_files.rigs import write_localised
+from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 
 TERRAIN, POSITION = 4, "A"

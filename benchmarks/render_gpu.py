@@ -33,7 +33,6 @@ from render import MODELS, grid_keys
 
 from polarsim.formats import png
 from polarsim.formats.files import write_json
-from polarsim.formats.scene import TerrainMesh
 from polarsim.photo import PhotoKey
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import lamps_of, lit_by
@@ -41,6 +40,7 @@ from polarsim.render.olat import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 
 CAMERAS = ("L", "R")

@@ -31,7 +31,6 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats import tables
-from polarsim.formats.schemas import AUTONOMY, EVERY_AUTONOMY
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
 from polarsim.report.figures.autonomy import draw_modes, draw_ways
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
@@ -44,6 +43,7 @@ from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, O
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
+from polarsim.schemas import AUTONOMY, EVERY_AUTONOMY
 
 CONFIG = Path(__file__).parents[1] / "config"
 DRIVE = [*AXES, "seed", "ended"]  # what a row of drives.csv begins with

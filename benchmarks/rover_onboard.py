@@ -20,9 +20,9 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from polarsim.formats.schemas import FINE_TUNED
 from polarsim.report.seeds import with_interval
 from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.schemas import FINE_TUNED
 
 CONFIG = Path(__file__).parents[1] / "config"
 RESULTS = Path("results")

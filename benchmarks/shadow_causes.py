@@ -23,8 +23,6 @@ from scipy import ndimage
 from transfers import Run, Truth, read_truth
 
 from polarsim.config import read_config
-from polarsim.formats import lamps, rigs
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import area, centres, clip, iou, match_sum, of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.outlines import TRIM
@@ -40,6 +38,8 @@ from polarsim.labels.view import move_flat
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.labels.world import World, build_world
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.score import Counts, count_boxes
 
 STEP = 2  # px between the rays

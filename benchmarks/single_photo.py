@@ -25,7 +25,6 @@ import numpy as np
 from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats.files import write_json
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.render.lamps import lamps_of
@@ -33,6 +32,7 @@ from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 
 T = TypeVar("T")

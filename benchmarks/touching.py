@@ -38,8 +38,6 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import nasa, obj
-from polarsim.formats.inventory import Inventory, read_inventory, write_inventory
-from polarsim.formats.rigs import read_all_localised, read_localised, write_rig
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
 from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
@@ -48,6 +46,8 @@ from polarsim.rocks.find import CONFIRMED_HEIGHT, CONFIRMING_IOU, FOOT_HEIGHT, r
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.regions import Limits, find_regions, standing
+from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
+from polarsim.run_files.rigs import read_all_localised, read_localised, write_rig
 
 OPTIONS = RocksOptions()
 LIMITS = Limits(FOOT_HEIGHT, OPTIONS.min_height_mm / 1000, CONFIRMED_HEIGHT, OPTIONS.min_size_mm / 1000)

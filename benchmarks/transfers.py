@@ -33,8 +33,7 @@ from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.surveyed import likely_pose
 from polarsim.config import Config, read_config
 from polarsim.errors import FormatError
-from polarsim.formats import lamps, release, rigs, yolo
-from polarsim.formats.scene import read_terrain
+from polarsim.formats import release, yolo
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import area, clip, iou, match
 from polarsim.labels import annotator_model, rover_light
@@ -48,6 +47,8 @@ from polarsim.labels.tracks import Track
 from polarsim.labels.view import move_rocks
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.score import Counts, count_boxes
 
 POSITIONS = "ABC"

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 
 from polarsim.annotate.overlay import font
 from polarsim.formats.files import read_json
-from polarsim.formats.run_files import STRIP_TEXT
+from polarsim.run_files.pictures import STRIP_TEXT
 
 PANELS = ("photo", "twin", "difference", "labels")
 WIDTH, GAP, TITLE = 600, 8, 24  # px: of a panel, between panels, of a title's line

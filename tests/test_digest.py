@@ -31,9 +31,10 @@ def test_the_renderer_is_no_part_of_the_meshes():
 
 FLOORS = (  # from the bottom up: a package or module sees the floors below and itself, never one beside it
     {"errors", "digest", "progress", "public", "randomness", "survey", "user_path"},
-    {"kernels", "photo"},
-    {"geometry", "grid"},
+    {"kernels", "photo", "schemas"},
+    {"geometry", "grid", "tone"},
     {"formats"},
+    {"run_files", "download"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
     {"rover", "covers", "report", "publish", "explore"},
     {"arguments", "config", "job_files", "reporting"},

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from polarsim.acquire.archives import unpack
 from polarsim.acquire.options import FetchOptions, SourceOptions
+from polarsim.download import alone, downloaded
 from polarsim.errors import ConfigError, FetchError, FormatError
 from polarsim.formats import nasa, release
-from polarsim.formats.download import alone, downloaded
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
 

@@ -15,15 +15,15 @@ from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels, no_see
 from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import nasa, png, release
-from polarsim.formats.inventory import Inventory, write_inventory
 from polarsim.formats.readers import reader
-from polarsim.formats.rigs import write_rig
-from polarsim.formats.schemas import PHOTOS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
 from polarsim.geometry.stereo import stated_rig
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.rigs import write_rig
+from polarsim.schemas import PHOTOS
 
 PHOTO_BITS = 16  # of the files; their values have 12
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.formats.tone import to_8bit
 from polarsim.geometry.epipolar import epipolar_distances, triangulated_depth
 from polarsim.geometry.features import Features, match_features, sift_features
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import SUNS, PhotoKey
+from polarsim.tone import to_8bit
 
 _SCALE = 0.5  # of the photos in which features are detected
 _MAX_FEATURES = 2000

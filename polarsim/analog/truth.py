@@ -16,8 +16,8 @@ from polarsim.analog.terrain import Terrain
 from polarsim.analog.view import GBuffer, strips
 from polarsim.formats import obj, tables
 from polarsim.formats.files import write_json
-from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.geometry.meshes import Mesh
+from polarsim.run_files.rigs import LocalisedRig, write_localised
 
 _GROUND_STEP = 0.015  # metres: of the ground's mesh
 _COLUMN_STEP = 0.002  # metres

@@ -15,12 +15,12 @@ from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import coco, png, release, yolo
 from polarsim.formats.files import write_json, write_text, writing_folder
-from polarsim.formats.run_files import domains_of, pictures_of
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.formats.tone import to_8bit
 from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES, HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
+from polarsim.run_files.pictures import domains_of, pictures_of
+from polarsim.tone import to_8bit
 
 TOOLS = ("labelimg", "cvat", "label-studio")
 DECIMALS = 6  # of a percent: a hundred-thousandth of a pixel

@@ -12,13 +12,13 @@ import pandas as pd
 from polarsim.annotate.overlay import Marks, add_legend, draw_labels
 from polarsim.errors import ConfigError, FormatError, LabelError, about
 from polarsim.formats import png
-from polarsim.formats.instances import read_kind_masks
-from polarsim.formats.run_files import domains_of, instances_of, pictures_of, polygons_of
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_parquet
-from polarsim.formats.tone import to_8bit
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
+from polarsim.run_files.instances import read_kind_masks
+from polarsim.run_files.pictures import domains_of, instances_of, pictures_of, polygons_of
+from polarsim.tone import to_8bit
 
 log = logging.getLogger("polarsim")
 

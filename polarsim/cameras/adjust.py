@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.photo import View
+from polarsim.run_files.rigs import LocalisedRig
 
 _STEPS = 30
 _STILL = 1e-4  # of a prior's standard deviation: steps smaller than this end the adjustment

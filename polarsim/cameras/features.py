@@ -16,13 +16,13 @@ import numpy as np
 
 from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.shading import Surface
-from polarsim.formats.best_photos import Photos, Pictures, read_shrunk
-from polarsim.formats.rigs import FEATURES, LocalisedRig
-from polarsim.formats.tone import to_8bit
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.features import Features, match_features, sift_features
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.run_files.best_photos import Photos, Pictures, read_shrunk
+from polarsim.run_files.rigs import FEATURES, LocalisedRig
+from polarsim.tone import to_8bit
 
 SCALE = 0.5  # of the photos in which features are looked for
 _MOST = 6000  # features of a photo

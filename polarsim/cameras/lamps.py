@@ -13,10 +13,10 @@ import numpy as np
 
 from polarsim.cameras.adjust import outlier_weights, whitened
 from polarsim.cameras.shading import Seen, Surface, look
-from polarsim.formats.best_photos import Photos
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.patches import MatchedWindows, Window, find
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, View
+from polarsim.run_files.best_photos import Photos
+from polarsim.run_files.rigs import LocalisedRig
 
 _NUDGE = 0.04  # metres: about a pixel of a coarse view
 _WEIGHTS = 20  # steps of a robust fit

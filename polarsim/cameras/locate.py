@@ -25,16 +25,16 @@ from polarsim.cameras.translations import translation_table
 from polarsim.errors import RegistrationError, within
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
-from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import PITCH_SD, SURVEYED, UNSURE, LocalisedRig, read_rig, write_localised
-from polarsim.formats.rock_translations import FILE as TRANSLATION_FILE
-from polarsim.formats.scans import read_scan
-from polarsim.formats.schemas import ALIGNMENT, MATCHES
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
+from polarsim.run_files.inventory import Inventory, read_inventory
+from polarsim.run_files.rigs import PITCH_SD, SURVEYED, UNSURE, LocalisedRig, read_rig, write_localised
+from polarsim.run_files.rock_translations import FILE as TRANSLATION_FILE
+from polarsim.run_files.scans import read_scan
+from polarsim.schemas import ALIGNMENT, MATCHES
 from polarsim.survey import half_width
 
 _NOTHING = "no scan, no labels and meshes that localise it, and no survey"

@@ -23,16 +23,17 @@ from polarsim.cameras.lamps import Shot, refine_lamp, shots_of
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
 from polarsim.cameras.shading import Surface, look, surface_of
-from polarsim.formats import colmap, lamps
-from polarsim.formats.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
+from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
-from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
-from polarsim.formats.run_files import pictures_at
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import angle_between
 from polarsim.photo import USUAL_EXPOSURE_MS, View
 from polarsim.progress import track
+from polarsim.run_files import lamps
+from polarsim.run_files.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
+from polarsim.run_files.pictures import pictures_at
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
+from polarsim.run_files.scene import read_terrain
 
 # Windows of 21 px of a shaded view are looked for up to 5 px away, one every 12 px; their correlation with the photo is
 # at least 0.6, and the noise of their position 0.4 of sqrt((1 - correlation) / bend of the correlation).

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import caster
 from polarsim.geometry.rays import Caster
+from polarsim.run_files.scene import TerrainMesh
 
 
 @dataclass(frozen=True)

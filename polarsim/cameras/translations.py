@@ -10,11 +10,11 @@ import pandas as pd
 
 from polarsim.cameras.labels import FINAL_NOISE, LabelLocalisation
 from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of, unknowns_of
-from polarsim.formats.rock_translations import TRANSLATION_COLUMNS
 from polarsim.geometry.boxes import MATCH_GATE_PX, assign
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
+from polarsim.run_files.rock_translations import TRANSLATION_COLUMNS
 
 ROUNDS = 3  # of pairing rocks and boxes anew
 FAR = 2.0  # standard deviations of the prior from which on a rock was plainly put elsewhere: the prior lets it go

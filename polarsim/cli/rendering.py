@@ -99,9 +99,6 @@ def render(
 
     from polarsim.config import render_options
     from polarsim.formats import png
-    from polarsim.formats.rigs import read_localised
-    from polarsim.formats.scene import terrain_in
-    from polarsim.formats.tone import to_8bit
     from polarsim.geometry.camera import Camera
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
@@ -109,6 +106,9 @@ def render(
     from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
+    from polarsim.run_files.rigs import read_localised
+    from polarsim.run_files.scene import terrain_in
+    from polarsim.tone import to_8bit
 
     writes_file(".png")(out)
     sidecar = out.with_suffix(".json")
@@ -171,10 +171,10 @@ def brdf(
 
 
 def _render_views(file: Path, out: Path, limit: int | None, scale: float, preview: bool, threads: int) -> None:
-    from polarsim.formats.tone import to_8bit
     from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
     from polarsim.render.views.options import read_views
     from polarsim.render.views.run import render_views
+    from polarsim.tone import to_8bit
 
     tone = partial(to_8bit, white=WHITE_LEVEL - BLACK_LEVEL)  # one white for all: exposures stay apart
     with reporting():  # typer keeps Ctrl-C to itself

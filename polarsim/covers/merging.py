@@ -14,8 +14,8 @@ from polarsim.detect.fusion import fuse
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import prediction_table
 from polarsim.formats import tables
-from polarsim.formats.schemas import PREDICTIONS
 from polarsim.photo import BOX_CLASSES
+from polarsim.schemas import PREDICTIONS
 
 _NOTHING = np.zeros((0, 6))
 

@@ -18,8 +18,8 @@ from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
-from polarsim.formats.schemas import COVER_SCORES, FINE_TUNED, ONE
 from polarsim.photo import BOX_CLASSES
+from polarsim.schemas import COVER_SCORES, FINE_TUNED, ONE
 
 
 @dataclass(frozen=True)

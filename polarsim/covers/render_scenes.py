@@ -15,9 +15,8 @@ from polarsim.covers.scenes import Scene, Shape, draw_scene
 from polarsim.covers.strokes import practise
 from polarsim.covers.viewpoints import coarse_sand, draw_lamp
 from polarsim.errors import DetectError
-from polarsim.formats import class_masks, obj, png, yolo
+from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH
 from polarsim.progress import track
 from polarsim.randomness import generator
@@ -27,6 +26,8 @@ from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files import class_masks
+from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 
 _BRIGHT_SAND = 90  # percentile of the sand's light that an exposure is told by: walls and lamps would mislead it
 _SEAM_PX = 2

@@ -17,9 +17,9 @@ from polarsim.detect.detectors import detector_name
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.split import TEST, TRAIN
 from polarsim.formats import tables
-from polarsim.formats.schemas import COVER_SCORES, MEAN, MERGED, NO_SEED, ONE, PREDICTIONS
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
+from polarsim.schemas import COVER_SCORES, MEAN, MERGED, NO_SEED, ONE, PREDICTIONS
 
 ALL = "all"  # terrains together
 

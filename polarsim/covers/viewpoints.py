@@ -6,7 +6,6 @@ import numpy as np
 
 from polarsim.covers.options import SceneOptions
 from polarsim.errors import DetectError
-from polarsim.formats.instances import GROUND
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
@@ -15,6 +14,7 @@ from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces
+from polarsim.run_files.instances import GROUND
 
 _COARSE = 1 / 32  # of a photo's size: pictures in which tries are looked at
 _TRIES = 60

@@ -19,8 +19,8 @@ from polarsim.detect.sizes import ClassSizes, Sizes, choose_sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables, yolo
-from polarsim.formats.schemas import COVER_FOUND, PREDICTIONS
 from polarsim.photo import BOX_CLASSES
+from polarsim.schemas import COVER_FOUND, PREDICTIONS
 
 Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) as detectors give them
 Truth = Sequence[tuple[np.ndarray, np.ndarray]]  # classes (n,) and boxes (n, 4) of every photo

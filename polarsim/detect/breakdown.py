@@ -11,8 +11,8 @@ import pandas as pd
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import values_by
-from polarsim.formats.schemas import CURVES
 from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.schemas import CURVES
 
 ALL = "all"
 SIZES = {"small": (0.0, 32.0**2), "medium": (32.0**2, 96.0**2), "large": (96.0**2, np.inf)}  # COCO's, px^2 of the box

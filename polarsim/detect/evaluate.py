@@ -36,10 +36,10 @@ from polarsim.detect.seen import Seen
 from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, leaks, read_split
 from polarsim.errors import DetectError
 from polarsim.formats import tables
-from polarsim.formats.schemas import CURVES, INSTANCES
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
+from polarsim.schemas import CURVES, INSTANCES
 
 SIDES = ("trained", "evaluated")
 PAIR = ("trained", "first", "second")

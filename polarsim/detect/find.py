@@ -22,11 +22,12 @@ from polarsim.detect.masks import LoadedAt, class_mask, mask_widths, within_boxe
 from polarsim.detect.options import PicturesOptions, PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.errors import DetectError, PolarsimError, about
-from polarsim.formats import class_masks, coco, png, tables, yolo
+from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
+from polarsim.run_files import class_masks
 
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _TINT = 0.4  # weight of a mask's colour in a drawn picture

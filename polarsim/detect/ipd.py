@@ -17,9 +17,9 @@ from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import rows_by, values_by
 from polarsim.errors import DetectError
-from polarsim.formats.schemas import INSTANCES
 from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey
+from polarsim.schemas import INSTANCES
 
 INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # of one detector in one domain
 ROCK_COLUMNS = ("terrain", "rock", "kind", "photos", "iou_first", "iou_second", "difference")

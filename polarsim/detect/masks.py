@@ -14,11 +14,11 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import sizes_of
 from polarsim.detect.split import TEST
 from polarsim.errors import about
-from polarsim.formats import class_masks
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.progress import track
+from polarsim.run_files import class_masks
 
 LoadedAt = tuple[detectors.LoadedMasks, tuple[int, ...]]  # what makes masks, and the widths that it looks at
 

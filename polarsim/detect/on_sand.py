@@ -10,11 +10,11 @@ import numpy as np
 
 from polarsim.errors import DetectError
 from polarsim.formats import obj
-from polarsim.formats.rigs import LocalisedRig, localised_files, read_all_localised
-from polarsim.formats.scene import mesh_files, terrain_in
 from polarsim.geometry import boxes
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
+from polarsim.run_files.rigs import LocalisedRig, localised_files, read_all_localised
+from polarsim.run_files.scene import mesh_files, terrain_in
 from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, is_surveyed
 
 

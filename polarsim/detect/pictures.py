@@ -14,11 +14,12 @@ from polarsim.detect import tone
 from polarsim.detect.frame import read_picture
 from polarsim.detect.options import VIEWS, PicturesOptions
 from polarsim.errors import DetectError, PolarsimError, about, within
-from polarsim.formats import class_masks, instances, png, tables, yolo
+from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
+from polarsim.run_files import class_masks, instances
 
 BOX_COLUMNS = ("x0", "y0", "x1", "y1")
 USED, MISSING, DARK, CORRUPT = STATES = ("used", "missing", "dark", "corrupt")

@@ -19,9 +19,9 @@ from polarsim.detect.sizes import ClassSizes, Sizes, merge
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
-from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.schemas import PREDICTIONS
 
 PREDICTION_COLUMNS = PREDICTIONS.columns
 BATCH = 8

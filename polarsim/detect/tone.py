@@ -6,8 +6,8 @@ import numpy as np
 
 from polarsim.detect.options import PicturesOptions
 from polarsim.errors import DetectError
-from polarsim.formats.tone import GAMMA
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.tone import GAMMA
 
 _WHITE, _UNDEREXPOSED, _LARGEST_GAIN = 255, 128, 8  # of pictures of 8 bits
 

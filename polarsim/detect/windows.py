@@ -10,8 +10,9 @@ import numpy as np
 
 from polarsim.detect.dataset import KINDS, MASKS
 from polarsim.detect.frame import resized
-from polarsim.formats import class_masks, png, yolo
+from polarsim.formats import png, yolo
 from polarsim.geometry.boxes import area, clip
+from polarsim.run_files import class_masks
 
 _LEAST_SEEN = 0.3  # share of a labelled box that a window must show
 _TRIES = 20  # to draw a window that shows a label

@@ -15,9 +15,9 @@ from polarsim.explore.pictures import jpeg
 from polarsim.explore.run import Run
 from polarsim.explore.tables import EDGES, picture_table, shown_predictions
 from polarsim.formats.files import write_bytes, write_json, writing_folder
-from polarsim.formats.run_files import PHOTO, domains_of
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.progress import track
+from polarsim.run_files.pictures import PHOTO, domains_of
 
 FORM = "fiftyone.types.LegacyFiftyOneDataset"  # the form that FiftyOne reads of any version since 0.8
 PARTS = ("terrain", "position", "light", "azimuth", "camera", "exposure_ms")

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import outlines
 from polarsim.photo import NO_ROCK, POLYGON_CLASSES, ROCK, SHADOW
+from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 SIMPLIFY_PX = 1.0
 

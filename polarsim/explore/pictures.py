@@ -9,8 +9,8 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.tone import to_8bit
 
 SMALL_PX = 240  # width of the pictures in the grid
 QUALITY, SMALL_QUALITY = 88, 80  # of JPEG

@@ -16,11 +16,11 @@ from polarsim.explore.pictures import jpeg
 from polarsim.explore.run import Run
 from polarsim.explore.tables import EDGES
 from polarsim.explore.terrain import thinned_terrain
-from polarsim.formats import lamps, rigs
 from polarsim.formats.files import writing
-from polarsim.formats.run_files import PHOTO, polygons_of
 from polarsim.geometry.camera import Camera
 from polarsim.photo import CAMERAS, COLOURS, NO_ROCK, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey, by_bracket
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.pictures import PHOTO, polygons_of
 
 TIMELINE = "lamp"
 PICTURE_PX = 800  # width of the pictures

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import ConfigError
-from polarsim.formats.run_files import PHOTO, models_of, pictures_of
-from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_csv, read_parquet
 from polarsim.photo import TERRAINS, PhotoKey
+from polarsim.run_files.pictures import PHOTO, models_of, pictures_of
+from polarsim.schemas import PREDICTIONS
 
 
 @dataclass(frozen=True)

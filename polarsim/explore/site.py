@@ -19,9 +19,9 @@ from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels,
 from polarsim.explore.terrain import surroundings, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.formats.files import writing_folder
-from polarsim.formats.run_files import PHOTO, instances_of, polygons_of
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
+from polarsim.run_files.pictures import PHOTO, instances_of, polygons_of
 
 Files = dict[str, Callable[[], bytes]]  # by address below the page, without a slash in front
 WIDTH_PX = WIDTH // 2  # of the pictures

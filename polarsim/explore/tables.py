@@ -8,11 +8,11 @@ import pandas as pd
 from polarsim.detect.evaluate import clip_labels
 from polarsim.detect.false_positives import mark_false_positives
 from polarsim.explore.run import Run
-from polarsim.formats.run_files import PHOTO
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.matching_numba import match
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey
+from polarsim.run_files.pictures import PHOTO
 
 EDGES = ["x0", "y0", "x1", "y1"]
 LEAST_CONFIDENCE = 0.05  # of predictions that are shown

@@ -11,11 +11,12 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from polarsim.explore.run import Run, as_rows
-from polarsim.formats import lamps, obj, rigs
-from polarsim.formats.scene import mesh_files
+from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import CAMERAS, NO_ROCK
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.scene import mesh_files
 
 GROUND_CELL, ROCK_CELL = 0.018, 0.008  # metres to which the ground's and rocks' vertices are thinned
 REACH = 0.06  # metres within which a measured error belongs to a vertex

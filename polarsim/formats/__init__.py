@@ -1,14 +1,9 @@
-"""One file an outside format, its reader beside its writer."""
+"""File formats that other programs define, one module a format, its reader beside its writer.
+
+`files` and `readers` are what all readers and writers share: atomic writing, paths, encodings, errors in one line.
+Files that only polarsim defines are in `polarsim.run_files`.
+"""
 
 from polarsim.public import offered
 
-__all__, __getattr__, __dir__ = offered(
-    __name__,
-    LocalisedRig="rigs",
-    read_localised="rigs",
-    write_localised="rigs",
-    to_8bit="tone",
-    read_terrain="scene",
-    read_parquet="tables",
-    pictures_of="run_files",
-)
+__all__, __getattr__, __dir__ = offered(__name__, read_parquet="tables")

@@ -22,11 +22,11 @@ import numpy as np
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import ENCODINGS, share_file, text_of, write_text, writing_folder
 from polarsim.formats.readers import reader
-from polarsim.formats.rigs import LocalisedRig, checked_lens
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import CAMERAS
+from polarsim.run_files.rigs import LocalisedRig, checked_lens
 
 CAMERA_ID = {"L": 1, "R": 2}
 RIG_ID = 1

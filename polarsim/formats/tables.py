@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 from polarsim.errors import FormatError
 from polarsim.formats.files import text_of, writing
 from polarsim.formats.readers import reader
-from polarsim.formats.schemas import LABELS, PHOTOS
 from polarsim.photo import PhotoKey
+from polarsim.schemas import LABELS, PHOTOS
 
 MOST_CELLS = 1 << 27  # of a table in memory: a gigabyte; packed they may take a few bytes
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns

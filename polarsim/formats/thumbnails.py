@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.formats.tone import to_8bit
+from polarsim.tone import to_8bit
 
 if TYPE_CHECKING:
     from PIL import Image

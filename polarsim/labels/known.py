@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import MATCH_GATE_PX
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
@@ -17,6 +15,8 @@ from polarsim.labels.tracks import Track, find_tracks
 from polarsim.labels.view import move_rocks, project_rock
 from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, CameraSide
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scene import TerrainMesh
 
 
 @dataclass(frozen=True)

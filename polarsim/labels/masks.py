@@ -18,11 +18,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import coco, lamps, png, rigs, tables, yolo
+from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.run_files import pictures_at
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
@@ -32,6 +29,10 @@ from polarsim.labels.shadows import Ids, lamp
 from polarsim.labels.shapes import Shape, backdrop, convex, fitted, shapes_of, visible
 from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.pictures import pictures_at
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scene import read_terrain
 
 log = logging.getLogger(__name__)
 

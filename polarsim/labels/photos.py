@@ -11,7 +11,6 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
-from polarsim.formats.run_files import pictures_at
 from polarsim.geometry.boxes import window
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import (
@@ -23,6 +22,7 @@ from polarsim.photo import (
     CameraSide,
     Light,
 )
+from polarsim.run_files.pictures import pictures_at
 
 log = logging.getLogger("polarsim")
 

@@ -11,10 +11,8 @@ from types import MappingProxyType
 import numpy as np
 
 from polarsim.errors import LabelError
-from polarsim.formats import lamps, rigs, tables, yolo
+from polarsim.formats import tables, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import area
 from polarsim.labels.known import Known, gather
 from polarsim.labels.label import Label
@@ -38,6 +36,9 @@ from polarsim.labels.seeds import (
 )
 from polarsim.labels.shadows import lamp
 from polarsim.photo import BOX_CLASSES, SHADOW, Azimuth, CameraSide, Light, PhotoKey
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.inventory import read_inventory
+from polarsim.run_files.scene import read_terrain
 
 log = logging.getLogger(__name__)
 

@@ -17,13 +17,13 @@ from polarsim.errors import FormatError
 from polarsim.formats import yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.release import read_annotated
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import iou, match
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.photos import Bracket
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, CameraSide, Light, PhotoKey
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scene import TerrainMesh
 
 log = logging.getLogger(__name__)
 

@@ -8,13 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import TRIM, TRIM_SHARE
 from polarsim.geometry.rays import Caster, Joined
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above everything in the sandbox

@@ -21,14 +21,15 @@ from pydantic import ValidationError
 from polarsim.detect.options import DetectOptions, PicturesOptions
 from polarsim.detect.split import read_split
 from polarsim.errors import ConfigError, FormatError
-from polarsim.formats import lamps, rigs, scene, tables
+from polarsim.formats import tables
 from polarsim.formats.coco import Annotation, read_coco
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import SURVEYED, LocalisedRig
-from polarsim.formats.run_files import instances_of, pictures_at
 from polarsim.formats.yaml_files import describe_error, read_yaml
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
+from polarsim.run_files import lamps, rigs, scene
+from polarsim.run_files.inventory import read_inventory
+from polarsim.run_files.pictures import instances_of, pictures_at
+from polarsim.run_files.rigs import SURVEYED, LocalisedRig
 
 Origin = Literal["measured", "fitted", "synthetic"]
 # What a real sandbox was measured as, an analog was made up as: nothing of it was ever measured.

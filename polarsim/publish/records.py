@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import png
-from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.poses import Pose
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import MAPS, Catalogue, Picture, shadow_casters
+from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 PICTURE_FILE, MAP_FILE = "pictures/{name}.png", "maps/{name}/{stem}.png"
 # Meaning and unit of every column, for people and for labels that state them; empty: a name, count or share.

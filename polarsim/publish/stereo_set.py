@@ -15,7 +15,6 @@ from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.detect.tone import to_8_bits
 from polarsim.formats import kitti, png
 from polarsim.formats.coco import Annotation
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import around
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -24,6 +23,7 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, Picture
 from polarsim.publish.detection_sets import PARTS
+from polarsim.run_files.scene import read_terrain
 
 _SEEN, _HARDLY = 0.98, 0.5  # visible shares from which a thing is seen whole, below which it is hardly seen
 DISPARITIES = ("disp_noc_0", "disp_occ_0")  # of pixels that the right camera sees too, and of all

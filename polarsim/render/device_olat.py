@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from polarsim.formats.instances import BACKGROUND
 from polarsim.geometry.lens import pixel_directions, separated
 from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.rays_taichi import laid, laid_vectors
@@ -19,6 +18,7 @@ from polarsim.render.brdf_taichi import evaluate
 from polarsim.render.hits import LEAST_SLOPE, NO_NORMAL, Hits
 from polarsim.render.lamps import REFERENCE_DISTANCE
 from polarsim.render.materials import kinds_of
+from polarsim.run_files.instances import BACKGROUND
 
 _NO_ID = -1
 

@@ -14,12 +14,12 @@ import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.formats.materials import Fitted, FittedMaterials
-from polarsim.formats.run_files import pictures_at
 from polarsim.photo import BLACK_LEVEL, CENTRE_GREY_PER_MS, SUNS, PhotoKey
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import MODELS, Model, RenderOptions
+from polarsim.run_files.materials import Fitted, FittedMaterials
+from polarsim.run_files.pictures import pictures_at
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 log = logging.getLogger("polarsim.render")

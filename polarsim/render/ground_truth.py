@@ -13,7 +13,6 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.formats import coco, png, rle, tables, yolo
-from polarsim.formats.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import around, of_mask, window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
@@ -25,6 +24,7 @@ from polarsim.render.lamps import lit_by
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces
+from polarsim.run_files.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS
 
 SOURCE = "rendered"  # of labels that are what rays met
 _TOUCHING = np.ones((3, 3), bool)  # pixels that meet at a corner belong together

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
+from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth

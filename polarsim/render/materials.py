@@ -8,11 +8,11 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from polarsim.formats.instances import BACKGROUND, BODY, GROUND, ROCK_IDS
 from polarsim.render import brdf
 from polarsim.render.hits import Hits
 from polarsim.render.options import CHRONO, MODELS, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
+from polarsim.run_files.instances import BACKGROUND, BODY, GROUND, ROCK_IDS
 
 Reflectance = Callable[[Parameters, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 _NAMES = {BACKGROUND: ("walls",), GROUND: ("ground",)}

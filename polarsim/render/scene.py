@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.formats.scene import mesh_files, read_terrain
 from polarsim.render.gain import default_gain
 from polarsim.render.maps import Maps, maps_of
 from polarsim.render.olat import render_view
@@ -17,6 +16,7 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, refuse_position, surfaces_of
+from polarsim.run_files.scene import mesh_files, read_terrain
 
 
 class Scene:

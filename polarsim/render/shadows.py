@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.formats.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.rays import START_OFFSET, Caster
 from polarsim.geometry.vectors import dot, length, moved, scaled
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import rotations, to_disc
 from polarsim.render.surfaces import Surfaces
+from polarsim.run_files.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 
 _RELIEF_REACH = (
     0.15  # metres: ground nearer than this is roughness of the ground there, not another thing that hides the lamp

@@ -14,12 +14,12 @@ import numpy as np
 import polarsim
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_text
-from polarsim.formats.rigs import lens_content, lens_of
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import MODELS, Model, RenderOptions
+from polarsim.run_files.rigs import lens_content, lens_of
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ from functools import cached_property, partial
 import numpy as np
 
 from polarsim.errors import RenderError
-from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor
 from polarsim.geometry.topology import open_edges
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
+from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
+from polarsim.run_files.scene import TerrainMesh
 
 _WALL_THICKNESS = 0.05  # metres
 _WALL_FOOT = 0.5  # metres that walls reach below the median ground

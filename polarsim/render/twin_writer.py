@@ -12,11 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import lamps as lamp_files
-from polarsim.formats import materials as material_files
 from polarsim.formats import png
-from polarsim.formats.materials import FittedMaterials
-from polarsim.formats.scene import mesh_files
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.photo import PhotoKey, by_bracket
@@ -26,6 +22,10 @@ from polarsim.render.lamps import Lamp, lit_by
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digest_of, write_sidecar
+from polarsim.run_files import lamps as lamp_files
+from polarsim.run_files import materials as material_files
+from polarsim.run_files.materials import FittedMaterials
+from polarsim.run_files.scene import mesh_files
 
 log = logging.getLogger("polarsim.render")
 

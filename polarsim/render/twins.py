@@ -12,10 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import coco, tables
-from polarsim.formats.lamps import read_suns
-from polarsim.formats.materials import read_materials
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
 from polarsim.progress import track
@@ -28,6 +24,10 @@ from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import Surfaces, surfaces_of
 from polarsim.render.twin_writer import TwinWriter, sources_of
+from polarsim.run_files.lamps import read_suns
+from polarsim.run_files.materials import read_materials
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
+from polarsim.run_files.scene import read_terrain
 
 log = logging.getLogger("polarsim.render")
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import AZIMUTHS, BOX_CLASSES
 from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks, write_table
+from polarsim.schemas import LABEL_PAIRS
 from polarsim.scoring.labels import ALL, ANNOTATED, TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 from polarsim.scoring.reliability import reliability_table

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks
+from polarsim.schemas import TWIN_PAIRS
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 from polarsim.scoring.metrics import TRUTH_NAMES
 

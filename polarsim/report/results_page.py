@@ -15,11 +15,11 @@ from markupsafe import Markup
 from polarsim import __version__
 from polarsim.formats import thumbnails
 from polarsim.formats.files import read_json, relative_to, write_text
-from polarsim.formats.run_files import STRIP_TEXT
 from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
 from polarsim.report.headlines import headlines
 from polarsim.report.layout import markdown
+from polarsim.run_files.pictures import STRIP_TEXT
 
 _TEMPLATE = Path(__file__).with_name("results_page.html.jinja")
 WIDE, PANEL, THUMBNAIL = 1100, 480, 320  # px: of figures in the text, of a strip's panels, of the list of all figures

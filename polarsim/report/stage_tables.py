@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import CAMERAS
 from polarsim.report.layout import origin_note, with_origin, write_table
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 
 CAMERA_METRICS = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg", "median_off_before_px", "median_off_px")

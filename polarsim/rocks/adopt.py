@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError, about
-from polarsim.formats import obj, scene, tables
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rock_translations import read_translations
+from polarsim.formats import obj, tables
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
@@ -24,6 +22,9 @@ from polarsim.rocks.heights import FloorGrid, filled
 from polarsim.rocks.overrides import Cuboid, write_cuboids
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import largest_island, merged_vertices
+from polarsim.run_files import scene
+from polarsim.run_files.inventory import read_inventory
+from polarsim.run_files.rock_translations import read_translations
 
 log = logging.getLogger("polarsim")
 HALF_WIDTH = 2.10  # metres: published frames are not centred on the box to better than a decimetre

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
+from polarsim.run_files.rigs import LocalisedRig
 
 PEN_IOU = 0.05  # of IoU a position: smaller differences between two explanations of a box are the pen's
 

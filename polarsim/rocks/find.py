@@ -11,12 +11,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import ply, rigs, tables
+from polarsim.formats import ply, tables
 from polarsim.formats.files import writing_folder
-from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.ply import Cloud
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scans import read_scan
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import table
@@ -32,6 +29,10 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_positions
 from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
 from polarsim.rocks.scans import Extent, ScanPoints, merged, scan_in_sandbox
+from polarsim.run_files import rigs
+from polarsim.run_files.inventory import Inventory, read_inventory
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scans import read_scan
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")

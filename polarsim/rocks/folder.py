@@ -12,12 +12,12 @@ from scipy.spatial import KDTree
 
 from polarsim.formats import gltf, obj, tables
 from polarsim.formats.files import writing_folder
-from polarsim.formats.scene import MESH_TABLE
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.solids import decimated, islands, thinned, volume
+from polarsim.run_files.scene import MESH_TABLE
 
 MOST_SHOWN = 250_000  # vertices of the ground in the file for viewers
 DECIMATED_SHARE = 0.05  # of the vertices that decimated copies keep, as the release's do

@@ -10,7 +10,6 @@ import numpy as np
 from polarsim.errors import ReconstructionError
 from polarsim.formats import ply, tables
 from polarsim.formats.ply import Cloud
-from polarsim.formats.scene import SCANNED
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.folder import Scanned, height_mesh, write_meshes
@@ -19,6 +18,7 @@ from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.surfaces import closed_rock, ground_surface
+from polarsim.run_files.scene import SCANNED
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")

@@ -12,10 +12,7 @@ import pandas as pd
 from polarsim.errors import ReconstructionError, about
 from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
-from polarsim.formats.inventory import read_inventory
 from polarsim.formats.ply import Cloud
-from polarsim.formats.rigs import read_all_localised
-from polarsim.formats.scene import PUBLISHED
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.rims import rim
@@ -28,6 +25,9 @@ from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.solids import islands, largest_island, merged_vertices
 from polarsim.rocks.surfaces import closed_rock
+from polarsim.run_files.inventory import read_inventory
+from polarsim.run_files.rigs import read_all_localised
+from polarsim.run_files.scene import PUBLISHED
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from polarsim.formats.schemas import ROCKS
 from polarsim.rocks.overrides import Cuboid
+from polarsim.schemas import ROCKS
 
 
 def row(

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.errors import FormatError, RegistrationError, about
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.geometry.poses import Pose, fit_pose
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.surface import Surface
 
 ARM = 4.0  # metres: about how far the sand is, where a rotation by a quarter of a milliradian weighs as a millimetre

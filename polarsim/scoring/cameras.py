@@ -8,15 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import lamps, obj
+from polarsim.formats import obj
 from polarsim.formats.files import read_json
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.consensus import consensus_of_sets
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, SUNS, PhotoKey
+from polarsim.run_files import lamps
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.alignment import align_rigs, fit_alignment
 from polarsim.scoring.labels import read_annotated
 from polarsim.scoring.metrics import Metric, summary, write_metrics

@@ -18,11 +18,6 @@ import pandas as pd
 from scipy.spatial import KDTree
 
 from polarsim.formats import obj
-from polarsim.formats.best_photos import best_pictures
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
-from polarsim.formats.scans import read_scan
-from polarsim.formats.scene import FITTED, TerrainMesh, made_from, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
@@ -30,6 +25,11 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.geometry.rims import rim
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.best_photos import best_pictures
+from polarsim.run_files.inventory import read_inventory
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
+from polarsim.run_files.scans import read_scan
+from polarsim.run_files.scene import FITTED, TerrainMesh, made_from, read_terrain
 from polarsim.scoring.alignment import align_rigs, refine_alignment
 from polarsim.scoring.complaints import STAGE, complaint
 from polarsim.scoring.labels import read_annotated

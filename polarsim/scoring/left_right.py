@@ -12,14 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.formats.best_photos import Pictures, read_shrunk
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import assign, iou
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.patches import Ties, Window, find_ties, look_with_both
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import CAMERAS, PhotoKey
+from polarsim.run_files.best_photos import Pictures, read_shrunk
+from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.cameras import agreed_boxes
 from polarsim.scoring.metrics import Metric
 from polarsim.scoring.score import Labels

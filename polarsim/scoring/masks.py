@@ -11,12 +11,13 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import LabelError
-from polarsim.formats import class_masks, tables
-from polarsim.formats.schemas import MASK_SCORES
+from polarsim.formats import tables
 from polarsim.geometry.masks import confusion, iou
 from polarsim.geometry.polygons import paint
 from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
+from polarsim.run_files import class_masks
+from polarsim.schemas import MASK_SCORES
 from polarsim.scoring.outlines import Polygons, read_polygon_files
 
 ALL = "all"  # photos together

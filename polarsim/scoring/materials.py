@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from polarsim.formats.materials import FittedMaterials, read_materials, rock_of_vertex
-from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.materials import FittedMaterials, read_materials, rock_of_vertex
+from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import obj
-from polarsim.formats.scene import TerrainMesh, made_from
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.scene import TerrainMesh, made_from
 from polarsim.scoring.surface import Surface, islands
 from polarsim.scoring.true_surface import Samples
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from polarsim.formats import obj
 from polarsim.formats.files import read_json, writing_folder
-from polarsim.formats.lamps import write_suns
-from polarsim.formats.rigs import LocalisedRig, read_all_localised, write_localised
-from polarsim.formats.scene import mesh_files, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.photo import NO_ROCK, SUNS
+from polarsim.run_files.lamps import write_suns
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
+from polarsim.run_files.scene import mesh_files, read_terrain
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.true_surface import compare
 

@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import nasa
-from polarsim.formats.inventory import Inventory, read_inventory
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
-from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
+from polarsim.run_files.inventory import Inventory, read_inventory
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
+from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
 from polarsim.survey import half_width

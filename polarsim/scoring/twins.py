@@ -12,14 +12,14 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.run_files import pictures_at
-from polarsim.formats.schemas import TWIN_PAIRS
 from polarsim.formats.tables import key_columns, write_parquet
-from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import BLACK_LEVEL, PhotoKey
+from polarsim.run_files.pictures import pictures_at
+from polarsim.schemas import TWIN_PAIRS
 from polarsim.scoring.labels import ALL, against, read_folder, read_truth, score_tasks
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.options import ScoringOptions
+from polarsim.tone import to_8bit, white_of
 
 LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
 FULL_DN = 4000  # above black: brighter ones are clipped

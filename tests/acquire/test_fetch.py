@@ -14,10 +14,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from polarsim import download
 from polarsim.acquire.fetch import PINS, archives_of, fetch_archive, fetch_terrain
 from polarsim.acquire.options import FetchOptions, SourceOptions
 from polarsim.errors import ConfigError, FetchError, FormatError
-from polarsim.formats import download, nasa
+from polarsim.formats import nasa
 
 NAME = "Terrain11_FreshCrater.zip"
 FAST = FetchOptions(tries=3, backoff_s=0, timeout_s=5)

@@ -11,12 +11,12 @@ from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.acquire.seeds import find_labels
 from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import nasa, png
-from polarsim.formats.inventory import read_inventory
-from polarsim.formats.rigs import read_rig
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.run_files.inventory import read_inventory
+from polarsim.run_files.rigs import read_rig
 
 BOX = "0 0.500000 0.500000 0.100000 0.100000\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

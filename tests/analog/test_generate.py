@@ -8,10 +8,10 @@ from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, obj, png, tables, yolo
-from polarsim.formats.rigs import read_localised
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey, photo_grid
+from polarsim.run_files.rigs import read_localised
 from polarsim.survey import terrain_folder
 
 TERRAIN = 11

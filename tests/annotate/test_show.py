@@ -6,8 +6,8 @@ from polarsim.annotate.show import show
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
-from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import BLACK_LEVEL, COLOURS, PhotoKey
+from polarsim.tone import to_8bit, white_of
 
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
 OTHER = PhotoKey.parse("03_A_off_30_R_0256")

@@ -9,9 +9,9 @@ import pytest
 from benchmarks import rover_autonomy
 from benchmarks.rover_autonomy import made_with, row_of, take_over, write_rows
 from polarsim.formats import tables
-from polarsim.formats.schemas import EVERY_AUTONOMY
 from polarsim.rover.autonomy.cases import Case
 from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.schemas import EVERY_AUTONOMY
 
 
 def test_rows_of_drives_come_back_as_their_figures(tmp_path):

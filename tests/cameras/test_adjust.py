@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.cameras.adjust import Priors, Sightings, adjust
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files.rigs import LocalisedRig
 
 PRIORS = Priors(0.003, np.radians(0.1), 0.0005, np.radians(0.02), 1.5, 1.5, 0.003)
 INDEPENDENT = 300

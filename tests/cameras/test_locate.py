@@ -12,11 +12,11 @@ from polarsim.cameras.rounding import rounded
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
 from polarsim.formats.colmap import read_model
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import SURVEYED, UNSURE, read_all_localised, write_rig
-from polarsim.formats.schemas import ALIGNMENT, MATCHES
 from polarsim.geometry.poses import angle_between, looking
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.rigs import SURVEYED, UNSURE, read_all_localised, write_rig
+from polarsim.schemas import ALIGNMENT, MATCHES
 
 
 @pytest.fixture(autouse=True, scope="module")

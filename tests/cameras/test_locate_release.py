@@ -9,12 +9,12 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.formats import obj, release, yolo
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import assign, clip, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import SUNS
+from polarsim.run_files.rigs import LocalisedRig
 
 OPTIONS = LocalisationOptions()
 

@@ -15,13 +15,13 @@ from polarsim.cameras.photos import refine_cameras
 from polarsim.cameras.shading import look, surface_of
 from polarsim.formats import obj, png
 from polarsim.formats.colmap import read_model
-from polarsim.formats.lamps import FILE, read_suns, surveyed_suns
-from polarsim.formats.rigs import SURVEYED, LocalisedRig, read_all_localised, write_localised
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.run_files.lamps import FILE, read_suns, surveyed_suns
+from polarsim.run_files.rigs import SURVEYED, LocalisedRig, read_all_localised, write_localised
+from polarsim.run_files.scene import read_terrain
 from polarsim.survey import lamp_position
 
 TRUE = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0})

@@ -9,11 +9,11 @@ from polarsim.cameras import search
 from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.translations import FARTHEST, translated, translation_table
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.rock_translations import FILE, read_translations
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.rock_translations import FILE, read_translations
 
 from .conftest import TRUE_POSES, annotated_boxes
 

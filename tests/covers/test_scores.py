@@ -8,11 +8,11 @@ from polarsim.covers.merging import merge_seeds
 from polarsim.covers.scores import calibrated_by_others, cover_figures, score_covers
 from polarsim.detect.options import ComparisonOptions, PredictionOptions, TrainingOptions
 from polarsim.formats import png, tables, yolo
-from polarsim.formats.schemas import COVER_SCORES, PREDICTIONS
 from polarsim.photo import PhotoKey
 from polarsim.report.covers_table import tabulate_covers
 from polarsim.report.figures.covers import best_confidence, draw_covers
 from polarsim.report.figures.scenes import draw_scenes
+from polarsim.schemas import COVER_SCORES, PREDICTIONS
 
 ORIGIN = {"run": "covers", "source": "release", "config": "1a2b"}
 

@@ -7,7 +7,6 @@ from polarsim.covers.options import SceneOptions
 from polarsim.covers.relief import grid_mesh
 from polarsim.covers.viewpoints import coarse_sand, draw_camera, draw_lamp, level_sand
 from polarsim.errors import DetectError
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking, yaw_pitch_roll
@@ -16,6 +15,7 @@ from polarsim.randomness import generator
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.scene import TerrainMesh
 
 LENS = Lens(64, 64, 30, 19, width=60, height=38)
 

@@ -11,12 +11,12 @@ from polarsim.detect.detectors.compact.weights import network
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables, yolo
-from polarsim.formats.rigs import LocalisedRig, write_localised
-from polarsim.formats.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import HEIGHT, WIDTH
+from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
 from tests.covers.test_scores import label_rows_of
 
 KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}

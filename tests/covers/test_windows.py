@@ -12,8 +12,9 @@ from polarsim.covers.windows import cut_windows
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.windows import draw_windows
 from polarsim.errors import DetectError, PolarsimError
-from polarsim.formats import class_masks, png, tables, yolo
+from polarsim.formats import png, tables, yolo
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.run_files import class_masks
 from tests.covers.test_dataset import make_scenes
 
 KEYS = ("01_A_off_30_L_0256", "01_C_off_30_L_0256", "03_A_off_30_R_0256")

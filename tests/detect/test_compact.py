@@ -19,10 +19,10 @@ from polarsim.detect.split import split_photos
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import obj, tables
-from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files.rigs import LocalisedRig, write_localised
 
 torch = pytest.importorskip("torch")
 

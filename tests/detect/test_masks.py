@@ -15,8 +15,9 @@ from polarsim.detect.masks import class_mask, segment_pictures, within_boxes
 from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
-from polarsim.formats import class_masks, png, tables, yolo
+from polarsim.formats import png, tables, yolo
 from polarsim.photo import HEIGHT, WIDTH
+from polarsim.run_files import class_masks
 
 torch = pytest.importorskip("torch")
 

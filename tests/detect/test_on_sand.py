@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from polarsim.detect.on_sand import Sand, on_sand
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats import obj
-from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 
 KEY = "01_A_off_30_L_0256"

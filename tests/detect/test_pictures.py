@@ -10,10 +10,11 @@ from polarsim.detect.options import PicturesOptions, SplitOptions
 from polarsim.detect.pictures import convert_photos, convert_views, picture_paths, read_states
 from polarsim.detect.split import split_photos
 from polarsim.errors import DetectError, FormatError
-from polarsim.formats import class_masks, png, tables, yolo
+from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json
-from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.photo import GREY_VALUES, HEIGHT, ROCK, SHADOW, WIDTH
+from polarsim.run_files import class_masks
+from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from tests.detect.conftest import blobs
 
 OPTIONS = PicturesOptions(imgsz=160)

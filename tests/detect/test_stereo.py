@@ -17,14 +17,14 @@ from polarsim.detect.stereo.score import rock_performance, score
 from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
-from polarsim.formats.rigs import LocalisedRig, write_localised
-from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.report.stereo_table import tabulate_stereo
+from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.run_files.scene import TerrainMesh, read_terrain
 
 SCALE = 0.25
 OPTIONS = StereoOptions(scale=SCALE, farthest_m=12)

@@ -8,12 +8,12 @@ import pandas as pd
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
-from polarsim.formats.rigs import LocalisedRig, write_localised
-from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, photo_grid
+from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.schemas import PREDICTIONS
 from tests.made_terrain import ROCKS, make_cube, make_sand
 
 TERRAIN, FOLDER = 3, "Terrain03"

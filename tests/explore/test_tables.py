@@ -15,9 +15,9 @@ from polarsim.explore.site import overview
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions
 from polarsim.explore.terrain import clustered, surroundings, thinned_terrain
 from polarsim.formats import arrow
-from polarsim.formats.schemas import PREDICTIONS
 from polarsim.geometry.polygons import signed_area
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.schemas import PREDICTIONS
 from tests.made_terrain import make_sand
 
 from .made_run import KEYS, MODELS, RIG, SEED, boxes_of

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
 from polarsim.formats.colmap import read_model, write_model
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.run_files.rigs import LocalisedRig
 
 RIGHT_OF_LEFT = Pose.from_rotvec(np.array([-0.007, -0.004, 0.002]), np.array([0.3, 0.001, -0.006]))
 LOCALISED = {

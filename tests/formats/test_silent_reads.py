@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats import lamps, obj, png, rigs, rock_translations, scene, tables, yolo
+from polarsim.formats import obj, png, tables, yolo
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files import lamps, rigs, rock_translations, scene
 
 
 def test_a_png_whose_pixels_fail_their_checksum_is_refused(tmp_path):

@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats import inventory, obj, rigs, tables, yolo
+from polarsim.formats import obj, tables, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files import inventory, rigs
 
 TERRAIN = 3
 BLOCKS = {  # rock id -> centre of the base, and full extents, metres

@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.outlines import TRIM
 from polarsim.labels.known import gather
 from polarsim.labels.lit import hidden_by_dark, in_the_dark
@@ -13,6 +12,7 @@ from polarsim.labels.seeds import Annotated
 from polarsim.labels.view import project_rock
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, ROCK
+from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 
 from .conftest import block, flat_ground, localised

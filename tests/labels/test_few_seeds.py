@@ -7,12 +7,13 @@ from polarsim.acquire.index import index_terrain
 from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.formats import release, rigs, yolo
+from polarsim.formats import release, yolo
 from polarsim.geometry.boxes import clip, iou, match
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
 from polarsim.photo import SUNS, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
+from polarsim.run_files import rigs
 
 pytestmark = pytest.mark.release
 

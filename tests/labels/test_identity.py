@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import read_terrain
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.world import Dome, build_world
 from polarsim.photo import FIRST_UNMESHED_ROCK
+from polarsim.run_files.scene import read_terrain
 
 from .conftest import TERRAIN, localised
 

@@ -6,13 +6,14 @@ import pytest
 from scipy.spatial import ConvexHull
 from shapely import Polygon
 
-from polarsim.formats import lamps, png, tables, yolo
+from polarsim.formats import png, tables, yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_parquet
 from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, SHADOW, PhotoKey, photo_grid
+from polarsim.run_files import lamps
 
 from .conftest import BLOCKS, TERRAIN, block, localised
 from .test_propagate import propagate

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.outlines import TRIM
 from polarsim.labels import rover_light
@@ -14,6 +13,7 @@ from polarsim.labels.seeds import Annotated
 from polarsim.labels.view import project_rock
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, SUNS
+from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 
 from .conftest import BLOCKS, block, flat_ground, localised

@@ -5,10 +5,8 @@ import pandas as pd
 import pytest
 
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import inventory, obj, png, rigs, tables, yolo
+from polarsim.formats import obj, png, tables, yolo
 from polarsim.formats.coco import Annotation, write_coco
-from polarsim.formats.lamps import surveyed_suns
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.poses import Pose
 from polarsim.labels.known import gather
@@ -17,6 +15,9 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.photos import Photos
 from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
+from polarsim.run_files import inventory, rigs
+from polarsim.run_files.lamps import surveyed_suns
+from polarsim.run_files.scene import read_terrain
 
 from .conftest import BLOCKS, TERRAIN, block, localised
 

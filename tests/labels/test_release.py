@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats import inventory, obj, rigs, tables, yolo
+from polarsim.formats import obj, tables, yolo
 from polarsim.geometry.boxes import iou, match
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
@@ -12,6 +12,7 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
 from polarsim.photo import PhotoKey
+from polarsim.run_files import inventory, rigs
 
 from .conftest import flat_ground
 

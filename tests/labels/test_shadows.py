@@ -3,7 +3,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.camera import Camera
 from polarsim.labels.known import gather
 from polarsim.labels.light import OlatLight
@@ -14,6 +13,7 @@ from polarsim.labels.position_shadows import CastShadow, PositionShadows, mean_s
 from polarsim.labels.shadows import Ids, lamp, shadow_box
 from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.scene import read_terrain
 from polarsim.survey import lamp_position
 
 from .conftest import BLOCKS, TERRAIN, block, flat_ground, localised

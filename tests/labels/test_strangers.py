@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.boxes import around
 from polarsim.labels.seeds import Annotated, without_strangers
 from polarsim.photo import NO_ROCK, PhotoKey
+from polarsim.run_files.scene import TerrainMesh
 
 from .conftest import block, flat_ground, localised
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.boxes import iou
 from polarsim.labels.view import move_flat, move_rocks, project_rock
 from polarsim.labels.world import build_world
+from polarsim.run_files.scene import read_terrain
 
 from .conftest import BLOCKS, TERRAIN, localised
 
@@ -23,18 +23,18 @@ def test_a_projected_rock_is_the_box_around_its_corners(untouched_scene, world, 
 
 
 def test_a_rock_behind_the_camera_is_not_shown(world):
-    from polarsim.formats.rigs import LocalisedRig
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
+    from polarsim.run_files.rigs import LocalisedRig
 
     away = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), 0.0, np.radians(25)))
     assert project_rock(world, away.camera("L"), 4) is None
 
 
 def test_a_rock_behind_another_rock_is_seen_in_part(world):
-    from polarsim.formats.rigs import LocalisedRig
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
+    from polarsim.run_files.rigs import LocalisedRig
 
     # From just above the ground, on the line through both blocks, the near block 4 hides most of block 7.
     near, far = BLOCKS[4][0], BLOCKS[7][0]

@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import coco, lamps, obj, png, rigs, rle
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.schemas import ROCKS
+from polarsim.formats import coco, obj, png, rle
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_csv, write_parquet
 from polarsim.geometry.boxes import of_mask
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, PhotoKey
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.schemas import ROCKS
 
 SIZE = (484, 304)  # a quarter of the rig's
 KEYS = [PhotoKey.parse(f"01_A_off_{azimuth}_{camera}_0256") for azimuth in ("180", "30") for camera in "LR"]

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.formats import obj, rigs
-from polarsim.formats.scene import TerrainMesh
+from polarsim.formats import obj
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
@@ -14,6 +13,8 @@ from polarsim.photo import NO_ROCK
 from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import box, surfaces_of
+from polarsim.run_files import rigs
+from polarsim.run_files.scene import TerrainMesh
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 SMALL = Lens(220.0, 220.0, 100.0, 70.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 200, 140)

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
@@ -13,6 +12,7 @@ from polarsim.render.ground_truth import annotations_of, hidden_parts, whole_roc
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.scene import TerrainMesh
 
 from .conftest import PLAIN, SMALL, block
 

@@ -8,14 +8,14 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.materials import Fitted, FittedMaterials, read_materials, write_materials
-from polarsim.formats.scene import read_terrain
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.gain import as_bright_as_fitted, with_fit
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.run_files.materials import Fitted, FittedMaterials, read_materials, write_materials
+from polarsim.run_files.scene import read_terrain
 
 OPTIONS = RenderOptions(
     models=("lambert",), rim=False, bounce=0, fitting=FittingOptions(step_px=1, border_px=1, parameters={})

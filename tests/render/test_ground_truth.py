@@ -3,7 +3,6 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import coco, png, tables, yolo
-from polarsim.formats.instances import RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.boxes import of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.photo import PhotoKey
@@ -16,6 +15,7 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import surfaces_of
 from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.run_files.instances import RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 

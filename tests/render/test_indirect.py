@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.formats.instances import BACKGROUND, GROUND
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose, looking
 from polarsim.photo import BLACK_LEVEL
@@ -16,6 +15,7 @@ from polarsim.render.olat import render_view
 from polarsim.render.options import CHRONO, LambertParameters, RenderOptions
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.run_files.instances import BACKGROUND, GROUND
 
 RADIUS, ALBEDO = 2.0, 0.5  # of the integrating sphere
 LAMP = Lamp(np.array([3.0, 0.0, 1.0]))  # low: behind the block lies a shadow

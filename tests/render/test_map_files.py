@@ -5,13 +5,13 @@ import pytest
 import tifffile
 
 from polarsim.formats import png
-from polarsim.formats.instances import SHADOW_IDS
 from polarsim.photo import PhotoKey
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.render.shadows import FACES_AWAY, LIT
 from polarsim.render.sidecar import read_sidecar
 from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.run_files.instances import SHADOW_IDS
 
 KEYS = [PhotoKey.parse(f"01_A_{name}") for name in ("off_30_L_0256", "on_30_L_0064", "on_30_L_0256", "off_no_L_0512")]
 SETS = ["01_A_off_30_L.png", "01_A_on_30_L.png"]

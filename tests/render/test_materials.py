@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
@@ -14,6 +13,7 @@ from polarsim.render.materials import between_corners
 from polarsim.render.olat import render_view
 from polarsim.render.options import LambertParameters, Material, RenderOptions
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
 LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
 TWO = ((1, 2), ((0.3, 0.0), (-0.4, 0.3)))  # blocks

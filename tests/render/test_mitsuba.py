@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from benchmarks.mitsuba_scene import bsdf, mitsuba_scene, render, variant
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
@@ -14,6 +13,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import LambertParameters, PrincipledParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.scene import TerrainMesh
 
 mi = pytest.importorskip("mitsuba", reason="mitsuba is not installed: pip install polarsim[mitsuba]")
 mi.set_variant(variant())

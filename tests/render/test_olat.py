@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from polarsim.errors import RenderError
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
@@ -14,6 +13,7 @@ from polarsim.render.materials import hemispherical_albedo
 from polarsim.render.olat import render_view
 from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
 
 LAMP = Lamp(np.array([1.2, 0.9, 1.1]))

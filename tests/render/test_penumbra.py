@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.instances import GROUND, SHADOW_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
 from polarsim.render.lighting import visible_share
 from polarsim.render.maps import maps_of
 from polarsim.render.olat import render_view
+from polarsim.run_files.instances import GROUND, SHADOW_IDS
 
 from .conftest import HEIGHT, SIDE
 

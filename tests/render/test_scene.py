@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from polarsim.formats import obj, png
-from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
@@ -12,6 +11,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.maps import write_maps
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.sidecar import read_sidecar, write_sidecar
+from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 from .conftest import HEIGHT, PLAIN
 

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
@@ -18,6 +16,8 @@ from polarsim.render.maps import maps_of
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import BY_RELIEF, BY_WALL, FACES_AWAY, LIT, NOTHING
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.run_files.scene import TerrainMesh
 
 from .conftest import block
 

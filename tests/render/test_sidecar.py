@@ -10,7 +10,6 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png
-from polarsim.formats.instances import ROCK_IDS
 from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
 from polarsim.render.lamps import ROVER
@@ -18,6 +17,7 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.render.sidecar import digest_of, read_sidecar, write_sidecar
 from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.run_files.instances import ROCK_IDS
 
 KEYS = [PhotoKey.parse(f"01_A_{name}_0256") for name in ("off_30_L", "on_30_L", "on_180_R", "off_no_L")]
 OPTIONS = RenderOptions(rim=False, hapke="sato_mare_643", lamp_radius_m=0.05, gain={"hapke": 40.0})

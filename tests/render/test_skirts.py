@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.surfaces import hang, low_rim, surfaces_of, with_skirts
+from polarsim.run_files.scene import TerrainMesh
 
 GAP = 0.03  # metres between the ground and the block's open foot
 

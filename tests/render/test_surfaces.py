@@ -1,10 +1,10 @@
 import numpy as np
 
-from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces, box, surfaces_of
+from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
 
 def test_boxes_are_closed_and_face_outwards():

@@ -6,12 +6,12 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.formats.rigs import SURVEYED, UNSURE, read_localised, write_localised
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
 from polarsim.render.optics import spread, vignette
 from polarsim.render.options import MODELS, RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.run_files.rigs import SURVEYED, UNSURE, read_localised, write_localised
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 SETS = ("01_A_off_30_L", "01_A_on_30_L", "01_A_off_180_R")
@@ -176,7 +176,7 @@ def test_a_terrain_of_whose_photos_none_is_asked_for_has_all_its_folders_and_an_
 
 
 def test_lamps_may_stand_where_another_folder_says(folders):
-    from polarsim.formats.lamps import write_suns
+    from polarsim.run_files.lamps import write_suns
 
     write_suns(folders / "moved", {"30": np.array([-3.0, 1.0, 0.8])})
     render_twins(

@@ -3,7 +3,6 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.formats.schemas import CURVES, INSTANCES
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
@@ -11,6 +10,7 @@ from polarsim.report.figures.finds import draw_gap_rocks, most_different
 from polarsim.report.figures.seen import draw_seen, read_finds, shown_keys
 from polarsim.report.ipd_rocks_table import COLUMNS
 from polarsim.report.seeds import averaged, panels, title_text
+from polarsim.schemas import CURVES, INSTANCES
 from tests.report.pixels import coloured, is_drawn
 
 NARROW = 640  # px

@@ -6,10 +6,6 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj, png, release, yolo
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import read_all_localised
-from polarsim.formats.scene import read_terrain
-from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.boxes import around
 from polarsim.geometry.casters import caster
@@ -24,6 +20,10 @@ from polarsim.report.figures.offsets import draw_offsets
 from polarsim.report.figures.reliability import draw_reliability
 from polarsim.report.figures.residuals import draw_residuals
 from polarsim.report.figures.terrain import STEP, draw_terrain, slanted_view, top_view
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.rigs import read_all_localised
+from polarsim.run_files.scene import read_terrain
+from polarsim.schemas import LABEL_PAIRS
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 from tests.report.pixels import coloured, is_drawn

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.formats import png
-from polarsim.formats.lamps import write_suns
-from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.opposition import draw_opposition, extreme_spots, lit_by_one_lamp, phase_angles
+from polarsim.run_files.lamps import write_suns
+from polarsim.run_files.rigs import LocalisedRig, write_localised
 
 EYE = np.array([3.5, 0.0, 1.5])
 NARROW = 640  # px

@@ -2,11 +2,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats.rigs import LocalisedRig, write_localised
 from polarsim.formats.tables import read_csv, write_csv, write_parquet
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.report.stage_tables import tabulate_cameras, tabulate_rocks
+from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.scoring.mesh_scores import mesh_table
 from polarsim.scoring.metrics import Metric, write_metrics
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scans import trusted_pixels
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.rocks.scans import ScanPoints, merged, scan_in_sandbox
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scans import trusted_pixels
 
 TRIPODS = {
     "A": looking(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),

@@ -5,8 +5,6 @@ import trimesh
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.scene import made_from
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
 from polarsim.rocks.adopt import adopt_rocks, volume_above
@@ -14,6 +12,8 @@ from polarsim.rocks.fitted_ground import FOOT_SD, fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import compacted
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.scene import made_from
 
 GRID = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
 

@@ -4,9 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats import nasa, obj, ply, rigs
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import LocalisedRig
+from polarsim.formats import nasa, obj, ply
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks import find
@@ -15,6 +13,9 @@ from polarsim.rocks.ground import GROUND_CELL
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import read_overrides
+from polarsim.run_files import rigs
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.rigs import LocalisedRig
 from tests.rocks.conftest import Scene, angular_rock, hilly
 
 OPTIONS = RocksOptions(ground_mesh_cell_mm=40)

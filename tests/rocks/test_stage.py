@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from polarsim.formats import nasa, obj, tables
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.rigs import LocalisedRig, write_localised
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.stereo import rectified_left, stated_rig
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks.adopt import adopt_rocks
@@ -16,6 +13,9 @@ from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.solids import islands, volume
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.run_files.scene import read_terrain
 
 from .conftest import TRIPODS, Scene
 

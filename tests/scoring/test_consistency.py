@@ -8,14 +8,14 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from polarsim.formats import png
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scene import TerrainMesh
 from polarsim.scoring.complaints import complaint, complaints
 from polarsim.scoring.consistency import box_overlaps, cameras_together, ground_support, scans_on_meshes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import PhotoKey
+from polarsim.schemas import LABEL_PAIRS
 from polarsim.scoring.label_pairs import pair_labels, pair_photo
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Counts, Labels, count_photo

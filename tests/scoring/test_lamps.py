@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.lamps import write_suns
 from polarsim.geometry.poses import Pose
+from polarsim.run_files.lamps import write_suns
 from polarsim.scoring.cameras import lamps_against_truth
 
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.0, 0.0, 0.3]), np.array([0.1, -0.05, 0.0]))

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import class_masks, yolo
+from polarsim.formats import yolo
 from polarsim.formats.release import polygon_folder
-from polarsim.formats.schemas import MASK_SCORES
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH, PhotoKey
 from polarsim.report.masks_table import tabulate_masks
+from polarsim.run_files import class_masks
+from polarsim.schemas import MASK_SCORES
 from polarsim.scoring.masks import score_masks
 
 FIRST, SECOND, WITHOUT = (PhotoKey.parse(f"03_{position}_off_30_L_0256") for position in "ABC")

@@ -3,12 +3,12 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj
-from polarsim.formats.materials import Fitted, FittedMaterials, write_materials
-from polarsim.formats.rigs import LocalisedRig, write_localised
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files.materials import Fitted, FittedMaterials, write_materials
+from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.materials import held_out_metrics, score_materials
 
 TRANSLATION = np.array([0.3, -0.1, 0.05])  # of the true frame

@@ -4,9 +4,9 @@ import pytest
 import trimesh
 
 from polarsim.formats import obj
-from polarsim.formats.scene import read_terrain
 from polarsim.formats.tables import write_csv
 from polarsim.geometry.meshes import Mesh
+from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.mesh_scores import (
     COLUMNS,
     accuracy,

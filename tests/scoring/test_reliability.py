@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import key_columns
 from polarsim.photo import PhotoKey
+from polarsim.schemas import LABEL_PAIRS
 from polarsim.scoring.reliability import (
     COLUMNS,
     Confidences,

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
-from polarsim.formats.rigs import LocalisedRig, read_localised, write_localised
-from polarsim.formats.schemas import LABEL_PAIRS
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
+from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised
+from polarsim.schemas import LABEL_PAIRS
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.labels import score_labels, task_of, visible
 from polarsim.scoring.options import ScoringOptions

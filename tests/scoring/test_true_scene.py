@@ -3,11 +3,11 @@ import pytest
 
 from polarsim.formats import obj
 from polarsim.formats.files import read_json, write_json
-from polarsim.formats.inventory import Inventory, write_inventory
-from polarsim.formats.lamps import read_found_suns
-from polarsim.formats.rigs import read_all_localised
 from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.geometry.poses import Pose, angle_between
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.lamps import read_found_suns
+from polarsim.run_files.rigs import read_all_localised
 from polarsim.scoring.true_scene import thin_meshes, write_truth
 
 SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))

@@ -1,10 +1,10 @@
 import numpy as np
 
 from polarsim.formats import nasa
-from polarsim.formats.inventory import Inventory
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.run_files.inventory import Inventory
+from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import true_views
 

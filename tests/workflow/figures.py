@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.formats.run_files import pictures_at
-from polarsim.formats.tone import to_8bit
 from polarsim.photo import PhotoKey
+from polarsim.run_files.pictures import pictures_at
+from polarsim.tone import to_8bit
 from tests.report.pixels import coloured
 
 REDUCED = 8  # pixels of a figure to one that is compared

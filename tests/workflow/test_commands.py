@@ -29,12 +29,12 @@ from polarsim.explore.run import Run
 from polarsim.explore.site import site
 from polarsim.explore.tables import shown_predictions
 from polarsim.formats import coco, png, yolo
-from polarsim.formats.run_files import pictures_of
 from polarsim.geometry.boxes import area, clip, iou, match
 from polarsim.labels.seeds import read_corrections
 from polarsim.lint.rules import RULES
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
 from polarsim.publish.run import FORMS
+from polarsim.run_files.pictures import pictures_of
 from tests.rover.drives import SMALL as SMALL_DRIVE
 from tests.rover.drives import configured
 

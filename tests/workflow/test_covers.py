@@ -7,11 +7,12 @@ import yaml
 
 from polarsim.covers.strokes import COLOURS, draw_strokes
 from polarsim.detect.detectors import read_detector
-from polarsim.formats import class_masks, obj, png, yolo
+from polarsim.formats import obj, png, yolo
 from polarsim.formats.release import polygon_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH
 from polarsim.render.surfaces import box
+from polarsim.run_files import class_masks
 
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)

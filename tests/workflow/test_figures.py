@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from polarsim.formats.run_files import pictures_at
 from polarsim.report.figures.contact import draw_contact
+from polarsim.run_files.pictures import pictures_at
 from tests.workflow.figures import ALIKE, empty_figures, find_picture, pictured_share
 
 DEMO = Path(__file__).parents[2] / "results/demo"

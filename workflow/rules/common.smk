@@ -21,7 +21,7 @@ from polarsim.formats.release import (
     mesh_files,
     polygon_folder,
 )
-from polarsim.formats.schemas import FINE_TUNED, RENDERED
+from polarsim.schemas import FINE_TUNED, RENDERED
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.grid import selected_grid
 from polarsim.photo import USUAL_EXPOSURE_MS, WIDTH

@@ -7,8 +7,8 @@ import logging
 from pathlib import Path
 
 from polarsim.detect.options import TrainingOptions
+from polarsim.download import alone, downloaded
 from polarsim.errors import FetchError
-from polarsim.formats.download import alone, downloaded
 
 log = logging.getLogger("polarsim")
 

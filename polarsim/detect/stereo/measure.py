@@ -18,11 +18,11 @@ from polarsim.detect.stereo.score import rock_performance, score
 from polarsim.detect.stereo.truth import depth_truth
 from polarsim.errors import DetectError, about
 from polarsim.formats import png, tables
-from polarsim.formats.rigs import read_all_localised
-from polarsim.formats.scene import read_terrain
 from polarsim.geometry.casters import caster
 from polarsim.photo import PhotoKey
 from polarsim.progress import track
+from polarsim.run_files.rigs import read_all_localised
+from polarsim.run_files.scene import read_terrain
 
 PAIR_COLUMNS = (
     "domain", "key", "terrain", "position", "light", "azimuth", "exposure_ms",

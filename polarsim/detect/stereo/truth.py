@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.detect.stereo.rectify import Rectification
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.scene import TerrainMesh
 
 
 @dataclass(frozen=True)

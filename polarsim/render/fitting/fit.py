@@ -9,11 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.formats.lamps import read_suns
-from polarsim.formats.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
-from polarsim.formats.rigs import read_all_localised
-from polarsim.formats.run_files import pictures_at
-from polarsim.formats.scene import TerrainMesh, read_terrain
 from polarsim.photo import SUNS, PhotoKey, View
 from polarsim.progress import track
 from polarsim.randomness import generator
@@ -26,6 +21,11 @@ from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.olat import reflectance_engine
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import surfaces_of
+from polarsim.run_files.lamps import read_suns
+from polarsim.run_files.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
+from polarsim.run_files.pictures import pictures_at
+from polarsim.run_files.rigs import read_all_localised
+from polarsim.run_files.scene import TerrainMesh, read_terrain
 
 log = logging.getLogger("polarsim.render")
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy import ndimage
 
-from polarsim.formats.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.vectors import dot, length
 from polarsim.render.fitting.exposures import Linear
@@ -19,6 +18,7 @@ from polarsim.render.materials import Reflectance, hemispherical_albedo
 from polarsim.render.optics import vignette
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
+from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
 _LEAST_COSINE = 0.06  # surfaces lit at a lower cosine are left out: small errors of their normals tell most there
 _RIM_M = 0.15  # what walls so much nearer and higher might hide or shade is left out

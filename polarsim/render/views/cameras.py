@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.errors import ConfigError, RenderError
-from polarsim.formats.rigs import read_localised
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.randomness import generator
 from polarsim.render.views.options import OrbitCameras, PathCameras, PinholeLens, PointCameras, RandomCameras, Views
+from polarsim.run_files.rigs import read_localised
 
 Heights = Callable[[np.ndarray], np.ndarray]  # of what lies beneath points (n, 2): (n,) metres, -inf over nothing
 _TRIES = 1000  # random positions a camera, before the box is given up

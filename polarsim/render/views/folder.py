@@ -17,13 +17,13 @@ from polarsim.digest import code_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import read_json, relative_to, write_json, write_text, writing
-from polarsim.formats.picture_sets import AUTO
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, ROCK, SHADOW
 from polarsim.randomness import generator
 from polarsim.render.views.options import Views
 from polarsim.render.views.plan import Picture
 from polarsim.render.views.scenes import Ensemble
+from polarsim.run_files.picture_sets import AUTO
 
 Tone = Callable[[np.ndarray], np.ndarray]  # (h, w) uint16 of 12 bits to (h, w, 3) uint8
 MOST = 1024  # pictures on a sheet; of more a seeded choice

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import ConfigError
-from polarsim.formats.picture_sets import AUTO, exposure_name
 from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
 from polarsim.render.options import Model
@@ -22,6 +21,7 @@ from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, Suns, Views
 from polarsim.render.views.scenes import Ensemble
+from polarsim.run_files.picture_sets import AUTO, exposure_name
 
 log = logging.getLogger("polarsim.render")
 

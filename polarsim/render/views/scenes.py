@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from polarsim.errors import RenderError
-from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.poses import Pose
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.views.options import SceneSection, TerrainPart
+from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 
 @dataclass(frozen=True)

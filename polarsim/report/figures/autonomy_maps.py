@@ -11,11 +11,11 @@ import pandas as pd
 
 from polarsim.formats.files import read_json
 from polarsim.formats.npz import read_arrays
-from polarsim.formats.picture_sets import exposure_title
-from polarsim.formats.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 from polarsim.formats.tables import read_parquet
 from polarsim.report.figures.autonomy_names import MODES, sun_title
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, heading, legend_line, page, picture
+from polarsim.run_files.picture_sets import exposure_title
+from polarsim.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 
 PICTURES = 2  # beside a map
 _ROW_PX = 375

@@ -13,9 +13,7 @@ import pandas as pd
 from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
-from polarsim.formats.run_files import cover_photo, pictures_at
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page, picture
 from polarsim.report.figures.cover_photos import cover_key, near_red
@@ -28,6 +26,8 @@ from polarsim.report.figures.difference import (
     difference_of_photo,
     log2_over_photo,
 )
+from polarsim.run_files.pictures import cover_photo, pictures_at
+from polarsim.tone import to_8bit, white_of
 
 GAP = 130  # pixels of a title and a colour bar
 

@@ -17,10 +17,10 @@ from polarsim.annotate.overlay import INK, LINK, PAPER, Marks, draw_labels, font
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.files import writing
-from polarsim.formats.run_files import pictures_at
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.formats.tone import to_8bit
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, COLOURS, HEIGHT, LIGHTS, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.run_files.pictures import pictures_at
+from polarsim.tone import to_8bit
 
 ALWAYS_DOUBTFUL = 0.5  # confidence below which a label is marked, however sure the others are
 DOUBTFUL_SHARE = 0.1  # of a terrain's labels: the least sure ones are marked too

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import png
-from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
 from polarsim.geometry.matching import match
 from polarsim.photo import COLOURS, HEIGHT, ROCK, WIDTH
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
+from polarsim.schemas import PREDICTIONS
 
 _COLUMNS = 2
 _TITLE_PX = 40

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.schemas import CURVES
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.report import paper
@@ -17,6 +16,7 @@ from polarsim.report.figures.matrices import draw_detection, draw_ipd
 from polarsim.report.ipd_rocks_table import COLUMNS as ROCK_COLUMNS
 from polarsim.report.ipd_rocks_table import tidy_ipd_rocks
 from polarsim.report.seeds import SEED, averaged, panels, title_text
+from polarsim.schemas import CURVES
 
 STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 BINS = np.linspace(-1, 1, 41)

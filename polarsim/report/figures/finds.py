@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import png
-from polarsim.formats.run_files import picture_finder
 from polarsim.formats.tables import read_parquet
-from polarsim.formats.tone import to_8bit
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, HEX_COLOURS, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, heading, note, page, rectangle
 from polarsim.report.figures.seen import Finds, draw_seen, read_finds
+from polarsim.run_files.pictures import picture_finder
+from polarsim.tone import to_8bit
 
 ROCKS_A_SIDE = 2  # of each pair of domains, that the detector finds better in the first, and in the second
 _BOX = ["x0", "y0", "x1", "y1"]

@@ -15,16 +15,16 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.files import write_json
-from polarsim.formats.lamps import read_suns
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
-from polarsim.formats.run_files import picture_finder
-from polarsim.formats.tone import to_8bit, white_of
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page
+from polarsim.run_files.lamps import read_suns
+from polarsim.run_files.pictures import picture_finder
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.tone import to_8bit, white_of
 
 NEAR_DEG = 10.0  # farther from opposition nothing of its surge is left to see (h_s of Sato et al. 2014: 4 degrees)
 HALF_PX = 140  # of the crops

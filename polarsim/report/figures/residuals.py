@@ -9,10 +9,6 @@ from typing import Any
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.formats.rigs import LocalisedRig, read_all_localised
-from polarsim.formats.run_files import cover_photo, pictures_at
-from polarsim.formats.scene import TerrainMesh, read_terrain
-from polarsim.formats.tone import to_8bit
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.boxes import assign, centres, iou
 from polarsim.geometry.consensus import consensus_boxes
@@ -21,7 +17,11 @@ from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, legend_line, note, page, picture
 from polarsim.report.figures.cover_photos import SAME, near_red, share_on_red
+from polarsim.run_files.pictures import cover_photo, pictures_at
+from polarsim.run_files.rigs import LocalisedRig, read_all_localised
+from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.surface import Surface
+from polarsim.tone import to_8bit
 
 LENGTHENED = 20  # times that arrows are longer than what they show
 DRAWN, PROJECTED, ARROW = HEX_COLOURS[ROCK], SERIES[5], SERIES[1]

@@ -12,12 +12,12 @@ import pandas as pd
 from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
-from polarsim.formats.schemas import INSTANCES, PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.formats.tone import to_8bit
 from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
+from polarsim.schemas import INSTANCES, PREDICTIONS
+from polarsim.tone import to_8bit
 
 PHOTOS = 2  # side by side, of different terrains where there are
 FOUND = (0, 229, 255)  # of predicted boxes

@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import png
-from polarsim.formats.picture_sets import PictureSet
 from polarsim.formats.tables import read_parquet
-from polarsim.formats.tone import to_8bit
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEX_COLOURS, ROCK
 from polarsim.report.figures.autonomy_names import sun_title
 from polarsim.report.figures.canvas import FIGURE_WIDTH, heading, note, page, picture, rectangle
+from polarsim.run_files.picture_sets import PictureSet
+from polarsim.tone import to_8bit
 
 POSES, SHOTS = ["frame", "time_s"], 6
 BOX = ["frame", "kind", "x0", "y0", "x1", "y1"]

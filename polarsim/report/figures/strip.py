@@ -11,14 +11,14 @@ from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.files import write_json, writing_folder
-from polarsim.formats.run_files import STRIP_TEXT, pictures_at
-from polarsim.formats.schemas import PREDICTIONS
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.formats.tone import to_8bit, white_of
 from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import boxed
 from polarsim.report.figures.difference import STOPS, difference_of_photo
+from polarsim.run_files.pictures import STRIP_TEXT, pictures_at
+from polarsim.schemas import PREDICTIONS
+from polarsim.tone import to_8bit, white_of
 
 PANEL_WIDTH = 960  # px
 CONFIDENCE = 0.25  # least one of a box that is shown

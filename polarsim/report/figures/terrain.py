@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import obj
-from polarsim.formats.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, made_from, read_terrain
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.casters import caster
 from polarsim.geometry.lens import Lens
@@ -19,6 +18,7 @@ from polarsim.geometry.poses import looking
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
 from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, LETTER_M, beside, note, page, picture, rectangle
+from polarsim.run_files.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, made_from, read_terrain
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")

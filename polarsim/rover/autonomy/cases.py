@@ -13,9 +13,9 @@ from typing import cast
 
 import pandas as pd
 
-from polarsim.formats.picture_sets import AUTO, exposure_name
 from polarsim.render.options import Model
 from polarsim.rover.autonomy.options import ON, AutonomyOptions, Mode
+from polarsim.run_files.picture_sets import AUTO, exposure_name
 
 ANY = "any"  # in the place of what a drive does not depend on
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")

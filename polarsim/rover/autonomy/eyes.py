@@ -23,7 +23,6 @@ from polarsim.detect.sizes import ClassSizes
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.errors import RoverError, about
-from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -44,6 +43,7 @@ from polarsim.rover.onboard.ground_view import plane_under
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
+from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 T = TypeVar("T")
 _BESIDE_M = 2.0  # of the straight line: there the ground's change is followed

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 from polarsim.rover.autonomy import challenge
 from polarsim.rover.autonomy.drive import Outcome
 from polarsim.rover.autonomy.hazard_grid import HazardGrid
@@ -17,6 +16,7 @@ from polarsim.rover.autonomy.planner import Planner, field_of
 from polarsim.rover.autonomy.trajectory import absolute_error, relative_error
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
+from polarsim.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1

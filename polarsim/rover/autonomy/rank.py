@@ -11,9 +11,9 @@ from scipy import stats
 from polarsim.detect.bootstrap import draws, interval
 from polarsim.errors import RoverError
 from polarsim.formats import tables
-from polarsim.formats.schemas import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
 from polarsim.photo import ROCK
 from polarsim.rover.autonomy.cases import DETECTING, matched
+from polarsim.schemas import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
 
 ENOUGH = 5  # detectors: of fewer no order says anything, for even Kendall's p is 0.08 at best
 SURE = 0.05

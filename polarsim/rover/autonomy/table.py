@@ -10,7 +10,6 @@ import pandas as pd
 
 from polarsim.detect.bootstrap import draws, interval
 from polarsim.formats import tables
-from polarsim.formats.schemas import AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
 from polarsim.rover.autonomy.cases import ANY, AXES, UNLIT, matched, parsed
 from polarsim.rover.autonomy.drive import drive, job_for, write
 from polarsim.rover.autonomy.measure import events, figures
@@ -21,6 +20,7 @@ from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
+from polarsim.schemas import AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
 
 EVENTS = "events.parquet"
 ALL = "all"  # over all levels of an axis

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.formats.instances import BACKGROUND
 from polarsim.geometry.camera import Camera
 from polarsim.render.gain import default_gain
 from polarsim.render.lamps import Spot
@@ -26,6 +25,7 @@ from polarsim.rover.cameras.bodywork import Body
 from polarsim.rover.cameras.lights import Sun
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import options_of
+from polarsim.run_files.instances import BACKGROUND
 
 BRIGHT_STARS = 300.0  # flux of the stars of the paper's videos over that of real ones
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from polarsim.errors import RoverError
-from polarsim.formats.picture_sets import PictureSet
 from polarsim.render.options import Model
+from polarsim.run_files.picture_sets import PictureSet
 
 BOX = ["x0", "y0", "x1", "y1"]
 POSE_COLUMNS = ("frame", "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")

@@ -10,7 +10,6 @@ import numpy as np
 
 from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import to_8_bits
-from polarsim.formats.picture_sets import AUTO
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, USUAL_EXPOSURE_MS, WHITE_LEVEL
@@ -27,6 +26,7 @@ from polarsim.rover.drive.state import State
 from polarsim.rover.vehicle.mounts import FRONT, mount_of, pose_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.surface import World
+from polarsim.run_files.picture_sets import AUTO
 
 SUN = "sun"
 _CLIPPED_PERCENT = 99.0  # auto exposure puts this percentile of the light at the sensor's white

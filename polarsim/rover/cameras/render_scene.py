@@ -14,8 +14,6 @@ from scipy import ndimage
 from scipy.interpolate import RectBivariateSpline
 
 from polarsim.errors import RoverError
-from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
@@ -26,6 +24,8 @@ from polarsim.rover.cameras.bodywork import Body
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks, tile_faces
 from polarsim.rover.world.surface import Surroundings, World
+from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.run_files.scene import TerrainMesh
 
 _REST, _ROCKS = 1, 2  # bits of parts
 # Factor of the body's albedos: upright walls get seven times the ground's light under a Sun at 8 degrees, and at 1 they

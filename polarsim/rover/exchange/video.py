@@ -22,8 +22,6 @@ from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text, writing
-from polarsim.formats.picture_sets import exposure_name
-from polarsim.formats.tone import to_8bit
 from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.render.options import Model
@@ -33,6 +31,8 @@ from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
+from polarsim.run_files.picture_sets import exposure_name
+from polarsim.tone import to_8bit
 
 _PRESET, _QUALITY = "10", "32"  # of SVT-AV1: fast; constant quality, 0 best to 63
 _BRDF = {"principled": "default"}  # the paper's word for it

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.formats.schemas import HIGH_M
 from polarsim.rover.autonomy.touches import REACH_M, body_touch, surface_points
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import trace_table
+from polarsim.schemas import HIGH_M
 
 
 class Collisions:

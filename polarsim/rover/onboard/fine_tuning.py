@@ -15,13 +15,13 @@ from polarsim.detect.windows import draw_windows, make_folders, write_window
 from polarsim.errors import RoverError, about
 from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.formats.picture_sets import PictureSet
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.contrast import shows
 from polarsim.rover.onboard.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.run_files.picture_sets import PictureSet
 
 DOMAIN = "drives"  # of the data set
 

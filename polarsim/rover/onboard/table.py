@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import tables
-from polarsim.formats.schemas import ONBOARD
 from polarsim.randomness import generator
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.onboard.hazards import recall_by_distance
 from polarsim.rover.onboard.measure import SETTING, TABLES
+from polarsim.schemas import ONBOARD
 
 _RIDE = ["seed", "sun"]
 _GROUP = ["source", "model", "exposure_ms"]

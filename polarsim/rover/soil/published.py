@@ -23,7 +23,6 @@ from scipy.optimize import brentq
 
 from polarsim.errors import RoverError
 from polarsim.formats import tables
-from polarsim.formats.schemas import SOIL_CHECKS
 from polarsim.randomness import generator
 from polarsim.rover.soil import bulldozing_numba, contact_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
@@ -33,6 +32,7 @@ from polarsim.rover.soil.law import ContactLaw, Soil, read_soils
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import LEVEL, PLASTIC, START, Ground, make_ground
 from polarsim.rover.soil.shapes import Wheel
+from polarsim.schemas import SOIL_CHECKS
 
 EARTH, MOON = 9.81, 1.62  # m/s2
 EX1_WHEEL, EX1_LOAD = Wheel(0.11, 0.10), 20.0 * EARTH / 4  # N; 20 kg on four wheels

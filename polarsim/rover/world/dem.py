@@ -14,7 +14,6 @@ from scipy.interpolate import RectBivariateSpline
 
 from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
-from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.rover.world.craters import dig, strewn_craters
 from polarsim.rover.world.options import DemOptions, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, with_rocks
@@ -22,6 +21,7 @@ from polarsim.rover.world.relief import amplitudes, relief, spacings
 from polarsim.rover.world.rock_field import RING_RADII, RockField, Shape, posed, shapes_of, smooth, strewn_rocks
 from polarsim.rover.world.stitch import Terrain
 from polarsim.rover.world.surface import Surroundings, World, bare_world
+from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 GROWTH, GROWTH_FAR = 1.02, 1.1  # of nodes' distances, from one to the next, in the square and beyond
 CORNERS = (150, 32)  # of rocks beyond the grid, and of those that are scenery

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import TerrainMesh
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
@@ -18,6 +17,7 @@ from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import FittingOptions, RenderOptions
 from polarsim.render.surfaces import box, surfaces_of
+from polarsim.run_files.scene import TerrainMesh
 
 LENS = Lens(260.0, 260.0, 120.0, 80.0, (0.0, 0.0, 0.0, 0.0, 0.0), 240, 160)
 PLACES = (

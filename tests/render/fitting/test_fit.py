@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.formats.materials import rock_of_vertex
 from polarsim.photo import NO_ROCK
 from polarsim.render.fitting.fit import LAMPS, fit
 from polarsim.render.options import FittingOptions, RenderOptions
+from polarsim.run_files.materials import rock_of_vertex
 
 from .conftest import GAINS, SEEN, UNSEEN, pattern, sandbox, shoot
 

@@ -11,7 +11,6 @@ import yaml
 
 from polarsim.errors import ConfigError
 from polarsim.formats import png, tables, yolo
-from polarsim.formats.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES
 from polarsim.render.ground_truth import boxes_of
 from polarsim.render.scene import Scene
@@ -20,6 +19,7 @@ from polarsim.render.views.folder import divided
 from polarsim.render.views.options import AutoExposure
 from polarsim.render.views.plan import plan
 from polarsim.render.views.run import auto_exposure, render_views, unit_starts
+from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 ORBIT = {"kind": "orbit", "radius_m": 1.6, "height_m": 0.9, "number": 3}
 SUNS = {"kind": "sun", "azimuth_deg": [0, 140], "elevation_deg": [20]}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError, RenderError
-from polarsim.formats.instances import GROUND, ROCK_IDS
 from polarsim.render.options import RenderOptions
 from polarsim.render.views.options import SceneSection
 from polarsim.render.views.scenes import Ensemble
+from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 BARE = RenderOptions(rim=False, skirt_m=0)

@@ -6,9 +6,9 @@ import pytest
 from scipy import stats
 
 from polarsim.errors import RoverError
-from polarsim.formats.schemas import EVERY_AUTONOMY
 from polarsim.formats.tables import write_parquet
 from polarsim.rover.autonomy.rank import driven, gap_figures, kendall, rank_detectors, ranked, spearman
+from polarsim.schemas import EVERY_AUTONOMY
 
 NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") for seed in (0, 1)]
 

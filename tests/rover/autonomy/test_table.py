@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats.schemas import EVERY_AUTONOMY
 from polarsim.rover.autonomy.cases import AXES, Light, cases, parsed
 from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.autonomy.table import effects_of, summary, with_derived
+from polarsim.schemas import EVERY_AUTONOMY
 
 NAMED = [*AXES, "seed", "metric", "unit", "value"]
 

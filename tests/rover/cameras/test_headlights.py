@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import ConfigError
-from polarsim.formats.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.vectors import length
 from polarsim.render.lamps import Lamp, Spot
@@ -18,6 +17,7 @@ from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import LightPart
+from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from tests.rover import driven
 
 FORE = ("hazlight_fore_port", "hazlight_fore_starboard")

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from polarsim.errors import ConfigError
-from polarsim.formats.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from tests.rover import driven
 from tests.rover.driven import options
 

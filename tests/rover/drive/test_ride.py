@@ -8,7 +8,6 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
-from polarsim.formats.instances import BACKGROUND, ROCK_IDS
 from polarsim.render.olat import NO_LAMP
 from polarsim.rover.autonomy.drive import job_for
 from polarsim.rover.autonomy.options import AutonomyOptions
@@ -26,6 +25,7 @@ from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import DemOptions, FineReliefOptions, RockOptions, WorldOptions
 from polarsim.rover.world.surface import bare_world
+from polarsim.run_files.instances import BACKGROUND, ROCK_IDS
 from tests.rover.drives import write_meshes
 
 CONFIG = Path(__file__).parents[3] / "config"

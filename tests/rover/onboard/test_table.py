@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.schemas import ONBOARD
 from polarsim.rover.onboard.measure import measure_drive
 from polarsim.rover.onboard.table import metrics, summarise_onboard
+from polarsim.schemas import ONBOARD
 from tests.rover import driven
 from tests.rover.onboard.boxes import OPTIONS
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.formats.schemas import SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
 from polarsim.report.rover_table import with_slopes
 from polarsim.rover.soil import check, published
+from polarsim.schemas import SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
 
 SOILS = Path(__file__).parents[3] / "config/soils.csv"
 

@@ -11,10 +11,11 @@ import numpy as np
 from polarsim.detect.dataset import MASKS, read_pictures
 from polarsim.detect.frame import PADDING, frame, read_picture
 from polarsim.errors import DetectError
-from polarsim.formats import class_masks, yolo
+from polarsim.formats import yolo
 from polarsim.geometry.boxes import area, clip
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEIGHT, WIDTH
+from polarsim.run_files import class_masks
 
 _CACHE_BYTES = 1 << 30  # pictures beyond are read again in every epoch
 _TRANSLATION, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other detectors

@@ -22,9 +22,9 @@ from polarsim.detect.detectors.families import Trained, Training
 from polarsim.detect.detectors.files import load, read_detector, save
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, about
-from polarsim.formats.class_masks import CLASSES, IGNORED
 from polarsim.geometry import masks
 from polarsim.randomness import generator
+from polarsim.run_files.class_masks import CLASSES, IGNORED
 
 _WARM_UP = 100  # steps over which the rate rises
 _LAST_RATE = 0.02  # of the largest one

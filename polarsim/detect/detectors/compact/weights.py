@@ -18,8 +18,8 @@ from polarsim.detect.detectors.files import Detector
 from polarsim.detect.nms import suppress_by_class
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
-from polarsim.formats.class_masks import CLASSES
 from polarsim.photo import BOX_CLASSES
+from polarsim.run_files.class_masks import CLASSES
 
 Module = TypeVar("Module", bound=nn.Module)
 _MASK_HEAD = "mask."  # how its tensors' names begin

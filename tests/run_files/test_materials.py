@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats.materials import (
+from polarsim.photo import NO_ROCK
+from polarsim.run_files.materials import (
     ALBEDO_FILE,
     TABLE_FILE,
     Fitted,
@@ -14,8 +15,7 @@ from polarsim.formats.materials import (
     rock_of_vertex,
     write_materials,
 )
-from polarsim.formats.scene import TerrainMesh
-from polarsim.photo import NO_ROCK
+from polarsim.run_files.scene import TerrainMesh
 
 MESH = TerrainMesh(
     np.arange(24.0).reshape(8, 3), np.array([[0, 1, 2], [3, 4, 5], [4, 5, 6]]), np.array([NO_ROCK, 7, 7])

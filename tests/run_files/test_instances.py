@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.instances import read_kind_masks
+from polarsim.run_files.instances import read_kind_masks
 
 
 def test_rocks_and_their_shadows_are_told_apart_and_relief_is_neither(tmp_path):

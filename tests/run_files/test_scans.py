@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.scans import organised, trusted_pixels
 from polarsim.geometry.lens import Lens
+from polarsim.run_files.scans import organised, trusted_pixels
 
 LENS = Lens(500, 500, 100, 60, width=200, height=120)
 WALL = np.where(np.arange(200)[None, :] < 100, 2.0, 2.6) * np.ones((120, 1))  # a step of 0.6 m in depth

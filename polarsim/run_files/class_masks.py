@@ -9,9 +9,9 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.instances import BACKGROUND, GROUND, RELIEF_SHADOW, SHADOW_IDS
 from polarsim.formats.readers import reader
 from polarsim.photo import GREY_VALUES, ROCK, SHADOW
+from polarsim.run_files.instances import BACKGROUND, GROUND, RELIEF_SHADOW, SHADOW_IDS
 
 CLASSES = ("ground", ROCK, SHADOW)  # a pixel's value is its index here; ground is all that is neither rock nor shadow
 IGNORED = 255  # nobody can tell, or nobody asks; what detectors write has none

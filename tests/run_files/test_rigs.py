@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats.rigs import LocalisedRig, read_all_localised, read_localised, read_rig, write_localised, write_rig
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files.rigs import (
+    LocalisedRig,
+    read_all_localised,
+    read_localised,
+    read_rig,
+    write_localised,
+    write_rig,
+)
 
 SANDBOX_FROM_LEFT = looking(np.array([3.6, -0.4, 1.5]), 3.1, 0.44, -0.01)
 LOCALISED = LocalisedRig(stated_rig(), SANDBOX_FROM_LEFT, "labels", {"sd_mm": 12.5})

@@ -14,9 +14,9 @@ from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.formats.readers import reader
-from polarsim.formats.scene import TerrainMesh
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.scene import TerrainMesh
 
 ALBEDO_FILE, TABLE_FILE = "albedo.parquet", "materials.json"
 

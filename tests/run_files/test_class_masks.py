@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats import class_masks, png
-from polarsim.formats.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
+from polarsim.formats import png
+from polarsim.run_files import class_masks
+from polarsim.run_files.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 
 
 def test_a_mask_comes_back_as_it_was_written(tmp_path):

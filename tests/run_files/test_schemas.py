@@ -6,16 +6,16 @@ import pytest
 
 from polarsim.acquire.index import photo_table
 from polarsim.detect.predict import prediction_table
-from polarsim.formats.schemas import LABELS, PHOTOS, PREDICTIONS, ROCKS, SCHEMAS, markdown
 from polarsim.formats.tables import label_table
 from polarsim.rocks.table import rock_table
+from polarsim.schemas import LABELS, PHOTOS, PREDICTIONS, ROCKS, SCHEMAS, markdown
 
 DOCUMENT = Path(__file__).parents[2] / "docs/formats.md"
 
 
 def test_the_document_ends_with_the_columns_of_all_tables():
     text = DOCUMENT.read_text(encoding="utf-8")
-    assert text.endswith(markdown()), "docs/formats.md does not end with polarsim.formats.schemas.markdown()"
+    assert text.endswith(markdown()), "docs/formats.md does not end with polarsim.schemas.markdown()"
 
 
 def test_every_table_has_a_row_in_the_document():

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import found_from
-from polarsim.formats.inventory import read_inventory
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
+from polarsim.run_files.inventory import read_inventory
 
 PHOTO = "photo"  # the domain of photos; all others are models of twins
 _NO_MODELS = ("boxes", "instances", "coco", "tables", "maps", "materials")  # of the folders below renders/

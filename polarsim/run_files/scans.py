@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.formats import nasa
-from polarsim.formats.inventory import Inventory
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
+from polarsim.run_files.inventory import Inventory
 
 GRAZING_JUMP = 8.0  # range steps over pixel spacings between neighbours: surface seen under less than 7 degrees
 NOISE_JUMP = 0.010  # metres that noise alone (2 mm, 5 sigma) may put between neighbours

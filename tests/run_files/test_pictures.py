@@ -10,9 +10,9 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.files import found_from, relative_to
-from polarsim.formats.run_files import picture_finder, pictures_at, pictures_of
 from polarsim.formats.tables import write_parquet
 from polarsim.photo import PhotoKey
+from polarsim.run_files.pictures import picture_finder, pictures_at, pictures_of
 
 KEYS = [PhotoKey.parse(f"01_A_off_30_{camera}_0256") for camera in "LR"]
 

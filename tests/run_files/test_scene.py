@@ -3,9 +3,9 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj
-from polarsim.formats.scene import TerrainMesh, read_terrain, terrain_in
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.scene import TerrainMesh, read_terrain, terrain_in
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 FACE = np.array([[0, 1, 2]])

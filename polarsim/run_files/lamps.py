@@ -10,8 +10,8 @@ import numpy as np
 from polarsim.errors import FormatError, about
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
-from polarsim.formats.rigs import LocalisedRig, lift_of
 from polarsim.photo import SUNS
+from polarsim.run_files.rigs import LocalisedRig, lift_of
 from polarsim.survey import lamp_position
 
 FILE = "lamps.json"

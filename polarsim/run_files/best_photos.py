@@ -10,11 +10,11 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
-from polarsim.formats.rigs import LocalisedRig
-from polarsim.formats.run_files import pictures_at
 from polarsim.geometry.lens import Lens
 from polarsim.photo import SUNS, WHITE_LEVEL, View
 from polarsim.progress import track
+from polarsim.run_files.pictures import pictures_at
+from polarsim.run_files.rigs import LocalisedRig
 
 log = logging.getLogger("polarsim")
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats import lamps
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
+from polarsim.run_files import lamps
+from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 LIFT = np.array([0.0, 0.0, 0.18])
