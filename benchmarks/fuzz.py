@@ -35,13 +35,11 @@ from polarsim.annotate import import_labels
 from polarsim.detect.detectors import files as detectors
 from polarsim.errors import PolarsimError
 from polarsim.formats import (
-    arrow,
     bags,
     coco,
     colmap,
     files,
     geotiff,
-    kitti,
     nasa,
     npz,
     obj,
@@ -411,14 +409,6 @@ def make_geotiff(folder: Path) -> Path:
 
 
 CASES: dict[str, list[Case]] = {
-    "formats.arrow.decode": [
-        Case(
-            content("a.arrow", arrow.encode(MADE)),
-            lambda path: arrow.decode(path.read_bytes()),
-            named=False,
-            check=lambda table: table.to_dict(),
-        ),
-    ],
     "formats.bags.metadata": [Case(make_bag, lambda path: bags.metadata(path, "a.mcap"))],
     "formats.best_photos.read_shrunk": [
         Case(
@@ -449,7 +439,6 @@ CASES: dict[str, list[Case]] = {
         Case(file("a.json", coco.write_coco, LABELS), coco.read_coco, sound_coco),
         Case(file("a.json", coco.write_coco, LABELS, 0.5), coco.read_coco, sound_coco),
     ],
-    "formats.colmap.read_model": [Case(make_model, colmap.read_model, sound_all, "model/*")],
     "formats.files.read_json": [
         Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json)
     ],
@@ -464,20 +453,6 @@ CASES: dict[str, list[Case]] = {
     ],
     "run_files.inventory.read_inventory": [
         Case(file("a.json", inventory.write_inventory, INVENTORY), inventory.read_inventory, sound_inventory),
-    ],
-    "formats.kitti.read_objects": [
-        Case(
-            file("a.txt", kitti.write_objects, [kitti.KittiObject("rock", BOXES[0], 0.0, 1)] * 2),
-            kitti.read_objects,
-            lambda found: [sound_boxes((np.zeros(1, int), one.box[None])) for one in found],
-        ),
-    ],
-    "formats.kitti.read_calibration": [
-        Case(
-            file("a.txt", kitti.write_calibration, {name: np.ones(size) for name, size in kitti.MATRICES.items()}),
-            kitti.read_calibration,
-            lambda found: [_shape(found[name], size) for name, size in kitti.MATRICES.items()],
-        ),
     ],
     "run_files.lamps.read_suns": [
         Case(

@@ -21,12 +21,11 @@ CORPUS = Path(__file__).with_name("fuzz_corpus")
 
 def parsers() -> dict[str, Callable[[Path], Any]]:
     """By name; imported where atheris has prepared the import."""
-    from polarsim.formats import kitti, nasa, obj, png, rle, yaml_files, yolo
+    from polarsim.formats import nasa, obj, png, rle, yaml_files, yolo
 
     return {
         "boxes": yolo.read_boxes_or_polygons,
         "detections": yolo.read_detections,
-        "kitti": kitti.read_objects,
         "obj": obj.read,
         "calibration": nasa.read_calibration,
         "cloud": lambda path: nasa.read_cloud(path.with_suffix(".xyz")),

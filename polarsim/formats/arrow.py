@@ -9,8 +9,6 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from polarsim.formats.readers import reading
-
 _NARROW = {"f": pa.float32(), "i": pa.int32(), "u": pa.int32(), "b": pa.uint8()}
 
 
@@ -26,21 +24,6 @@ def encode(table: pd.DataFrame) -> bytes:
     with pa.ipc.new_file(sink, content.schema) as writer:
         writer.write_table(content, max_chunksize=max(1, len(table)))
     return sink.getvalue()
-
-
-def decode(content: bytes) -> pd.DataFrame:
-    """The rows of `encode`.
-
-    Raises
-    ------
-    FormatError
-        No Arrow file.
-    """
-    with reading("Arrow file"):
-        table = pa.ipc.open_file(content).read_all()
-        table.validate(full=True)  # offsets and codes that point outside would end the process
-        frame: pd.DataFrame = table.to_pandas()
-        return frame
 
 
 def _column(values: pd.Series) -> Any:

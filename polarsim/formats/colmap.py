@@ -11,32 +11,37 @@ COLMAP's text format separates fields by blanks, so that a name must not have an
 from __future__ import annotations
 
 import os
-import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from polarsim.errors import FormatError, about
-from polarsim.formats.files import ENCODINGS, share_file, text_of, write_text, writing_folder
-from polarsim.formats.readers import reader
+from polarsim.formats.files import share_file, writing_folder
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import CAMERAS
-from polarsim.run_files.rigs import LocalisedRig, checked_lens
 
 CAMERA_ID = {"L": 1, "R": 2}
 RIG_ID = 1
 _GREY = np.full(3, 128, np.uint8)  # of points: no one photo shows their colour
-_IMAGE = re.compile(r"Pos([A-Z])(?![A-Za-z]).*Cam([LR])|\d\d_([A-Z])_(?:on|off)_\w+_([LR])_\d{4}")  # or a photo key
+
+
+class LocalisedPair(Protocol):
+    """A stereo rig at a position, such as `run_files.rigs.LocalisedRig`."""
+
+    @property
+    def rig(self) -> StereoRig: ...
+
+    @property
+    def sandbox_from_left(self) -> Pose: ...
 
 
 def write_model(
     folder: str | Path,
-    localised: Mapping[str, LocalisedRig],
+    localised: Mapping[str, LocalisedPair],
     pictures: Mapping[tuple[str, str], str] | None = None,
     points: np.ndarray | None = None,
 ) -> None:
@@ -80,7 +85,7 @@ def write_model(
         model.write_text(str(temporary))
 
 
-def one_rig(localised: Mapping[str, LocalisedRig]) -> StereoRig:
+def one_rig(localised: Mapping[str, LocalisedPair]) -> StereoRig:
     """The rig of all positions.
 
     Raises
@@ -137,45 +142,6 @@ def _model(rig: StereoRig) -> Any:
     return model
 
 
-@reader("COLMAP model")
-def read_model(folder: str | Path) -> dict[str, LocalisedRig]:
-    """Rigs by position from a model that `write_model` or COLMAP wrote with its names and one rig of two cameras.
-
-    Raises
-    ------
-    FormatError
-        No readable model, another camera model, or images that are no pairs of `PosX` ... `CamL` and `CamR`.
-    """
-    model = _reconstruction(Path(folder))
-    images = sorted(model.images.values(), key=lambda image: image.name)
-    poses = {image.name: _pose(image.cam_from_world()) for image in images}
-    lenses = {image.name: _lens(image.camera) for image in images}
-    localised = {}
-    named = {tuple(filter(None, found.groups())): name for name in poses if (found := _IMAGE.search(name))}
-    for name in poses:
-        position = next((view[0] for view, own in named.items() if own == name), "")
-        if {(position, camera) for camera in CAMERAS} - set(named):
-            raise FormatError(f"image {name!r}, expected pairs PosX_CamL and PosX_CamR", path=folder)
-        left, right = (named[position, camera] for camera in CAMERAS)
-        rig = StereoRig(lenses[left], lenses[right], poses[left] @ poses[right].inverse())
-        localised[position] = LocalisedRig(rig, poses[left].inverse())
-    return localised
-
-
-def _reconstruction(folder: Path) -> Any:
-    """Read a model with pycolmap; its text files may start with a byte order mark, which COLMAP does not expect."""
-    import pycolmap
-
-    texts = sorted(folder.glob("*.txt"))
-    marks = tuple(mark for mark, _ in ENCODINGS)
-    if not any(path.read_bytes()[:4].startswith(marks) for path in texts):
-        return pycolmap.Reconstruction(str(folder))
-    with tempfile.TemporaryDirectory() as plain:
-        for path in texts:
-            write_text(Path(plain) / path.name, text_of(path))
-        return pycolmap.Reconstruction(plain)
-
-
 def _add_frame(model: Any, frame_id: int, names: Mapping[str, str], sandbox_from_left: Pose) -> None:
     import pycolmap
 
@@ -211,25 +177,10 @@ def _camera(camera_id: int, lens: Lens) -> Any:
     )
 
 
-def _lens(camera: Any) -> Lens:
-    if camera.model_name not in ("OPENCV", "FULL_OPENCV"):
-        raise ValueError(f"camera model {camera.model_name}, expected OPENCV or FULL_OPENCV")
-    params = [float(value) for value in camera.params]
-    if any(params[9:]):
-        raise ValueError("rational distortion (k4 to k6), which our lens does not have")
-    fx, fy, cx, cy, k1, k2, p1, p2 = params[:8]
-    k3 = params[8] if len(params) > 8 else 0.0
-    return checked_lens(Lens(fx, fy, cx, cy, (k1, k2, p1, p2, k3), int(camera.width), int(camera.height)))
-
-
 def _rigid(pose: Pose) -> Any:
     import pycolmap
 
     return pycolmap.Rigid3d(np.column_stack([pose.rotation, pose.translation]))
-
-
-def _pose(rigid: Any) -> Pose:
-    return Pose.from_matrix(rigid.matrix())
 
 
 def _same_rig(first: StereoRig, second: StereoRig) -> bool:

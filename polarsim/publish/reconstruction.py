@@ -12,7 +12,6 @@ import numpy as np
 from polarsim.errors import within
 from polarsim.formats import colmap, gltf, obj
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
@@ -96,15 +95,6 @@ def frame(name: str, camera: Camera) -> dict[str, Any]:
         "p1": p1,
         "p2": p2,
     }
-
-
-def pose_of(content: dict[str, Any]) -> tuple[Pose, Lens]:
-    """The inverse of `frame`: `sandbox_from_camera` and the lens."""
-    matrix = np.array(content["transform_matrix"]) @ CV_FROM_GL
-    terms = tuple(float(content[name]) for name in ("k1", "k2", "p1", "p2", "k3"))
-    fx, fy, cx, cy = (float(content[name]) for name in ("fl_x", "fl_y", "cx", "cy"))
-    lens = Lens(fx, fy, cx, cy, terms, int(content["w"]), int(content["h"]))  # type: ignore[arg-type]
-    return Pose.from_matrix(matrix), lens
 
 
 def cloud(terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:

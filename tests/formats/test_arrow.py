@@ -1,9 +1,7 @@
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pytest
 
-from polarsim.errors import FormatError
 from polarsim.formats import arrow
 
 TABLE = pd.DataFrame(
@@ -12,7 +10,7 @@ TABLE = pd.DataFrame(
 
 
 def test_columns_come_back_as_narrow_numbers_and_texts():
-    back = arrow.decode(arrow.encode(TABLE))
+    back = pa.ipc.open_file(arrow.encode(TABLE)).read_pandas()
     assert back["key"].tolist() == ["b", "a", "b"]
     assert back["rock"].dtype == np.int32
     assert back["iou"].dtype == np.float32
@@ -31,9 +29,4 @@ def test_the_same_rows_are_the_same_bytes():
 
 
 def test_a_table_without_rows_keeps_its_columns():
-    assert list(arrow.decode(arrow.encode(TABLE.iloc[:0])).columns) == list(TABLE.columns)
-
-
-def test_what_is_no_arrow_file_is_refused():
-    with pytest.raises(FormatError, match="no readable Arrow file"):
-        arrow.decode(b"ARROW1 cut")
+    assert list(pa.ipc.open_file(arrow.encode(TABLE.iloc[:0])).read_pandas().columns) == list(TABLE.columns)

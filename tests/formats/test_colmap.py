@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.formats.colmap import read_model, write_model
+from polarsim.formats.colmap import write_model
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.geometry.stereo import StereoRig, stated_rig
@@ -33,12 +33,16 @@ def test_what_was_written_is_read_back(tmp_path_factory, position, lens, distort
     localised = LocalisedRig(rig, looking(np.array(position[:3]), *position[3:]))
     folder = tmp_path_factory.mktemp("model") / "colmap"
     write_model(folder, {"B": localised})
-    back = read_model(folder)
-    assert list(back) == ["B"]
-    np.testing.assert_allclose(back["B"].sandbox_from_left.matrix, localised.sandbox_from_left.matrix, atol=1e-9)
-    np.testing.assert_allclose(back["B"].rig.left_from_right.matrix, RIGHT_OF_LEFT.matrix, atol=1e-9)
-    assert back["B"].rig.left == rig.left
-    assert back["B"].rig.right == rig.right
+    model = pycolmap.Reconstruction(str(folder))
+    assert model.num_images() == 2
+    for camera, pose in (("L", localised.sandbox_from_left), ("R", localised.sandbox_from_left @ RIGHT_OF_LEFT)):
+        image = model.find_image_with_name(f"PosB_Cam{camera}")
+        np.testing.assert_allclose(
+            Pose.from_matrix(image.cam_from_world().matrix()).inverse().matrix, pose.matrix, atol=1e-9
+        )
+        own = rig.lens(camera)
+        expected = [own.fx, own.fy, own.cx, own.cy, *own.distortion]
+        assert [*image.camera.params, 0.0][: len(expected)] == expected
 
 
 @pytest.mark.parametrize("camera", ["L", "R"])
@@ -69,21 +73,12 @@ def test_the_same_rigs_give_the_same_bytes(tmp_path):
 
 def test_positions_with_different_rigs_are_refused(tmp_path):
     other = StereoRig(stated_rig().left, stated_rig().right, RIGHT_OF_LEFT)
-    with pytest.raises(FormatError, match="A, B have different rigs"):
+    with pytest.raises(FormatError) as error:
         write_model(
             tmp_path / "colmap", {"A": LOCALISED["A"], "B": LocalisedRig(other, LOCALISED["A"].sandbox_from_left)}
         )
+    assert error.value.path == tmp_path / "colmap"
     assert not (tmp_path / "colmap").exists()
-
-
-def test_a_broken_model_is_one_line_with_its_folder(tmp_path):
-    with pytest.raises(FormatError, match="nowhere: no readable COLMAP model"):
-        read_model(tmp_path / "nowhere")
-    write_model(tmp_path / "colmap", LOCALISED)
-    images = tmp_path / "colmap" / "images.txt"
-    images.write_text(images.read_text().replace("PosA_CamR", "somebody"))
-    with pytest.raises(FormatError, match="expected pairs PosX_CamL and PosX_CamR"):
-        read_model(tmp_path / "colmap")
 
 
 PHOTO = b"not decoded here"
@@ -98,7 +93,6 @@ def test_photos_with_blanks_in_their_paths_are_found_by_colmap_and_by_us(tmp_pat
         (tmp_path / "colmap" / name).resolve().parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "colmap" / name).resolve().write_bytes(PHOTO + name.encode())
     write_model(tmp_path / "colmap", LOCALISED, pictures)
-    assert list(read_model(tmp_path / "colmap")) == ["A", "C"]
     model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
     for image in model.images.values():
         content = (tmp_path / "colmap" / image.name).read_bytes()
@@ -112,17 +106,3 @@ def test_photos_that_are_gone_are_named_by_their_view(tmp_path):
     write_model(tmp_path / "colmap", LOCALISED, pictures)
     model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
     assert sorted(image.name for image in model.images.values())[0] == "PosA_CamL"
-    assert list(read_model(tmp_path / "colmap")) == ["A", "C"]
-
-
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_a_model_that_an_editor_saved_is_read_the_same(tmp_path, encoding):
-    write_model(tmp_path / "colmap", LOCALISED)
-    expected = read_model(tmp_path / "colmap")
-    for path in (tmp_path / "colmap").glob("*.txt"):
-        path.write_text(path.read_text(), encoding=encoding)
-    back = read_model(tmp_path / "colmap")
-    assert list(back) == list(expected)
-    for position, localised in back.items():
-        assert localised.rig.left == expected[position].rig.left
-        np.testing.assert_array_equal(localised.sandbox_from_left.matrix, expected[position].sandbox_from_left.matrix)

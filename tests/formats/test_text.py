@@ -9,14 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.errors import PolarsimError
-from polarsim.formats import kitti, nasa, obj, tables, yolo
+from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.files import decode_text, read_json
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.geometry.stereo import stated_rig
 from polarsim.rocks.overrides import read_overrides
 
 UNICODE = ("utf-8", "utf-8-sig", "utf-16", "utf-32", "utf-16-le-mark", "utf-16-be-mark")
-OBJECT = "Rock 0.00 0 -10 10.00 20.00 30.00 40.00 -1 -1 -1 -1000 -1000 -1000 -10\n"
 
 
 def encoded(text: str, encoding: str) -> bytes:
@@ -36,7 +35,6 @@ READERS = {  # file name, text, reader
     "detections": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1 0.25\n", yolo.read_detections),
     "polygons": ("a.txt", lambda _: "0 0.1 0.1 0.2 0.1 0.2 0.2\n", yolo.read_polygons),
     "classes": ("classes.txt", lambda _: "rock\nshadow\nKrater für später\n", lambda p: yolo.class_names(p.parent)),
-    "kitti": ("a.txt", lambda _: OBJECT, kitti.read_objects),
     "mesh": ("a.obj", lambda _: "o Würfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", obj.read),
     "cloud": ("a.xyz", lambda _: "# Höhe\n1 2 3\n4 5 6\n", nasa.read_cloud),
     "calibration": ("stereo.calibration", calibration, nasa.read_calibration),

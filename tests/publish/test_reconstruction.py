@@ -6,7 +6,7 @@ import trimesh
 
 from polarsim.formats import png
 from polarsim.geometry.poses import Pose
-from polarsim.publish.reconstruction import POINTS, pose_of
+from polarsim.publish.reconstruction import CV_FROM_GL, POINTS
 from tests.publish.tiny import ROCK_PLACES, SIZE
 
 PLACE = np.array([0.2, 0.1, 0.05])  # in the photos
@@ -35,12 +35,14 @@ def test_nerfstudio_poses_are_the_cameras_when_undone(published, catalogue):
         content = json.loads((folder / "transforms.json").read_text())
         frames = {frame["file_path"]: frame for frame in content["frames"]}
         for one in catalogue.of_domain(domain):
-            pose, lens = pose_of(frames[f"images/{one.key}.png"])
-            camera = catalogue.camera(one)
-            np.testing.assert_allclose(pose.matrix, camera.world_from_camera.matrix, atol=1e-9, rtol=0)
-            assert lens == camera.lens
+            frame, camera = frames[f"images/{one.key}.png"], catalogue.camera(one)
+            lens = camera.lens
+            pose = frame["transform_matrix"] @ CV_FROM_GL
+            np.testing.assert_allclose(pose, camera.world_from_camera.matrix, atol=1e-9, rtol=0)
+            assert [frame[name] for name in ("fl_x", "fl_y", "cx", "cy")] == [lens.fx, lens.fy, lens.cx, lens.cy]
+            assert tuple(frame[name] for name in ("k1", "k2", "p1", "p2", "k3")) == lens.distortion
             # By OpenGL's own rule: a point in front has negative z, one above the middle has positive y.
-            gl_from_sandbox = np.linalg.inv(frames[f"images/{one.key}.png"]["transform_matrix"])
+            gl_from_sandbox = np.linalg.inv(frame["transform_matrix"])
             x, y, z, _ = gl_from_sandbox @ [*PLACE, 1]
             pinhole = np.array([lens.fx * x / -z + lens.cx, lens.fy * -y / -z + lens.cy])
             assert z < 0

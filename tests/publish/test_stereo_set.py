@@ -1,13 +1,12 @@
 import cv2
 import numpy as np
 import pandas as pd
-import pytest
 
-from polarsim.errors import FormatError
 from polarsim.formats import kitti, png
 from polarsim.photo import PhotoKey
 from polarsim.publish.stereo_set import DISPARITIES, kitti_object, rectified_edges
 from tests.publish.tiny import ROCK_PLACES, SIZE
+from tests.support.kitti import disparity_of, read_calibration, read_objects
 
 
 def pairs(folder, domain):
@@ -33,7 +32,7 @@ def test_the_devkits_folders_hold_a_file_of_each_kind_for_every_pair(published, 
 def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published, catalogue):
     localised = catalogue.terrains[1].rigs["A"]
     points = np.array([[0.2, 0.1, 0.1], [-0.3, -0.2, 0.2], [0.5, 0.4, 0.0]])
-    found = kitti.read_calibration(published("kitti") / "analog/training/calib/000000.txt")
+    found = read_calibration(published("kitti") / "analog/training/calib/000000.txt")
     places = {}
     for camera, name in (("L", "P2"), ("R", "P3")):
         rectified = found["R0_rect"] @ (found["Tr_velo_to_cam"] @ np.c_[points, np.ones(3)].T)
@@ -62,11 +61,11 @@ def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published
     turned = rectify(localised.rig, 1.0)
     left = {one.key: one for one in catalogue.of_domain("hapke")}
     for name, key in pairs(folder, "hapke"):
-        found = kitti.read_objects(folder / f"hapke/training/label_2/{name}.txt")
+        found = read_objects(folder / f"hapke/training/label_2/{name}.txt")
         labels = catalogue.labels(left[key])
-        assert [one.kind for one in found] == [label.kind.capitalize() for label in labels]
-        assert [one.occluded for one in found] == [0, 1, 3, 3, 0]
-        for one, label in zip(found, labels, strict=True):
+        assert [kind for kind, *_ in found] == [label.kind.capitalize() for label in labels]
+        assert [occluded for *_, occluded in found] == [0, 1, 3, 3, 0]
+        for (_, box, *_), label in zip(found, labels, strict=True):
             corners = rectified_edges(label.box, localised.rig.left, turned)
             middle = cv2.undistortPoints(  # OpenCV takes the box's middle to a place inside the box that was read
                 (label.box.reshape(2, 2).mean(axis=0) - 0.5)[None],
@@ -75,8 +74,8 @@ def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published
                 R=turned.left_from_rectified.rotation.T,
                 P=turned.lens.opencv_matrix(),
             ).ravel()
-            np.testing.assert_allclose(one.box.reshape(2, 2).mean(axis=0) - 0.5, middle, atol=0.3)
-            np.testing.assert_allclose(one.box, [*corners.min(axis=0), *corners.max(axis=0)], atol=0.01, rtol=0)
+            np.testing.assert_allclose(box.reshape(2, 2).mean(axis=0) - 0.5, middle, atol=0.3)
+            np.testing.assert_allclose(box, [*corners.min(axis=0), *corners.max(axis=0)], atol=0.01, rtol=0)
             again = kitti_object(label, localised.rig, turned, left[key])
             assert again.truncated == 0
 
@@ -84,8 +83,8 @@ def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published
 def test_disparity_and_calibration_give_the_meshes_back(published):
     """As the devkit has it: depth is focal length times baseline over disparity, pixels count from their centres."""
     training = published("kitti") / "hapke/training"
-    found = kitti.read_calibration(training / "calib/000000.txt")
-    everywhere, shared = (kitti.disparity_of(png.read(training / name / "000000.png")) for name in DISPARITIES[::-1])
+    found = read_calibration(training / "calib/000000.txt")
+    everywhere, shared = (disparity_of(png.read(training / name / "000000.png")) for name in DISPARITIES[::-1])
     assert everywhere.shape == SIZE[::-1]
     assert 0.5 < np.isfinite(shared).mean() < np.isfinite(everywhere).mean()
     np.testing.assert_array_equal(shared[np.isfinite(shared)], everywhere[np.isfinite(shared)])
@@ -105,23 +104,4 @@ def test_disparity_and_calibration_give_the_meshes_back(published):
 def test_disparities_that_kitti_cannot_hold_are_none():
     steps = kitti.disparity_picture(np.array([[np.nan, 0.001, 1.5, 255.99, 256.0, 400.0]]))
     assert steps.tolist() == [[0, 0, 384, 65533, 0, 0]]
-    np.testing.assert_array_equal(kitti.disparity_of(steps)[0, :3], [np.nan, np.nan, 1.5])
-
-
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("Rock 0 0 -10 1 2 3 4\n", "8 fields"),
-        ("Rock 0 0 -10 1 2 nan 4 -1 -1 -1 -1000 -1000 -1000 -10\n", "not finite"),
-        ("Rock 0 0 -10 5 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n", "without area"),
-        ("Rock 0 7 -10 1 2 3 4 -1 -1 -1 -1000 -1000 -1000 -10\n", "occluded"),
-    ],
-)
-def test_a_broken_label_is_refused_with_its_line(tmp_path, text, reason):
-    path = tmp_path / "000000.txt"
-    path.write_text(text)
-    with pytest.raises(FormatError, match=rf"000000.txt:1: .*{reason}"):
-        kitti.read_objects(path)
-    path.write_text("P0: 1 2 3\n")
-    with pytest.raises(FormatError, match="P0 with 3 numbers"):
-        kitti.read_calibration(path)
+    np.testing.assert_array_equal(disparity_of(steps)[0, :3], [np.nan, np.nan, 1.5])
