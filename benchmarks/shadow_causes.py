@@ -27,16 +27,16 @@ from polarsim.geometry.boxes import area, centres, clip, iou, match_sum, of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.outlines import TRIM
 from polarsim.geometry.polygons import without_thin_parts
-from polarsim.labels.known import Known, gather
+from polarsim.labels.association import Known, gather
+from polarsim.labels.bodies import World, build_world
+from polarsim.labels.casting import Ids, sightlines
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of
-from polarsim.labels.position_shadows import PositionShadows
+from polarsim.labels.projection import move_flat
 from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import ShadowStarts, choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.shadows import Ids, sightlines
-from polarsim.labels.view import move_flat
+from polarsim.labels.shadows import PositionShadows
 from polarsim.labels.wall_shade import passing_heights
-from polarsim.labels.world import World, build_world
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain

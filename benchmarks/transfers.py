@@ -7,7 +7,7 @@ raw files taken in, cameras located, meshes adopted, labels propagated, all with
 folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
 azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 
-`--fit` prints the coefficients of `polarsim/labels/annotator_model.py`, `polarsim/labels/rover_light.py` and
+`--fit` prints the coefficients of `polarsim/labels/annotator.py`, `polarsim/labels/rover_light.py` and
 `polarsim/labels/label.py`, fitted to all terrains given, and scores each terrain with the annotator model that
 the others taught.
 
@@ -36,15 +36,16 @@ from polarsim.errors import FormatError
 from polarsim.formats import release, yolo
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import area, clip, iou, match
-from polarsim.labels import annotator_model, rover_light
-from polarsim.labels.known import Known, gather
+from polarsim.labels import annotator as annotator_model
+from polarsim.labels import rover_light
+from polarsim.labels.association import Known, gather
+from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import COEFFICIENTS, USUAL_PX
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.position_rocks import PositionRocks
+from polarsim.labels.projection import move_rocks
 from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.tracks import Track
-from polarsim.labels.view import move_rocks
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs

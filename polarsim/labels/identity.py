@@ -7,8 +7,8 @@ from scipy.optimize import linear_sum_assignment
 
 from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.camera import Camera
-from polarsim.labels.view import ground_depth
-from polarsim.labels.world import Dome, World
+from polarsim.labels.bodies import Dome, World
+from polarsim.labels.projection import ground_depth
 from polarsim.photo import FIRST_UNMESHED_ROCK
 
 SAME_POSITION = 0.06  # metres: two stand-ins nearer than this, or than half a radius, are one rock

@@ -10,9 +10,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from polarsim.labels.known import Known
-from polarsim.labels.photos import Bracket, Brightness
-from polarsim.labels.shadows import sightlines
+from polarsim.labels.association import Known
+from polarsim.labels.brightness import Bracket, Brightness
+from polarsim.labels.casting import sightlines
 from polarsim.photo import CENTRE_GREY_PER_MS, Azimuth, CameraSide
 from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 

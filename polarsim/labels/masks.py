@@ -23,11 +23,11 @@ from polarsim.formats.files import writing_folder
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
+from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
+from polarsim.labels.casting import Ids, lamp
 from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.shadows import Ids, lamp
 from polarsim.labels.shapes import Shape, backdrop, convex, fitted, shapes_of, visible
-from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.pictures import pictures_at

@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, field_validator
 
 from polarsim.errors import LabelError
 from polarsim.labels import rover_light
-from polarsim.labels.annotator_model import COEFFICIENTS
+from polarsim.labels.annotator import COEFFICIENTS
 from polarsim.photo import PhotoKey
 from polarsim.survey import WALL_HEIGHT, is_surveyed
 from polarsim.user_path import UserPath
@@ -102,7 +102,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         min_length=len(COEFFICIENTS),
         max_length=len(COEFFICIENTS),
         description="These coefficients tell how people box shadows, one a term of "
-        "polarsim/labels/annotator_model.py: they move the edges of a cast shadow's box; all 0 leaves "
+        "polarsim/labels/annotator.py: they move the edges of a cast shadow's box; all 0 leaves "
         "it as geometry has it.",
     )
 

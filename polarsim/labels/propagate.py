@@ -14,14 +14,13 @@ from polarsim.errors import LabelError
 from polarsim.formats import tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import area
-from polarsim.labels.known import Known, gather
+from polarsim.labels.association import Known, gather
+from polarsim.labels.brightness import Bracket, Brightness, Photos, contrast
+from polarsim.labels.casting import lamp
+from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label
 from polarsim.labels.light import OlatLight
-from polarsim.labels.lit import hidden_by_dark
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.photos import Bracket, Brightness, Photos, contrast
-from polarsim.labels.position_rocks import PositionRocks
-from polarsim.labels.position_shadows import PositionShadows
 from polarsim.labels.seeds import (
     Drawings,
     ShadowStarts,
@@ -34,7 +33,8 @@ from polarsim.labels.seeds import (
     shadow_starts,
     without_strangers,
 )
-from polarsim.labels.shadows import lamp
+from polarsim.labels.shadows import PositionShadows
+from polarsim.labels.visibility import hidden_by_dark
 from polarsim.photo import BOX_CLASSES, SHADOW, Azimuth, CameraSide, Light, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory

@@ -19,8 +19,8 @@ from polarsim.formats.coco import read_coco
 from polarsim.formats.release import read_annotated
 from polarsim.geometry.boxes import iou, match
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
+from polarsim.labels.brightness import Bracket
 from polarsim.labels.label import Label, label_of
-from polarsim.labels.photos import Bracket
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, CameraSide, Light, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh

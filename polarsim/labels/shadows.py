@@ -1,210 +1,190 @@
-"""Shadows that rocks cast on the ground under a near lamp, as a view shows them."""
+"""Shadows of one position of the tripod in any camera's photos: as annotated, averaged with geometry, or cast by it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from polarsim.geometry.boxes import of_mask, window
-from polarsim.geometry.camera import Camera
-from polarsim.geometry.lens import Lens
-from polarsim.geometry.polygons import thick_parts, without_thin_parts
-from polarsim.labels.parts import SMALL_PART, Window, without_small_components
-from polarsim.labels.photos import Brightness, noise_dn
-from polarsim.labels.wall_shade import passing_heights
-from polarsim.labels.world import World
-from polarsim.photo import NO_ROCK, Azimuth, Light
-from polarsim.run_files.rigs import LocalisedRig
+from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
+from polarsim.labels.annotator import as_people_draw
+from polarsim.labels.brightness import Brightness
+from polarsim.labels.casting import Ids, lamp, shadow_box, snapped
+from polarsim.labels.fusion import PositionRocks
+from polarsim.labels.identity import match_boxes
+from polarsim.labels.label import Label, label_of
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.parts import Window, windows_of
+from polarsim.labels.projection import at_border, move_flat
+from polarsim.labels.wall_shade import shading_height
+from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
 
-THIN_PX = 4.0  # parts of a shadow thinner than this do not widen its box: rims under rocks, where meshes meet the sand
-ROCK_ELLIPSE = 0.8  # of a rock's label box: the ellipse in which people see rock, never shadow
-MARGIN = 0.25  # of a box's sides, and at least MARGIN_PX: so far outside it is looked for the shadow's end
-MARGIN_PX = 10.0
-CLEAR = 6.0  # noises of a pixel by which lit ground must be brighter than the shadow
-DEEP = 0.6  # of lit ground's brightness: a lamp's shadow is darker, what a rock hides of stray light is not
-LEVEL = 0.5  # between the shadow's brightness and that of lit ground: the edge of a shadow with a soft rim
-REACH, REACH_PX = 0.06, 4.0  # of sqrt(width * height), and pixels more: so far the cast shadow may be off
-STREAK_PX = 5  # dark streaks thinner than this belong to the ground's relief
-SMOOTH_PX = 3  # side of the window over which brightness is averaged
-LIKE_SIZE = 2.5  # largest ratio of the dark region's area and the cast shadow's
-CORE_SHARE = 0.15  # least share of a dark region that the cast shadow covers
-
-
-def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
-    """(3,) position of the lamp that casts the shadows, sandbox frame; None in the dark.
-
-    A Sun lamp outshines the rover light.
-    """
-    if azimuth != "no":
-        return world.suns[azimuth]
-    if light == "on":
-        return localised.rover_light
-    return None
+CAST_WEIGHT = 0.3  # of a cast shadow in a box fused with one annotated in the other camera, which has 1
+MIN_ROVER_SHADOW_PX = 35.0  # smallest shadow under the rover light, sqrt(area): they are mostly hidden slivers
+SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
+FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
+OF_WALL = NO_ROCK - 1  # in pictures of who throws a shadow: a wall of the sandbox does
+SAME_SHADOW = 0.2  # least IoU of an annotated and a cast box of one shadow for both to be believed
 
 
 @dataclass(frozen=True)
-class Sightlines:
-    """Rays (n,) through a grid of a view's pixels, row by row, and what they meet first; distances by their length."""
+class CastShadow:
+    """The box (4,) around a shadow that geometry casts, and whether its edges are those of a dark region in a photo."""
 
-    directions: np.ndarray  # (n, 3)
-    distance: np.ndarray  # to ground or rocks; inf for neither
-    face: np.ndarray  # of the world's `everything`
-    ground: np.ndarray  # distance to the ground, whatever stands before it; inf for none
-    wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf where it hides none
-
-    @property
-    def hit(self) -> np.ndarray:
-        """(n,) bool: ground or rock is seen."""
-        return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
+    box: np.ndarray
+    in_photo: bool
 
 
-def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
-    """Cast a ray through every pixel (row, column)."""
-    grid = (np.ascontiguousarray(side, float).tobytes() for side in (rows, columns))
-    directions = view.world_from_camera.rotate(_grid_directions(view.lens, *grid)).reshape(-1, 3)
-    origins = np.broadcast_to(view.centre, directions.shape)
-    ground, ground_face = world.ground.nearest(origins, directions)
-    distance, face = world.everything.nearer(ground, ground_face, origins, directions)
-    wall = np.full(len(directions), np.inf)
-    if world.walls is not None:
-        hit = np.flatnonzero(np.isfinite(distance))
-        wall[hit] = world.walls.nearest(origins[hit], directions[hit])[0]
-    return Sightlines(directions, distance, face, ground, wall)
+def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None, cast_weight: float) -> np.ndarray:
+    """(4,) mean of an annotated box (4,) as it lies in a photo, and of the cast one: errors of pen and of geometry
+    even out.
 
-
-@lru_cache(maxsize=2)  # both cameras of a rig: all its positions have the same lenses
-def _grid_directions(lens: Lens, rows: bytes, columns: bytes) -> np.ndarray:
-    """In the camera's frame; rows and columns are the bytes of float arrays, for arrays are no keys."""
-    return lens.directions(np.stack(np.meshgrid(np.frombuffer(columns), np.frombuffer(rows)), axis=-1))
-
-
-class Ids:
-    """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground there or behind the rock.
-
-    The near wall of the sandbox hides both.
-    """
-
-    def __init__(self, world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> None:
-        seen = sightlines(world, view, rows, columns)
-        self.shape = (len(rows), len(columns))
-        self.hit = seen.hit.reshape(self.shape)
-        self.rock = np.where(self.hit, world.rock_of_face[seen.face].reshape(self.shape), NO_ROCK)
-        on_ground = np.isfinite(seen.ground) & (seen.ground < seen.wall)
-        self.ground = on_ground.reshape(self.shape)
-        # (n, 3), row by row
-        self.points = view.centre + seen.ground[on_ground, None] * seen.directions[on_ground]
-
-    def shadow_of(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
-        """(rows, columns) rock that takes the lamp's light from the ground at each pixel; `NO_ROCK` elsewhere.
-
-        Other rocks hide a rock's shadow, its own mesh does not: where the rock ends is for its label to say, since
-        meshes may be wider than their rocks (skirts, back sides that no scan saw).
-        """
-        distance, face = world.rocks.nearest(self.points, lamp_position - self.points)
-        occluded = distance < 1
-        rock = np.full(len(self.points), NO_ROCK)
-        rock[occluded] = world.rock_of_rocks_face[face[occluded]]
-        shadow = np.full(self.shape, NO_ROCK)
-        shadow[self.ground] = rock
-        shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK
-        return shadow
-
-    def over_walls(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
-        """(rows, columns) metres above the sand at which a lamp's light passes the walls on its way to the ground.
-
-        Infinite where nothing is in its way, and where no ground is seen.
-        """
-        heights = np.full(self.shape, np.inf)
-        passing = passing_heights(self.points, lamp_position, world.ground_bounds)
-        heights[self.ground] = passing - world.ground_level
-        return heights
-
-
-def shadow_box(
-    shadow: np.ndarray,
-    rock: int,
-    rock_box: np.ndarray | None,
-    step: int,
-    windows: Mapping[int, Window],
-    *,
-    slivers: bool = True,
-) -> np.ndarray | None:
-    """(4,) box around the visible shadow of a rock, px; None where too little of it is seen.
+    An edge that was cut (4,) by the annotated photo's border needs no mean. One that the photo shows far from where
+    it was annotated does not count: there a dark patch of the ground goes on where the shadow ends.
 
     Parameters
     ----------
-    shadow : (rows, columns) int
-        Rock whose shadow is seen at every `step`-th pixel.
-    rock_box : (4,) float or None
-        The rock's label in the same photo. People see rock in it, so that a shadow starts where the rock ends.
-    windows
-        The picture's, from `windows_of`.
-    slivers
-        Whether a shadow that is thinner than `THIN_PX` everywhere has a box.
+    cast_weight
+        Weight of a shadow that geometry alone casts; an annotated one has 1, one whose edges a photo shows too.
     """
-    if rock not in windows:
-        return None
-    mask = shadow[windows[rock]] == rock
-    (top, bottom), (left, right) = ((side.start, side.stop) for side in windows[rock])
-    if rock_box is not None:
-        x, y = (np.arange(left, right) + 0.5) * step, (np.arange(top, bottom) + 0.5) * step
-        half = np.maximum(rock_box[2:] - rock_box[:2], 1.0) / 2 * ROCK_ELLIPSE
-        centre = (rock_box[2:] + rock_box[:2]) / 2
-        mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
-    core = (without_thin_parts if slivers else thick_parts)(mask, round(THIN_PX / step))
-    box = of_mask(without_small_components(core, connectivity=8))
-    return None if box is None else (box + np.tile([left, top], 2)) * step
+    if cast is None or iou(annotated[None], cast.box[None])[0, 0] < SAME_SHADOW:
+        return annotated
+    weight = 1.0 if cast.in_photo else cast_weight
+    mean = (annotated + weight * cast.box) / (1 + weight)
+    if cast.in_photo:
+        apart = np.maximum(FAR_APART * np.tile(annotated[2:] - annotated[:2], 2), FAR_APART_PX)
+        mean = np.where(np.abs(cast.box - annotated) < apart, mean, annotated)
+    return np.where(cut, cast.box, mean)
 
 
-def snapped(
-    box: np.ndarray, shadow: np.ndarray, rocks: np.ndarray, step: int, rock: int, brightness: Brightness
-) -> np.ndarray | None:
-    """The box (4,) around the dark region under a cast shadow; None where the photo does not show such a region.
+class PositionShadows:
+    """Shadows of one position; every camera's rays are cast once, every lamp's shadows too."""
 
-    It shows none where the ground around is as dark, as in the shadow of a wall or of a slope, and where the dark
-    region is much larger or smaller than the cast shadow: then something else darkens the ground.
+    def __init__(self, rocks: PositionRocks, options: LabelsOptions) -> None:
+        self.rocks, self.world, self.options = rocks, rocks.world, options
+        self._seen: dict[CameraSide, Ids] = {}
+        self._shadow_ids: dict[tuple[CameraSide, bytes], tuple[np.ndarray, dict[int, Window]]] = {}
 
-    Parameters
-    ----------
-    box : (4,) float
-        Around the shadow as cast, px.
-    shadow, rocks : (rows, columns) int
-        Whose shadow, and which rock, is seen at every `step`-th pixel; `rock` is the one that throws the shadow. What
-        walls shade belongs to none, nor to `NO_ROCK`.
-    """
-    import cv2
+    def labels(
+        self, camera: CameraSide, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
+    ) -> list[Label]:
+        """Shadows of labelled rocks under a lamp; with a photo also those that it shows and nobody drew."""
+        boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}  # nobody knows where they end
+        cast = self.cast(camera, light, azimuth, boxes, brightness)
+        shadows = self._known(camera, light, azimuth, cast)
+        return shadows if brightness is None else shadows + self._unannotated(azimuth, shadows, cast)
 
-    longest = max(brightness.exposures_ms)
-    height, width = brightness.rate.shape
-    part = window(box, np.maximum((box[2:] - box[:2]) * MARGIN, MARGIN_PX), width, height)
-    y, x = (np.arange(side.start, side.stop) for side in part)
-    if min(len(x), len(y)) < 4:
-        return None
-    row, column = np.minimum(y // step, shadow.shape[0] - 1), np.minimum(x // step, shadow.shape[1] - 1)
-    cast, thrower = shadow[np.ix_(row, column)] == rock, shadow[np.ix_(row, column)]
-    bare = (rocks[np.ix_(row, column)] < 0) & ((thrower == NO_ROCK) | cast)  # ground that nothing else darkens
-    rate = cv2.blur(brightness.rate[part], (SMOOTH_PX, SMOOTH_PX))
-    lit = bare & ~cv2.dilate(cast.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
-    if cast.sum() < 12 or lit.sum() < 12:
-        return None
-    dark_level, lit_level = float(np.percentile(rate[cast], 25)), float(np.median(rate[lit]))
-    clear = (lit_level - dark_level) * longest >= CLEAR * float(noise_dn(lit_level * longest))
-    if not clear or dark_level > DEEP * lit_level:
-        return None
-    reach = round(REACH_PX + REACH * float(np.sqrt(np.prod(box[2:] - box[:2]))))
-    near = cv2.dilate(cast.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)
-    dark = without_thin_parts(near & bare & (rate < dark_level + LEVEL * (lit_level - dark_level)), STREAK_PX)
-    count, parts, figures, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8), connectivity=8)
-    covered = np.bincount(parts[cast & dark], minlength=count)
-    areas = figures[:, cv2.CC_STAT_AREA]
-    cast_area = int(cast.sum())
-    own = [part for part in range(1, count) if covered[part] >= CORE_SHARE * areas[part]]
-    if not own or not 1 / LIKE_SIZE < sum(areas[part] for part in own) / cast_area < LIKE_SIZE:
-        return None
-    largest = max(areas[part] for part in own)
-    found = of_mask(np.isin(parts, [part for part in own if areas[part] >= SMALL_PART * largest]))
-    assert found is not None
-    return found + np.tile([x[0], y[0]], 2)
+    def _known(self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+        """Shadows as annotated here, edges in the photo averaged in; or in the other one, with cast ones; or cast."""
+        own = self.annotated(camera, azimuth)
+        if own is not None:
+            throwers = self.throwers(camera, own, light, azimuth)
+            dark = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo}
+            inside = np.zeros(4, bool)
+            boxes = [
+                mean_shadow(box, inside, dark.get(int(rock)), CAST_WEIGHT)
+                for rock, box in zip(throwers, own, strict=True)
+            ]
+            return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, boxes, strict=True)]
+        other: CameraSide = "R" if camera == "L" else "L"
+        annotated = self.annotated(other, azimuth)
+        if annotated is None:
+            return self._cast_labels(azimuth, cast)
+        throwers = self.throwers(other, annotated, light, azimuth)
+        moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), annotated)
+        boxes = [
+            mean_shadow(box, cut, cast.get(int(rock)), CAST_WEIGHT)
+            for rock, box, cut in zip(throwers, moved, at_border(annotated, self.rocks.view(other).size), strict=True)
+        ]
+        return [self.rocks.moved_label(SHADOW, rock, camera, box) for rock, box in zip(throwers, boxes, strict=True)]
+
+    def _unannotated(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
+        """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was annotated."""
+        known = {label.rock for label in shadows}
+        taken = np.array([label.box for label in shadows]).reshape(-1, 4)
+        found = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in known}
+        return [
+            label
+            for label in self._cast_labels(azimuth, found)
+            if iou(label.box[None], taken).max(initial=0.0) < SAME_SHADOW
+        ]
+
+    def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+        rover = azimuth == "no"
+        least = MIN_ROVER_SHADOW_PX if rover else self.options.min_shadow_px
+        large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
+        return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
+
+    def annotated(self, camera: CameraSide, azimuth: Azimuth) -> np.ndarray | None:
+        annotated = self.rocks.annotated.get((camera, azimuth))
+        return annotated.shadows if annotated is not None else None
+
+    def throwers(self, camera: CameraSide, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
+        """(n,) rock that throws each shadow annotated in a camera's photo, by the shadows that bodies cast there."""
+        cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
+        expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
+        rows = match_boxes(boxes, expected, SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)
+        return np.where(rows >= 0, np.array([*cast, NO_ROCK])[rows], NO_ROCK)
+
+    def cast(
+        self,
+        camera: CameraSide,
+        light: Light,
+        azimuth: Azimuth,
+        rock_boxes: Mapping[int, np.ndarray | None],
+        brightness: Brightness | None = None,
+    ) -> dict[int, CastShadow]:
+        """What a person would draw around the shadows of rocks, whose own boxes are given, by rock.
+
+        In a photo nothing is seen of a shadow that lies in a wall's, whose end the photo shows. Without one nobody
+        knows where walls stand well enough to say so.
+        """
+        step, lamp_position = self.options.ray_step_px, lamp(self.world, self.rocks.localised, light, azimuth)
+        assert lamp_position is not None
+        ids, shadow, windows = self._shadows_seen(camera, lamp_position)
+        if brightness is not None:
+            shadow = np.where(self._shaded_by_walls(ids, lamp_position, shadow, brightness), OF_WALL, shadow)
+            windows = windows_of(shadow)
+        found = {}
+        for rock, rock_box in sorted(rock_boxes.items()):
+            slivers = azimuth != "no" or rock_box is None  # under the light between the cameras nobody draws them
+            box = shadow_box(shadow, rock, rock_box, step, windows, slivers=slivers)
+            if box is None:
+                continue
+            dark = (
+                snapped(box, shadow, ids.rock, step, rock, brightness) if brightness and rock_box is not None else None
+            )
+            if dark is None and rock_box is not None:
+                shown = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
+                mesh_box, scale = shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock)
+                box = as_people_draw(box, rock_box, mesh_box, scale, self.options.annotator_shadows)
+            if area(box) > 0:
+                found[rock] = CastShadow(box if dark is None else dark, dark is not None)
+        return found
+
+    def _shaded_by_walls(
+        self, ids: Ids, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
+    ) -> np.ndarray:
+        """(rows, columns) bool: walls, as high as the photo shows them to be, take a lamp's light from the ground."""
+        step, height = self.options.ray_step_px, self.options.wall_height_m
+        if not height:
+            return np.zeros(ids.shape, bool)
+        passing = ids.over_walls(self.world, lamp_position)
+        bare = np.isfinite(passing) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
+        rate = brightness.rate[step // 2 :: step, step // 2 :: step]
+        return passing < shading_height(passing[bare], rate[bare], height)
+
+    def _shadows_seen(self, camera: CameraSide, lamp_position: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
+        """What a camera sees, whose shadow a lamp (3,) throws on the ground there, and the `windows_of` of that."""
+        view, step = self.rocks.view(camera), self.options.ray_step_px
+        if camera not in self._seen:
+            width, height = view.size
+            self._seen[camera] = Ids(
+                self.world, view, np.arange(step / 2, height, step), np.arange(step / 2, width, step)
+            )
+        ids = self._seen[camera]
+        if (camera, lamp_position.tobytes()) not in self._shadow_ids:
+            shadow = np.where(ids.rock == NO_ROCK, ids.shadow_of(self.world, lamp_position), NO_ROCK)
+            self._shadow_ids[camera, lamp_position.tobytes()] = shadow, windows_of(shadow)
+        return ids, *self._shadow_ids[camera, lamp_position.tobytes()]

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.outlines import TRIM
-from polarsim.labels.known import gather
-from polarsim.labels.lit import hidden_by_dark, in_the_dark
+from polarsim.labels.association import gather
+from polarsim.labels.bodies import build_world
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.projection import project_rock
 from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import Annotated
-from polarsim.labels.view import project_rock
-from polarsim.labels.world import build_world
+from polarsim.labels.visibility import hidden_by_dark, in_the_dark
 from polarsim.photo import NO_ROCK, ROCK
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS

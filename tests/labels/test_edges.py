@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from polarsim.labels.photos import Brightness
-from polarsim.labels.shadows import snapped
+from polarsim.labels.brightness import Brightness
+from polarsim.labels.casting import snapped
 from polarsim.photo import NO_ROCK
 
 STEP = 2

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png, tables
-from polarsim.labels.photos import Photos, noise_dn
+from polarsim.labels.brightness import Photos, noise_dn
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
 
 

@@ -9,10 +9,10 @@ from polarsim.formats import obj, png, tables, yolo
 from polarsim.formats.coco import Annotation, write_coco
 from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.poses import Pose
-from polarsim.labels.known import gather
+from polarsim.labels.association import gather
+from polarsim.labels.brightness import Photos
 from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.photos import Photos
 from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
 from polarsim.run_files import inventory, rigs

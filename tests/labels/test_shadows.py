@@ -4,14 +4,14 @@ import pytest
 import trimesh
 
 from polarsim.geometry.camera import Camera
-from polarsim.labels.known import gather
+from polarsim.labels.association import gather
+from polarsim.labels.bodies import build_world
+from polarsim.labels.casting import Ids, lamp, shadow_box
+from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.parts import windows_of
-from polarsim.labels.position_rocks import PositionRocks
-from polarsim.labels.position_shadows import CastShadow, PositionShadows, mean_shadow
-from polarsim.labels.shadows import Ids, lamp, shadow_box
-from polarsim.labels.world import build_world
+from polarsim.labels.shadows import CastShadow, PositionShadows, mean_shadow
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import read_terrain
 from polarsim.survey import lamp_position

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.labels.photos import Brightness, contrast, noise_dn
+from polarsim.labels.brightness import Brightness, contrast, noise_dn
 
 BOX = np.array([100.0, 80, 160, 120])
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from polarsim.geometry.boxes import MATCH_GATE_PX
+from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
 from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.projection import move_rocks, project_rock
 from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, cameras_first
 from polarsim.labels.tracks import Track, find_tracks
-from polarsim.labels.view import move_rocks, project_rock
-from polarsim.labels.world import Dome, World, build_worlds, with_domes
 from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, CameraSide
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from polarsim.labels.world import World
+from polarsim.labels.bodies import World
 from polarsim.photo import Azimuth
 
 POINTS = 150  # of a rock's surface, about, to which rays are cast

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import iou
-from polarsim.labels.view import move_flat, move_rocks, project_rock
-from polarsim.labels.world import build_world
+from polarsim.labels.bodies import build_world
+from polarsim.labels.projection import move_flat, move_rocks, project_rock
 from polarsim.run_files.scene import read_terrain
 
 from .conftest import BLOCKS, TERRAIN, localised

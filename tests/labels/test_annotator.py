@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.labels.annotator_model import as_people_draw
+from polarsim.labels.annotator import as_people_draw
 
 WIDTH = 1936
 corner = st.floats(100, 1500)

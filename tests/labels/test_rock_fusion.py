@@ -6,12 +6,12 @@ import pytest
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.outlines import TRIM
 from polarsim.labels import rover_light
-from polarsim.labels.known import gather
+from polarsim.labels.association import gather
+from polarsim.labels.bodies import build_world
+from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.position_rocks import PositionRocks
+from polarsim.labels.projection import project_rock
 from polarsim.labels.seeds import Annotated
-from polarsim.labels.view import project_rock
-from polarsim.labels.world import build_world
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
@@ -25,7 +25,7 @@ OPTIONS = LabelsOptions(visibility="annotator", wall_height_m=0)
 @pytest.fixture(autouse=True)
 def annotated_boxes_alone(monkeypatch):
     """Projected meshes weigh nothing, so that expected boxes are those of the drawings."""
-    monkeypatch.setattr("polarsim.labels.position_rocks.MESH_WEIGHT", 0.0)
+    monkeypatch.setattr("polarsim.labels.fusion.MESH_WEIGHT", 0.0)
 
 
 def terrain_of(blocks):
@@ -83,7 +83,7 @@ def test_a_rock_beyond_the_border_of_the_annotated_photos_is_projected_into_the_
 def test_a_rock_beyond_the_border_is_left_out_under_a_lamp_that_does_not_reach_it(monkeypatch):
     blocks = beyond_the_left_border()
     annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
-    monkeypatch.setattr("polarsim.labels.position_rocks.lit_share", lambda *_: 0.05)
+    monkeypatch.setattr("polarsim.labels.fusion.lit_share", lambda *_: 0.05)
     assert {label.rock for label in rocks_at("A", annotated, blocks).labels("R", "30")} == {NEAR, FAR}
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.geometry.boxes import centres, clip
 from polarsim.geometry.camera import Camera
-from polarsim.labels.world import World
+from polarsim.labels.bodies import World
 
 BORDER_PX = 2.0  # an edge this near to the photo's border is where the photo ends
 SURE_VERTICES = 3  # fewer visible vertices than this are no rock

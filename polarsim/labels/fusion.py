@@ -12,13 +12,13 @@ import numpy as np
 from polarsim.geometry.boxes import area, clip, iou
 from polarsim.geometry.camera import Camera
 from polarsim.labels import rover_light
-from polarsim.labels.known import Known
+from polarsim.labels.association import Known
 from polarsim.labels.label import Label, label_of
-from polarsim.labels.lit import lit_share
 from polarsim.labels.options import LabelsOptions
+from polarsim.labels.projection import ProjectedRock, at_border, move_rocks, project_rock
 from polarsim.labels.seeds import cameras_first
 from polarsim.labels.tracks import SAME_ROCK_IOU, mesh_weights
-from polarsim.labels.view import ProjectedRock, at_border, move_rocks, project_rock
+from polarsim.labels.visibility import lit_share
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
 # Fitted to the published labels: what they give elsewhere, `benchmarks/transfers.py` tells.
