@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from polarsim.covers.scores import cover_figures
+from polarsim.cover_photos.scores import cover_figures
 from polarsim.detect.find import read_any
 from polarsim.photo import ROCK
 from polarsim.report.seeds import with_interval

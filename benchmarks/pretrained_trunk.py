@@ -29,8 +29,8 @@ import torch
 from torch import Tensor, nn
 
 from polarsim.config import Config, read_config
-from polarsim.covers.scores import score_covers
-from polarsim.covers.widths import choose_widths, look_at_covers
+from polarsim.cover_photos.scores import score_covers
+from polarsim.cover_photos.widths import choose_widths, look_at_covers
 from polarsim.detect.detectors.compact import weights
 from polarsim.detect.detectors.compact.loss import losses
 from polarsim.detect.detectors.compact.network import WIDTHS, Compact

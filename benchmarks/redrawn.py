@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from polarsim.config import RELEASE_ROOT
-from polarsim.covers.photos import label_rows
-from polarsim.covers.scores import cover_figures
+from polarsim.cover_photos.photos import label_rows
+from polarsim.cover_photos.scores import cover_figures
 from polarsim.formats import release, tables
 from polarsim.photo import AZIMUTHS, HEIGHT, ROCK, WIDTH, PhotoKey
 

@@ -16,7 +16,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions, seed_choice
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.options import CamerasOptions, LocalisationOptions
-from polarsim.covers.options import CoversOptions
+from polarsim.cover_photos.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
 from polarsim.errors import ConfigError, about

@@ -36,7 +36,8 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"formats"},
     {"run_files", "download"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
-    {"rover", "covers", "report", "publish", "explore"},
+    {"scenes"},
+    {"rover", "cover_photos", "report", "publish", "explore"},
     {"arguments", "config", "job_files", "reporting"},
     {"running"},
     {"cli"},
@@ -45,7 +46,8 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
 TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores, what is
     # published for KITTI is rectified, the explorer counts false positives and reads corrections
     "rover": {"render", "detect"},
-    "covers": {"rocks", "render", "detect"},
+    "scenes": {"rocks", "render"},
+    "cover_photos": {"detect"},
     "report": {"scoring", "annotate"},
     "publish": {"detect"},
     "explore": {"labels", "detect"},

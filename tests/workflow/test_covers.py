@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 import yaml
 
-from polarsim.covers.strokes import COLOURS, draw_strokes
 from polarsim.detect.detectors import read_detector
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.release import polygon_folder
@@ -13,6 +12,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH
 from polarsim.render.surfaces import box
 from polarsim.run_files import class_masks
+from polarsim.scenes.strokes import COLOURS, draw_strokes
 
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)

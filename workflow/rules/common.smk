@@ -10,7 +10,7 @@ from pathlib import Path
 
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import describe_seeds
-from polarsim.covers.options import CARVED
+from polarsim.cover_photos.options import CARVED
 from polarsim.detect.options import PACKAGED
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError

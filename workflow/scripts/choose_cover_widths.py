@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.covers.widths import choose_widths
+from polarsim.cover_photos.widths import choose_widths
 from polarsim.detect.options import PredictionOptions
 from polarsim.job_files import paths
 from polarsim.reporting import reporting

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from polarsim.covers.options import FineTuningOptions
-from polarsim.covers.windows import cut_windows
+from polarsim.cover_photos.options import FineTuningOptions
+from polarsim.cover_photos.windows import cut_windows
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.covers.widths import look_at_covers
+from polarsim.cover_photos.widths import look_at_covers
 from polarsim.detect.options import PredictionOptions
 from polarsim.reporting import reporting
 

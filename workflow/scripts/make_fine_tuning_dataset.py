@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.covers.dataset import make_fine_tuning_dataset
+from polarsim.cover_photos.datasets import make_fine_tuning_dataset
 from polarsim.job_files import paths
 from polarsim.reporting import reporting
 

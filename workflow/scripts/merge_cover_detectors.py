@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.covers.merging import merge_seeds
+from polarsim.cover_photos.merging import merge_seeds
 from polarsim.detect.options import PredictionOptions
 from polarsim.job_files import paths
 from polarsim.reporting import reporting

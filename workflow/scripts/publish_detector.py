@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.covers.publish import publish_detector
+from polarsim.cover_photos.publish import publish_detector
 from polarsim.detect.options import PredictionOptions
 from polarsim.job_files import paths
 from polarsim.reporting import reporting

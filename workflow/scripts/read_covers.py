@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.covers.photos import read_covers
+from polarsim.cover_photos.photos import read_covers
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from polarsim.covers.options import SceneOptions
-from polarsim.covers.render_scenes import render_scenes
 from polarsim.reporting import reporting
+from polarsim.scenes.options import SceneOptions
+from polarsim.scenes.render_scenes import render_scenes
 
 with reporting(log=snakemake.log[0]):
     render_scenes(

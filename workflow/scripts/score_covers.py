@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.covers.scores import score_covers
+from polarsim.cover_photos.scores import score_covers
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.job_files import optional_path, paths
 from polarsim.reporting import reporting

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from polarsim.covers.photos import in_eight_bits, read_cover, read_covers, shadow_contrast
+from polarsim.cover_photos.photos import in_eight_bits, read_cover, read_covers, shadow_contrast
 from polarsim.errors import DetectError
 from polarsim.formats import png, release, tables
 from polarsim.photo import PhotoKey
-from tests.covers.conftest import KEY, ROCKS, SAND, SHADE, SHADOWS
+from tests.cover_photos.conftest import KEY, ROCKS, SAND, SHADE, SHADOWS
 
 NAME = "CoverPhotoOfIndices/cover_photo_indexed_01_A.png"
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.covers.widths import truth_of
+from polarsim.cover_photos.widths import truth_of
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures

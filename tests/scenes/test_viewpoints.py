@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-from polarsim.covers.options import SceneOptions
-from polarsim.covers.relief import grid_mesh
-from polarsim.covers.viewpoints import coarse_sand, draw_camera, draw_lamp, level_sand
 from polarsim.errors import DetectError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -16,6 +13,9 @@ from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.scenes.options import SceneOptions
+from polarsim.scenes.relief import grid_mesh
+from polarsim.scenes.viewpoints import coarse_sand, draw_camera, draw_lamp, level_sand
 
 LENS = Lens(64, 64, 30, 19, width=60, height=38)
 

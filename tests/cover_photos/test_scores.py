@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.covers.merging import merge_seeds
-from polarsim.covers.scores import calibrated_by_others, cover_figures, score_covers
+from polarsim.cover_photos.merging import merge_seeds
+from polarsim.cover_photos.scores import calibrated_by_others, cover_figures, score_covers
 from polarsim.detect.options import ComparisonOptions, PredictionOptions, TrainingOptions
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import PhotoKey

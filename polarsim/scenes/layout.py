@@ -11,15 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.covers.options import Range, SceneOptions
-from polarsim.covers.relief import draw_relief, grid_mesh, smooth_noise
-from polarsim.covers.viewpoints import draw_camera
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
 from polarsim.rocks.solids import decimated
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.scenes.options import Range, SceneOptions
+from polarsim.scenes.relief import draw_relief, grid_mesh, smooth_noise
+from polarsim.scenes.viewpoints import draw_camera
 
 FIRST_ROCK = 1  # number of the first rock of a scene; what a rock was called in its terrain is no part of it
 _TRIES = 12  # positions that are tried before a rock is laid where most room was

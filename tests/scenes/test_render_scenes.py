@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from tests.scenes.conftest import block
 
-from polarsim.covers.options import HallOptions, ReliefOptions, SceneOptions
-from polarsim.covers.render_scenes import contrast, render_scenes, shrink, tone_curve
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, yolo
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS
-from tests.covers.conftest import block
+from polarsim.scenes.options import HallOptions, ReliefOptions, SceneOptions
+from polarsim.scenes.render_scenes import contrast, render_scenes, shrink, tone_curve
 
 STRAIGHT = tone_curve(1)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.covers.options import FineTuningOptions
+from polarsim.cover_photos.options import FineTuningOptions
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.frame import read_picture
 from polarsim.detect.windows import draw_windows, make_folders, write_window

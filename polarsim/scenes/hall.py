@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from polarsim.covers.options import HallOptions
-from polarsim.covers.relief import smooth_noise
+from polarsim.scenes.options import HallOptions
+from polarsim.scenes.relief import smooth_noise
 
 _BEFORE_WALL_M = 0.03  # a card's distance from the wall that it leans on
 _GLARE_SHARE = (0.02, 0.1)  # standard deviation of a blob of glare over the picture's width, as on cover photos

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from polarsim.covers.hall import draw_hall, furnish
-from polarsim.covers.options import HallOptions
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
+from polarsim.scenes.hall import draw_hall, furnish
+from polarsim.scenes.options import HallOptions
 
 SHAPE = (60, 90)
 POSE = looking(np.array([-2.5, 0.0, 1.5]), 0.0, np.deg2rad(20))

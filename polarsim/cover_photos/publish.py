@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.covers.scores import ALL
-from polarsim.covers.widths import Found, merged, read_folds, together, truth_of, widths_for
+from polarsim.cover_photos.scores import ALL
+from polarsim.cover_photos.widths import Found, merged, read_folds, together, truth_of, widths_for
 from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrated, calibration_error, fit_calibration
 from polarsim.detect.options import PredictionOptions

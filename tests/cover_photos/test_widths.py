@@ -3,9 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from tests.cover_photos.test_scores import label_rows_of
 
-from polarsim.covers.publish import publish_detector
-from polarsim.covers.widths import choose_on_scenes, choose_widths, look_at_covers, read_found
+from polarsim.cover_photos.publish import publish_detector
+from polarsim.cover_photos.widths import choose_on_scenes, choose_widths, look_at_covers, read_found
 from polarsim.detect import detectors
 from polarsim.detect.detectors.compact.weights import network
 from polarsim.detect.options import PredictionOptions
@@ -17,7 +18,6 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
-from tests.covers.test_scores import label_rows_of
 
 KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}
 SMALL, LARGE = np.array([10.0, 10, 30, 30]), np.array([100.0, 100, 400, 400])
@@ -129,7 +129,7 @@ def test_widths_are_chosen_on_scenes_that_show_what_a_width_finds(scenes, tmp_pa
             found.append(np.array(rows, float).reshape(-1, 6))
         return found
 
-    monkeypatch.setattr("polarsim.covers.widths.detectors.load_detector", lambda *_: bright)
+    monkeypatch.setattr("polarsim.cover_photos.widths.detectors.load_detector", lambda *_: bright)
     weights = write_detector(tmp_path / "detector.pt")
     sized = tmp_path / "sized.pt"
     choose_on_scenes(

@@ -8,12 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.covers.dataset import scene_name
-from polarsim.covers.hall import furnish
-from polarsim.covers.options import SceneOptions
-from polarsim.covers.scenes import Scene, Shape, draw_scene
-from polarsim.covers.strokes import practise
-from polarsim.covers.viewpoints import coarse_sand, draw_lamp
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
@@ -28,6 +22,12 @@ from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.scenes.hall import furnish
+from polarsim.scenes.layout import Scene, Shape, draw_scene
+from polarsim.scenes.names import scene_name
+from polarsim.scenes.options import SceneOptions
+from polarsim.scenes.strokes import practise
+from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
 
 _BRIGHT_SAND = 90  # percentile of the sand's light that an exposure is told by: walls and lamps would mislead it
 _SEAM_PX = 2

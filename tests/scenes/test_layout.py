@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, Delaunay
 
-from polarsim.covers.options import ReliefOptions, SceneOptions
-from polarsim.covers.scenes import Shape, draw_render_options, draw_rotation, draw_scene, draw_sizes, strew
-from polarsim.covers.viewpoints import draw_camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
-from tests.covers.conftest import block
+from polarsim.scenes.layout import Shape, draw_render_options, draw_rotation, draw_scene, draw_sizes, strew
+from polarsim.scenes.options import ReliefOptions, SceneOptions
+from polarsim.scenes.viewpoints import draw_camera
+from tests.scenes.conftest import block
 
 COARSE = ReliefOptions(cell_m=0.1, most_craters=0)
 

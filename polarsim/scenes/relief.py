@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import fft
 
-from polarsim.covers.options import ReliefOptions
 from polarsim.geometry.meshes import Mesh
+from polarsim.scenes.options import ReliefOptions
 
 # Ranges, from least to most, that hold what rakes, feet and sieves leave in sand of a sandbox.
 _FINEST_M, _WIDEST_M = 0.008, 0.4  # sizes of roughness: below, the mesh has no cells for it; above, it is a swell

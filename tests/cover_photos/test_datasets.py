@@ -5,11 +5,12 @@ import re
 import numpy as np
 import pytest
 
-from polarsim.covers.dataset import make_cover_dataset, scene_name
+from polarsim.cover_photos.datasets import make_cover_dataset
 from polarsim.detect.dataset import read_pictures
 from polarsim.errors import DetectError, LabelError
 from polarsim.formats import png, yolo
-from tests.covers.conftest import KEY
+from polarsim.scenes.names import scene_name
+from tests.cover_photos.conftest import KEY
 
 
 def make_scenes(folder, terrain, scenes, lamps=3):

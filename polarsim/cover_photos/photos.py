@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.covers.strokes import drawn_boxes, erase_strokes, find_strokes
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.tone import bits_in_use
 from polarsim.errors import DetectError, PolarsimError
@@ -19,6 +18,7 @@ from polarsim.formats import png, release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.scenes.strokes import drawn_boxes, erase_strokes, find_strokes
 
 SOURCE = "annotated"  # of labels that people made
 PAIRING_COLUMNS = (

@@ -1,12 +1,9 @@
 import numpy as np
 import pytest
 
-from polarsim.covers.scenes import Shape
-from polarsim.covers.strokes import COLOURS, draw_strokes
 from polarsim.formats import png, yolo
-from polarsim.geometry.meshes import Mesh
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.render.surfaces import box
+from polarsim.scenes.strokes import COLOURS, draw_strokes
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 ROCKS = np.array([[200.0, 300, 300, 380], [900, 500, 1000, 620]])
@@ -33,16 +30,3 @@ def made_release(tmp_path, cover):
             moved = np.array([offset, 0, offset, 0])
             yolo.write_boxes(path, np.array([0, 0, 1]), np.vstack([ROCKS, [shadow]]) + moved)
     return tmp_path
-
-
-def block(*size):
-    """An upright box of a size (x, y, z), metres, with its centre away from the origin."""
-    high = np.array([*size, 0.0][:3])
-    vertices, faces, _ = box(np.zeros(3), high)
-    return Mesh(vertices + 5, faces)
-
-
-@pytest.fixture
-def shapes():
-    """A small and a large rock: 0.1 m and 0.3 m long."""
-    return [Shape(block(0.1, 0.06, 0.05)), Shape(block(0.3, 0.2, 0.2))]

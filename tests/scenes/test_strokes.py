@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from polarsim.covers.strokes import COLOURS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
 from polarsim.formats import png, release
+from polarsim.scenes.strokes import COLOURS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
 
 BOXES = np.array([[40.0, 30, 110, 90], [150, 60, 190, 120]])
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.covers.options import ReliefOptions
-from polarsim.covers.relief import (
+from polarsim.scenes.options import ReliefOptions
+from polarsim.scenes.relief import (
     crater,
     draw_relief,
     grid_mesh,

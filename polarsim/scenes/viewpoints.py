@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.covers.options import SceneOptions
 from polarsim.errors import DetectError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -15,6 +14,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import GROUND
+from polarsim.scenes.options import SceneOptions
 
 _COARSE = 1 / 32  # of a photo's size: pictures in which tries are looked at
 _TRIES = 60

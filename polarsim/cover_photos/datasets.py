@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from polarsim.covers.windows import terrain_of_window
+from polarsim.cover_photos.windows import terrain_of_window
 from polarsim.detect.dataset import Entry, entry_of, write_dataset
 from polarsim.detect.split import PARTS, TEST, TRAIN, VAL
 from polarsim.errors import DetectError, LabelError, about
 from polarsim.formats.files import writing_folder
 from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
+from polarsim.scenes.names import SCENE_NAME
 
 DOMAIN = "covers"  # of the data sets
-_NAME = re.compile(r"t(\d\d)_s(\d+)_l\d+")
-
-
-def scene_name(terrain: int, scene: int, lamp: int) -> str:
-    """Name of a picture of a scene that is strewn with a terrain's rocks, such as `t01_s007_l2`."""
-    return f"t{terrain:02d}_s{scene:03d}_l{lamp}"
 
 
 def make_cover_dataset(
@@ -125,7 +119,7 @@ def _scenes(terrain: int, folder: Path, share: float, seed: int) -> list[Entry]:
     """Pictures of a terrain's rocks, whole scenes drawn for validation: at least one of a share, or all or none."""
     found: dict[int, list[str]] = {}
     for path in sorted((folder / "images").glob("*.png")):
-        name = _NAME.fullmatch(path.stem)
+        name = SCENE_NAME.fullmatch(path.stem)
         if not name or int(name[1]) != terrain:
             raise LabelError(f"{path.stem!r} is no picture of rocks of terrain {terrain:02d}", path=path)
         found.setdefault(int(name[2]), []).append(path.stem)

@@ -1,0 +1,1 @@
+"""Randomised training scenes: rocks of one terrain on generated sand, rendered with exact labels."""

@@ -1,0 +1,19 @@
+import numpy as np
+import pytest
+
+from polarsim.geometry.meshes import Mesh
+from polarsim.render.surfaces import box
+from polarsim.scenes.layout import Shape
+
+
+def block(*size):
+    """An upright box of a size (x, y, z), metres, with its centre away from the origin."""
+    high = np.array([*size, 0.0][:3])
+    vertices, faces, _ = box(np.zeros(3), high)
+    return Mesh(vertices + 5, faces)
+
+
+@pytest.fixture
+def shapes():
+    """A small and a large rock: 0.1 m and 0.3 m long."""
+    return [Shape(block(0.1, 0.06, 0.05)), Shape(block(0.3, 0.2, 0.2))]
