@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.cover_photos.scores import cover_figures
-from polarsim.detect.find import read_any
+from polarsim.detect.detect_pictures import read_any
 from polarsim.photo import ROCK
 from polarsim.report.seeds import with_interval
 from polarsim.schemas import FINE_TUNED

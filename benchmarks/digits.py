@@ -30,7 +30,7 @@ import pandas as pd
 
 from polarsim.cameras import locate
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.detect import find as detect
+from polarsim.detect import detect_pictures as detect
 from polarsim.detect.ipd import instance_performance, instance_performance_difference, pair
 from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.formats import png, tables

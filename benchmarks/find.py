@@ -20,7 +20,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from polarsim.detect.find import find_in_pictures, prediction_options
+from polarsim.detect.detect_pictures import find_in_pictures, prediction_options
 from polarsim.detect.options import PACKAGED
 
 REPEATS = 4

@@ -50,8 +50,8 @@ def detect(
     threads: Annotated[int, typer.Option(min=1, help="Pictures looked at at a time, each by one thread.")] = 2,
 ) -> None:
     """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
+    from polarsim.detect.detect_pictures import find_in_pictures, prediction_options
     from polarsim.detect.detectors import choose_device
-    from polarsim.detect.find import find_in_pictures, prediction_options
     from polarsim.detect.options import PACKAGED
 
     options = prediction_options(listed(widths), listed(gates), device, mirrored=mirrored, precision=precision)
@@ -100,8 +100,8 @@ def ipd(
 
     ipd: absolute value of the mean difference of IoU, as the paper's table; ipd_abs: mean of the absolute differences.
     """
+    from polarsim.detect.external_sets import compare_sets
     from polarsim.detect.ipd import Rules
-    from polarsim.detect.sets import compare_sets
     from polarsim.formats.files import write_json
 
     report = compare_sets(

@@ -13,8 +13,8 @@ from polarsim.cover_photos.scores import ALL
 from polarsim.cover_photos.widths import Found, merged, read_folds, together, truth_of, widths_for
 from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrated, calibration_error, fit_calibration
+from polarsim.detect.inference_widths import ClassSizes
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.sizes import ClassSizes
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text

@@ -12,10 +12,10 @@ import pandas as pd
 from polarsim.detect import detectors
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import read_picture
-from polarsim.detect.on_sand import Sand
+from polarsim.detect.inference_widths import ClassSizes, Sizes, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
-from polarsim.detect.sizes import ClassSizes, Sizes, choose_sizes, merge
+from polarsim.detect.sand_filter import Sand
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables, yolo

@@ -9,7 +9,7 @@ import numpy as np
 from polarsim.cover_photos.options import FineTuningOptions
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.frame import read_picture
-from polarsim.detect.windows import draw_windows, make_folders, write_window
+from polarsim.detect.training_windows import draw_windows, make_folders, write_window
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
 from polarsim.formats.files import writing_folder

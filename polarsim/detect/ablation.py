@@ -14,10 +14,10 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.detect.dataset import read_pictures
+from polarsim.detect.domain_evaluation import DomainEvaluation, change, ipd_change
 from polarsim.detect.evaluate import detector_facts, read_labels
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
-from polarsim.detect.seen import Seen, change, ipd_change
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -33,7 +33,7 @@ ABLATION_COLUMNS = (
 _DIGITS = 6
 
 
-def effect_of(photo: Seen, twin: Seen, replaced: Seen) -> pd.DataFrame:
+def effect_of(photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainEvaluation) -> pd.DataFrame:
     """What one detector says of one component: from `images` on the columns of `ABLATION_COLUMNS`, a row a class.
 
     The three have the same keys and options.
@@ -96,7 +96,7 @@ def write_ablation(
     parts = []
     for trained in track(sorted({trained for trained, _ in predictions}), "ablation"):
         seen = {
-            domain: Seen(keys, truth[domain], tables.read_parquet(path, PREDICTION_COLUMNS), options)
+            domain: DomainEvaluation(keys, truth[domain], tables.read_parquet(path, PREDICTION_COLUMNS), options)
             for (detector, domain), path in predictions.items()
             if detector == trained
         }

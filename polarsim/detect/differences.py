@@ -11,7 +11,7 @@ from itertools import combinations
 
 import pandas as pd
 
-from polarsim.detect.seen import Seen, change, ipd_change
+from polarsim.detect.domain_evaluation import DomainEvaluation, change, ipd_change
 from polarsim.photo import BOX_CLASSES
 
 SIDES = ("trained", "evaluated")
@@ -22,7 +22,7 @@ DIFFERENCE_COLUMNS = (
 )  # fmt: skip
 
 
-def paired_differences(seen: Mapping[tuple[str, str], Seen]) -> pd.DataFrame:
+def paired_differences(seen: Mapping[tuple[str, str], DomainEvaluation]) -> pd.DataFrame:
     """`DIFFERENCE_COLUMNS` of all comparisons that a reader of the tables makes.
 
     mAP@0.5 of one detector on its own domain and on another one; mAP@0.5 on one domain of its own detector and of
@@ -50,7 +50,9 @@ def paired_differences(seen: Mapping[tuple[str, str], Seen]) -> pd.DataFrame:
     return table.assign(images=len(some.keys), units=units, unit=some.options.resampled)
 
 
-def _compared_precisions(seen: Mapping[tuple[str, str], Seen]) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
+def _compared_precisions(
+    seen: Mapping[tuple[str, str], DomainEvaluation],
+) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
     """Own domain and another one of each detector, then own detector and another one of each domain."""
     own = sorted(sides for sides in seen if sides[0] == sides[1])
     for mine in own:
@@ -60,7 +62,7 @@ def _compared_precisions(seen: Mapping[tuple[str, str], Seen]) -> Iterator[tuple
 
 
 def _compared_ipds(
-    seen: Mapping[tuple[str, str], Seen],
+    seen: Mapping[tuple[str, str], DomainEvaluation],
 ) -> Iterator[tuple[tuple[str, str], tuple[str, str], tuple[str, str]]]:
     """A domain and each two others of every detector."""
     for trained in sorted({trained for trained, _ in seen}):

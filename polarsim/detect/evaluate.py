@@ -21,6 +21,7 @@ from polarsim.detect.breakdown import (
 from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.differences import DIFFERENCE_COLUMNS, paired_differences
+from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.false_positives import FALSE_POSITIVE_COLUMNS, false_positives
 from polarsim.detect.ipd import (
     ROCK_COLUMNS,
@@ -32,7 +33,6 @@ from polarsim.detect.ipd import (
 )  # fmt: skip
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
-from polarsim.detect.seen import Seen
 from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, leaks, read_split
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -111,13 +111,13 @@ def evaluate(
         truth[domain] = read_labels(labels[domain])
     parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": []}
     performances: dict[tuple[str, str], pd.DataFrame] = {}
-    seen: dict[tuple[str, str], Seen] = {}
+    seen: dict[tuple[str, str], DomainEvaluation] = {}
     common = sorted(set.intersection(*map(set, keys.values()))) if keys else []
     for (trained, evaluated), path in track(sorted(named.items()), "evaluate"):
         found = tables.read_parquet(path, PREDICTION_COLUMNS)
         figures = _figures(keys[evaluated], truth[evaluated], found, options)
         performances[trained, evaluated] = figures.pop("instances")
-        seen[trained, evaluated] = Seen(common, truth[evaluated], found, options)
+        seen[trained, evaluated] = DomainEvaluation(common, truth[evaluated], found, options)
         for name, table in figures.items():
             parts[name].append(_named(table, SIDES, (trained, evaluated)))
     matched = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))

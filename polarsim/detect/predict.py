@@ -12,13 +12,13 @@ import pandas as pd
 from polarsim.detect import detectors
 from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import frame, read_picture
-from polarsim.detect.on_sand import Sand
+from polarsim.detect.inference_widths import ClassSizes, Sizes, merge
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.parts import digest, write_in_parts
-from polarsim.detect.sizes import ClassSizes, Sizes, merge
+from polarsim.detect.sand_filter import Sand
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
+from polarsim.formats.table_parts import digest, write_in_parts
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.schemas import PREDICTIONS

@@ -9,12 +9,12 @@ from polarsim.detect import detectors
 from polarsim.detect.dataset import KINDS, MASKS, read_pictures
 from polarsim.detect.detectors.download import ensure_weights
 from polarsim.detect.options import PredictionOptions, TrainingOptions
-from polarsim.detect.parts import digest
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json
+from polarsim.formats.table_parts import digest
 
 
 def train_detector(

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.cover_photos.test_datasets import make_scenes
 
 from polarsim.cover_photos.datasets import make_fine_tuning_dataset
 from polarsim.cover_photos.options import FineTuningOptions
 from polarsim.cover_photos.photos import label_rows
 from polarsim.cover_photos.windows import cut_windows
 from polarsim.detect.dataset import read_pictures
-from polarsim.detect.windows import draw_windows
+from polarsim.detect.training_windows import draw_windows
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.run_files import class_masks
+from tests.cover_photos.test_datasets import make_scenes
 
 KEYS = ("01_A_off_30_L_0256", "01_C_off_30_L_0256", "03_A_off_30_R_0256")
 BOXES = np.array([[400.0, 300, 800, 700], [1200, 800, 1500, 1000]])

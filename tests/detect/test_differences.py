@@ -3,8 +3,8 @@ import pandas as pd
 import pytest
 
 from polarsim.detect.differences import paired_differences
+from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.options import ComparisonOptions
-from polarsim.detect.seen import Seen
 
 VIEWS = ("01_A_off_180_L_0256", "01_A_off_180_R_0256", "01_B_off_180_L_0256", "01_C_off_180_L_0256")
 OPTIONS = ComparisonOptions(resamples=500)
@@ -20,7 +20,7 @@ def seen(overlaps, found=1.0):
             labels.append((key, "shadow", 1, 150.0 * number, 500.0, 150.0 * number + 100, 600.0))
             if number < found * 10:
                 boxes.append((key, "shadow", 0.9, 150.0 * number, 500.0, 150.0 * number + 100, 600.0))
-    return Seen(
+    return DomainEvaluation(
         VIEWS,
         pd.DataFrame(labels, columns=["key", "kind", "rock", "x0", "y0", "x1", "y1"]),
         pd.DataFrame(boxes, columns=["key", "kind", "confidence", "x0", "y0", "x1", "y1"]),

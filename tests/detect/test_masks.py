@@ -10,7 +10,7 @@ import pytest
 
 from polarsim.detect import detectors
 from polarsim.detect.dataset import entry_of, read_pictures, write_dataset
-from polarsim.detect.find import find_in_pictures, prediction_options
+from polarsim.detect.detect_pictures import find_in_pictures, prediction_options
 from polarsim.detect.masks import class_mask, segment_pictures, within_boxes
 from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
 from polarsim.detect.train import train_detector
@@ -147,7 +147,7 @@ def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(wei
     picture, mask, boxes = scene(np.random.default_rng(5))
     found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
     # This small a training finds few boxes.
-    monkeypatch.setattr("polarsim.detect.find.detect", lambda *_: iter([found]))
+    monkeypatch.setattr("polarsim.detect.detect_pictures.detect", lambda *_: iter([found]))
     large = cv2.resize(picture, (150, 94), interpolation=cv2.INTER_LINEAR)
     png.write(tmp_path / "a.png", large)
     png.write(tmp_path / "b.png", large.astype(np.uint16) * 257)

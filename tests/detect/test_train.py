@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from polarsim.detect import detectors
-from polarsim.detect import parts as parts_module
 from polarsim.detect import train as train_module
 from polarsim.detect.dataset import make_dataset, read_pictures
 from polarsim.detect.detectors.families import MAX_BOXES
@@ -28,6 +27,7 @@ from polarsim.detect.split import read_split, split_photos
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
+from polarsim.formats import table_parts as parts_module
 
 pytest.importorskip("ultralytics")
 pytestmark = pytest.mark.slow
@@ -113,7 +113,7 @@ def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on
         tables.write_parquet(path, table)
 
     with monkeypatch.context() as patch:
-        patch.setattr("polarsim.detect.parts.tables", SimpleNamespace(write_parquet=stop_at_the_second))
+        patch.setattr("polarsim.formats.table_parts.tables", SimpleNamespace(write_parquet=stop_at_the_second))
         with pytest.raises(KeyboardInterrupt):
             run_predict(matched, "parts_on_real.parquet")
     first = matched / ".parts_on_real.parts" / "00000.parquet"
@@ -125,7 +125,7 @@ def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on
         join(parts, path)
 
     join = parts_module._join
-    monkeypatch.setattr("polarsim.detect.parts._join", watch)
+    monkeypatch.setattr("polarsim.formats.table_parts._join", watch)
     run_predict(matched, "parts_on_real.parquet")
     assert not first.exists()
     again, once = (tables.read_parquet(matched / f"{name}_on_real.parquet") for name in ("parts", "real"))

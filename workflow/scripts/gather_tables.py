@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.gather import gather_tables
+from polarsim.detect.gather_tables import gather_tables
 from polarsim.job_files import paths
 from polarsim.reporting import reporting
 

@@ -17,9 +17,9 @@ from scipy import ndimage
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.frame import widest_look
+from polarsim.detect.inference_widths import ClassSizes
 from polarsim.detect.options import PicturesOptions, StereoOptions
 from polarsim.detect.predict import detect, sizes_of
-from polarsim.detect.sizes import ClassSizes
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.errors import RoverError, about

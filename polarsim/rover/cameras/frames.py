@@ -20,11 +20,11 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from polarsim.detect.parts import digest
 from polarsim.digest import code_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats import coco, png, rle, tables, yolo
 from polarsim.formats.files import read_json, write_text
+from polarsim.formats.table_parts import digest
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track

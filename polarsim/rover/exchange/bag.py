@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.detect.parts import digest
 from polarsim.digest import code_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats import bags, ros
 from polarsim.formats.files import read_json, write_json, writing
 from polarsim.formats.ros import Message, Stamped
+from polarsim.formats.table_parts import digest
 from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
 from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace

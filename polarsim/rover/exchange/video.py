@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.detect.parts import digest
 from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.formats import png, tables
 from polarsim.formats.files import write_text, writing
+from polarsim.formats.table_parts import digest
 from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.render.options import Model

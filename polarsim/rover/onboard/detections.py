@@ -14,13 +14,13 @@ import pandas as pd
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.frame import widest_look
-from polarsim.detect.parts import digest, write_in_parts
+from polarsim.detect.inference_widths import ClassSizes
 from polarsim.detect.predict import detect, sizes_of
-from polarsim.detect.sizes import ClassSizes
 from polarsim.digest import code_digest
 from polarsim.errors import RoverError, about
 from polarsim.formats import png
 from polarsim.formats.files import write_text
+from polarsim.formats.table_parts import digest, write_in_parts
 from polarsim.photo import BOX_CLASSES
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions

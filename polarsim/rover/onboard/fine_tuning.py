@@ -11,7 +11,7 @@ from polarsim.detect.dataset import entry_of, write_dataset
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.detect.train import train_detector
-from polarsim.detect.windows import draw_windows, make_folders, write_window
+from polarsim.detect.training_windows import draw_windows, make_folders, write_window
 from polarsim.errors import RoverError, about
 from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder

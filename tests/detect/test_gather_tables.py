@@ -1,7 +1,7 @@
 import pandas as pd
 import pytest
 
-from polarsim.detect.gather import gather_tables
+from polarsim.detect.gather_tables import gather_tables
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 

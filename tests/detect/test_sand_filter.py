@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.detect.on_sand import Sand, on_sand
+from polarsim.detect.sand_filter import Sand, on_sand
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats import obj
 from polarsim.geometry.camera import Camera

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from polarsim.detect.inference_widths import ClassSizes, Sizes, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.sizes import ClassSizes, Sizes, choose_sizes, merge
 
 BOTH = ClassSizes.same(Sizes((512, 896), (64.0,)))
 

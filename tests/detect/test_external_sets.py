@@ -1,8 +1,8 @@
 import pandas as pd
 import pytest
 
+from polarsim.detect.external_sets import compare_sets, identify
 from polarsim.detect.ipd import Rules
-from polarsim.detect.sets import compare_sets, identify
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats.tables import write_parquet
 

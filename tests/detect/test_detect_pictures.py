@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 from polarsim.cli import app
 from polarsim.detect import detectors, tone
-from polarsim.detect.find import find_in_pictures, prediction_options, read_any
+from polarsim.detect.detect_pictures import find_in_pictures, prediction_options, read_any
 from polarsim.detect.frame import resized
+from polarsim.detect.inference_widths import ClassSizes, Sizes
 from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.detect.predict import detect
-from polarsim.detect.sizes import ClassSizes, Sizes
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.geometry.boxes import iou
 from polarsim.photo import BOX_CLASSES, ROCK
@@ -311,7 +311,7 @@ def test_a_picture_that_cannot_be_drawn_is_an_error_and_leaves_nothing(weights, 
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("polarsim.detect.find.write_bytes", full)
+    monkeypatch.setattr("polarsim.detect.detect_pictures.write_bytes", full)
     cv2.imwrite(str(tmp_path / "one.png"), picture())
     with pytest.raises((OSError, PolarsimError), match="No space left"):
         find_in_pictures(

@@ -21,7 +21,7 @@ _CELL = ["key", "kind", "rock"]
 
 
 @dataclass(frozen=True)
-class Seen:
+class DomainEvaluation:
     """One domain through one detector.
 
     Attributes
@@ -79,7 +79,9 @@ class Seen:
         return unit, bootstrap.draws(int(unit.max()) + 1, self.options.resamples, self.options.seed)
 
 
-def ipd_change(kind: str, photo: Seen, twin: Seen, replaced: Seen) -> dict[str, object]:
+def ipd_change(
+    kind: str, photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainEvaluation
+) -> dict[str, object]:
     """Mean IoU and IPD over the rocks that photo, twin and the other twin have; IPD as in `ipd`, change by change."""
     options = photo.options
     rules = Rules(options.undetected, options.unpaired, options.resampled)

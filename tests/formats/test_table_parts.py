@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.parts import digest, write_in_parts
 from polarsim.formats import tables
+from polarsim.formats.table_parts import digest, write_in_parts
 
 ITEMS = [f"{n:04d}" for n in range(23)]
 
