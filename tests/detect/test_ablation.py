@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.ablation import ABLATION_COLUMNS, Seen, effect_of, write_ablation
+from polarsim.detect.ablation import ABLATION_COLUMNS, DomainEvaluation, effect_of, write_ablation
 from polarsim.detect.gap_options import Component, GapOptions
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import tables
@@ -34,7 +34,7 @@ def seen(performance, false_positives=(), keys=(ONE, OTHER), options=OPTIONS):
     found = boxes([(key, rock, SIDE * rock, SIDE * iou) for (key, rock), iou in performance.items()])
     false = [(key, "rock", 0, 0.0, HEIGHT - 50.0, 40.0, float(HEIGHT)) for key in false_positives]
     predictions = pd.concat([found, pd.DataFrame(false, columns=found.columns)], ignore_index=True)
-    return Seen(keys, labels, predictions.assign(confidence=0.9), options)
+    return DomainEvaluation(keys, labels, predictions.assign(confidence=0.9), options)
 
 
 def rocks(photo, twin, replaced):
