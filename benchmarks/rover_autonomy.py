@@ -35,12 +35,12 @@ from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
 from polarsim.report.figures.autonomy import draw_modes, draw_ways
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.reporting import reporting
-from polarsim.rover.autonomy.cases import AXES, DETECTING, Case, cases
-from polarsim.rover.autonomy.options import AutonomyOptions
-from polarsim.rover.autonomy.rank import rank_detectors
-from polarsim.rover.autonomy.table import drive_case, summarise_autonomy
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.planning.cases import AXES, DETECTING, Case, cases
+from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.rank import rank_detectors
+from polarsim.rover.planning.summary import drive_case, summarise_autonomy
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 from polarsim.schemas import AUTONOMY, EVERY_AUTONOMY

@@ -18,13 +18,13 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from polarsim.rover.autonomy.cases import Light
-from polarsim.rover.autonomy.drive import drive, job_for
-from polarsim.rover.autonomy.measure import figures
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import run_drive
+from polarsim.rover.planning.cases import Light
+from polarsim.rover.planning.drive import drive, job_for
+from polarsim.rover.planning.metrics import figures
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.craters import per_m2 as craters_per_m2
 from polarsim.rover.world.craters import strewn_craters

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.learn.baselines import BASELINES, returns
 from polarsim.rover.learn.courses import TerrainCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.world.options import WorldOptions
 
 RESAMPLES = 1000

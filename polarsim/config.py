@@ -29,8 +29,8 @@ from polarsim.randomness import unsigned_zeros
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
-from polarsim.rover.onboard.options import FINE_TUNED
 from polarsim.rover.options import RoverOptions
+from polarsim.rover.perception.options import FINE_TUNED
 from polarsim.scoring.options import ScoringOptions
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release

@@ -7,12 +7,12 @@ from pathlib import Path
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.detect.options import DetectOptions
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.layout import picture_set
 from polarsim.rover.cameras.options import REAL, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.exchange.options import BagOptions
-from polarsim.rover.onboard.options import DriveTuningOptions
+from polarsim.rover.perception.options import DriveTuningOptions
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, FRONT
 from polarsim.rover.world.options import WorldOptions

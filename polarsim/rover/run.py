@@ -17,9 +17,9 @@ from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
 from polarsim.rover.exchange.bag import write_changed_bag
 from polarsim.rover.exchange.urdf import write_urdf
 from polarsim.rover.exchange.video import make_videos
-from polarsim.rover.onboard.detections import detect_drive
-from polarsim.rover.onboard.measure import measure_drive
 from polarsim.rover.options import RoverOptions
+from polarsim.rover.perception.detections import detect_drive
+from polarsim.rover.perception.measure import measure_drive
 from polarsim.rover.vehicle.table import read_vehicle
 
 BAG, URDF = "drive.mcap", "rover.urdf"

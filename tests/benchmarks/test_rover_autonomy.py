@@ -9,8 +9,8 @@ import pytest
 from benchmarks import rover_autonomy
 from benchmarks.rover_autonomy import made_with, row_of, take_over, write_rows
 from polarsim.formats import tables
-from polarsim.rover.autonomy.cases import Case
-from polarsim.rover.autonomy.options import AutonomyOptions
+from polarsim.rover.planning.cases import Case
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.schemas import EVERY_AUTONOMY
 
 

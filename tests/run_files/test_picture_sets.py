@@ -11,9 +11,9 @@ from polarsim.formats import png
 from polarsim.formats.tables import write_parquet
 from polarsim.render.options import MODELS
 from polarsim.report.figures.shots import draw_sequence
-from polarsim.rover.autonomy.cases import cases, parsed
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG
+from polarsim.rover.planning.cases import cases, parsed
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.run_files.picture_sets import PictureSet, exposure_name, exposure_order
 
 EXPOSURES = st.floats(min_value=1e-6, max_value=1e9, exclude_min=True)

@@ -1,6 +1,6 @@
 """Files and options of the drives: what each step reads, and which set of pictures figures show."""
 
-from polarsim.rover.autonomy.cases import UNLIT, cases
+from polarsim.rover.planning.cases import UNLIT, cases
 from polarsim.rover.vehicle.mounts import FRONT
 
 ROVER = CONFIG.rover

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.onboard.detections import detect_drive
+from polarsim.rover.perception.detections import detect_drive
 from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):

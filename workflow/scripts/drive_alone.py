@@ -4,10 +4,10 @@ from pathlib import Path
 
 from polarsim.job_files import paths
 from polarsim.reporting import reporting
-from polarsim.rover.autonomy.options import AutonomyOptions
-from polarsim.rover.autonomy.table import drive_case
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.summary import drive_case
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 

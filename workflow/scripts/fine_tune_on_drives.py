@@ -4,8 +4,8 @@ from pathlib import Path
 
 from polarsim.detect.options import PredictionOptions
 from polarsim.reporting import reporting
-from polarsim.rover.onboard.fine_tuning import fine_tune
-from polarsim.rover.onboard.options import DriveTuningOptions
+from polarsim.rover.perception.fine_tuning import fine_tune
+from polarsim.rover.perception.options import DriveTuningOptions
 
 with reporting(log=snakemake.log[0]):
     fine_tune(

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import OnboardOptions
-from polarsim.rover.onboard.fine_tuning import make_drive_dataset
-from polarsim.rover.onboard.options import DriveTuningOptions
+from polarsim.rover.perception.fine_tuning import make_drive_dataset
+from polarsim.rover.perception.options import DriveTuningOptions
 
 with reporting(log=snakemake.log[0]):
     make_drive_dataset(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from polarsim.job_files import optional_path
 from polarsim.reporting import reporting
-from polarsim.rover.autonomy.rank import rank_detectors
+from polarsim.rover.planning.rank import rank_detectors
 
 with reporting(log=snakemake.log[0]):
     rank_detectors(

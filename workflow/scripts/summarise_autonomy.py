@@ -4,7 +4,7 @@ from pathlib import Path
 
 from polarsim.job_files import paths
 from polarsim.reporting import reporting
-from polarsim.rover.autonomy.table import summarise_autonomy
+from polarsim.rover.planning.summary import summarise_autonomy
 
 with reporting(log=snakemake.log[0]):
     summarise_autonomy(

@@ -5,7 +5,7 @@ from pathlib import Path
 from polarsim.job_files import paths
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import OnboardOptions
-from polarsim.rover.onboard.table import summarise_onboard
+from polarsim.rover.perception.summary import summarise_onboard
 
 with reporting(log=snakemake.log[0]):
     summarise_onboard(

@@ -11,13 +11,13 @@ from typing import Any, cast
 import numpy as np
 import pandas as pd
 
-from polarsim.rover.autonomy.eyes import Eyes, Glance
-from polarsim.rover.autonomy.hazard_grid import HazardGrid
-from polarsim.rover.autonomy.pilot import pilot
 from polarsim.rover.drive.control import Driver, SteeringLaw
 from polarsim.rover.drive.job import GAIN_RAD_M, HEADING_GAIN
 from polarsim.rover.drive.state import State
 from polarsim.rover.learn.environment import TraverseEnvironment
+from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.perception.observation import Eyes, Glance
+from polarsim.rover.planning.pilot import pilot
 
 Policy = Callable[[dict[str, np.ndarray]], np.ndarray | None]  # from an observation to an action; none: it gave up
 MakePolicy = Callable[[TraverseEnvironment], Policy]  # at the start of an episode

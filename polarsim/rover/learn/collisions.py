@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.rover.autonomy.touches import REACH_M, body_touch, surface_points
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import trace_table
+from polarsim.rover.planning.touches import REACH_M, body_touch, surface_points
 from polarsim.schemas import HIGH_M
 
 

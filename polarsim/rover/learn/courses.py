@@ -7,10 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from polarsim.rover.autonomy.drive import autonomous_job, job_for
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.drive.job import Job
 from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.planning.drive import autonomous_job, job_for
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle

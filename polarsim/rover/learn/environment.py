@@ -4,7 +4,7 @@
     import polarsim.rover.learn.environment  # registers polarsim/Traverse-v0
     env = gymnasium.make("polarsim/Traverse-v0")
 
-The rover looks and maps as in drives that decide (`polarsim.rover.autonomy`), and the learner steers. The same seed,
+The rover looks and maps as in drives that decide (`polarsim.rover.planning`), and the learner steers. The same seed,
 options and actions are the same episode.
 """
 
@@ -20,10 +20,6 @@ from pydantic import ValidationError
 
 from polarsim.errors import RoverError
 from polarsim.formats.yaml_files import describe_error
-from polarsim.rover.autonomy.cases import Light
-from polarsim.rover.autonomy.eyes import Eyes
-from polarsim.rover.autonomy.hazard_grid import HazardGrid
-from polarsim.rover.autonomy.options import OFF, ON, AutonomyOptions, Mode
 from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
 from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, CameraSuiteOptions
 from polarsim.rover.drive.control import Command, Path
@@ -35,6 +31,10 @@ from polarsim.rover.learn.collisions import Collisions
 from polarsim.rover.learn.courses import Course, MadeUpCourse
 from polarsim.rover.learn.observation import STATE, crop, numbers
 from polarsim.rover.learn.options import TaskOptions
+from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.perception.observation import Eyes
+from polarsim.rover.planning.cases import Light
+from polarsim.rover.planning.options import OFF, ON, AutonomyOptions, Mode
 
 ACTION_HZ = 10
 ARRIVED_M = 0.3  # before the goal's line, as for drives that decide

@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from polarsim.rover.autonomy.hazard_grid import HazardGrid
 from polarsim.rover.drive.control import Path, wrapped
 from polarsim.rover.drive.state import State, tilt_of
 from polarsim.rover.learn.options import CropOptions
+from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.vehicle.table import WHEELS
 
 HIGHEST_M = 0.5  # of a rock: full scale

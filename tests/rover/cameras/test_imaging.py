@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from polarsim.render.options import RenderOptions
-from polarsim.rover.autonomy.cases import Light
-from polarsim.rover.autonomy.eyes import Eyes
-from polarsim.rover.autonomy.hazard_grid import HazardGrid
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
 from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.control import Command, Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS, Trace
+from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.perception.observation import Eyes
+from polarsim.rover.planning.cases import Light
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import WHEELS
 from tests.rover import driven

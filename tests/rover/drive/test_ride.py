@@ -9,8 +9,6 @@ import pytest
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
 from polarsim.render.olat import NO_LAMP
-from polarsim.rover.autonomy.drive import job_for
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive import ride as drive
@@ -20,6 +18,8 @@ from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import STATE, Ride, drive_to_end, run_drive
 from polarsim.rover.drive.state import OffGridError
 from polarsim.rover.drive.trace import read_trace
+from polarsim.rover.planning.drive import job_for
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle

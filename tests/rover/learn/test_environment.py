@@ -14,12 +14,12 @@ import gymnasium
 from gymnasium.utils.env_checker import check_env
 
 from polarsim.errors import ConfigError, RoverError
-from polarsim.rover.autonomy.options import AutonomyOptions
 from polarsim.rover.learn.baselines import planner_policy, random_policy, returns
 from polarsim.rover.learn.courses import MadeUpCourse, WorldCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
 from polarsim.rover.learn.observation import STATE
 from polarsim.rover.learn.options import RewardOptions, TaskOptions
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.practice import PracticeGround, practice_world
 

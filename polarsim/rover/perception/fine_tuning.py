@@ -1,0 +1,139 @@
+"""A detector that is fine-tuned on the front camera's pictures of drives, which come with their labels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from polarsim.detect import detectors, tone
+from polarsim.detect.dataset import entry_of, write_dataset
+from polarsim.detect.options import PredictionOptions
+from polarsim.detect.split import TRAIN, VAL
+from polarsim.detect.train import train_detector
+from polarsim.detect.training_windows import draw_windows, make_folders, write_window
+from polarsim.errors import RoverError, about
+from polarsim.formats import png, yolo
+from polarsim.formats.files import writing_folder
+from polarsim.randomness import generator
+from polarsim.rover.cameras.layout import labels_folder
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.perception.contrast import shows
+from polarsim.rover.perception.options import DriveTuningOptions
+from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.run_files.picture_sets import PictureSet
+
+DOMAIN = "drives"  # of the data set
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The front camera's picture of a drive, the file of its labels, and its name."""
+
+    name: str
+    path: Path
+    labels: Path
+    exposure_ms: float
+
+
+def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions, onboard: OnboardOptions) -> None:
+    """Write a data set of windows of the pictures of `options.drives`, with no test part.
+
+    All windows of a picture lie in one part. What does not stand out in a picture has no label there.
+
+    Parameters
+    ----------
+    onboard : OnboardOptions
+        How the detector's pictures are made, and what stands out.
+
+    Raises
+    ------
+    PolarsimError
+        A drive without pictures of the front camera or their labels, or a file is broken.
+    """
+    random = generator(options.seed, "rover", "fine tuning")
+    entries, count = [], 0
+    with writing_folder(dataset) as folder:
+        raw = folder / "windows"
+        make_folders(raw)
+        for picture in _all_pictures(options):
+            part = VAL if random.random() < options.val_share else TRAIN
+            with about(picture.path):
+                eight = tone.to_8_bits(png.read(picture.path), onboard.pictures, picture.exposure_ms)
+            classes, boxes = yolo.read_boxes(picture.labels, eight.shape[::-1])
+            kept = shows(eight, boxes, onboard.least_contrast)
+            numbers = range(count, count + options.windows)
+            drawn = draw_windows(
+                eight, classes[kept], boxes[kept], numbers, options.window_px, options.widest_px, random
+            )
+            for number, window in zip(numbers, drawn, strict=True):
+                name = f"{picture.name}_w{number - count}"
+                write_window(raw, name, window)
+                entries.append(entry_of(raw, name, part))
+            count += options.windows
+        facts = {"drives": [drive.as_posix() for drive in options.drives]}
+        write_dataset(DOMAIN, dataset, entries, folder, facts, needed=(TRAIN, VAL))
+
+
+def fine_tune(
+    *,
+    dataset: Path,
+    start: Path,
+    weights: Path,
+    curve: Path,
+    options: DriveTuningOptions,
+    prediction: PredictionOptions,
+    threads: int,
+    work: Path,
+) -> None:
+    """Train a detector on from `start`; the widths at which it looks at pictures stay those of `start`.
+
+    Raises
+    ------
+    PolarsimError
+        As `train_detector`, and where `start` is of another model than the options name.
+    """
+    before = detectors.read_detector(start)
+    if before.model != options.training.model:
+        raise RoverError(f"a {before.model}, rover.fine_tuning.training.model is {options.training.model}", path=start)
+    trained = work / "trained.pt"
+    train_detector(
+        dataset=dataset,
+        weights=trained,
+        curve=curve,
+        options=options.training,
+        prediction=prediction,
+        imgsz=options.window_px,
+        seed=options.seed,
+        threads=threads,
+        work=work,
+        start=start,
+    )
+    # Confidences mean something else now, so the calibration of `start` is left behind.
+    detectors.write_detector(weights, replace(detectors.read_detector(trained), sizes=before.sizes))
+    trained.unlink()
+
+
+def _all_pictures(options: DriveTuningOptions) -> Iterator[Picture]:
+    for number, drive in enumerate(options.drives):
+        for picture in _pictures(drive, options.every):
+            yield replace(picture, name=f"drive{number}_{picture.name}")
+
+
+def _pictures(drive: Path, every: int) -> Iterator[Picture]:
+    """Every so many-th picture of each set of a drive's front camera.
+
+    Raises
+    ------
+    RoverError
+        There is none.
+    """
+    sets = [path for path in sorted((drive / FRONT).glob("*_*_*")) if path.is_dir() and any(path.glob("*.png"))]
+    if not sets:
+        raise RoverError(f"no pictures of {FRONT}", path=drive)
+    for folder in sets:
+        with about(folder):
+            named = PictureSet.parse(folder.name)
+        for path in sorted(folder.glob("*.png"))[::every]:
+            labels = labels_folder(drive, FRONT, named.sun) / f"{path.stem}.txt"
+            yield Picture(f"{folder.name}_{path.stem}", path, labels, named.exposure_ms)

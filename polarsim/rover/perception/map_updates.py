@@ -1,0 +1,192 @@
+"""From what the cameras give, boxes, depths or what every pixel shows, to what one look says of the map's cells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.geometry.camera import Camera
+from polarsim.photo import BLACK_LEVEL
+from polarsim.rover.perception.ground_view import Heights, estimate
+from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, Look, of_parts
+from polarsim.rover.planning.options import MapOptions
+
+_RIM_PX = 2.0  # boxes so near to the picture's rim are cut: what they show is not known
+_ABOUT_PX = 9  # over which light is averaged: noise of single pixels is no light
+_LEAST_SHARE = 0.5  # of a cell's points that must be in the picture
+_MOST_SURE = 0.95  # confidence of a detection that counts no more than this
+_POINTS = 12  # of depth in a cell, which say something of it
+_TOP_PERCENT, _FOOT_PERCENT = 90, 25
+_AROUND = 9  # cells whose median is the ground around
+_ROCK_SHARE = 0.5  # of a part's pixels
+SURE = 1.0  # confidence of labels
+_STEREO_SURE = 0.4  # of stereo: a look that shows a rock counts about as much as one that shows none
+
+
+def look_of_boxes(
+    boxes: np.ndarray, confidence: np.ndarray, lit: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
+) -> Look:
+    """From rocks' boxes (n, 4) in a picture and their confidences (n,); lit ground in view without one is no rock.
+
+    A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts. Of
+    pixels that are not `lit`, (h, w) bool, a picture without a box says nothing: a detector finds none in the dark.
+    """
+    options = grid.options
+    x, y = (_parts(values, options.cell_m) for values in (grid.x, grid.y))
+    columns, rows = (_near(values, float(eye), options) for values, eye in zip((x, y), camera.centre[:2], strict=True))
+    gx, gy = np.meshgrid(x[columns], y[rows])
+    points = np.stack([gx, gy, ground(gx, gy)], axis=-1)
+    pixel = camera.project(points)
+    distance = np.linalg.norm((points - camera.centre)[..., :2], axis=-1)
+    inside = camera.inside(pixel) & (distance <= options.farthest_m)
+    boxes = np.asarray(boxes, float).reshape(-1, 4)
+    cut = (boxes[:, :2] < _RIM_PX).any(axis=1) | (boxes[:, 2:] > camera.size - _RIM_PX).any(axis=1)
+    for box in boxes[cut]:
+        inside &= ~((pixel > box[:2]) & (pixel < box[2:])).all(axis=-1)
+    rocks = estimate(boxes[~cut], camera, ground)
+    height, odds, rise = (np.zeros(gx.shape) for _ in range(3))
+    for centre, width, high, sure in zip(rocks.centre, rocks.width, rocks.height, confidence[~cut], strict=True):
+        if not (np.isfinite(centre).all() and width > 0):
+            continue
+        squared = ((gx - centre[0]) ** 2 + (gy - centre[1]) ** 2) / (width / 2) ** 2
+        own = np.where(squared < 1, high, 0.0)  # a hazard is as high as the rock that it is a part of
+        odds = np.where(own > height, _log_odds(float(sure)), odds)
+        height = np.maximum(height, own)
+        rise = np.maximum(rise, own * np.sqrt(np.maximum(1 - squared, 0)))
+    column, row = np.moveaxis(np.where(inside[..., None], pixel, 0).astype(int), -1, 0)
+    seen = inside & (lit[row, column] | (odds > 0))
+    surface = np.where(seen, points[..., 2] + rise, np.nan)
+    full = [np.zeros(grid.surface.shape) for _ in range(5)] + [np.full(grid.surface.shape, np.nan)]
+    for into, values in zip(
+        full, (inside, seen, np.where(inside, height, 0), np.where(inside, odds, 0), distance, surface), strict=True
+    ):
+        into[rows, columns] = values
+    in_view, share, top, sure, far = (
+        of_parts(values, how) for values, how in zip(full[:5], ("mean", "mean", "max", "max", "max"), strict=True)
+    )
+    known = np.where(sure > 0, in_view, share) >= _LEAST_SHARE
+    return Look(np.where(known, _weight(far, options), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
+
+
+def lit_pixels(grey: np.ndarray, least: float) -> np.ndarray:
+    """(h, w) bool: pixels of a 12-bit picture (h, w) about which so many grey values over the black level are seen."""
+    above = grey.astype(np.float32) - BLACK_LEVEL
+    return np.asarray(ndimage.uniform_filter(above, _ABOUT_PX) >= least)
+
+
+def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:
+    """From what pixels show: points (n, 3) of the world, and (n,) the number of the rock that each is on, 0 for none.
+
+    A part of a cell is rock where half or more of its pixels are, or of those near its centre where there are any: of
+    a rock's steep side there are many. A cell is rock where any part is. A rock is as high as its highest pixel over
+    the ground there.
+    """
+    options, shape = grid.options, grid.surface.shape
+    part = _numbers(points, grid, PARTS)
+    kept = (part >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= options.farthest_m)
+    points, rock, part = points[kept], rock[kept], part[kept]
+    size = shape[0] * shape[1]
+    count = np.bincount(part, minlength=size)
+    shares = []
+    for chosen in (np.ones(len(part), bool), _central(points, grid)):
+        pixels, rocky = (np.bincount(part[some], minlength=size) for some in (chosen, chosen & (rock > 0)))
+        shares.append(np.divide(rocky, pixels, out=np.full(size, np.nan), where=pixels > 0))
+    is_rock = np.where(np.isfinite(shares[1]), shares[1], np.nan_to_num(shares[0])) >= _ROCK_SHARE
+    total = np.bincount(part, points[:, 2], size)
+    surface = np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
+    top = np.full(size, -np.inf)
+    np.maximum.at(top, part, points[:, 2])
+    surface = np.where(is_rock, top, surface)  # of a rock's steep side pixels show more than of its top
+    heights = np.zeros(int(rock.max(initial=0)) + 1)
+    stands = rock > 0
+    np.maximum.at(heights, rock[stands], points[stands, 2] - ground(*points[stands, :2].T))
+    height = np.zeros(size)
+    np.maximum.at(height, part[stands], heights[rock[stands]])
+    share = of_parts((count > 0).reshape(shape), "mean")
+    found = of_parts(is_rock.reshape(shape), "any")
+    gx, gy = np.meshgrid(grid.x, grid.y)
+    weight = np.where(share > 0, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1]), options), 0.0)
+    weight *= np.where(found, 1.0, share)  # what is not seen of a cell may be rock
+    tall = of_parts(np.where(is_rock, height, 0.0).reshape(shape), "max")
+    return Look(weight, np.where(found, _log_odds(SURE), 0.0), np.where(found, tall, np.nan), surface.reshape(shape))
+
+
+def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
+    """From points (n, 3) of the world that stereo sees: cells that stand above the ground around are rock."""
+    options, shape = grid.options, (len(grid.y), len(grid.x))
+    points = points[np.isfinite(points).all(axis=1)]
+    number = _numbers(points, grid)
+    kept = (number >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= options.farthest_m)
+    points = points[kept]
+    cell, z = number[kept], points[:, 2]
+    order = np.lexsort((z, cell))
+    cell, z = cell[order], z[order]
+    numbers, first, count = np.unique(cell, return_index=True, return_counts=True)
+    known = count >= _POINTS
+    numbers, first, count = numbers[known], first[known], count[known]
+    top, foot = (np.full(shape, np.nan) for _ in range(2))
+    for into, percent in ((top, _TOP_PERCENT), (foot, _FOOT_PERCENT)):
+        into.ravel()[numbers] = z[first + (count - 1) * percent // 100]
+    seen = np.isfinite(foot)
+    if not seen.any():
+        return Look(np.zeros(shape), np.zeros(shape), top, np.full(grid.surface.shape, np.nan))
+    nearest = ndimage.distance_transform_edt(~seen, return_distances=False, return_indices=True)
+    around = ndimage.median_filter(foot[tuple(nearest)], _AROUND)
+    height = np.where(seen, top - around, np.nan)
+    rock = seen & (np.nan_to_num(height) > options.stereo_rock_m)
+    gx, gy = np.meshgrid(grid.x, grid.y)
+    weight = np.where(seen, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1]), options), 0.0)
+    return Look(
+        weight,
+        np.where(rock, _log_odds(_STEREO_SURE), 0.0),
+        np.where(rock, height, np.nan),
+        _surface(points, grid),
+    )
+
+
+def _surface(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
+    """Mean height of points (n, 3) of the grid by parts of cells; NaN without one."""
+    part, size = _numbers(points, grid, PARTS), grid.surface.size
+    count, total = np.bincount(part, minlength=size), np.bincount(part, points[:, 2], size)
+    return np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(grid.surface.shape)
+
+
+def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
+    """(n,) bool: points (n, 3) no farther from the centre of their part of a cell than half way to its side."""
+    central = np.ones(len(points), bool)
+    for axis, centres in ((0, grid.x), (1, grid.y)):
+        part = ((points[:, axis] - centres[0]) / grid.options.cell_m + 0.5) * PARTS
+        central &= np.abs(part - np.floor(part) - 0.5) < 0.25
+    return central
+
+
+def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray:
+    """(n,) flat numbers of the cells, or of their parts along a side, that points (n, 3) lie in; -1 beyond the grid."""
+    shape = parts * len(grid.y), parts * len(grid.x)
+    column, row = (
+        np.floor(((points[:, axis] - centres[0]) / grid.options.cell_m + 0.5) * parts).astype(int)
+        for axis, centres in ((0, grid.x), (1, grid.y))
+    )
+    inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+    return np.where(inside, row * shape[1] + column, -1)
+
+
+def _log_odds(confidence: float) -> float:
+    """Of a rock by a detection: no confidence tells nothing, and none tells for sure."""
+    sure = min(0.5 + 0.5 * confidence, _MOST_SURE)
+    return math.log(sure / (1 - sure))
+
+
+def _weight(distance: np.ndarray, options: MapOptions) -> np.ndarray:
+    return np.asarray(np.minimum(1.0, (options.full_weight_m / np.maximum(distance, 1e-6)) ** 2))
+
+
+def _parts(centres: np.ndarray, cell: float) -> np.ndarray:
+    offsets = (np.arange(PARTS) + 0.5) / PARTS - 0.5
+    return np.asarray((centres[:, None] + cell * offsets).ravel())
+
+
+def _near(values: np.ndarray, eye: float, options: MapOptions) -> slice:
+    return slice(*np.searchsorted(values, [eye - options.farthest_m, eye + options.farthest_m]).tolist())

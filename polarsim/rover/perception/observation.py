@@ -1,0 +1,231 @@
+"""What the rover's cameras show it at a moment, as its mode takes it.
+
+Detector and stereo have the front camera and a second one beside it. Labels are taken all round.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import TypeVar
+
+import numpy as np
+from scipy import ndimage
+
+from polarsim.detect import detectors, tone
+from polarsim.detect.frame import widest_look
+from polarsim.detect.inference_widths import ClassSizes
+from polarsim.detect.options import PicturesOptions, StereoOptions
+from polarsim.detect.predict import detect, sizes_of
+from polarsim.detect.stereo.match import match
+from polarsim.detect.stereo.rectify import Rectification, rectify
+from polarsim.errors import RoverError, about
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import BOX_CLASSES, ROCK
+from polarsim.render.hits import cast_strip
+from polarsim.render.lamps import Spot
+from polarsim.rover.cameras.lights import headlights, named_sun
+from polarsim.rover.cameras.live_camera import LiveScene
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.drive.control import Path
+from polarsim.rover.drive.state import State
+from polarsim.rover.perception.ground_view import plane_under
+from polarsim.rover.perception.hazard_grid import HazardGrid, Look
+from polarsim.rover.perception.map_updates import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
+from polarsim.rover.planning.cases import Light
+from polarsim.rover.planning.options import AutonomyOptions, Mode
+from polarsim.rover.vehicle.mounts import FRONT, mount_of
+from polarsim.rover.vehicle.table import Vehicle
+from polarsim.rover.world.surface import World
+from polarsim.run_files.instances import GROUND, ROCK_IDS
+
+T = TypeVar("T")
+_BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
+_NEAREST_M = 1.5  # depth that stereo looks for
+# Grey values of 255: what is darker, or more even over so many pixels, such as shadow, stereo matches with anything.
+_EVEN, _EVEN_PX = 1.5, 5
+
+
+@dataclass(frozen=True)
+class Glance:
+    """One moment: looks for the map, and the pair of pictures (h, w) uint8 where two were taken.
+
+    `shown`: the front camera's picture (h, w) uint8, where one was taken, and `found`, (n, 5) boxes in it that count.
+    """
+
+    looks: list[Look]
+    camera: Camera
+    pair: tuple[np.ndarray, np.ndarray] | None = None
+    shown: np.ndarray | None = None
+    found: np.ndarray = field(default_factory=lambda: np.zeros((0, 5)))
+
+
+class Eyes:
+    """The cameras of a mode; `seconds` counts CPU by part."""
+
+    def __init__(
+        self,
+        world: World,
+        vehicle: Vehicle,
+        path: Path,
+        mode: Mode,
+        light: Light,
+        options: AutonomyOptions,
+        cameras: CameraSuiteOptions,
+        seed: int,
+        threads: int = 1,
+    ) -> None:
+        """
+        Parameters
+        ----------
+        cameras : CameraSuiteOptions
+            Lens, sensor, reflectance and stars of the pictures, and the detector, `onboard`.
+        threads : int
+            That render pictures; they are the same, however many.
+
+        Raises
+        ------
+        PolarsimError
+            An unknown light, no detector where the mode has one.
+        """
+        self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
+        self.options, self.onboard, self.seed, self._threads = options, cameras.onboard, seed, threads
+        self.mount = mount_of(vehicle.camera(FRONT), options.scale)
+        self._small = mount_of(vehicle.camera(FRONT), options.scale * options.stereo_scale)
+        self._round = [mount_of(vehicle.camera(name), options.around_scale) for name in (FRONT, *options.around)]
+        noisy = cameras.render.model_copy(update={"noise": options.noise or cameras.render.noise})
+        cameras = cameras.model_copy(update={"render": noisy})
+        self._scene = LiveScene(world, vehicle, path, cameras, light.model, _BESIDE_M)
+        self._sun = named_sun(light.sun, options.sun_elevation_deg)
+        self._lights = [vehicle.light(name) for name in options.lamps] if light.lit else []
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+        self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
+        self._detector = self._read_detector() if self._detects else None
+        self.rectification = rectification(self.mount.lens.scaled(options.stereo_scale), options.stereo_base_m)
+        self._glances = 0
+
+    @property
+    def _detects(self) -> bool:
+        return self.mode in ("detector", "both")
+
+    @property
+    def pairs(self) -> bool:
+        """Whether both cameras take pictures."""
+        return self.mode in ("stereo", "both")
+
+    def look(self, state: State, level: np.ndarray, grid: HazardGrid) -> Glance:
+        """Take pictures of the ground as it is now and make of them what the mode makes."""
+        base, links = self._timed("scene", lambda: self._scene.show(state, level))
+        camera = self.mount.at(base)
+        ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
+        if self.mode == "truth":
+            cameras = [mount.at(base) for mount in self._round]
+            seen = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
+            points, rock = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+            return Glance([self._timed("map", lambda: look_of_pixels(points, rock, camera, ground, grid))], camera)
+        spots = headlights(self._lights, links)
+        # Stereo matches small pictures, so the second camera, and without a detector the first, takes no larger ones.
+        cameras = [camera if self._detects else self._small.at(base)]
+        if self.pairs:
+            cameras.append(right_of(self._small.at(base), self.options.stereo_base_m))
+        taken = self._timed("pictures", lambda: [self._picture(one, spots, k) for k, one in enumerate(cameras)])
+        self._glances += 1
+        looks, pair, found = [], None, np.zeros((0, 5))
+        shown: np.ndarray | None = None
+        if self._detects:
+            shown, found = self._timed("detector", lambda: self._found(*taken[0]))
+            found = found[found[:, 4] >= self.onboard.confidence]
+            lit = self._timed("map", lambda: self._lit(taken[0][0]))
+            boxes, sure = found[:, :4], found[:, 4]
+            looks.append(self._timed("map", lambda: look_of_boxes(boxes, sure, lit, camera, ground, grid)))
+            found[:, :4] *= shown.shape[1] / camera.lens.width
+        if self.pairs:
+            small = self._timed("stereo", lambda: [self._small_picture(grey) for grey, _ in taken])
+            pair = self._timed("stereo", lambda: self._pair(small))
+            points = self._timed("stereo", lambda: self._points(pair, self._lit(small[0]), camera))
+            looks.append(self._timed("map", lambda: look_of_depth(points, camera, grid)))
+        return Glance(looks, camera, pair, pair[0] if pair and shown is None else shown, found)
+
+    def _shown(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 3) of the world that pixels show, and (n,) rocks' numbers, 0 on the ground: no light is needed."""
+        surfaces = self._scene.surfaces
+        hits = cast_strip(surfaces, camera, slice(0, camera.lens.height), smooth=False)
+        ids = surfaces.id_of_face.take(hits.face)
+        kept = (ids == GROUND) | (ids >= ROCK_IDS)  # and not the rover's own body
+        return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
+
+    def _picture(self, camera: Camera, spots: Mapping[str, Spot], which: int) -> tuple[np.ndarray, float]:
+        """(h, w) 12-bit grey values, and their exposure, ms."""
+        exposure = self.light.exposure_ms
+        name = ("autonomy", self.seed, self._glances, which, self.light.sun, exposure)
+        return self._scene.picture(camera, self._sun, spots, exposure, *name, threads=self._threads)
+
+    def _found(self, grey: np.ndarray, exposure_ms: float) -> tuple[np.ndarray, np.ndarray]:
+        """The picture as the detector sees it, and (n, 5) boxes of rocks, px of the camera, and their confidences."""
+        assert self._detector is not None
+        loaded, sizes = self._detector
+        small = tone.shrink(grey, min(max(sizes.widths), max(grey.shape)))
+        eight = tone.to_8_bits(small, self.onboard.pictures, exposure_ms)
+        full = grey.shape[1], grey.shape[0]
+        (rows,) = detect(loaded, [eight], sizes, self.onboard.prediction.nms_iou, full)
+        return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
+
+    def _small_picture(self, grey: np.ndarray) -> np.ndarray:
+        """The 12-bit picture as large as stereo matches it."""
+        return tone.shrink(grey, max(self.rectification.lens.width, self.rectification.lens.height))
+
+    def _pair(self, small: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Both pictures by one curve: matching compares their grey values."""
+        left, right = tone.to_8_bits(np.stack(small), PicturesOptions(tone="gamma"))
+        return left, right
+
+    def _lit(self, grey: np.ndarray) -> np.ndarray:
+        return lit_pixels(grey, self.options.map.least_grey)
+
+    def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, lit: np.ndarray, camera: Camera) -> np.ndarray:
+        assert pair is not None
+        options = StereoOptions(nearest_m=_NEAREST_M, farthest_m=2 * self.options.map.farthest_m)
+        depth = np.where(lit & has_texture(pair[0]), match(*pair, self.rectification, options), np.nan)
+        left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
+        points = left * depth[..., None]
+        return camera.world_from_camera.apply(points.reshape(-1, 3))
+
+    def _read_detector(self) -> tuple[detectors.LoadedDetector, ClassSizes]:
+        weights = self.onboard.weights_file
+        if weights is None:
+            raise RoverError(f"mode {self.mode}: rover.cameras.onboard.weights names no detector")
+        detector = detectors.read_detector(weights)
+        with about(weights):
+            loaded = detectors.load_detector(detector, FilePath.cwd(), self.onboard.prediction, 1)
+        sizes = sizes_of(detector, self.onboard.prediction).by_class[BOX_CLASSES.index(ROCK)]
+        sizes = sizes.within(widest_look(self.mount.lens.width))
+        return loaded, ClassSizes.same(sizes)  # shadows are not looked for
+
+    def _timed(self, part: str, work: Callable[[], T]) -> T:
+        begun = time.process_time()
+        found = work()
+        self.seconds[part] += time.process_time() - begun
+        return found
+
+
+def has_texture(grey: np.ndarray) -> np.ndarray:
+    """(h, w) bool of a picture (h, w) uint8: not all alike around."""
+    values = grey.astype(np.float32)
+    mean, square = (ndimage.uniform_filter(some, _EVEN_PX) for some in (values, values**2))
+    return np.asarray(square - mean**2 > _EVEN**2)
+
+
+def right_of(camera: Camera, base_m: float) -> Camera:
+    """The second camera of the pair."""
+    return Camera(camera.world_from_camera @ Pose(np.eye(3), np.array([base_m, 0.0, 0.0])), camera.lens)
+
+
+def rectification(lens: Lens, base_m: float) -> Rectification:
+    """Of two equal lenses side by side."""
+    return rectify(StereoRig(lens, lens, Pose(np.eye(3), np.array([base_m, 0.0, 0.0]))), 1.0)

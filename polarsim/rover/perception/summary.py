@@ -1,0 +1,172 @@
+"""What detectors are worth on board, over all drives: metrics with 95 % intervals.
+
+What is drawn again and again for the intervals are rides, a drive under a Sun: pictures of one ride are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.formats import tables
+from polarsim.randomness import generator
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.perception.measure import SETTING, TABLES
+from polarsim.rover.perception.sightings import recall_by_distance
+from polarsim.schemas import ONBOARD
+
+_RIDE = ["seed", "sun"]
+_GROUP = ["source", "model", "exposure_ms"]
+Statistic = Callable[[np.ndarray], float]  # of rides' numbers
+
+
+def summarise_onboard(folders: Sequence[Path], table: Path, options: OnboardOptions, seed: int = 0) -> None:
+    """Read the tables of drives and write one of all metrics, the columns of `ONBOARD`.
+
+    Raises
+    ------
+    FormatError
+        A drive's tables are missing.
+    """
+    parts = {
+        name: pd.concat(
+            [tables.read_parquet(folder / "onboard" / f"{name}.parquet", SETTING) for folder in folders],
+            ignore_index=True,
+        )
+        for name in TABLES
+    }
+    tables.write_parquet(table, metrics(parts, options, seed))
+
+
+def metrics(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: int = 0) -> pd.DataFrame:
+    """A row a metric: of each source, model and exposure, and of all exposures of a model (exposure 0).
+
+    value, low, high
+        NaN where nothing counts.
+    count
+        What the value is the share, sum or median of: looks at rocks, rocks, cells, metres.
+    """
+    rows: list[tuple[object, ...]] = []
+    for group, own in _groups(parts):
+        found = [*_recalls(own, options), *_stable(own, options), *_map(own), *_stops(own, options)]
+        for metric, labels, by_ride, statistic, count in found:
+            random = generator(seed, "rover", "onboard", *group, metric, *labels)
+            value, low, high = _interval(by_ride, statistic, options.resamples, random)
+            rows.append((*group, metric, *labels, value, low, high, len(by_ride), count))
+    return pd.DataFrame(rows, columns=list(ONBOARD.columns))
+
+
+MetricRow = tuple[str, tuple[float, float, float], list[np.ndarray], Statistic, float]
+_NOWHERE = (np.nan, np.nan)
+
+
+def _groups(parts: Mapping[str, pd.DataFrame]) -> list[tuple[tuple[str, str, float], dict[str, pd.DataFrame]]]:
+    keys = sorted(set(parts["stops"][_GROUP].itertuples(index=False, name=None)))
+    pooled = sorted({(source, model, 0.0) for source, model, exposure in keys if exposure})
+    found = []
+    for source, model, exposure in [*keys, *pooled]:
+        own = {}
+        for name, table in parts.items():
+            chosen = (table["source"] == source) & (table["model"] == model)
+            own[name] = table[chosen & ((table["exposure_ms"] == exposure) | (exposure == 0))]
+        found.append(((source, model, float(exposure)), own))
+    return found
+
+
+def _recalls(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
+    rides = [recall_by_distance(ride, options) for _, ride in own["sightings"].groupby(_RIDE)]
+    found: list[MetricRow] = []
+    for number in range(len(rides[0]) if rides else 0):
+        height, low, high = rides[0][["height_m", "from_m", "to_m"]].to_numpy(float)[number].tolist()
+        counts = [ride.loc[number, ["detected", "rocks"]].to_numpy(float)[None] for ride in rides]
+        total = float(sum(count[0, 1] for count in counts))
+        if total:
+            found.append(("recall", (height, low, high), counts, _share, total))
+    return found
+
+
+def _stable(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
+    found: list[MetricRow] = []
+    for height in options.heights_m:
+        high = own["stable"][own["stable"]["height_m"] > height]
+        rides = [ride for _, ride in high.groupby(_RIDE)]
+        labels = (height, *_NOWHERE)
+        ever = [ride["first_stable_m"].notna().to_numpy(float) for ride in rides]
+        distance = [ride["first_stable_m"].dropna().to_numpy(float) for ride in rides]
+        in_time = [(ride["first_stable_m"] > ride["stopping_m"]).to_numpy(float) for ride in rides]
+        total = float(len(high))
+        found += [
+            ("stable share", labels, ever, _mean, total),
+            ("first stable distance m", labels, distance, _median, float(sum(map(len, distance)))),
+            ("stable before stopping distance", labels, in_time, _mean, total),
+        ]
+    return found
+
+
+def _map(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
+    rides = [ride for _, ride in own["map"].groupby(_RIDE)]
+    labels = (np.nan, *_NOWHERE)
+    hits = [ride[["right", "false", "missed"]].to_numpy(float) for ride in rides]
+    cells = float(own["map"]["cells"].sum())
+    return [
+        ("rock cell F1", labels, hits, _f1, cells),
+        ("height error m", labels, [ride["height_error_m"].dropna().to_numpy(float) for ride in rides], _median, cells),
+        ("heights within 5 cm", labels, [ride["within_5_cm"].dropna().to_numpy(float) for ride in rides], _mean, cells),
+    ]
+
+
+def _stops(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
+    rides = [ride for _, ride in own["stops"].groupby(_RIDE)]
+    metres = float(own["stops"]["length_m"].sum())
+    counts = [ride[["stops", "length_m"]].to_numpy(float) for ride in rides]
+    found: list[MetricRow] = [
+        ("false stops per 100 m", (np.nan, *_NOWHERE), counts, lambda rows: 100 * _share(rows), metres)
+    ]
+    for height in options.heights_m:
+        gaps = [ride[f"miss_{round(100 * height)}_cm_m"].to_numpy(float) for ride in rides]
+        gaps = [gap[np.isfinite(gap)] for gap in gaps]
+        found.append(("miss distance m", (height, *_NOWHERE), gaps, _least, float(sum(map(len, gaps)))))
+    return found
+
+
+def _interval(
+    by_ride: list[np.ndarray], statistic: Statistic, resamples: int, random: np.random.Generator
+) -> tuple[float, float, float]:
+    """The statistic of all rides, and the 2.5 and 97.5 percentiles of it over rides drawn with replacement.
+
+    One ride says nothing about others: its interval is NaN.
+    """
+    if not by_ride:
+        return np.nan, np.nan, np.nan
+    value = statistic(np.concatenate(by_ride))
+    if len(by_ride) < 2:
+        return value, np.nan, np.nan
+    drawn = random.integers(len(by_ride), size=(resamples, len(by_ride)))
+    values = np.array([statistic(np.concatenate([by_ride[k] for k in draw])) for draw in drawn])
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return value, np.nan, np.nan
+    low, high = np.percentile(values, [2.5, 97.5])
+    return value, float(low), float(high)
+
+
+def _share(rows: np.ndarray) -> float:
+    """Sum of the first column over that of the second."""
+    total = float(rows[:, 1].sum())
+    return float(rows[:, 0].sum()) / total if total else np.nan
+
+
+def _f1(rows: np.ndarray) -> float:
+    right, false, missed = rows.sum(axis=0)
+    return float(2 * right / (2 * right + false + missed)) if right + false + missed else np.nan
+
+
+def _if_any(statistic: Statistic) -> Statistic:
+    """The statistic, NaN of no numbers."""
+    return lambda values: float(statistic(values)) if len(values) else np.nan
+
+
+_mean, _median, _least = _if_any(np.mean), _if_any(np.median), _if_any(np.min)

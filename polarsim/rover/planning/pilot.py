@@ -1,0 +1,202 @@
+"""The rover's driver: looks, maps, plans, follows; stops where there is no path, backs off and plans anew."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from polarsim.rover.drive.control import Command, Driver, Path, SteeringLaw, wrapped
+from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.perception.observation import Eyes, Glance
+from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.planner import Field, Planner, field_of
+
+_AT_REST_M_S = 0.01
+_LOOKS_AT_REST = 2  # without a path, before the rover backs off: what one look got wrong another may put right
+_KEPT_M = 2.5  # of a plan that is still free: it is kept
+_SAME_PLACE_M = 1.5  # from an earlier stop: there the rover backs off farther than it did
+_FARTHEST_BACK = 4  # times as far as at first
+_BACK_STEP_M = 0.15  # between places on the way back at which room is checked
+_ROLLS_ON_M = 0.2  # after backing off, until it stands: that must be free too
+_ARRIVED_M = 0.3  # before the goal's line
+_SHOWN_EVERY_S = 4.0  # a picture is kept to be looked at: all of a long drive would fill the memory
+_MOVED_M = 0.05  # less is no headway: wheels that spin in place shake the body
+
+
+@dataclass(frozen=True)
+class Stop:
+    """The rover found no path here."""
+
+    time_s: float
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass
+class Pilot(Driver):
+    """Drives to the end of a straight line, by the way that it finds; a `Driver` to the ride that it steers."""
+
+    eyes: Eyes | None = None
+    options: AutonomyOptions = field(default_factory=AutonomyOptions)
+    stops: list[Stop] = field(default_factory=list)
+    glances: list[tuple[float, Glance]] = field(default_factory=list)
+    plans: list[tuple[float, np.ndarray]] = field(default_factory=list)
+    given_up: bool = False
+    travelled: float = 0.0  # m, whichever way: a way round may lead across the line, or back along it
+
+    def board(self, simulation: Simulation) -> None:
+        """Take the wheel of a simulation: what is looked at is its world as it is."""
+        self._simulation = simulation
+        self.grid = HazardGrid(simulation.world, self.options.map)
+        vehicle = simulation.vehicle
+        self.planner = Planner(vehicle.wheel_centres[:, :2], self.options.planner)
+        self._wheelbase, self._every = vehicle.wheelbase, 1 / self.options.rate_hz
+        self._next, self._at_rest, self._backed = 0.0, 0, 0
+        self._next_shown = 0.0
+        self._plan: np.ndarray | None = None
+        self._back_to: tuple[float, float] | None = None
+        self._back_by, self._back_steer = 0.0, 0.0
+        self._was_at: tuple[float, float] | None = None
+
+    @property
+    def finished(self) -> bool:
+        return self.done >= self.path.length - _ARRIVED_M
+
+    @property
+    def headway(self) -> float:
+        return self.travelled
+
+    def command(self, x: float, y: float, heading: float) -> Command:
+        """What to do here."""
+        self.done, self.offset = self.path.beside(x, y, 0)
+        self.heading_error = wrapped(heading - self.path.headings[0])
+        self._measure_way(x, y)
+        now = self._simulation.time
+        if now >= self._next - 1e-9:
+            self._next += self._every
+            self._see(now)
+            self._decide(now, x, y, heading)
+        self.turning = self._plan is None  # no headway is expected
+        if self._back_to is not None:
+            if math.hypot(x - self._back_to[0], y - self._back_to[1]) < self._back_by:
+                return Command(-self.options.speed_m_s, self._back_steer)
+            self._back_to = None
+        if self._plan is None:
+            return Command()
+        return Command(self.options.speed_m_s, self._pursue(self._plan, x, y, heading))
+
+    def field(self) -> Field:
+        """Distances to what the map takes for hazards."""
+        options = self.options
+        hazards = self.grid.hazards(options.map.hazard_m)
+        return field_of(self.grid, hazards, self.grid.hazards(options.planner.clearance_m), self.grid.seen)
+
+    def _measure_way(self, x: float, y: float) -> None:
+        before = self._was_at or (x, y)
+        moved = math.hypot(x - before[0], y - before[1])
+        if self._was_at is None or moved >= _MOVED_M:
+            self.travelled, self._was_at = self.travelled + moved, (x, y)
+
+    def _see(self, now: float) -> None:
+        assert self.eyes is not None
+        self.grid.fade(now)
+        glance = self.eyes.look(self._simulation.state(), self._simulation.ground.level, self.grid)
+        for look in glance.looks:
+            self.grid.add(look)
+        if now < self._next_shown - 1e-9:
+            glance = replace(glance, shown=None)
+        else:
+            self._next_shown = now + _SHOWN_EVERY_S
+        self.glances.append((now, glance))
+
+    def _decide(self, now: float, x: float, y: float, heading: float) -> None:
+        if self._back_to is not None or self.given_up:
+            return
+        assert self.eyes is not None
+        begun = time.process_time()
+        ground = self.field()
+        kept = self._still_free(ground, x, y, heading)
+        self._plan = kept if kept is not None else self.planner.plan(ground, x, y, heading, self.path.points[-1])
+        self.eyes.seconds["plan"] += time.process_time() - begun
+        if self._plan is not None:
+            self._at_rest = 0
+            if kept is None:
+                self.plans.append((now, self._plan))
+            return
+        self._at_rest += 1
+        if self._at_rest == 1:
+            self.stops.append(Stop(now, x, y, heading))
+        if self._at_rest > _LOOKS_AT_REST:
+            self._at_rest, self._backed = 0, self._backed + 1
+            self.given_up = self._backed > self.options.planner.tries
+            if not self.given_up:
+                self._back_off(ground, x, y, heading)
+
+    def _still_free(self, ground: Field, x: float, y: float, heading: float) -> np.ndarray | None:
+        """The rest of the plan, where it is free and long enough or ends at the goal."""
+        if self._plan is None:
+            return None
+        rest = self._plan[_nearest(self._plan, x, y) :]
+        length = float(np.hypot(*np.diff(rest[:, :2], axis=0).T).sum())
+        near_goal = np.hypot(*(rest[-1, :2] - self.path.points[-1])) < 2 * _ARRIVED_M
+        if (length < _KEPT_M and not near_goal) or len(rest) < 2:
+            return None
+        return rest if self.planner.free(ground, rest[1:], np.array([x, y, heading])).all() else None
+
+    def _back_off(self, ground: Field, x: float, y: float, heading: float) -> None:
+        """Backwards on the freest of three arcs: where it stopped before, farther, to have room for another way."""
+        stops_here = sum(math.hypot(stop.x - x, stop.y - y) < _SAME_PLACE_M for stop in self.stops)
+        farther = min(max(stops_here, 1), _FARTHEST_BACK)
+        for times in range(farther, 0, -1):
+            if self._free_arc_back(ground, x, y, heading, times * self.options.planner.back_m):
+                self._back_to = (x, y)
+                return
+
+    def _free_arc_back(self, ground: Field, x: float, y: float, heading: float, distance: float) -> bool:
+        """Whether one of three arcs of this length is free; it is chosen then."""
+        best, limit = -np.inf, 0.5 * self.options.planner.curvature_1_m
+        count = math.ceil((distance + _ROLLS_ON_M) / _BACK_STEP_M)
+        for curvature in (0.0, limit, -limit):
+            steps = -np.linspace(0.1, distance + _ROLLS_ON_M, count)
+            headings = heading + curvature * steps
+            places = np.column_stack(
+                [
+                    x + steps * np.cos(heading + curvature * steps / 2),
+                    y + steps * np.sin(heading + curvature * steps / 2),
+                    headings,
+                ]
+            )
+            room = float(self.planner.clearance(ground, places).min())
+            if room > best + 1e-9:
+                best, self._back_steer = room, self._steer(curvature)
+        self._back_by = distance
+        return best > self.planner.least_room(ground, np.array([x, y, heading]))
+
+    def _pursue(self, plan: np.ndarray, x: float, y: float, heading: float) -> float:
+        """Pure pursuit (Coulter, CMU-RI-TR-92-01): the arc through the plan's point at the look-ahead distance."""
+        rest = plan[_nearest(plan, x, y) :, :2]
+        away = np.hypot(*(rest - [x, y]).T)
+        farther = np.flatnonzero(away >= self.options.planner.look_ahead_m)
+        target = rest[farther[0]] if len(farther) else rest[-1]
+        dx, dy = target - [x, y]
+        left = -math.sin(heading) * dx + math.cos(heading) * dy
+        return self._steer(2 * left / max(dx * dx + dy * dy, 0.04))
+
+    def _steer(self, curvature: float) -> float:
+        """The steering angle of a bend within the largest curvature."""
+        most = self.options.planner.curvature_1_m
+        return math.atan(min(max(curvature, -most), most) * self._wheelbase / 2)
+
+
+def pilot(path: Path, eyes: Eyes, options: AutonomyOptions) -> Pilot:
+    """A pilot along a straight line."""
+    return Pilot(path, SteeringLaw(options.speed_m_s, 0.0, 0.0, math.radians(90)), eyes=eyes, options=options)
+
+
+def _nearest(plan: np.ndarray, x: float, y: float) -> int:
+    return int(np.argmin(np.hypot(plan[:, 0] - x, plan[:, 1] - y)))

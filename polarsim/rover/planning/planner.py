@@ -1,0 +1,285 @@
+"""A path between hazards: the shortest over a lattice of positions and headings, found by SciPy's Dijkstra.
+
+A rover that straddles rocks needs its heading in the plan, so grid planners such as scikit-image's `MCP_Geometric` do
+not fit. The lattice (Pivtoraiko, Knepper & Kelly, J. Field Robotics 26 (2009) 308) stands in the rover's frame, its
+node 0, 0 at heading 0 being where the rover stands now. Its edges are straight steps and bends between neighbouring
+headings, as cubic Hermite curves within the largest curvature; an edge is free where all four wheels keep their gap.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+
+from polarsim.errors import RoverError
+from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.planning.options import PlannerOptions
+
+STEP = 0.15  # m between nodes of the lattice
+FINE = 5  # cells of the field of distances along one of the map's
+_WAYS = ((1, 0), (2, 1), (1, 1), (1, 2))  # of a quarter turn: straight steps that end on nodes
+_REACH = 8  # cells within which a bend ends
+_ROUNDING_M = 1e-6
+_SAMPLE = 0.1  # m between places at which an edge is checked
+_BEND_COST = 0.05  # m, of every bend
+_GREED = 2.5  # a metre nearer to the goal is worth so many of the path
+_TURNED_COST = 0.4  # m, of a radian away from the goal at the path's end
+_LEAST_GAIN = 2.0  # m nearer to the goal, or there: less is a blind alley, no path
+_MOST_UNSEEN = 0.5  # of the wheels at a path's end
+_THERE_M = 0.4  # of the goal
+_LEAVING_M = 1.0  # from where the rover stands: there a path may be as near to hazards as it already is
+_EDGE_M = 0.25  # of the world, that wheels keep off beside their gap
+
+
+@dataclass(frozen=True)
+class Edge:
+    """From a node at a heading: where it ends, and places on the way (n, 3) x, y, heading, without the first."""
+
+    start: int
+    end: int
+    columns: int
+    rows: int
+    places: np.ndarray
+    length: float
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where the rover stands in the world, and where it heads, m and rad: the frame of the lattice."""
+
+    x: float
+    y: float
+    heading: float
+
+    def to_world(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points u ahead and v to the left of it, as x and y of the world."""
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return self.x + cos * u - sin * v, self.y + sin * u + cos * v
+
+
+@dataclass(frozen=True)
+class Field:
+    """Distances from points of the world to the edges of hazards, m: those that wheels avoid, and that the body does.
+
+    A point's distance is that from the near side of its cell, so that rounding takes nothing from the gaps to be kept.
+    """
+
+    x0: float
+    y0: float
+    cell: float
+    wheels: np.ndarray
+    body: np.ndarray
+    unseen: np.ndarray
+
+    def at(self, values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Of the cell of each point, beyond the grid of its edge."""
+        column = np.clip(((x - self.x0) / self.cell).astype(int), 0, values.shape[1] - 1)
+        row = np.clip(((y - self.y0) / self.cell).astype(int), 0, values.shape[0] - 1)
+        return np.asarray(values[row, column])
+
+
+def field_of(grid: HazardGrid, hazards: np.ndarray, high: np.ndarray, seen: np.ndarray) -> Field:
+    """From cells (rows, columns) that wheels avoid, that the body must not pass over, and that were seen."""
+    cell = grid.options.cell_m / FINE
+    blocked, tall, known = (np.kron(cells, np.ones((FINE, FINE), bool)) for cells in (hazards, high, seen))
+    rim = math.ceil(_EDGE_M / cell)
+    blocked[:rim], blocked[-rim:], blocked[:, :rim], blocked[:, -rim:] = True, True, True, True
+    far = np.full(blocked.shape, np.inf)
+    return Field(
+        float(grid.x[0] - grid.options.cell_m / 2),
+        float(grid.y[0] - grid.options.cell_m / 2),
+        cell,
+        _to_edges(blocked, cell),
+        _to_edges(tall, cell) if tall.any() else far,
+        ~known,
+    )
+
+
+def _to_edges(blocked: np.ndarray, cell: float) -> np.ndarray:
+    """Distances to the nearest blocked cell: those between centres less half a cell here and half a cell there."""
+    return np.asarray(np.maximum(ndimage.distance_transform_edt(~blocked) - 1, 0) * cell)
+
+
+def angles() -> np.ndarray:
+    """(16,) headings of the lattice, rad."""
+    quarter = [math.atan2(y, x) for x, y in _WAYS]
+    return np.array([angle + turn * math.pi / 2 for turn in range(4) for angle in quarter])
+
+
+@lru_cache(maxsize=8)
+def edges(curvature: float) -> tuple[Edge, ...]:
+    """All edges that leave a node.
+
+    Raises
+    ------
+    RoverError
+        No bend fits: the largest curvature is too small for the lattice.
+    """
+    headings, found = angles(), []
+    for start, heading in enumerate(headings):
+        way = np.rint(np.array([math.cos(heading), math.sin(heading)]) * math.hypot(*_WAYS[start % 4])).astype(int)
+        found.append(_edge(start, start, (int(way[0]), int(way[1])), headings))
+        for turn in (-1, 1):
+            end = (start + turn) % len(headings)
+            bends = [
+                bend
+                for columns in range(-_REACH, _REACH + 1)
+                for rows in range(-_REACH, _REACH + 1)
+                if columns * math.cos(heading) + rows * math.sin(heading) > 1
+                and _largest_curvature(bend := _edge(start, end, (columns, rows), headings)) <= curvature
+            ]
+            if not bends:
+                raise RoverError(f"curvature_1_m: no bend of {curvature:g} 1/m or less fits the lattice of paths")
+            found.append(min(bends, key=lambda bend: bend.length))
+    return tuple(found)
+
+
+def _edge(start: int, end: int, cells: tuple[int, int], headings: np.ndarray) -> Edge:
+    """A cubic Hermite curve with tangents as long as its chord."""
+    goal = STEP * np.array(cells, float)
+    chord = float(np.hypot(*goal))
+    first, last = (chord * np.array([math.cos(a), math.sin(a)]) for a in (headings[start], headings[end]))
+    t = np.linspace(0, 1, 21)[:, None]
+    points = (t**3 - 2 * t**2 + t) * first + (3 * t**2 - 2 * t**3) * goal + (t**3 - t**2) * last
+    slopes = (3 * t**2 - 4 * t + 1) * first + (6 * t - 6 * t**2) * goal + (3 * t**2 - 2 * t) * last
+    places = np.column_stack([points, np.arctan2(slopes[:, 1], slopes[:, 0])])
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    chosen = np.linspace(0, 20, max(math.ceil(length / _SAMPLE), 1) + 1).round().astype(int)[1:]
+    return Edge(start, end, *cells, places[chosen], length)
+
+
+def _largest_curvature(edge: Edge) -> float:
+    """Of the turn between places, the whole edge's first heading included."""
+    headings = np.concatenate([[angles()[edge.start]], edge.places[:, 2]])
+    points = np.vstack([[0.0, 0.0], edge.places[:, :2]])
+    turned = np.abs((np.diff(headings) + np.pi) % (2 * np.pi) - np.pi)
+    return float((turned / np.maximum(np.hypot(*np.diff(points, axis=0).T), 1e-9)).max())
+
+
+class Planner:
+    """Plans for a rover whose wheels stand at `wheels` (4, 2) of base_link, metres."""
+
+    def __init__(self, wheels: np.ndarray, options: PlannerOptions) -> None:
+        self.wheels, self.options = np.asarray(wheels, float), options
+        ahead, aside = math.ceil(options.window_m / STEP), math.ceil(0.6 * options.window_m / STEP)
+        self._columns, self._rows = np.arange(-3, ahead + 1), np.arange(-aside, aside + 1)
+        self._shape = (len(angles()), len(self._rows), len(self._columns))
+
+    def clearance(self, field: Field, places: np.ndarray) -> np.ndarray:
+        """(...) m that the wheels keep beyond their gap at places (..., 3) x, y, heading; below 0: not free."""
+        places = np.asarray(places, float)
+        x, y = self._points(places, self.wheels)
+        found = np.asarray(field.at(field.wheels, x, y).min(axis=-1)) - self.options.wheel_gap_m
+        if np.isfinite(field.body).any():
+            length, half = float(np.ptp(self.wheels[:, 0])) / 2, float(np.ptp(self.wheels[:, 1])) / 4
+            middle = np.array([[s * length, t * half] for s in (-1, -0.5, 0, 0.5, 1) for t in (-1, 0, 1)])
+            x, y = self._points(places, middle)
+            found = np.minimum(found, field.at(field.body, x, y).min(axis=-1) - half)
+        return found
+
+    def free(self, field: Field, places: np.ndarray, here: np.ndarray) -> np.ndarray:
+        """(...) bool: whether wheels keep their gap at places (..., 3), or near `here` (3,) as much of it as there.
+
+        What the map takes for a hazard may lie under the rover, or nearer than the gap: it can leave, and no nearer.
+        """
+        places = np.asarray(places, float)
+        near = np.hypot(places[..., 0] - here[0], places[..., 1] - here[1]) < _LEAVING_M
+        return np.asarray(self.clearance(field, places) > np.where(near, self.least_room(field, here), 0.0))
+
+    def least_room(self, field: Field, here: np.ndarray) -> float:
+        """Clearance, m, that places about `here` (3,) need more than: 0, or less where there is less."""
+        return min(float(self.clearance(field, here)) - _ROUNDING_M, 0.0)
+
+    def plan(self, field: Field, x: float, y: float, heading: float, goal: np.ndarray) -> np.ndarray | None:
+        """Places (n, 3) x, y, heading from here towards the goal (2,), in the world; None: there is no path.
+
+        Where the rover stands it can leave, see `free`. Paths may lead over ground never seen, at a cost, and end where
+        half of the wheels or more stand on ground that was: who sees nothing stops.
+        """
+        stand, least = Stand(x, y, heading), self.least_room(field, np.array([x, y, heading]))
+        number = np.arange(np.prod(self._shape)).reshape(self._shape)
+        starts, ends, costs, all_edges = [], [], [], edges(self.options.curvature_1_m)
+        for edge in all_edges:
+            rows = slice(max(-edge.rows, 0), len(self._rows) - max(edge.rows, 0))
+            columns = slice(max(-edge.columns, 0), len(self._columns) - max(edge.columns, 0))
+            u = STEP * self._columns[columns][None, :, None] + edge.places[:, 0]
+            v = STEP * self._rows[rows][:, None, None] + edge.places[:, 1]
+            headings = heading + edge.places[:, 2]
+            places = np.stack(np.broadcast_arrays(*stand.to_world(u, v), headings), axis=-1)
+            cost, free = self._cost(field, places, edge, np.hypot(u, v) < _LEAVING_M, least)
+            from_here = number[edge.start, rows, columns]
+            there = number[edge.end][
+                rows.start + edge.rows : rows.stop + edge.rows,
+                columns.start + edge.columns : columns.stop + edge.columns,
+            ]
+            starts.append(from_here[free])
+            ends.append(there[free])
+            costs.append(cost[free])
+        size = int(np.prod(self._shape))
+        graph = sparse.csr_array(
+            (np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))), shape=(size, size)
+        )
+        here = int(number[0, len(self._rows) // 2, 3])
+        distance, before = csgraph.dijkstra(graph, indices=np.array(here), return_predecessors=True)
+        distance = np.where(self._ends_unseen(field, stand), np.inf, distance.reshape(self._shape))
+        best = self._best(distance, stand, goal)
+        return None if best is None else self._path(best, here, before, stand)
+
+    def _points(self, places: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        cos, sin = np.cos(places[..., 2])[..., None], np.sin(places[..., 2])[..., None]
+        x = places[..., 0, None] + cos * offsets[:, 0] - sin * offsets[:, 1]
+        y = places[..., 1, None] + sin * offsets[:, 0] + cos * offsets[:, 1]
+        return x, y
+
+    def _cost(
+        self, field: Field, places: np.ndarray, edge: Edge, near: np.ndarray, least: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Of an edge from every node, and whether it is free: `near` places (...) need more room than `least`."""
+        options = self.options
+        clearance = self.clearance(field, places)
+        room = clearance.min(axis=-1)
+        nearness = np.clip(1 - room / options.soft_m, 0, 1)
+        x, y = self._points(places[..., -1, :], self.wheels)
+        unseen = field.at(field.unseen, x, y).mean(axis=-1)
+        bend = _BEND_COST * (edge.start != edge.end)
+        free = np.asarray((clearance > np.where(near, least, 0.0)).all(axis=-1))
+        return edge.length * (1 + nearness + options.unseen_cost * unseen) + bend, free
+
+    def _ends_unseen(self, field: Field, stand: Stand) -> np.ndarray:
+        """Of every node (headings, rows, columns) whether more than half of the wheels stand on ground never seen."""
+        angle, v, u = np.meshgrid(angles(), STEP * self._rows, STEP * self._columns, indexing="ij")
+        places = np.stack([*stand.to_world(u, v), stand.heading + angle], axis=-1)
+        return np.asarray(field.at(field.unseen, *self._points(places, self.wheels)).mean(axis=-1) > _MOST_UNSEEN)
+
+    def _best(self, distance: np.ndarray, stand: Stand, goal: np.ndarray) -> int | None:
+        x, y = stand.to_world(STEP * self._columns[None, None], STEP * self._rows[None, :, None])
+        dx, dy = goal[0] - x, goal[1] - y
+        left = np.hypot(dx, dy)
+        off = np.arctan2(dy, dx) - stand.heading - angles()[:, None, None]
+        off = np.abs((off + np.pi) % (2 * np.pi) - np.pi) * (left > 0.5)
+        gain = math.hypot(goal[0] - stand.x, goal[1] - stand.y) - left
+        total = np.where(
+            np.isfinite(distance) & ((gain >= _LEAST_GAIN) | (left < _THERE_M)) & (distance > 0),
+            distance + _GREED * (left + _TURNED_COST * off),
+            np.inf,
+        )
+        best = int(np.argmin(total))
+        return best if np.isfinite(total.ravel()[best]) else None
+
+    def _path(self, best: int, here: int, before: np.ndarray, stand: Stand) -> np.ndarray:
+        nodes = [best]
+        while nodes[-1] != here:
+            nodes.append(int(before[nodes[-1]]))
+        by_ends = {(e.start, e.end, e.columns, e.rows): e for e in edges(self.options.curvature_1_m)}
+        places = [np.zeros((1, 3))]
+        for one, other in zip(nodes[::-1], nodes[-2::-1], strict=False):
+            (k, row, column), (m, next_row, next_column) = (np.unravel_index(n, self._shape) for n in (one, other))
+            edge = by_ends[int(k), int(m), int(next_column - column), int(next_row - row)]
+            places.append(edge.places + np.array([STEP * self._columns[column], STEP * self._rows[row], 0.0]))
+        local = np.concatenate(places)
+        return np.column_stack([*stand.to_world(*local[:, :2].T), stand.heading + local[:, 2]])

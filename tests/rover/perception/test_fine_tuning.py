@@ -1,0 +1,96 @@
+"""A detector goes on with the pictures of drives."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from polarsim.detect import detectors
+from polarsim.detect.dataset import read_parts
+from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
+from polarsim.errors import PolarsimError, RoverError
+from polarsim.formats import png, yolo
+from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.perception.fine_tuning import fine_tune, make_drive_dataset
+from polarsim.rover.perception.options import DriveTuningOptions
+from polarsim.rover.vehicle.mounts import FRONT
+
+ONBOARD = OnboardOptions()
+TRAINING = TrainingOptions(model="compact", epochs=1, batch=4, learning_rate=0.0003)
+
+
+def options_of(*drives, **changes):
+    own = {"every": 1, "windows": 2, "window_px": 128, "widest_px": 256, "val_share": 0.3, "training": TRAINING}
+    return DriveTuningOptions(**own | {"drives": drives} | changes)
+
+
+def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_with_their_labels(drive, tmp_path):
+    folder, _ = drive
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(folder), onboard=ONBOARD)
+    parts = read_parts(tmp_path / "dataset")
+    names = [name for part in ("train", "val") for name in parts[part]]
+    frames = {path.stem for path in (folder / FRONT / "1_hapke_0256").glob("*.png")}
+    assert not parts["test"]
+    assert len(names) == 2 * 2 * len(frames)  # windows, Suns
+    assert {name.split("_")[-5] for name in names} == {"1", "2"}
+    of_picture = {part: {name.rpartition("_w")[0] for name in parts[part]} for part in ("train", "val")}
+    assert not of_picture["train"] & of_picture["val"]
+    labelled = 0
+    for part in ("train", "val"):
+        for name in parts[part]:
+            picture = png.read(tmp_path / f"dataset/images/{part}/{name}.png")
+            assert picture.shape[1] == 128
+            assert picture.dtype == np.uint8
+            labelled += len(yolo.read_boxes(tmp_path / f"dataset/labels/{part}/{name}.txt", picture.shape[::-1])[1])
+    assert labelled > len(names)  # of more than one rock or shadow a window
+
+
+def test_pictures_of_two_drives_are_told_apart_whatever_their_folders_are_called(drive, tmp_path):
+    other = shutil.copytree(drive[0], tmp_path / drive[0].name)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], other), onboard=ONBOARD)
+    parts = read_parts(tmp_path / "dataset")
+    names = {name for part in ("train", "val") for name in parts[part]}
+    assert len({name for name in names if name.startswith("drive1_")}) == len(names) / 2
+
+
+@pytest.mark.parametrize("exposure", ["12.5", "1000000"])
+def test_pictures_of_any_exposure_are_taken(exposure, drive, tmp_path):
+    other = shutil.copytree(drive[0], tmp_path / "other")
+    (other / FRONT / "1_hapke_0256").rename(other / FRONT / f"1_lunar_lambert_{exposure}")
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(other, windows=1), onboard=ONBOARD)
+    names = [name for part in read_parts(tmp_path / "dataset").values() for name in part]
+    assert any(f"_{exposure}_" in name for name in names)
+
+
+def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_before(drive, tmp_path):
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], windows=1), onboard=ONBOARD)
+    fine_tune(
+        dataset=tmp_path / "dataset", start=PACKAGED, weights=tmp_path / "tuned.pt", curve=tmp_path / "tuned.csv",
+        options=options_of(drive[0]), prediction=PredictionOptions(), threads=1, work=tmp_path / "work",
+    )  # fmt: skip
+    before, after = detectors.read_detector(PACKAGED), detectors.read_detector(tmp_path / "tuned.pt")
+    assert after.sizes == before.sizes != ()
+    assert after.calibration == ()
+    assert any((after.state[name] != tensor).any() for name, tensor in before.state.items())
+    assert not list((tmp_path / "work").rglob("*.pt"))
+
+
+def test_a_drive_without_pictures_or_labels_is_named(drive, tmp_path):
+    empty = tmp_path / "seed7"
+    empty.mkdir()
+    with pytest.raises(RoverError, match="seed7: no pictures of front_end_cam"):
+        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(empty), onboard=ONBOARD)
+    bare = shutil.copytree(drive[0], tmp_path / "bare")
+    shutil.rmtree(bare / FRONT / "2_labels")
+    with pytest.raises(PolarsimError, match="2_labels"):
+        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(bare), onboard=ONBOARD)
+    assert not (tmp_path / "dataset").exists()
+
+
+def test_a_detector_of_another_model_is_refused(tmp_path):
+    options = options_of(training=TrainingOptions(model="compact-l"))
+    with pytest.raises(RoverError, match=r"a compact, .* is compact-l"):
+        fine_tune(
+            dataset=tmp_path, start=PACKAGED, weights=tmp_path / "tuned.pt", curve=tmp_path / "tuned.csv",
+            options=options, prediction=PredictionOptions(), threads=1, work=tmp_path / "work",
+        )  # fmt: skip

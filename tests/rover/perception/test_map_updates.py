@@ -1,0 +1,130 @@
+"""Looks: what pixels, boxes and depths say of cells, on cases made by hand."""
+
+import numpy as np
+import pytest
+
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import looking
+from polarsim.photo import BLACK_LEVEL
+from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
+from polarsim.rover.perception.map_updates import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
+from polarsim.rover.perception.observation import has_texture
+from polarsim.rover.planning.options import MapOptions
+from polarsim.rover.world.surface import bare_world
+
+LENS = Lens(500.0, 500.0, 242.0, 152.0, width=484, height=304)
+CAMERA = Camera(looking(np.array([0.0, 0.0, 1.25]), 0.0, 30.0 * np.pi / 180, 0.0), LENS)
+LEVEL = 0.3  # of the ground
+ALL_LIT = np.ones((LENS.height, LENS.width), bool)
+
+
+def grid() -> HazardGrid:
+    return HazardGrid(bare_world(np.full((41, 61), LEVEL), 0.1, -1.0, -2.0), MapOptions())
+
+
+def flat(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.full(np.shape(x), LEVEL) + 0 * y
+
+
+def cell(own: HazardGrid, x: float, y: float) -> tuple[int, int]:
+    return int(np.abs(own.y - y).argmin()), int(np.abs(own.x - x).argmin())
+
+
+def test_pixels_tell_rock_cells_their_heights_and_nothing_of_what_they_do_not_show():
+    own = grid()
+    row, column = cell(own, 1.5, 0.0)
+    part = own.options.cell_m / PARTS
+    left = own.x[column] - own.options.cell_m / 2 + part / 2
+    ground = [(left + part, own.y[row], LEVEL), (left + 2 * part, own.y[row], LEVEL)]
+    side = [(left, own.y[row], LEVEL + z) for z in (0.02, 0.1, 0.2)]  # of one rock, steep
+    top = (own.x[column - 1], own.y[row], LEVEL + 0.25)  # of the same, in the cell before
+    points = np.array([*ground, *side, top])
+    look = look_of_pixels(points, np.array([0, 0, 7, 7, 7, 7]), CAMERA, flat, own)
+    assert (look.rock[row, column - 1 : column + 1] > 0).all()
+    np.testing.assert_allclose(look.height[row, column - 1 : column + 1], 0.25, atol=1e-6)
+    assert (look.weight > 0).sum() == 2
+    fine = np.where(np.isfinite(look.surface), look.surface, 0)
+    assert np.isfinite(look.surface).sum() == 4
+    assert fine.max() == pytest.approx(LEVEL + 0.25)
+    assert np.sort(fine[fine > 0])[2] == pytest.approx(LEVEL + 0.2)  # the rock's highest pixel there, not their mean
+
+
+def test_a_cell_of_which_little_is_seen_hardly_counts_as_free():
+    own = grid()
+    row, column = cell(own, 1.5, 0.0)
+    look = look_of_pixels(np.array([[own.x[column], own.y[row], LEVEL]]), np.zeros(1, int), CAMERA, flat, own)
+    assert look.weight[row, column] == pytest.approx(1 / PARTS**2)
+    assert look.rock[row, column] == 0
+
+
+def test_ground_beside_a_box_is_seen_at_its_height_and_higher_where_the_box_puts_a_rock():
+    own = grid()
+    foot, head = CAMERA.project(np.array([[1.6, 0.0, LEVEL], [1.75, 0.0, LEVEL + 0.2]]))
+    box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
+    look = look_of_boxes(box, np.array([0.9]), ALL_LIT, CAMERA, flat, own)
+    centre = cell(own, 1.75, 0.0)
+    assert look.rock[centre] > 0
+    assert look.surface[PARTS * centre[0], PARTS * centre[1]] > LEVEL + 0.1
+    aside = cell(own, 1.75, 0.6)
+    assert look.rock[aside] == 0
+    assert look.surface[PARTS * aside[0], PARTS * aside[1]] == pytest.approx(LEVEL)
+
+
+def test_the_dark_tells_nothing_of_free_ground_but_of_rocks_that_are_found_in_it():
+    """No find in a black picture was free ground, so the rover drove on into its own shadow, and by night."""
+    own = grid()
+    foot, head = CAMERA.project(np.array([[1.6, -0.4, LEVEL], [1.75, -0.4, LEVEL + 0.2]]))
+    box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
+    lit = ALL_LIT.copy()
+    lit[:, 242:] = False  # the picture's right half: the ground to the right of the rover, where the rock lies
+    bright, dark = (look_of_boxes(box, np.array([0.9]), some, CAMERA, flat, own) for some in (ALL_LIT, lit))
+    free = bright.rock == 0
+    for y, seen in ((0.5, True), (-0.8, False)):
+        at = cell(own, 1.75, y)
+        assert bright.weight[at] > 0
+        assert free[at]
+        assert (dark.weight[at] > 0) == seen
+        assert np.isfinite(dark.surface[PARTS * at[0], PARTS * at[1]]) == seen
+    np.testing.assert_array_equal(dark.weight[~free], bright.weight[~free])
+    assert (dark.rock > 0).sum() == (bright.rock > 0).sum() > 0
+
+
+def test_noise_is_no_light(rng):
+    read = rng.normal(0, 1, (40, 60))
+    black = np.clip(BLACK_LEVEL + read, 0, None).round().astype(np.uint16)
+    dim = (BLACK_LEVEL + 20 + 2 * read).round().astype(np.uint16)
+    assert not lit_pixels(black, 12).any()
+    assert lit_pixels(dim, 12).all()
+    assert lit_pixels(np.hstack([black, dim]), 12)[:, 65:].all()
+
+
+def test_depth_tells_heights_by_parts():
+    own = grid()
+    x, y = (values.ravel() for values in np.meshgrid(np.arange(1.0, 2.5, 0.01), np.arange(-0.6, 0.6, 0.01)))
+    z = LEVEL + np.where((np.abs(x - 1.8) < 0.1) & (np.abs(y) < 0.1), 0.15, 0.0)
+    look = look_of_depth(np.stack([x, y, z], axis=1), CAMERA, own)
+    own.add(look)
+    heights = own.surface_of_cells()
+    assert heights[cell(own, 1.8, 0.0)] == pytest.approx(LEVEL + 0.15, abs=0.02)
+    assert heights[cell(own, 1.3, 0.3)] == pytest.approx(LEVEL, abs=1e-6)
+
+
+def test_a_picture_without_texture_has_nothing_to_match():
+    grey = np.full((40, 60), 120, np.uint8)
+    grey[:, :20] = np.random.default_rng(0).integers(80, 160, (40, 20))
+    found = has_texture(grey)
+    assert found[:, 3:17].all()
+    assert not found[:, 24:].any()
+
+
+def test_what_shows_at_a_parts_centre_outweighs_a_rocks_steep_side_at_its_edge():
+    own = grid()
+    row, column = cell(own, 1.5, 0.0)
+    part = own.options.cell_m / PARTS
+    x, y = own.x[column] + part / 2, own.y[row] + part / 2
+    side = [(x + 0.4 * part, y, LEVEL + z) for z in np.arange(0.01, 0.2, 0.01)]
+    points = np.array([(x, y, LEVEL), *side])
+    look = look_of_pixels(points, np.array([0] + [3] * len(side)), CAMERA, flat, own)
+    assert look.rock[row, column] == 0
+    assert look_of_pixels(points[1:], np.full(len(side), 3), CAMERA, flat, own).rock[row, column] > 0

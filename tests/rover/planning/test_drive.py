@@ -1,0 +1,180 @@
+"""A rover that decides, from pictures to wheels: round two boxes on flat ground, and the same bytes twice."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+from PIL import Image
+from scipy import ndimage
+
+pytest.importorskip("mujoco", reason="mujoco is not installed")
+
+from polarsim.report.figures.autonomy_maps import moments, read_times
+from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.suite import CameraSuite
+from polarsim.rover.drive import ride as ride_module
+from polarsim.rover.drive.job import Job
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.drive.ride import Ride
+from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.perception.observation import Eyes
+from polarsim.rover.planning.cases import Light
+from polarsim.rover.planning.drive import PICTURES, autonomous_job, drive, write
+from polarsim.rover.planning.metrics import events, figures
+from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.pictures import WIDTH_PX
+from polarsim.rover.planning.pilot import Pilot
+from polarsim.rover.planning.planner import Planner
+from polarsim.rover.planning.touches import touches
+from polarsim.rover.soil.law import read_soil
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.table import read_vehicle
+from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.surface import ROCK_COLUMNS, bare_world
+
+OPTIONS = AutonomyOptions(scale=0.125, speed_m_s=0.4, stereo_scale=1.0, longest_s=40)
+BOXES = ((3.6, 0.6), (3.9, -0.6))  # in the way of either wheel
+
+
+@pytest.fixture(scope="module")
+def job() -> Job:
+    relief = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=(101, 151)), 1.0)  # stereo needs some
+    bare = bare_world(0.006 * relief / relief.std(), 0.06, -1.5, -3.0)
+    rows, vertices, faces = [], [], []
+    for number, (x, y) in enumerate(BOXES):
+        box = trimesh.creation.box((0.24, 0.24, 0.30))
+        vertices.append(np.asarray(box.vertices) + np.array([x, y, 0.05]))
+        faces.append(np.asarray(box.faces) + 8 * number)
+        rows.append((number, 1, number, x, y, 0.20, 0.34, 0.17, 12 * number, 12))
+    world = replace(
+        bare,
+        rocks=pd.DataFrame(rows, columns=list(ROCK_COLUMNS)),
+        vertices=np.concatenate(vertices).astype(np.float32),
+        triangles=np.concatenate(faces).astype(np.int32),
+    )
+    line = DriveOptions(path_m=((0.0, 0.0), (5.8, 0.0)), settle_s=0.5)
+    soil = SoilOptions(slip_sinkage=False, step_s=0.002)
+    return Job(world, read_vehicle(line.vehicle), read_soil(soil.table, soil.soil), line, soil, WorldOptions(), 0)
+
+
+def value(rows: pd.DataFrame, metric: str) -> float:
+    return float(rows.loc[rows["metric"] == metric, "value"].iloc[0])
+
+
+def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
+    cameras = CameraSuiteOptions()
+    blind = drive(job, "blind", Light("3", 256), OPTIONS, cameras)
+    rocks = touches(blind.trace, job.vehicle)
+    assert value(figures(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
+    found = events(blind, rocks)
+    assert found["what"].tolist() == ["collision"] * 2
+    assert sorted(zip(found["x_m"], found["y_m"], strict=True)) == sorted(BOXES)
+    assert found["time_s"].is_monotonic_increasing
+    once, again = (drive(job, "truth", Light("3", 256), OPTIONS, cameras) for _ in range(2))
+    rows = figures(once, touches(once.trace, job.vehicle), job.vehicle, OPTIONS)
+    assert value(rows, "success") == 1
+    assert value(rows, "collisions") == 0
+    assert value(rows, "closest pass of a rock above 10 cm") > 0.02
+    assert value(rows, "rock map") > 270
+    assert value(rows, "geometric map") > 285
+    for name, outcome in (("a", once), ("b", again)):
+        write(tmp_path / name, outcome, OPTIONS)
+    files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
+    assert len(files) == 7
+    for file in files:
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+
+
+@pytest.mark.parametrize(("torque_n_m", "ended"), [(None, "out of time"), (1.0, "stuck")])
+def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, monkeypatch, torque_n_m, ended):
+    monkeypatch.setattr(ride_module, "STUCK_S", 2.0)
+    across = np.column_stack([np.full(27, 1.2), np.linspace(0, 2.6, 27), np.full(27, np.pi / 2)])
+    monkeypatch.setattr(Planner, "plan", lambda *_: across)
+    monkeypatch.setattr(Pilot, "_still_free", lambda *_: None)
+    motors = job.vehicle.drive.model_copy(update={"torque_limit_n_m": torque_n_m} if torque_n_m else {})
+    slow = replace(job, vehicle=job.vehicle.model_copy(update={"drive": motors}))
+    outcome = drive(
+        slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), CameraSuiteOptions()
+    )
+    assert outcome.trace.drive["ended"] == ended
+    if torque_n_m is None:
+        late = outcome.trace.table[outcome.trace.table["time_s"] > 8]
+        assert np.ptp(late["y_m"]) > 0.6
+        assert np.ptp(late["x_m"]) < 0.2
+
+
+def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
+    short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
+    cameras = CameraSuiteOptions()
+    outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS.model_copy(update={"scale": 0.25}), cameras)
+    grid = outcome.pilot.grid
+    x, y = np.meshgrid(grid.x, grid.y)
+    near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
+    assert (grid.rock & near).sum() >= 4
+    assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
+    rows = figures(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
+    assert value(rows, "odometry: absolute error") < 0.2
+    write(tmp_path, outcome, OPTIONS)
+    pictures = read_times(tmp_path / PICTURES)
+    assert list(pictures) == [0.0, 4.0]
+    with Image.open(pictures[4.0]) as picture:
+        assert picture.width == WIDTH_PX
+
+
+def test_pictures_before_hits_come_first_then_those_before_stops():
+    pictures = {float(time_s): Path(f"{time_s}.jpg") for time_s in range(0, 60, 4)}
+    happened = [("touch", 11.0), ("stop", 31.0), ("collision", 45.0)]
+    found = pd.DataFrame(happened, columns=["what", "time_s"])
+    assert list(moments(pictures, found)) == [24.0, 40.0]
+    assert list(moments(pictures, found.iloc[:0])) == [16.0, 36.0]
+    assert list(moments({0.0: Path("0.jpg")}, found)) == [0.0]
+    assert moments({}, found) == {}
+
+
+def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):
+    ride = Ride(autonomous_job(job, OPTIONS))
+    ride.go_on(0.1)
+    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
+    clean = OPTIONS.model_copy(update={"noise": False})
+    pictures = {}
+    for lit in (False, True):
+        light = Light("night", 1024.0, lit)
+        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, clean, CameraSuiteOptions(), 0)
+        pictures[lit] = eyes.look(state, level, grid).pair[0]
+    assert pictures[False].max() == 0
+    suite = CameraSuiteOptions(
+        views=(FRONT,), suns=("night",), lights=OPTIONS.lamps, models=("hapke",), exposures_ms=(1024,),
+        scale=OPTIONS.scale, finer=1, stars="none",
+    )  # fmt: skip
+    camera = CameraSuite(ride.trace(), job.vehicle, suite)
+    camera.show(0)
+    grey = camera.exposed(camera.render(FRONT, ("night",)), FRONT, "night", "hapke", 1024)
+    seen = eyes._pair([eyes._small_picture(grey)] * 2)[0]
+    assert pictures[True].mean() > pictures[False].mean() + 20
+    assert np.abs(pictures[True].astype(float) - seen).mean() < 2
+
+
+def test_noise_in_the_dark_is_no_ground_that_was_seen(job):
+    ride = Ride(autonomous_job(job, OPTIONS))
+    ride.go_on(0.1)
+    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
+    eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", Light("night", 1024.0), OPTIONS, CameraSuiteOptions(), 0)
+    glance = eyes.look(state, level, grid)
+    assert glance.pair[0].std() > 0
+    assert not (glance.looks[0].weight > 0).any()
+
+
+def test_pictures_are_the_same_on_any_number_of_threads(job):
+    ride = Ride(autonomous_job(job, OPTIONS))
+    ride.go_on(0.1)
+    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
+    light, pairs = Light("3", 256.0), []
+    for threads in (1, 3):
+        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, OPTIONS, CameraSuiteOptions(), 0, threads)
+        pairs.append(eyes.look(state, level, grid).pair)
+    assert pairs[0][0].std() > 0
+    np.testing.assert_array_equal(*pairs)

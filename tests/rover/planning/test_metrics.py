@@ -1,0 +1,98 @@
+"""Points, trajectory errors and touches on cases made by hand."""
+
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.errors import RoverError
+from polarsim.geometry.poses import Pose
+from polarsim.rover.planning.challenge import FULL_RATE_1_S, points, true_cells
+from polarsim.rover.planning.touches import box_gap, cylinder_gap
+from polarsim.rover.planning.trajectory import absolute_error, relative_error
+from polarsim.rover.world.surface import bare_world
+
+ASKED = np.ones((2, 5), bool)
+
+
+def test_points_of_a_map_with_one_wrong_height_and_one_wrong_rock():
+    true, rock = np.zeros((2, 5)), np.zeros((2, 5), bool)
+    rock[0, :2] = True
+    told, found = true.copy(), rock.copy()
+    told[1, 4], found[1, 4] = 0.051, True
+    own = points(told, found, true, rock, ASKED, seconds=10 / FULL_RATE_1_S * 2)
+    assert own.geometry == pytest.approx(300 * 0.9)
+    assert own.rocks == pytest.approx(300 * 2 * 2 / 5)  # two right, one false
+    assert own.productivity == pytest.approx(125)
+    assert own.localisation == 150
+
+
+def test_unknown_heights_are_wrong_and_a_map_without_rocks_has_no_points_of_rocks():
+    nothing = np.zeros((2, 5), bool)
+    own = points(np.full((2, 5), np.nan), nothing, np.zeros((2, 5)), nothing, ASKED, seconds=60)
+    assert (own.geometry, own.productivity) == (0, 0)
+    assert np.isnan(own.rocks)
+
+
+def test_a_cell_is_as_high_as_the_mean_of_its_16_rays_and_a_rock_where_one_of_them_meets_one():
+    """A box over the left quarter of a cell of 0.16 m: 4 rays of 16 meet it, 0.2 m above ground that rises with y."""
+    bare = bare_world(np.tile(0.1 * np.arange(21)[:, None] * 0.1, (1, 21)), 0.1, -1.0, -1.0)
+    box = trimesh.creation.box((0.04, 0.16, 0.4), trimesh.transformations.translation_matrix([-0.06, 0.0, 0.1]))
+    world = replace(bare, vertices=np.asarray(box.vertices, np.float32), triangles=np.asarray(box.faces, np.int32))
+    height, rock = true_cells(world, np.array([-0.16, 0.0]), np.array([0.0, 0.16]), 0.16)
+    np.testing.assert_array_equal(rock, [[False, True], [False, False]])
+    np.testing.assert_allclose(height, [[0.1, (12 * 0.1 + 4 * 0.3) / 16], [0.116, 0.116]], atol=1e-6)
+
+
+def poses(seed: int, count: int = 8) -> list[Pose]:
+    rng = np.random.default_rng(seed)
+    return [Pose.from_rotvec(0.3 * rng.normal(size=3), rng.normal(size=3)) for _ in range(count)]
+
+
+@given(st.integers(0, 1000))
+def test_errors_are_evos(seed):
+    metrics = pytest.importorskip("evo.core.metrics", reason="evo is not installed")
+    trajectory = pytest.importorskip("evo.core.trajectory", reason="evo is not installed")
+    estimated, true = poses(seed), poses(seed + 5000)
+    paths = [trajectory.PosePath3D(poses_se3=[_matrix(pose) for pose in some]) for some in (estimated, true)]
+    moved = metrics.RPE(metrics.PoseRelation.translation_part, 1, metrics.Unit.frames)
+    turned = metrics.RPE(metrics.PoseRelation.rotation_angle_rad, 1, metrics.Unit.frames)
+    for one in (moved, turned):
+        one.process_data((paths[1], paths[0]))
+    own = relative_error(estimated, true)
+    np.testing.assert_allclose(own, [one.get_statistic(metrics.StatisticsType.rmse) for one in (moved, turned)])
+    aligned = deepcopy(paths[0])
+    aligned.align(paths[1])
+    absolute = metrics.APE(metrics.PoseRelation.translation_part)
+    absolute.process_data((paths[1], aligned))
+    positions = [np.array([pose.translation for pose in some]) for some in (estimated, true)]
+    assert absolute_error(*positions) == pytest.approx(absolute.get_statistic(metrics.StatisticsType.rmse))
+
+
+def test_a_moved_and_turned_trajectory_has_no_error_and_two_poses_are_too_few():
+    true = np.array([pose.translation for pose in poses(1)])
+    moved = Pose.from_rotvec(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2, 3])).apply(true)
+    assert absolute_error(moved, true) < 1e-12
+    assert absolute_error(moved, true, align=False) > 1
+    with pytest.raises(RoverError, match="three or more"):
+        absolute_error(true[:2], true[:2])
+
+
+def test_gaps_to_a_wheel_and_a_box():
+    gap, tread = cylinder_gap(
+        np.array([[0.30, 0.0, 0.0], [0.0, 0.15, 0.1], [0.28, 0.14, 0.0], [0.2, 0.0, 0.0]]), 0.25, 0.2
+    )
+    np.testing.assert_allclose(gap, [0.05, 0.05, 0.05, -0.05], atol=1e-12)
+    assert tread.tolist()[:2] == [True, False]
+    inside = box_gap(np.array([[1.3, 0, 0], [0, 0, 0.4]]), np.array([2.0, 1, 1]))
+    np.testing.assert_allclose(inside, [0.3, -0.1], atol=1e-12)
+
+
+def _matrix(pose: Pose) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose.rotation, pose.translation
+    return matrix
