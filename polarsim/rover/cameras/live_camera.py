@@ -16,10 +16,10 @@ from polarsim.photo import BLACK_LEVEL, USUAL_EXPOSURE_MS, WHITE_LEVEL
 from polarsim.render.lamps import Spot
 from polarsim.render.options import Model
 from polarsim.rover.cameras.bodywork import body_of, links_at
-from polarsim.rover.cameras.imaging import Imaging
 from polarsim.rover.cameras.lights import Sun, headlights, sun_at
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import MovingSurfaces, RenderScene, rocks_of
+from polarsim.rover.cameras.rover_camera import Imaging
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State

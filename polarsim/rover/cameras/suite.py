@@ -15,10 +15,10 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.cameras import grouser_marks
 from polarsim.rover.cameras.bodywork import body_of, links_at
 from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
-from polarsim.rover.cameras.imaging import Imaging
 from polarsim.rover.cameras.lights import headlights, suns_of
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
+from polarsim.rover.cameras.rover_camera import Imaging
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.mounts import mount_of
