@@ -118,7 +118,7 @@ ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself,
     {"soil", "world", "vehicle"},
     {"drive"},
     {"cameras"},
-    {"perception", "exchange"},
+    {"perception", "export"},
     {"planning"},
     {"learn"},
     {"options", "run", "environment"},  # no rooms: where the command line, the configuration and learners come in
@@ -164,7 +164,7 @@ def test_the_rovers_rooms_stand_on_each_other():
     [
         ("soil.contact", "rover.drive.trace"),  # up
         ("world.stitch", "rover.soil.nodes"),  # sideways
-        ("perception.measure", "rover.exchange.video"),
+        ("perception.measure", "rover.export.video"),
         ("cameras.suite", "rover.options"),  # out of the rooms
         ("drive.ride", "render.olat"),
         ("vehicle.table", "detect.options"),

@@ -10,7 +10,7 @@ from polarsim.detect.options import DetectOptions
 from polarsim.rover.cameras.layout import picture_set
 from polarsim.rover.cameras.options import REAL, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.export.options import BagOptions
 from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions

@@ -14,9 +14,9 @@ from polarsim.rover.drive.job import job_of
 from polarsim.rover.drive.ride import drive_to_end, identity_of
 from polarsim.rover.drive.table import figures_of
 from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
-from polarsim.rover.exchange.bag import write_changed_bag
-from polarsim.rover.exchange.urdf import write_urdf
-from polarsim.rover.exchange.video import make_videos
+from polarsim.rover.export.bag import write_changed_bag
+from polarsim.rover.export.urdf import write_urdf
+from polarsim.rover.export.video import make_videos
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.detections import detect_drive
 from polarsim.rover.perception.measure import measure_drive

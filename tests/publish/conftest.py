@@ -39,8 +39,8 @@ def bundle(tmp_path) -> Bundle:
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory) -> Path:
     """A made-up drive of a run of its own, with its bag."""
-    from polarsim.rover.exchange.bag import write_bag
-    from polarsim.rover.exchange.options import BagOptions
+    from polarsim.rover.export.bag import write_bag
+    from polarsim.rover.export.options import BagOptions
     from polarsim.rover.vehicle.table import read_vehicle
     from tests.rover.drives import write_drive
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.exchange.video import make_videos
+from polarsim.rover.export.video import make_videos
 from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):

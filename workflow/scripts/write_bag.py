@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.exchange.bag import write_bag
-from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.export.bag import write_bag
+from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.exchange.urdf import write_urdf
+from polarsim.rover.export.urdf import write_urdf
 from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):

@@ -14,7 +14,7 @@ from polarsim.formats import png, ros, tables
 from polarsim.formats.ros import Stamped
 from polarsim.geometry.lens import Lens
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
-from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
 

@@ -16,7 +16,7 @@ from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.layout import picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.exchange.video import drawn, frame_rate, make_videos, shown, video_name, write_video
+from polarsim.rover.export.video import drawn, frame_rate, make_videos, shown, video_name, write_video
 from polarsim.rover.perception.detections import detection_table
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven

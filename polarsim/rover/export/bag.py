@@ -22,9 +22,9 @@ from polarsim.formats.table_parts import digest
 from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
 from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace
-from polarsim.rover.exchange import messages
-from polarsim.rover.exchange.bag_pictures import PictureTopics
-from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.export import messages
+from polarsim.rover.export.bag_pictures import PictureTopics
+from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 

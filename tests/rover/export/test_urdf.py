@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from polarsim.rover.exchange.urdf import urdf, write_urdf
+from polarsim.rover.export.urdf import urdf, write_urdf
 from polarsim.rover.vehicle.mounts import base_from_camera
 from polarsim.rover.vehicle.table import WHEELS, read_vehicle
 

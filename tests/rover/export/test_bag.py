@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from polarsim.errors import FormatError
 from polarsim.formats.ros import OTHERS, definition
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.exchange import messages
-from polarsim.rover.exchange.bag import picked, write_bag
-from polarsim.rover.exchange.options import BagOptions
+from polarsim.rover.export import messages
+from polarsim.rover.export.bag import picked, write_bag
+from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from tests.rover.drives import SPEED, straight_drive, write_drive
 
