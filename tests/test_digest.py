@@ -121,7 +121,7 @@ ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself,
     {"perception", "export"},
     {"planning"},
     {"learn"},
-    {"options", "run", "environment"},  # no rooms: where the command line, the configuration and learners come in
+    {"options", "run"},  # no rooms: where the command line and the configuration come in
 )
 ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive needs neither pictures nor detectors
 
@@ -206,9 +206,9 @@ def reached_by_text(script: Path) -> set[str]:
 
 
 def test_every_module_is_reached():
-    """By a script or rule, by the command line, or by who imports the environments for learners."""
+    """By a script or rule, by the command line, or by who imports the environment for learners."""
     starts = {"polarsim.__main__", "polarsim.cli", "polarsim.render"}  # what people start or import
-    starts |= {"polarsim.rover.environment", "polarsim.rover.learn.baselines"}
+    starts |= {"polarsim.rover.learn.environment"}
     for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parents[1] / "Snakefile"]:
         starts |= imports_by_text(path.read_text())
     assert {name for name in all_imports() if file_of(name).name != "__init__.py"} - digest._reached(starts) == set()

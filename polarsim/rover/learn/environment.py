@@ -27,6 +27,7 @@ from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import start_of
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError, State, require_finite, upside_down
+from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.learn.collisions import Collisions
 from polarsim.rover.learn.courses import Course, MadeUpCourse
 from polarsim.rover.learn.observation import STATE, crop, numbers
@@ -35,6 +36,7 @@ from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Eyes
 from polarsim.rover.planning.cases import Light
 from polarsim.rover.planning.options import OFF, ON, AutonomyOptions, Mode
+from polarsim.rover.vehicle.table import WHEELS
 
 ACTION_HZ = 10
 ARRIVED_M = 0.3  # before the goal's line, as for drives that decide
@@ -50,7 +52,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     Observation: `hazards` and `state`, see `observation`; where it is asked for `image`, (h, w, 1) grey. Reward:
     `task.reward`. An episode is terminated at the goal's line, off the grid, upside down or where the physics breaks,
     with the last state before it, and truncated after `options.longest_s`. `info`: `ended`, why; `along_m`,
-    `energy_j`, `collisions` so far, `light`.
+    `energy_j`, `collisions` so far, `light`, and by wheel `slip`, `sinkage_m`, `contacts` (what the wheel touches).
 
     `reset(options=...)` takes `sun`, `exposure_ms` and `lights`, named as in the configuration; what is not given is
     drawn by the seed from `suns` and `exposures_ms`, or as `options.lights` says.
@@ -257,6 +259,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             "energy_j": self._energy,
             "collisions": self._hits,
             "light": {"sun": self.light.sun, "exposure_ms": self.light.exposure_ms},
+            "slip": dict(zip(WHEELS, state.wheel("slip").tolist(), strict=True)),
+            "sinkage_m": dict(zip(WHEELS, state.wheel("sinkage_m").tolist(), strict=True)),
+            "contacts": {code: CONTACTS[int(kind)] for code, kind in zip(WHEELS, state.wheel("contact"), strict=True)},
             "ended": "",
         }
 

@@ -14,7 +14,6 @@ import gymnasium
 from gymnasium.utils.env_checker import check_env
 
 from polarsim.errors import ConfigError, RoverError
-from polarsim.rover.learn.baselines import planner_policy, random_policy, returns
 from polarsim.rover.learn.courses import MadeUpCourse, WorldCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
 from polarsim.rover.learn.observation import STATE
@@ -77,16 +76,16 @@ def test_the_light_is_drawn_by_the_seed_or_given():
 
 
 @pytest.mark.parametrize(
-    ("lit", "error", "reason"),
+    ("lit", "error", "key"),
     [
-        ({"moon": 1}, RoverError, "reset option 'moon', expected sun, exposure_ms, lights"),
-        ({"sun": "7"}, RoverError, "reset options: .*suns"),
-        ({"exposure_ms": -3}, RoverError, "reset options: .*exposures_ms"),
-        ({"sun": "night", "lights": ("torch",)}, ConfigError, "no light 'torch'"),
+        ({"moon": 1}, RoverError, "moon"),
+        ({"sun": "7"}, RoverError, "suns"),
+        ({"exposure_ms": -3}, RoverError, "exposures_ms"),
+        ({"sun": "night", "lights": ("torch",)}, ConfigError, "torch"),
     ],
 )
-def test_a_light_that_there_is_not_is_refused_in_one_line(lit, error, reason):
-    with pytest.raises(error, match=reason) as refused:
+def test_an_invalid_light_is_refused_in_one_line(lit, error, key):
+    with pytest.raises(error, match=key) as refused:
         made(image=True).reset(seed=0, options=lit)
     assert "\n" not in str(refused.value)
 
@@ -106,6 +105,23 @@ def test_metres_gained_are_earned_and_joules_are_paid_for():
     assert to_go[0] - to_go[-1] == pytest.approx(gained, abs=1e-4)
     assert info["energy_j"] > 10
     assert total == pytest.approx(2 * gained - 0.01 * info["energy_j"], abs=1e-6)
+    assert set(info["contacts"].values()) == {"soil"}
+    assert all(0 < depth < 0.08 for depth in info["sinkage_m"].values())
+
+
+def test_a_step_before_a_reset_is_refused():
+    with pytest.raises(RoverError):
+        made().step(AHEAD)
+
+
+def test_a_practice_ground_has_its_rocks_above_and_below_the_ground():
+    world = practice_world(GROUND, 5)
+    assert len(world.rocks) == GROUND.rocks
+    for row in world.rocks.to_dict("records"):
+        corners, _ = world.rock_mesh(row["rock"])
+        assert corners[:, 2].min() < world.height_at(row["x_m"], row["y_m"]) < corners[:, 2].max()
+    with pytest.raises(RoverError):
+        practice_world(replace(GROUND, length_m=2.0), 0)
 
 
 def wall_ahead() -> WorldCourse:
@@ -168,16 +184,6 @@ def test_the_crop_turns_with_the_rover():
     row, column = inside.mean(axis=0)
     assert crop.ahead_m - cell * (row + 0.5) == pytest.approx(ahead, abs=cell)
     assert cell * (crop.cells / 2 - 0.5 - column) == pytest.approx(left, abs=cell)
-
-
-@pytest.mark.slow
-def test_the_planner_goes_round_what_going_straight_hits():
-    environment = made(course=wall_ahead())
-    (planned,) = returns(environment, planner_policy, [0]).to_dict("records")
-    assert planned["ended"] == "finished"
-    assert planned["collisions"] == 0
-    (drawn,) = returns(environment, random_policy, [0]).to_dict("records")
-    assert planned["return"] > drawn["return"] + 1.0
 
 
 @pytest.mark.slow
