@@ -26,9 +26,9 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from benchmarks.made_slurm import CORES, MEMORY_MB, Slurm, running_slurm, why_not
-from benchmarks.made_workflow import write_workflow
 from polarsim.running import processes
+from tests.support.made_slurm import CORES, MEMORY_MB, Slurm, running_slurm, why_not
+from tests.support.made_workflow import write_workflow
 
 CHECKOUT = Path(__file__).parents[1]
 SMALL = """

@@ -1,4 +1,4 @@
-"""Which pixels of a view depend on the processor: `python benchmarks/processors.py [--cells 300] [--engine numba]`.
+"""Which pixels of a view depend on the processor: `python -m benchmarks.processors [--cells 300] [--engine numba]`.
 
 One view of three lamps, 4 rays a pixel, is rendered twice, each time by a process of its own: with all that this
 processor has, and as one without AVX-512 would. For that NumPy, OpenBLAS, Numba and Embree are told to leave AVX-512
@@ -18,7 +18,6 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from made_terrain import made_terrain, surveyed_rig
 
 from polarsim.geometry import embree_library
 from polarsim.geometry.camera import Camera
@@ -29,6 +28,7 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
 from polarsim.survey import SUN_LAMPS
+from tests.support.made_terrain import made_terrain, surveyed_rig
 
 LAMPS, EXPOSURE_MS = ("30", "180", "rover"), 256
 MODELS: tuple[Model, ...] = ("principled", "hapke")
@@ -75,7 +75,16 @@ def main() -> None:
         render(args.out, args.cells, RenderOptions(samples=4, falloff=True, engine=args.engine))
         print(f"Embree in packets of {embree_library.packet_size()}")
         return
-    again = [sys.executable, __file__, "--cells", str(args.cells), "--engine", args.engine, "--out"]
+    again = [
+        sys.executable,
+        "-m",
+        "benchmarks.processors",
+        "--cells",
+        str(args.cells),
+        "--engine",
+        args.engine,
+        "--out",
+    ]
     with tempfile.TemporaryDirectory() as folder:
         here, there = Path(folder) / "here.npz", Path(folder) / "there.npz"
         subprocess.run([*again, str(here)], check=True)

@@ -1,6 +1,6 @@
 """Photos a second of the renderer, files to files, beside Mitsuba 3 in one run.
 
-`python benchmarks/render.py [--threads 2] [--samples 4] [--cells 500] [--json FILE]`
+`python -m benchmarks.render [--threads 2] [--samples 4] [--cells 500] [--json FILE]`
 
 Ours: the full photo grid of one terrain and position, 2 cameras x (4 Suns x 2 lights + rover light alone) x 7 exposures
 x 2 models = 252 photos of 1936 x 1216 pixels, PNGs, boxes, ids, COCO and tables written: `render_twins` as the
@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from made_terrain import made_terrain, surveyed_rig
+from tests.support.made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats import obj
 from polarsim.formats.files import write_json
@@ -100,7 +100,7 @@ def mitsuba(mesh: TerrainMesh, options: RenderOptions, threads: int) -> dict[str
         print("Mitsuba is not installed (pip install polarsim[mitsuba]): not compared")
         return {}
     import drjit as dr
-    from mitsuba_scene import emitter, mitsuba_scene, variant
+    from tests.support.mitsuba_scene import emitter, mitsuba_scene, variant
 
     mi.set_variant(name := variant())
     dr.set_thread_count(threads)

@@ -1,4 +1,4 @@
-"""The photo grid of `render.py` on a GPU beside the CPU, before PNG: `python benchmarks/render_gpu.py [--json FILE]`.
+"""The photo grid of `render.py` on a GPU beside the CPU, before PNG: `python -m benchmarks.render_gpu [--json FILE]`.
 
     --device cuda|vulkan|cpu    what Taichi runs on; default: the first GPU that it finds. cpu is for trying it out.
     --threads 2                 of the CPU's renderer; the device's photos are exposed on all cores
@@ -28,9 +28,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from made_terrain import made_terrain, surveyed_rig
-from render import MODELS, grid_keys
+from tests.support.made_terrain import made_terrain, surveyed_rig
 
+from benchmarks.render import MODELS, grid_keys
 from polarsim.formats import png
 from polarsim.formats.files import write_json
 from polarsim.photo import PhotoKey

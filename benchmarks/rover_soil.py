@@ -1,6 +1,6 @@
 """What the rover's soil costs a step, and how near it comes to its limit and to measured wheels.
 
-`python benchmarks/rover_soil.py [--quick] [--fit] [--plots FOLDER]`
+`python -m benchmarks.rover_soil [--quick] [--fit] [--plots FOLDER]`
 
 --fit fits the soils `trec-grc3`, `mgru3-tilt-bed` and `ex1-silica-5` anew; --plots draws a plot a check. CPU
 seconds throughout, one thread.
@@ -21,7 +21,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from rover_rigs import SoilBin, park, patch_inverse_width, rest_plate
 from scipy.optimize import least_squares
 
 from polarsim.rover.soil import contact_numba, published
@@ -33,6 +32,7 @@ from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import make_ground
 from polarsim.rover.soil.published import EX1_LOAD, EX1_WHEEL, SINKING_SLIPS, SLOPES_DEG
 from polarsim.rover.soil.shapes import Bodies, Plate, Wheel
+from tests.support.rover_rigs import SoilBin, park, patch_inverse_width, rest_plate
 
 SOILS = read_soils(Path(__file__).parents[1] / "config" / "soils.csv")
 WHEELS = {"A": (Wheel(0.25, 0.20), "lunar", 174.15), "B": (Wheel(0.15735, 0.165), "hit-simulant", 80.0)}

@@ -1,4 +1,4 @@
-"""One photo of two million triangles, one lamp, one ray a pixel, beside Mitsuba 3: `python benchmarks/single_photo.py`.
+"""One photo of two million triangles, one lamp, one ray a pixel, beside Mitsuba 3: `python -m benchmarks.single_photo`.
 
 `--threads 2`, `--cells 1000` (along a side of the ground), `--json FILE`. Prints CPU and wall seconds to get the scene
 ready, and for a photo: the median of five, the first one, which loads what is compiled, by itself.
@@ -22,7 +22,7 @@ from statistics import median
 from typing import TypeVar
 
 import numpy as np
-from made_terrain import made_terrain, surveyed_rig
+from tests.support.made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats.files import write_json
 from polarsim.geometry.camera import Camera
@@ -82,7 +82,7 @@ def mitsuba(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
         print("Mitsuba is not installed (pip install polarsim[mitsuba]): not compared")
         return
     import drjit as dr
-    from mitsuba_scene import mitsuba_scene, variant
+    from tests.support.mitsuba_scene import mitsuba_scene, variant
 
     mi.set_variant(name := variant())
     dr.set_thread_count(threads)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.made_slurm import Slurm, running_slurm, why_not
+from tests.support.made_slurm import Slurm, running_slurm, why_not
 from tests.workflow.conftest import make_checkout, snakemake  # noqa: F401 (fixtures)
 
 

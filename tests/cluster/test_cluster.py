@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from benchmarks.made_slurm import CORES, MEMORY_MB
+from tests.support.made_slurm import CORES, MEMORY_MB
 from tests.workflow.conftest import CHECKOUT, SMALL
 
 pytestmark = pytest.mark.cluster

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from benchmarks.chaos import SLURM_KINDS, SlurmSuite
-from benchmarks.made_slurm import Slurm
+from tests.support.made_slurm import Slurm
 
 pytestmark = pytest.mark.cluster
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from tests.support.mitsuba_scene import bsdf, mitsuba_scene, render, variant
 
-from benchmarks.mitsuba_scene import bsdf, mitsuba_scene, render, variant
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking

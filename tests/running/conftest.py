@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.made_workflow import write_workflow
+from tests.support.made_workflow import write_workflow
 
 CHECKOUT = Path(__file__).parents[2]
 

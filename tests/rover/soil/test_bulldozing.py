@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.rover_rigs import SoilBin
 from polarsim.errors import RoverError
 from polarsim.rover.soil import published
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.bulldozing_numba import settle
 from polarsim.rover.soil.nodes import FLOW, PLASTIC, Ground, flat_ground, make_ground
 from polarsim.rover.soil.shapes import Bodies, Wheel
+from tests.support.rover_rigs import SoilBin
 
 WHEEL = Wheel(0.25, 0.20)
 

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.rover_rigs import park, patch_inverse_width, rest_plate
 from polarsim.errors import RoverError
 from polarsim.rover.soil import bulldozing, bulldozing_numba, contact, contact_numba, shapes_numba
 from polarsim.rover.soil.bulldozing import Bulldozing
@@ -19,6 +18,7 @@ from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import FREE, ROCK, SHEAR_X, SHEAR_Z, START, flat_ground, make_ground
 from polarsim.rover.soil.shapes import MGRU3, Bodies, Plate, Wheel, intersect
+from tests.support.rover_rigs import park, patch_inverse_width, rest_plate
 
 SOILS = Path(__file__).parents[3] / "config" / "soils.csv"
 WHEEL_A, WHEEL_B = Wheel(0.25, 0.20), Wheel(0.15735, 0.165)
