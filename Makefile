@@ -2,7 +2,6 @@
 PYTHON ?= python3
 CORES ?= 2
 SEEDS ?= 1 2 3
-SECONDS_EACH ?= 300
 POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
@@ -56,11 +55,8 @@ MOMENTS ?= 20
 chaos: setup ## kill small runs at random moments (MOMENTS of each kind), hours: the same command ends each
 	$(BIN)/python -m benchmarks.chaos --moments $(MOMENTS)
 
-fuzz: setup ## 10,000 damaged files for every reader; with atheris also SECONDS_EACH s for each of our own parsers
-	$(BIN)/python -m benchmarks.fuzz
-	@if $(BIN)/python -c "import atheris" 2> /dev/null; then \
-	  $(BIN)/python -m benchmarks.fuzz_parsers --seconds $(SECONDS_EACH); \
-	else echo "atheris is not installed: $(BIN)/pip install '.[fuzz]'"; fi
+fuzz: setup ## 10,000 damaged files for every reader, an hour
+	FUZZ_EXAMPLES=10000 $(BIN)/python -m pytest -n $(CORES) tests/formats/test_hostile_files.py
 
 lint: setup
 	$(BIN)/ruff check .
