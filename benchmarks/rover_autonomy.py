@@ -12,9 +12,7 @@ A folder a drive, as the rule `drive_alone` makes it, a row printed each, `--job
 Drives that are there are kept, so a call that ran out of its minutes goes on with the next; all of a seed come before
 the next seed's, so what is there compares. At the end tables and figures of all drives that are there, as the rules of
 `rover_autonomy` make them, in `OUT/tables` and `OUT/figures`. `--detect` names the tables of the run that trained the
-detectors: the gap that they are ranked by. `OUT/drives.csv` has a row a drive; `--known` takes such files of other
-machines, with the same terrains and options: their drives are not made again, and show in tables, not in figures of
-single drives.
+detectors: the gap that they are ranked by.
 """
 
 from __future__ import annotations
@@ -37,7 +35,7 @@ from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.planning.cases import AXES, DETECTING, Case, cases
+from polarsim.rover.planning.cases import DETECTING, Case, cases
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.rank import rank_detectors
 from polarsim.rover.planning.summary import drive_case, summarise_autonomy
@@ -46,8 +44,6 @@ from polarsim.rover.world.options import WorldOptions
 from polarsim.schemas import AUTONOMY, EVERY_AUTONOMY
 
 CONFIG = Path(__file__).parents[1] / "config"
-DRIVE = [*AXES, "seed", "ended"]  # what a row of drives.csv begins with
-OPTIONS = "options"  # the last column: how they were made
 CASES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "models", "detectors"}  # say which drives, not how
 
 
@@ -86,35 +82,6 @@ def made_with(terrains: list[int], options: AutonomyOptions) -> str:
     return hashlib.sha256(f"{terrains} {options.model_dump_json(exclude=CASES)}".encode()).hexdigest()[:12]
 
 
-def take_over(known: Path, drives: Path, options: str) -> None:
-    """Write the figures of drives that another machine made, by its `drives.csv`, where they are not there yet.
-
-    Raises
-    ------
-    SystemExit
-        They were made with other options or over other terrains, by `made_with`.
-    """
-    rows = pd.read_csv(known, dtype=dict.fromkeys([*AXES, OPTIONS], str))
-    theirs = set(rows[OPTIONS]) if OPTIONS in rows else {"none told"}
-    if theirs != {options}:
-        raise SystemExit(f"{known}: drives with other options or terrains ({', '.join(sorted(theirs))}, not {options})")
-    for _, row in rows.drop(columns=OPTIONS).iterrows():
-        file = drives / Case(row["mode"], row["seed"], *row[list(AXES[1:])]).name / "figures.parquet"
-        if not file.exists():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            own = row.drop(DRIVE).dropna().rename("value").rename_axis("named").reset_index().assign(**row[DRIVE])
-            own[["metric", "unit"]] = own["named"].str.extract(r"(.+) \[(.*)\]")
-            tables.write_parquet(file, own[list(EVERY_AUTONOMY.columns)].astype(EVERY_AUTONOMY.dtypes))
-
-
-def write_rows(files: list[Path], file: Path, options: str) -> None:
-    """A row a drive, a column a metric with its unit; in the last how they were made, by `made_with`."""
-    every = pd.concat([tables.read_parquet(path, EVERY_AUTONOMY.columns) for path in files])
-    named = every.assign(metric=every["metric"] + " [" + every["unit"] + "]")
-    wide = named.pivot_table("value", DRIVE, "metric", sort=False).reset_index()
-    wide.assign(**{OPTIONS: options}).to_csv(file, index=False, float_format="%.5g")
-
-
 def row_of(case: Case, own: pd.DataFrame) -> str:
     value = own.set_index("metric")["value"]
     closest = value.get("closest pass of a rock above 10 cm", math.nan)  # a drive may never be near one
@@ -133,7 +100,6 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
     each, together, effects = (rover / f"{name}.parquet" for name in ("every_autonomy", "autonomy", "autonomy_effects"))
     files = [folder / "figures.parquet" for folder in folders]
     summarise_autonomy(drives=files, each=each, together=together, effects=effects)
-    write_rows(files, asked.out / "drives.csv", origin["config"])
     stems = {"stem": shown / "rover_autonomy", "effects_stem": shown / "rover_autonomy_effects"}
     tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
     draw_modes(tables.read_parquet(together, AUTONOMY.columns), drawn / "rover_autonomy.png", origin)
@@ -177,7 +143,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
     parser.add_argument("--jobs", type=int, default=1, help="drives at a time")
     parser.add_argument("--threads", type=int, default=1, help="that render a drive's pictures")
-    parser.add_argument("--known", type=Path, nargs="+", default=[], help="drives.csv of others, same options")
     parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
     asked = parser.parse_args()
     asked.weights = dict(asked.weights)
@@ -199,8 +164,6 @@ def main() -> None:
         }
     )
     told = made_with(asked.terrains, options)
-    for known in asked.known:
-        take_over(known, asked.out / "drives", told)
     found = list(driven(asked, options))
     if found:
         sum_up(asked, found, {"run": asked.out.name, "source": asked.source, "config": told})

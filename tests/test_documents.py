@@ -202,7 +202,7 @@ def test_commands_are_found_in_blocks(tmp_path):
         ("polarsim score ONE", Exception),  # typer's own, of a module that moved between its versions
         ("polarsim show KEY --speed 3", Exception),
         ("python benchmarks/nothing.py", FileNotFoundError),
-        ("python benchmarks/labels.py", SystemExit),
+        ("python benchmarks/compare_runs.py", SystemExit),
         ("python -m pytest tests/nothing", AssertionError),
     ],
 )

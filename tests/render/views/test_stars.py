@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.star_table import cut
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose, looking
 from polarsim.render.views.cameras import pinhole
@@ -52,36 +51,6 @@ def test_bright_stars_stand_where_they_stand_in_2026(ra, dec, motion):
     expected = directions(np.array([ra_now]), np.array([dec_now]))[0]
     off = np.linalg.norm(sky_of(StarField(faintest_mag=3)).directions - expected, axis=1).min()
     assert np.degrees(off) < 10 / 3600
-
-
-def test_the_catalogue_is_cut_at_its_bytes_and_stars_move_on(tmp_path):
-    row = " " * 171
-    lines = []
-    for hip, ra, dec, motion, magnitude in (
-        (1, 0.0000159148, 0.019006868, (-4.55, -1.19), 9.2043),
-        (2, 6.2831, -0.3403189, (18288.0, -1000.0), 5.5),
-        (3, 1.0, 1.2, (0.0, 0.0), 1.25),
-    ):
-        line = list(row)
-        for start, text in (
-            (0, f"{hip:6d}"), (15, f"{ra:13.10f}"), (29, f"{dec:13.10f}"), (51, f"{motion[0]:8.2f}"),
-            (60, f"{motion[1]:8.2f}"), (129, f"{magnitude:7.4f}"),
-        ):  # fmt: skip
-            line[start : start + len(text)] = text
-        lines.append("".join(line))
-    path = tmp_path / "hip2.dat"
-    path.write_text("\n".join(lines) + "\n")
-    found = cut(path)
-    assert found["hip"].tolist() == [3, 2]
-    second = found.iloc[1]
-    years = 2025 - 1991.25
-    expected_ra = np.degrees(6.2831) + years * 18288 / 3.6e6 / np.cos(0.3403189)
-    np.testing.assert_allclose(
-        [second["ra_deg"], second["dec_deg"]],
-        [expected_ra % 360, np.degrees(-0.3403189) - years * 1000 / 3.6e6],
-        atol=2e-5,
-    )
-    np.testing.assert_allclose(found["ra_deg"].iloc[0], np.degrees(1.0), rtol=1e-6)
 
 
 def test_a_fainter_limit_moves_no_bright_star():
