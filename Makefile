@@ -25,9 +25,9 @@ demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
 
 ROVER := rover_autonomy --configfile config/rover.yaml
 
-rover: setup ## a rover that finds its own way over the demo's terrains: config/rover_autonomy.yaml
-	$(RUN) $(ROVER) --configfile config/rover_autonomy.yaml
-	@$(BIN)/snakemake $(ROVER) config/rover_autonomy.yaml --quiet all --report results/demo/rover_autonomy.html
+rover: setup ## a rover that finds its own way over the demo's terrains: config/overlays/rover_autonomy.yaml
+	$(RUN) $(ROVER) --configfile config/overlays/rover_autonomy.yaml
+	@$(BIN)/snakemake $(ROVER) config/overlays/rover_autonomy.yaml --quiet all --report results/demo/rover_autonomy.html
 	@echo "page: results/demo/rover_autonomy.html"
 	@echo "table: results/demo/tables/rover_autonomy.md, figure: results/demo/figures/rover_autonomy.png"
 

@@ -95,7 +95,7 @@ def test_the_demo_trains_a_yolo_on_its_photos_alone(dry_run):
 
 
 def test_yolo_is_trained_beside_the_demos_own_detector_by_one_more_configuration(dry_run):
-    done = dry_run("detect", "tables", "--configfile", "config/config.yaml", "config/yolo.yaml")
+    done = dry_run("detect", "tables", "--configfile", "config/config.yaml", "config/overlays/yolo.yaml")
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     own = ("train_detector", "predict", "evaluate")
@@ -155,11 +155,11 @@ def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
 
 
 def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_detectors_alone(dry_run):
-    files = ("--configfile", "config/config.yaml", "config/gap.yaml")
+    files = ("--configfile", "config/config.yaml", "config/overlays/gap.yaml")
     done = dry_run("gap", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs, text = planned(done), done.stdout + done.stderr
-    components = yaml.safe_load((CONFIGURATIONS / "gap.yaml").read_text())["gap"]["components"]
+    components = yaml.safe_load((CONFIGURATIONS / "overlays/gap.yaml").read_text())["gap"]["components"]
     pictured = [name for name in components if name != "labels"]
     assert jobs["render_component"] == 4 * len(pictured)
     assert jobs["predict_component"] == 2 * len(pictured)
@@ -171,7 +171,7 @@ def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_dete
 
 
 def test_the_papers_split_trains_detectors_beside_those_of_the_strict_one(dry_run):
-    files = ("--configfile", "config/config.yaml", "config/strict.yaml")
+    files = ("--configfile", "config/config.yaml", "config/overlays/strict.yaml")
     done = dry_run("detect", "tables", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
@@ -357,7 +357,7 @@ def test_the_plan_does_not_depend_on_the_order_of_rule_files(dry_run, checkout, 
     assert order != included
     (checkout / "Snakefile").write_text("".join([*lines[:first], *order, *lines[first + len(included) :]]))
     for call, root in (
-        (("--configfile", "config/config.yaml", "config/gap.yaml"), {}),
+        (("--configfile", "config/config.yaml", "config/overlays/gap.yaml"), {}),
         (("real", "--configfile", "config/covers.yaml"), {"POLAR_SIM_ROOT": str(release_with_covers)}),
     ):
         plans = [dry_run(*call, **root), snakemake(checkout, "--dry-run", *call, **root)]

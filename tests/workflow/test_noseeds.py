@@ -15,7 +15,7 @@ def test_rocks_and_shadows_are_labelled_though_no_annotated_file_can_be_read(sma
     assert annotated
     for path in annotated:
         path.write_text("who opens this file ends with an error\n")
-    files = ("--configfile", "config/small.yaml", "config/noseeds.yaml")
+    files = ("--configfile", "config/small.yaml", "config/overlays/noseeds.yaml")
     few = "grid={azimuths: ['180'], lights: ['off'], exposures_ms: [256]}"  # of the photos that are there
     done = snakemake(checkout, "results/noseeds/tables/labels.csv", "labels", *files, "--config", few)
     assert done.returncode == 0, done.stderr[-3000:]
@@ -43,7 +43,7 @@ def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake
     annotated.write_text("0 0.5 0.5 0.1 0.1\n")
     content = {"run": "own", "terrains": [1], "positions": ["A", "C"], "source": {"kind": "polar", "root": str(root)}}
     (checkout / "config/own.yaml").write_text(yaml.safe_dump(content))
-    files = ["config/own.yaml", "config/noseeds.yaml"]
+    files = ["config/own.yaml", "config/overlays/noseeds.yaml"]
     for overlay, read in (([], True), (files[1:], False)):
         done = snakemake(checkout, "labels", "--dry-run", "--configfile", files[0], *overlay)
         assert done.returncode == 0, done.stdout + done.stderr
@@ -53,7 +53,7 @@ def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake
 
 
 def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(dry_run):
-    files = ("--configfile", "config/config.yaml", "config/noseeds.yaml")
+    files = ("--configfile", "config/config.yaml", "config/overlays/noseeds.yaml")
     done = dry_run("labels", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
@@ -63,7 +63,7 @@ def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(dry_run):
 
 
 def test_the_release_without_seeds_is_refused_in_one_line(dry_run, tmp_path):
-    files = ("--configfile", "config/release.yaml", "config/noseeds.yaml")
+    files = ("--configfile", "config/release.yaml", "config/overlays/noseeds.yaml")
     done = dry_run("labels", *files, POLAR_SIM_ROOT=str(tmp_path))
     assert done.returncode == 1
     lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from polarsim.config import Config, parse_config, read_config
 from polarsim.errors import ConfigError
+from polarsim.formats.yaml_files import read_yaml
 from polarsim.running.configuration import STORED, base_of, config_of_run, read_configs, store_config
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
@@ -148,14 +149,20 @@ def test_drive_reads_the_rover_of_the_run(stored, polarsim):
     assert "rover.run" in refused.stderr
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in CONFIGURATIONS.glob("*.yaml")))
+BASES = [path.name for path in CONFIGURATIONS.glob("*.yaml") if path.name not in ("viper.yaml", "views.yaml")]
+OVERLAYS = [f"overlays/{path.name}" for path in (CONFIGURATIONS / "overlays").glob("*.yaml")]
+
+
+def test_base_configurations_define_the_source_and_overlays_do_not():
+    defining = {name for name in (*BASES, *OVERLAYS) if "source" in read_yaml(CONFIGURATIONS / name)}
+    assert defining == set(BASES)
+
+
+@pytest.mark.parametrize("name", sorted([*BASES, *OVERLAYS]))
 def test_a_stored_configuration_reads_back_the_same(tmp_path, monkeypatch, name):
     monkeypatch.chdir(CONFIGURATIONS.parent)
-    files = [CONFIGURATIONS / f"{name}.yaml"]
-    if name in ("viper", "views"):
-        pytest.skip("a configuration of the rover's vehicle, or of views")
-    if name == "rover_autonomy":
-        files.insert(0, CONFIGURATIONS / "rover.yaml")
+    base = [CONFIGURATIONS / "rover.yaml"] if name == "overlays/rover_autonomy.yaml" else []
+    files = [*base, CONFIGURATIONS / name]
     config = read_configs(files)
     store_config(config, tmp_path / config.run)
     text = (tmp_path / config.run / STORED).read_text()
