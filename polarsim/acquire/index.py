@@ -1,10 +1,10 @@
-"""What a source has for one terrain: photos, calibration, scans and published meshes, and the seeds, in one form."""
+"""Index of the raw data of one terrain: photos, calibration, scans, published meshes and seeds."""
 
 from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,13 @@ from polarsim.formats import nasa, png, release
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
 from polarsim.geometry.stereo import stated_rig
-from polarsim.grid import GridOptions, selected_grid
+from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import write_rig
 from polarsim.schemas import PHOTOS
+from polarsim.sources.registry import SOURCES
 
 PHOTO_BITS = 16  # of the files; their values have 12
 
@@ -66,20 +67,6 @@ def photo_table(rows: Sequence[Mapping[Any, Any]]) -> pd.DataFrame:
     return table.sort_values("key", ignore_index=True)
 
 
-def log_gaps(keys: Collection[PhotoKey], expected: Sequence[PhotoKey], folder: Path) -> None:
-    """One line where expected photos are not among `keys`, or photos lack their other camera's."""
-    there = set(keys)
-    missing = [key for key in expected if key not in there]
-    unpaired = [key for key in sorted(there) if key.other_camera not in there]
-    if not there:
-        log.warning("%s: no photo", folder)
-    elif missing or unpaired:
-        log.warning(
-            "%s: %d photos found, %d of the grid missing, %d without the other camera's, such as %s",
-            folder, len(there), len(missing), len(unpaired), (*unpaired, *missing)[0],
-        )  # fmt: skip
-
-
 def index_terrain(
     *,
     terrain: int,
@@ -94,8 +81,7 @@ def index_terrain(
 ) -> None:
     """Write `photos.parquet`, `calibration.json`, `inventory.json` and the folder of seeds of one terrain.
 
-    All photos that are there are indexed. `grid` says which ones are missed where they are not there: the part of the
-    photo grid that the run works on, or all of it.
+    All photos of the positions are indexed. `grid` is the part of the photo grid whose missing photos are reported.
 
     Raises
     ------
@@ -106,12 +92,12 @@ def index_terrain(
     """
     if not source.root.is_dir():
         raise FormatError(f"no such folder, it is the root of the source {source.kind!r}", path=source.root)
-    if source.kind == "release":
-        found, table = _published(source.root, terrain), photo_table([])
-    else:
-        found, table = _recorded(source, terrain, positions, grid or GridOptions())
+    data = SOURCES[source.kind]
+    content = data.index(source.root, terrain, positions, grid or GridOptions())
+    found, table = content.inventory, index_photos(content.photos)
     if isinstance(seed_options, SeedOptions):
-        chosen = _seeds(terrain, positions, found, seed_options.root or source.root, seed_options)
+        root = seed_options.root or source.root
+        chosen = _seeds(terrain, positions, found, root, seed_options, log_strays=data.has_photos)
     else:
         _check_scanned(terrain, positions, found, source.root)
         chosen = []
@@ -131,53 +117,6 @@ def merge_photos(*, tables: list[Path], merged: Path) -> None:
     write_parquet(merged, photo_table(rows.to_dict("records")))
 
 
-def _published(root: Path, terrain: int) -> Inventory:
-    """What a release has of a terrain."""
-    looked_for = [release.label_folder(root, terrain), release.mesh_folder(root, terrain)]
-    if not any(folder.is_dir() for folder in looked_for):
-        names = " and ".join(folder.relative_to(root).as_posix() for folder in looked_for)
-        raise FormatError(f"nothing of terrain {terrain:02d}, looked for {names}", path=root)
-    stray = release.stray_files(root, terrain)
-    release.log_strays(stray, f"{root}, terrain {terrain:02d}")
-    ground = release.ground_file(root, terrain)
-    return Inventory(
-        terrain,
-        "release",
-        meshes=_paths(release.mesh_files(root, terrain)),
-        ground=ground.as_posix() if ground else "",
-        cover_photos=_paths(release.cover_photos(root, terrain)),
-        stray=_below(stray, root),
-    )
-
-
-def _recorded(
-    source: SourceOptions, terrain: int, positions: Sequence[str], grid: GridOptions
-) -> tuple[Inventory, pd.DataFrame]:
-    """What NASA's folders have of a terrain, and the index of its photos."""
-    root = source.root
-    range_maps, clouds = nasa.find_scans(root, terrain)
-    folder = nasa.find_terrain_folder(root, terrain)
-    if folder is None and not range_maps:
-        names = f"Terrain{terrain:02d}_* and {nasa.RANGE_FOLDER}/Terrain{terrain:02d}"
-        raise FormatError(f"nothing of terrain {terrain:02d}, looked for {names}", path=root)
-    found = nasa.find_photos(folder, terrain) if folder else []
-    files = [(key, path) for key, path in found if key.position in positions]
-    log_gaps([key for key, _ in files], selected_grid(terrain, positions, grid), folder or root)
-    stated = nasa.find_calibration(folder) if folder else None
-    if stated is None:
-        log.warning("%s: no %s, the rig of terrain 11 is taken", folder or root, nasa.CALIBRATION_NAME)
-    stray = nasa.find_strays(folder, terrain) if folder else []
-    inventory = Inventory(
-        terrain,
-        source.kind,
-        calibration=stated.as_posix() if stated else "",
-        range_maps=_paths({name: path for name, path in range_maps.items() if name in positions}),
-        clouds=_paths({name: path for name, path in clouds.items() if name in positions}),
-        stray=_below(stray, root),
-    )
-    return inventory, index_photos(files)
-
-
 def _check_scanned(terrain: int, positions: Sequence[str], found: Inventory, root: Path) -> None:
     """Without seeds, nothing but scans tells of rocks and cameras."""
     if not found.scanned:
@@ -188,10 +127,10 @@ def _check_scanned(terrain: int, positions: Sequence[str], found: Inventory, roo
 
 
 def _seeds(
-    terrain: int, positions: Sequence[str], found: Inventory, root: Path, options: SeedOptions
+    terrain: int, positions: Sequence[str], found: Inventory, root: Path, options: SeedOptions, *, log_strays: bool
 ) -> list[tuple[PhotoKey, Path]]:
     files, folder = find_labels(root, terrain)
-    if found.kind != "release":  # those of a release are in its inventory
+    if log_strays:  # those of a release are in its inventory
         stray = release.key_files(folder).stray
         release.log_strays((path for path in stray if folder != root or path.suffix.lower() == ".txt"), str(folder))
     chosen = choose_seeds(files, positions, options)
@@ -201,11 +140,3 @@ def _seeds(
     if unknown:
         log.warning("%s: neither a seed nor a scan of position %s", folder, ", ".join(sorted(unknown)))
     return chosen
-
-
-def _paths(files: Mapping[str, Path] | Mapping[int, Path]) -> dict[str, str]:
-    return {str(name): path.as_posix() for name, path in files.items()}
-
-
-def _below(files: Sequence[Path], root: Path) -> tuple[str, ...]:
-    return tuple(sorted(path.relative_to(root).as_posix() for path in files))

@@ -10,10 +10,10 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from polarsim.grid import as_text
 from polarsim.photo import SUNS, Azimuth, Light, PhotoKey, is_exposure
 from polarsim.photo import CameraSide as Camera
+from polarsim.sources.registry import SOURCES
 from polarsim.user_path import UserPath
 
 NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
-Kind = Literal["analog", "release", "polar"]
 
 
 class FetchOptions(BaseModel, extra="forbid", frozen=True):
@@ -45,9 +45,10 @@ class FetchOptions(BaseModel, extra="forbid", frozen=True):
 class SourceOptions(BaseModel, extra="forbid", frozen=True):
     """The section says where raw data come from."""
 
-    kind: Kind = Field(
+    kind: str = Field(
         default="analog",
-        description="Raw data are of this kind: 'analog' (made here), 'release' (published labels) or 'polar' (NASA).",
+        json_schema_extra={"enum": list(SOURCES)},
+        description="Source of the raw data: 'analog' (generated), 'release' (published labels) or 'polar' (NASA).",
     )
     root: UserPath = Field(
         default=Path("data/analog"), description="Raw data lie in this folder; it is stated for 'release' and 'polar'."
@@ -71,9 +72,16 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
                 raise ValueError(f"{name}: {url!r} is no http or https address")
         return urls
 
+    @field_validator("kind")
+    @classmethod
+    def _known_kind(cls, kind: str) -> str:
+        if kind not in SOURCES:
+            raise ValueError(f"source {kind!r}, expected {', '.join(SOURCES)}")
+        return kind
+
     @model_validator(mode="after")
     def _root_is_stated(self) -> SourceOptions:
-        if self.kind != "analog" and "root" not in self.model_fields_set:
+        if not SOURCES[self.kind].is_generated and "root" not in self.model_fields_set:
             raise ValueError(f"the source {self.kind!r} needs a root: the folder of its data")
         return self
 

@@ -30,7 +30,7 @@ def expected_bytes(config: Config) -> int:
     photos = sum(len(selected_grid(terrain, config.positions, config.grid)) for terrain in config.terrains)
     found = len(config.terrains) * _RESULTS_OF_TERRAIN
     found += photos * (_RESULTS_OF_PHOTO + _TWIN * len(config.render.models))
-    if config.source.kind == "analog":
+    if config.data_source.is_generated:
         found += len(config.terrains) * _DATA_OF_TERRAIN + photos * _DATA_OF_PHOTO
     return found
 

@@ -84,7 +84,7 @@ def _check_kind(key: str, path: Path) -> None:
 
 def _is_local(config: Config) -> bool:
     """Return whether raw data are used as they are, neither generated nor downloaded."""
-    return config.source.kind != "analog" and not config.source.urls
+    return not config.data_source.is_generated and not config.source.urls
 
 
 def _check_source(config: Config) -> None:

@@ -94,8 +94,8 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
     if _DRY.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
     root = Path(config.source.root)
-    made = (Path("results") / config.run, *([root] if config.source.kind == "analog" else []))
-    places = (*made[:1], *([root] if config.source.kind != "release" else []))
+    made = (Path("results") / config.run, *([root] if config.data_source.is_generated else []))
+    places = (*made[:1], *([root] if config.data_source.has_photos else []))
     for place in (Path("results"), *made, Path(".snakemake")):
         disk.refuse_unwritable(place)
     (folder / ".snakemake").mkdir(exist_ok=True)

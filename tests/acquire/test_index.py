@@ -109,25 +109,25 @@ def test_stray_files_of_a_release_are_logged_once_and_left_out(tmp_path, release
 
 
 def test_a_terrain_that_a_release_lacks_is_one_line_with_what_was_looked_for(tmp_path, release):
-    with pytest.raises(FormatError, match=r"release: nothing of terrain 05, looked for Labels/Terrain05 and") as caught:
+    with pytest.raises(FormatError, match="Labels/Terrain05") as caught:
         index(tmp_path, release, terrain=5)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_terrain_that_nasas_folder_lacks_is_one_line_with_what_was_looked_for(tmp_path, polar):
-    with pytest.raises(FormatError, match=r"polar: nothing of terrain 05, looked for Terrain05_\*"):
+    with pytest.raises(FormatError, match=r"Terrain05_\*"):
         index(tmp_path, polar, terrain=5)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_root_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(FormatError, match="nowhere: no such folder"):
+    with pytest.raises(FormatError, match="nowhere"):
         index(tmp_path, SourceOptions(kind="release", root=tmp_path / "nowhere"))
 
 
 def test_a_release_without_seeds_is_an_error_that_names_the_folder(tmp_path, release):
-    with pytest.raises(LabelError, match=r"Labels/Terrain11: no seed of terrain 11 .*azimuth 180"):
+    with pytest.raises(LabelError, match=r"Labels/Terrain11: .*180"):
         index(tmp_path, release, seeds=SeedOptions(azimuths=["180"]))
     assert not (tmp_path / "out").exists()
 
@@ -191,7 +191,7 @@ def test_without_seeds_no_label_file_is_opened_and_the_folder_of_seeds_is_empty(
 
 
 def test_without_seeds_a_terrain_needs_a_scan(tmp_path, release):
-    with pytest.raises(LabelError, match=r"no scan of terrain 11, which labels\.seeds: none needs"):
+    with pytest.raises(LabelError, match=r"labels\.seeds"):
         index(tmp_path, release, seeds="none")
     assert not (tmp_path / "out").exists()
 
@@ -243,7 +243,7 @@ def test_only_photos_of_the_runs_grid_are_missed(tmp_path, polar, photo, caplog)
 def test_a_broken_photo_is_one_line_and_nothing_is_written(tmp_path, polar, photo):
     path = add_photo(photo, polar, "11_A_off_30_L_0256")
     path.write_bytes(path.read_bytes()[:1000])
-    with pytest.raises(FormatError, match=r"CamL_259659217_0256\.png: .* cut") as caught:
+    with pytest.raises(FormatError, match=r"CamL_259659217_0256\.png") as caught:
         index(tmp_path, polar)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()

@@ -4,11 +4,12 @@ import logging
 import numpy as np
 import pytest
 
-from polarsim.acquire.index import describe_photo, index_photos, log_gaps, photo_table
+from polarsim.acquire.index import describe_photo, index_photos, photo_table
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import PHOTO_COLUMNS
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, photo_grid
+from polarsim.sources.nasa import log_gaps
 
 KEY = PhotoKey.parse("01_A_off_180_L_0256")
 

@@ -1,3 +1,5 @@
+import re
+
 import pytest
 from pydantic import ValidationError
 
@@ -5,38 +7,40 @@ from polarsim.acquire.options import SeedOptions, SourceOptions, describe_seeds,
 
 
 @pytest.mark.parametrize(
-    ("content", "reason"),
+    ("content", "key"),
     [
-        ({"kind": "release"}, "needs a root"),
-        ({"kind": "polar"}, "needs a root"),
-        ({"kind": "moon"}, "'analog', 'release' or 'polar'"),
-        ({"kind": "polar", "root": "x", "url": {}}, "Extra inputs"),
-        ({"kind": "polar", "root": "x", "urls": {"../a.zip": "http://x/a.zip"}}, "an archive is named"),
-        ({"kind": "polar", "root": "x", "urls": {"a.tar": "http://x/a.tar"}}, "an archive is named"),
-        ({"kind": "polar", "root": "x", "urls": {"a.zip": "file:///etc/passwd"}}, "no http or https address"),
-        ({"kind": "polar", "root": "x", "fetch": {"tries": 0}}, "greater than or equal to 1"),
+        ({"kind": "release"}, ()),
+        ({"kind": "polar"}, ()),
+        ({"kind": "moon"}, ("kind",)),
+        ({"kind": "polar", "root": "x", "url": {}}, ("url",)),
+        ({"kind": "polar", "root": "x", "urls": {"../a.zip": "http://x/a.zip"}}, ("urls",)),
+        ({"kind": "polar", "root": "x", "urls": {"a.tar": "http://x/a.tar"}}, ("urls",)),
+        ({"kind": "polar", "root": "x", "urls": {"a.zip": "file:///etc/passwd"}}, ("urls",)),
+        ({"kind": "polar", "root": "x", "fetch": {"tries": 0}}, ("fetch", "tries")),
     ],
 )
-def test_an_impossible_source_is_refused(content, reason):
-    with pytest.raises(ValidationError, match=reason):
+def test_an_impossible_source_is_refused(content, key):
+    with pytest.raises(ValidationError) as caught:
         SourceOptions(**content)
+    assert caught.value.errors()[0]["loc"] == key
 
 
 @pytest.mark.parametrize(
-    ("content", "reason"),
+    "content",
     [
-        ({"light": False}, "put them in quotes"),
-        ({"azimuths": [30, False]}, "in quotes"),
-        ({"azimuths": [90]}, "'30'"),
-        ({"camera": "left"}, "'L' or 'R'"),
-        ({"exposure": 300}, "expected 'best' or 16"),
-        ({"exposure": "good"}, "best"),
-        ({"exposures": 256}, "Extra inputs"),
+        {"light": False},
+        {"azimuths": [30, False]},
+        {"azimuths": [90]},
+        {"camera": "left"},
+        {"exposure": 300},
+        {"exposure": "good"},
+        {"exposures": 256},
     ],
 )
-def test_impossible_seeds_are_refused(content, reason):
-    with pytest.raises(ValidationError, match=reason):
+def test_impossible_seeds_are_refused(content):
+    with pytest.raises(ValidationError) as caught:
         SeedOptions(**content)
+    assert caught.value.errors()[0]["loc"][0] in content
 
 
 def test_azimuths_may_be_written_as_numbers():
@@ -54,7 +58,7 @@ def test_seeds_are_options_or_the_word_none():
     assert seed_choice({"camera": "R"}) == SeedOptions(camera="R")
     assert seed_choice(SeedOptions()) == SeedOptions()
     for content in (None, "nine", "None"):
-        with pytest.raises(ValueError, match="expected options of seeds or 'none'"):
+        with pytest.raises(ValueError, match=re.escape(repr(content))):
             seed_choice(content)
 
 

@@ -1,0 +1,19 @@
+"""The simulated sandbox, which the workflow generates in NASA's layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from polarsim.sources.nasa import NasaSource
+
+
+class AnalogSource(NasaSource):
+    """Photos and scans of the simulated sandbox, and its ground truth."""
+
+    kind = "analog"
+    domain = "analog"
+    is_generated = True
+
+    def truth(self, root: Path, terrain: int) -> Path | None:
+        """Return the folder of the ground truth."""
+        return root / "truth" / f"Terrain{terrain:02d}"

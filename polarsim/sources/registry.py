@@ -1,0 +1,10 @@
+"""Data sources by name."""
+
+from __future__ import annotations
+
+from polarsim.sources.analog import AnalogSource
+from polarsim.sources.nasa import NasaSource
+from polarsim.sources.release import ReleaseSource
+from polarsim.sources.source import Source
+
+SOURCES: dict[str, Source] = {"analog": AnalogSource(), "release": ReleaseSource(), "polar": NasaSource()}

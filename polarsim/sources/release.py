@@ -1,0 +1,79 @@
+"""The published labels, rock meshes and cover photos; without photos and scans."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from polarsim.errors import FormatError
+from polarsim.formats import release
+from polarsim.formats.download import alone
+from polarsim.formats.inventory import Inventory
+from polarsim.grid import GridOptions
+from polarsim.sources.source import TerrainContent, as_text, below
+
+_FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)
+
+
+class ReleaseSource:
+    """Labels that people drew, and rock meshes made from scans."""
+
+    domain = "real"
+    has_photos = False
+    has_scans = False
+    is_generated = False
+    layout = re.compile("|".join(_FOLDERS))
+
+    def expected(self, terrain: int) -> str:
+        """Return the names of the folders that a terrain has."""
+        root = Path()
+        folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
+        return " and ".join(folder.as_posix() for folder in folders)
+
+    def folders(self, root: Path, terrain: int) -> list[Path]:
+        """Return the folders of boxes, polygons and meshes."""
+        of = (release.label_folder, release.polygon_folder, release.mesh_folder)
+        return [folder for find in of if (folder := find(root, terrain)).is_dir()]
+
+    def inputs(self, root: Path, terrain: int) -> list[Path]:
+        """Return the meshes of rocks and ground."""
+        ground = release.ground_file(root, terrain)
+        return [*release.mesh_files(root, terrain).values(), *([ground] if ground else [])]
+
+    def index(self, root: Path, terrain: int, positions: Sequence[str], grid: GridOptions) -> TerrainContent:  # noqa: ARG002
+        """Return the inventory of a terrain, and no photos."""
+        folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
+        if not any(folder.is_dir() for folder in folders):
+            raise FormatError(f"nothing of terrain {terrain:02d}, looked for {self.expected(terrain)}", path=root)
+        stray = release.stray_files(root, terrain)
+        release.log_strays(stray, f"{root}, terrain {terrain:02d}")
+        ground = release.ground_file(root, terrain)
+        inventory = Inventory(
+            terrain,
+            "release",
+            meshes=as_text(release.mesh_files(root, terrain)),
+            ground=ground.as_posix() if ground else "",
+            cover_photos=as_text(release.cover_photos(root, terrain)),
+            stray=below(root, stray),
+        )
+        return TerrainContent(inventory, [])
+
+    def truth(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
+        """Return None: nobody measured the real sandbox."""
+        return None
+
+    def unpacked(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
+        """Return None: folders of a release are shared by all terrains."""
+        return None
+
+    def arrange(self, unpacked: Path, root: Path) -> None:
+        """Move the release's folders up into the root, unless they exist there."""
+        with alone(root):
+            for name in _FOLDERS:
+                for found in (*unpacked.glob(name), *unpacked.glob(f"*/{name}")):
+                    if not (root / name).exists():
+                        found.rename(root / name)
+
+    def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
+        """Accept any files of the terrain."""
