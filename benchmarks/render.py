@@ -29,7 +29,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tests.support.made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats import obj
 from polarsim.formats.files import write_json
@@ -41,6 +40,7 @@ from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.rigs import write_localised
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
+from tests.support.made_terrain import made_terrain, surveyed_rig
 
 TERRAIN, POSITION = 4, "A"
 EXPOSURES_MS = tuple(2**step for step in range(5, 12))  # NASA's: 32 to 2048
@@ -100,6 +100,7 @@ def mitsuba(mesh: TerrainMesh, options: RenderOptions, threads: int) -> dict[str
         print("Mitsuba is not installed (pip install polarsim[mitsuba]): not compared")
         return {}
     import drjit as dr
+
     from tests.support.mitsuba_scene import emitter, mitsuba_scene, variant
 
     mi.set_variant(name := variant())

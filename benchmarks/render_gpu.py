@@ -28,7 +28,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tests.support.made_terrain import made_terrain, surveyed_rig
 
 from benchmarks.render import MODELS, grid_keys
 from polarsim.formats import png
@@ -42,6 +41,7 @@ from polarsim.render.sensor import expose
 from polarsim.render.surfaces import Surfaces, surfaces_of
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
+from tests.support.made_terrain import made_terrain, surveyed_rig
 
 CAMERAS = ("L", "R")
 PNGS = 8  # files written to time one

@@ -22,7 +22,6 @@ from statistics import median
 from typing import TypeVar
 
 import numpy as np
-from tests.support.made_terrain import made_terrain, surveyed_rig
 
 from polarsim.formats.files import write_json
 from polarsim.geometry.camera import Camera
@@ -34,6 +33,7 @@ from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
+from tests.support.made_terrain import made_terrain, surveyed_rig
 
 T = TypeVar("T")
 SUN, REPEATS = "30", 5
@@ -82,6 +82,7 @@ def mitsuba(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
         print("Mitsuba is not installed (pip install polarsim[mitsuba]): not compared")
         return
     import drjit as dr
+
     from tests.support.mitsuba_scene import mitsuba_scene, variant
 
     mi.set_variant(name := variant())

@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from polarsim.formats.rigs import LocalisedRig
 from polarsim.geometry.boxes import of_mask, window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -18,6 +17,7 @@ from polarsim.labels.brightness import Brightness, noise_dn
 from polarsim.labels.parts import SMALL_PART, Window, without_small_components
 from polarsim.labels.wall_shade import passing_heights
 from polarsim.photo import NO_ROCK, Azimuth, Light
+from polarsim.run_files.rigs import LocalisedRig
 
 THIN_PX = 4.0  # parts of a shadow thinner than this do not widen its box: rims under rocks, where meshes meet the sand
 ROCK_ELLIPSE = 0.8  # of a rock's label box: the ellipse in which people see rock, never shadow

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from polarsim.errors import FetchError, FormatError
 from polarsim.formats import nasa
-from polarsim.formats.inventory import Inventory
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import PhotoKey
+from polarsim.run_files.inventory import Inventory
 from polarsim.sources.source import TerrainContent, as_text, below
 
 log = logging.getLogger("polarsim")

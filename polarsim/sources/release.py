@@ -6,11 +6,11 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from polarsim.download import alone
 from polarsim.errors import FormatError
 from polarsim.formats import release
-from polarsim.formats.download import alone
-from polarsim.formats.inventory import Inventory
 from polarsim.grid import GridOptions
+from polarsim.run_files.inventory import Inventory
 from polarsim.sources.source import TerrainContent, as_text, below
 
 _FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from polarsim.formats.inventory import Inventory
 from polarsim.grid import GridOptions
 from polarsim.photo import PhotoKey
+from polarsim.run_files.inventory import Inventory
 
 
 @dataclass(frozen=True)

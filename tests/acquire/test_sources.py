@@ -8,8 +8,8 @@ from polarsim.acquire.index import index_terrain
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import SourceOptions
 from polarsim.config import parse_config
-from polarsim.formats.inventory import Inventory, read_inventory
 from polarsim.formats.tables import read_parquet
+from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.sources.registry import SOURCES
 from polarsim.sources.source import Source, TerrainContent, as_text
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from tests.cover_photos.test_scores import label_rows_of
 
 from polarsim.cover_photos.publish import publish_detector
 from polarsim.cover_photos.widths import choose_on_scenes, choose_widths, look_at_covers, read_found
@@ -18,6 +17,7 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
+from tests.cover_photos.test_scores import label_rows_of
 
 KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}
 SMALL, LARGE = np.array([10.0, 10, 30, 30]), np.array([100.0, 100, 400, 400])

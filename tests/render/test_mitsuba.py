@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tests.support.mitsuba_scene import bsdf, mitsuba_scene, render, variant
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
@@ -14,6 +13,7 @@ from polarsim.render.olat import render_view
 from polarsim.render.options import LambertParameters, PrincipledParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files.scene import TerrainMesh
+from tests.support.mitsuba_scene import bsdf, mitsuba_scene, render, variant
 
 mi = pytest.importorskip("mitsuba", reason="mitsuba is not installed: pip install polarsim[mitsuba]")
 mi.set_variant(variant())

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from tests.scenes.conftest import block
 
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, yolo
@@ -11,6 +10,7 @@ from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.scenes.options import HallOptions, ReliefOptions, SceneOptions
 from polarsim.scenes.render_scenes import contrast, render_scenes, shrink, tone_curve
+from tests.scenes.conftest import block
 
 STRAIGHT = tone_curve(1)
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pandas as pd
-from tests.rover.perception.boxes import OPTIONS
 
 from polarsim.rover.perception.measure import measure_drive
 from polarsim.rover.perception.summary import metrics, summarise_onboard
 from polarsim.schemas import ONBOARD
 from tests.rover import driven
+from tests.rover.perception.boxes import OPTIONS
 
 
 def test_figures_have_intervals_over_rides(drive):
