@@ -16,9 +16,9 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from polarsim.explore.run import Run
 from polarsim.explore.server import server
 from polarsim.explore.site import site
+from polarsim.run_files.run import Run
 
 SIZE = {"width": 1100, "height": 640}  # px
 LONGEST = 60_000  # ms until a view is drawn

@@ -19,7 +19,7 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES, HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
-from polarsim.run_files.pictures import domains_of, pictures_of
+from polarsim.run_files.run import Run
 from polarsim.tone import to_8bit
 
 TOOLS = ("labelimg", "cvat", "label-studio")
@@ -99,12 +99,12 @@ def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> di
         labelled = release.key_files(run / "labels" / "boxes" / f"Terrain{terrain:02d}").files
         wanted = [key for key in labelled if fnmatchcase(str(key), pattern)]
         if wanted:
-            pictures = pictures_of(run, domain, terrain)
+            pictures = Run(run).pictures_of(domain, terrain)
             chosen.update({key: pictures[key] for key in wanted if key in pictures})
     if not chosen:
         raise LabelError(
             f"no labelled {domain} picture of a key like {pattern}, terrains "
-            f"{', '.join(map(str, terrains or there)) or 'none'}; domains of this run: {', '.join(domains_of(run))}",
+            f"{', '.join(map(str, terrains or there)) or 'none'}; domains of this run: {', '.join(Run(run).domains)}",
             path=run,
         )
     return chosen

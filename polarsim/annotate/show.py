@@ -17,7 +17,7 @@ from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
 from polarsim.run_files.instances import read_kind_masks
-from polarsim.run_files.pictures import domains_of, instances_of, pictures_of, polygons_of
+from polarsim.run_files.run import PHOTO, Run
 from polarsim.tone import to_8bit
 
 log = logging.getLogger("polarsim")
@@ -26,7 +26,7 @@ log = logging.getLogger("polarsim")
 def show_of_run(
     *,
     key: PhotoKey,
-    run: Path,
+    run: Run,
     domain: str,
     out: Path,
     scale: float = 1.0,
@@ -51,13 +51,14 @@ def show_of_run(
     FormatError
         The run has no polygons or instance map of it.
     """
-    tables = run / ("labels" if domain == "photo" else "renders") / "tables"
-    picture = pictures_of(run, domain, key.terrain).get(key)
-    if domain == "photo" and picture is None:
-        picture = next(iter(sorted(run.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
-        log.warning("%s: no photo of %s, %s stands in", run, key, picture or "and no twin")
+    tables = run.folder / ("labels" if domain == PHOTO else "renders") / "tables"
+    picture = run.pictures_of(domain, key.terrain).get(key)
+    if domain == PHOTO and picture is None:
+        picture = next(iter(sorted(run.folder.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
+        log.warning("%s: no photo of %s, %s stands in", run.folder, key, picture or "and no twin")
     if picture is None or not picture.exists():
-        raise LabelError(f"no {domain} picture of {key}; domains of this run: {', '.join(domains_of(run))}", path=run)
+        reason = f"no {domain} picture of {key}; domains of this run: {', '.join(run.domains)}"
+        raise LabelError(reason, path=run.folder)
     show(
         key=key,
         picture=picture,
@@ -66,15 +67,15 @@ def show_of_run(
         scale=scale,
         kinds=kinds,
         masks=_masks_of(run, domain, key) if masks else None,
-        title=f"{key}, {picture.parents[1].name} twin" if run in picture.parents else "",
+        title=f"{key}, {picture.parents[1].name} twin" if run.folder in picture.parents else "",
     )
 
 
-def _masks_of(run: Path, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
+def _masks_of(run: Run, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
     """Where rocks and shadows are, (h, w) bool by kind."""
-    if domain != "photo":
-        return read_kind_masks(instances_of(run, key))
-    grey = paint(read_polygons(polygons_of(run, key)))
+    if domain != PHOTO:
+        return read_kind_masks(run.instances(key))
+    grey = paint(read_polygons(run.polygons(key)))
     return {kind: grey == GREY_VALUES[kind] for kind in BOX_CLASSES}
 
 

@@ -108,10 +108,11 @@ def show(
     """Draw a photo or a twin with its labels to PNG: boxes, rock ids, confidences, lines from shadows to rocks."""
     from polarsim.annotate.show import show_of_run
     from polarsim.photo import PhotoKey
+    from polarsim.run_files.run import Run
 
     photo, folder = PhotoKey.parse(key), run_folder(results, run)
     target = out or Path(f"{key}_{domain}.png")
-    show_of_run(key=photo, run=folder, domain=domain, out=target, scale=scale, kinds=listed(kinds), masks=masks)
+    show_of_run(key=photo, run=Run(folder), domain=domain, out=target, scale=scale, kinds=listed(kinds), masks=masks)
     typer.echo(str(target))
 
 

@@ -140,8 +140,8 @@ def explore(
     The page is served on this machine alone until Ctrl-C. It saves corrections in results/<run>/corrections, which
     `labels.corrections` reads.
     """
-    from polarsim.explore.run import Run
     from polarsim.explore.site import site, write_site
+    from polarsim.run_files.run import Run
 
     chosen = Run.at(run_folder(results, run))
     if out:

@@ -69,7 +69,7 @@ def rerun(
     """
     from polarsim.errors import ConfigError
     from polarsim.explore.recording import write_recording
-    from polarsim.explore.run import Run
+    from polarsim.run_files.run import Run
 
     terrain, _, position = station.partition("_")
     if not terrain.isdigit() or not position:
@@ -92,7 +92,7 @@ def fiftyone(
 ) -> None:
     """Write a run as a FiftyOne data set: photos and twins with labels and predictions."""
     from polarsim.explore.fiftyone import FORM, write_fiftyone
-    from polarsim.explore.run import Run
+    from polarsim.run_files.run import Run
 
     count = write_fiftyone(Run.at(run_folder(results, run)), folder, pattern=keys, domains=domain or (), width=width)
     typer.echo(f"{count} samples in {folder}; fiftyone.Dataset.from_dir({str(folder)!r}, dataset_type={FORM})")

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import LabelError
-from polarsim.explore.run import PHOTO, Run
 from polarsim.explore.tables import EDGES
 from polarsim.formats import yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.release import key_files
 from polarsim.labels.seeds import Annotated, matched_rocks, read_corrections
 from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.run_files.run import PHOTO, Run
 
 MIN_SIDE_PX = 0.01  # of a box: label files have 6 decimals of the photo's width
 _SIZE = {"x0": WIDTH, "x1": WIDTH, "y0": HEIGHT, "y1": HEIGHT}

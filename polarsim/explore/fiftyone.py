@@ -12,12 +12,11 @@ import pandas as pd
 
 from polarsim.errors import ConfigError
 from polarsim.explore.pictures import jpeg
-from polarsim.explore.run import Run
 from polarsim.explore.tables import EDGES, picture_table, shown_predictions
 from polarsim.formats.files import write_bytes, write_json, writing_folder
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.progress import track
-from polarsim.run_files.pictures import PHOTO, domains_of
+from polarsim.run_files.run import PHOTO, Run
 
 FORM = "fiftyone.types.LegacyFiftyOneDataset"  # the form that FiftyOne reads of any version since 0.8
 PARTS = ("terrain", "position", "light", "azimuth", "camera", "exposure_ms")
@@ -38,15 +37,15 @@ def write_fiftyone(
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
-    if unknown := [domain for domain in domains if domain not in domains_of(run.folder)]:
-        known = ", ".join(domains_of(run.folder))
+    if unknown := [domain for domain in domains if domain not in run.domains]:
+        known = ", ".join(run.domains)
         raise ConfigError(f"no picture of domain {', '.join(unknown)}; domains of this run: {known}", run.folder)
     table = picture_table(run)
     fits = table["key"].map(lambda key: fnmatchcase(key, pattern))
     rows = table[fits & (table["domain"].isin(domains) if domains else True)].to_dict("records")
     if not rows:
         raise ConfigError(f"no picture of a key like {pattern} in {', '.join(domains) or 'any domain'}", run.folder)
-    labels = {of_twins: _by_key(_labels(run, of_twins=of_twins)) for of_twins in (False, True)}
+    labels = {of_twins: _by_key(run.all_labels(of_twins=of_twins)) for of_twins in (False, True)}
     seen = {name: _by_key(shown_predictions(run, name)) for name in run.predictions}
     pictures = {(domain, str(key)): path for (domain, key), path in run.pictures.items()}
     samples = []
@@ -65,10 +64,6 @@ def write_fiftyone(
         about = {"source": "polarsim", "run": run.name, "picture_width_px": width}
         write_json(temporary / "metadata.json", {"media_type": "image", "info": about})
     return len(samples)
-
-
-def _labels(run: Run, *, of_twins: bool) -> pd.DataFrame:
-    return pd.concat([run.labels(terrain, of_twins=of_twins) for terrain in run.terrains])
 
 
 def _by_key(table: pd.DataFrame) -> dict[str, pd.DataFrame]:

@@ -13,14 +13,13 @@ import pandas as pd
 from polarsim.errors import ConfigError
 from polarsim.explore.outlines import of_photos
 from polarsim.explore.pictures import jpeg
-from polarsim.explore.run import Run
 from polarsim.explore.tables import EDGES
 from polarsim.explore.terrain import thinned_terrain
 from polarsim.formats.files import writing
 from polarsim.geometry.camera import Camera
 from polarsim.photo import CAMERAS, COLOURS, NO_ROCK, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey, by_bracket
 from polarsim.run_files import lamps, rigs
-from polarsim.run_files.pictures import PHOTO, polygons_of
+from polarsim.run_files.run import PHOTO, Run
 
 TIMELINE = "lamp"
 PICTURE_PX = 800  # width of the pictures
@@ -64,7 +63,7 @@ def write_recording(run: Run, terrain: int, position: str, out: Path) -> int:
             _log_photo(rerun, recording, run, key, labels[labels["key"] == str(key)])
         recording.flush()
         recording.disconnect()
-    return sum((domain, key) in run.pictures for _, key in shown for domain in (PHOTO, *run.models))
+    return sum((domain, key) in run.pictures for _, key in shown for domain in run.domains)
 
 
 def _rerun() -> ModuleType:
@@ -91,7 +90,7 @@ def _blueprint(run: Run) -> Any:
     views = [
         parts.Spatial2DView(origin=f"world/{side}", contents=[f"+ world/{side}/{domain}/**"], name=f"{side} {domain}")
         for side in CAMERAS
-        for domain in (PHOTO, *run.models)
+        for domain in run.domains
     ]
     around = parts.Spatial3DView(origin="world", name=f"terrain; {USUAL_EXPOSURE_MS} ms")
     # Left to itself the viewer may walk through the moments at which this was written, the first without a picture.
@@ -133,7 +132,7 @@ def _log_camera(rerun: ModuleType, recording: Any, side: str, camera: Camera) ->
 
 def _log_photo(rerun: ModuleType, recording: Any, run: Run, key: PhotoKey, labels: pd.DataFrame) -> None:
     scale = PICTURE_PX / WIDTH
-    for domain in (PHOTO, *run.models):
+    for domain in run.domains:
         path = run.pictures.get((domain, key))
         if path is not None:
             content = jpeg(path, PICTURE_PX)
@@ -146,7 +145,7 @@ def _log_photo(rerun: ModuleType, recording: Any, run: Run, key: PhotoKey, label
         class_ids=[CLASSES[kind][0] for kind in labels["kind"]],
     )
     recording.log(f"world/{key.camera}/{PHOTO}/boxes", boxes)
-    polygons = polygons_of(run.folder, key)
+    polygons = run.polygons(key)
     if polygons.exists():
         rings = of_photos(polygons)
         lines = [np.array([*one["ring"], *one["ring"][:2]], float).reshape(-1, 2) * scale for one in rings]

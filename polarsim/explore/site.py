@@ -14,14 +14,13 @@ from polarsim.explore import outlines
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
 from polarsim.explore.pictures import jpeg, small_jpeg
-from polarsim.explore.run import Run
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels, shown_predictions
 from polarsim.explore.terrain import surroundings, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.formats.files import writing_folder
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
-from polarsim.run_files.pictures import PHOTO, instances_of, polygons_of
+from polarsim.run_files.run import PHOTO, Run
 
 Files = dict[str, Callable[[], bytes]]  # by address below the page, without a slash in front
 WIDTH_PX = WIDTH // 2  # of the pictures
@@ -68,7 +67,7 @@ def overview(run: Run) -> dict[str, Any]:
     return {
         "run": run.name,
         "terrains": list(run.terrains),
-        "domains": [PHOTO, *run.models],
+        "domains": list(run.domains),
         "width": WIDTH,
         "height": HEIGHT,
         "meshes": [terrain for terrain in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain:02d}/*.obj"))],
@@ -146,7 +145,7 @@ def _pictures(run: Run, width: int) -> Files:
 
 
 def _outlines(run: Run, kind: str, key: PhotoKey) -> list[dict[str, Any]]:
-    path = polygons_of(run.folder, key) if kind == "photo" else instances_of(run.folder, key)
+    path = run.polygons(key) if kind == "photo" else run.instances(key)
     if not path.exists():
         return []
     return outlines.of_photos(path) if kind == "photo" else outlines.of_twins(path)

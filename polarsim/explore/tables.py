@@ -7,12 +7,11 @@ import pandas as pd
 
 from polarsim.detect.evaluate import clip_labels
 from polarsim.detect.false_positives import mark_false_positives
-from polarsim.explore.run import Run
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.matching_numba import match
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey
-from polarsim.run_files.pictures import PHOTO
+from polarsim.run_files.run import PHOTO, Run
 
 EDGES = ["x0", "y0", "x1", "y1"]
 LEAST_CONFIDENCE = 0.05  # of predictions that are shown
@@ -40,7 +39,7 @@ def picture_table(run: Run) -> pd.DataFrame:
 
 def _counts(run: Run, *, of_twins: bool) -> pd.DataFrame:
     """Labels of each photo: how many, and how sure they are."""
-    labels = pd.concat([run.labels(terrain, of_twins=of_twins) for terrain in run.terrains])
+    labels = run.all_labels(of_twins=of_twins)
     grouped = labels.assign(rocks=labels["kind"] == ROCK, shadows=labels["kind"] != ROCK).groupby("key")
     counts = grouped[["rocks", "shadows"]].sum()
     sure = grouped["confidence"].agg(confidence="mean", least_confidence="min")
@@ -94,7 +93,7 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
     found = found[found["confidence"] >= LEAST_CONFIDENCE].sort_values(
         ["key", "confidence"], ascending=[True, False], kind="stable", ignore_index=True
     )
-    labels = clip_labels(pd.concat([run.labels(terrain, of_twins=domain != PHOTO) for terrain in run.terrains]))
+    labels = clip_labels(run.all_labels(of_twins=domain != PHOTO))
     by_photo = labels.groupby(["key", "kind"]).indices
     boxes, rocks = labels[EDGES].to_numpy(float), labels["rock"].to_numpy()
     overlap, rock, right = np.zeros(len(found)), np.full(len(found), NO_ROCK), np.zeros(len(found), bool)

@@ -10,12 +10,13 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from polarsim.explore.run import Run, as_rows
+from polarsim.explore.rows import as_rows
 from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import CAMERAS, NO_ROCK
 from polarsim.run_files import lamps, rigs
+from polarsim.run_files.run import Run
 from polarsim.run_files.scene import mesh_files
 
 GROUND_CELL, ROCK_CELL = 0.018, 0.008  # metres to which the ground's and rocks' vertices are thinned

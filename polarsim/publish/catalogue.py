@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -23,13 +23,13 @@ from polarsim.detect.split import read_split
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import tables
 from polarsim.formats.coco import Annotation, read_coco
-from polarsim.formats.yaml_files import describe_error, read_yaml
+from polarsim.formats.yaml_files import describe_error
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
 from polarsim.run_files import lamps, rigs, scene
 from polarsim.run_files.inventory import read_inventory
-from polarsim.run_files.pictures import instances_of, pictures_at
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig
+from polarsim.run_files.run import CONFIG, PHOTO, Run
 
 Origin = Literal["measured", "fitted", "synthetic"]
 # What a real sandbox was measured as, an analog was made up as: nothing of it was ever measured.
@@ -45,8 +45,6 @@ MAPS = {  # of renders/maps: unit of a step, the step, and what it is; all are c
                 "1000 + k and 2000 + k shadows of rock k on itself and on others."),
     "normal": ("", 1.0, "Normal in the sandbox frame: x, y, z as (n + 1) / 2 of 65535; 0 in all: nothing is seen."),
 }  # fmt: skip
-CONFIG = "config.yaml"  # of a run: its merged configuration
-DRIVE = "trace.parquet"  # beside it lies all else of a drive
 # Where the values of a label come from. A seed is what a person measured by eye; all else was computed from it, from
 # meshes and from lamps, which were fitted; the renderer's are exact of a synthetic picture.
 LABEL_ORIGINS: dict[str, Origin] = {
@@ -194,7 +192,7 @@ class Catalogue:
 
     def instances(self, picture: Picture) -> Path | None:
         """The exact map of ids of a twin."""
-        path = instances_of(self.run, picture.key)
+        path = Run(self.run).instances(picture.key)
         return path if not self.is_photo(picture) and path.is_file() else None
 
     def with_pictures(self, pictures: Iterator[Picture] | list[Picture], *notes: str) -> Catalogue:
@@ -235,7 +233,7 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
         raise ConfigError("no run: no terrain below acquire/, was the name right and did snakemake run?", path=run)
     kind = next(iter(terrains.values())).kind
     split = _split(run, split)
-    pictures = tuple(sorted(_pictures(run, terrains, PHOTO_DOMAINS[kind], _parts(run, split))))
+    pictures = tuple(sorted(_pictures(Run(run), terrains, PHOTO_DOMAINS[kind], _parts(run, split))))
     if not pictures:
         raise ConfigError("no picture: neither photos below acquire/ nor twins below renders/", path=run)
     return Catalogue(
@@ -243,7 +241,7 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
         kind=kind,
         terrains=terrains,
         pictures=pictures,
-        drives=tuple(sorted(path.parent for path in (run / "rover").glob(f"seed*/{DRIVE}"))),
+        drives=Run(run).drives,
         tables=tuple(sorted((run / "tables").glob("*.parquet"))),
         split=split,
         tone=_tone(run),
@@ -276,12 +274,12 @@ def _terrain(run: Path, number: int) -> Terrain:
 
 
 def _pictures(
-    run: Path, terrains: Mapping[int, Terrain], photo_domain: str, parts: Mapping[PhotoKey, str]
+    run: Run, terrains: Mapping[int, Terrain], photo_domain: str, parts: Mapping[PhotoKey, str]
 ) -> Iterator[Picture]:
     for terrain in terrains.values():
-        listed = run / "acquire" / terrain.name / "photos.parquet"
+        listed = run.folder / "acquire" / terrain.name / "photos.parquet"
         if listed.is_file():
-            found = pictures_at(listed)
+            found = run.pictures_of(PHOTO, terrain.number)
             for row in tables.read_parquet(listed, tables.PHOTO_COLUMNS).to_dict("records"):
                 key = PhotoKey.parse(row["key"])
                 path = found[key]
@@ -289,14 +287,9 @@ def _pictures(
                     raise FormatError(f"lists {path}, which is not there", listed)
                 size = int(row["width"]), int(row["height"])
                 yield Picture(photo_domain, key, path, *size, row["sha256"], parts.get(key, ""))
-        for folder in sorted((run / "renders").glob(f"*/{terrain.name}")):
-            for path in sorted(folder.glob("*_*_*_*_*_*.png")) if _is_model(folder.parent) else ():
-                key = PhotoKey.parse(path.stem)
-                yield Picture(folder.parent.name, key, path, *_size(path), "", parts.get(key, ""))
-
-
-def _is_model(folder: Path) -> bool:
-    return folder.name not in {"instances", "maps", "materials", "boxes", "coco", "tables"}
+        for model in run.models:
+            for key, path in run.pictures_of(model, terrain.number).items():
+                yield Picture(model, key, path, *_size(path), "", parts.get(key, ""))
 
 
 def _size(path: Path) -> tuple[int, int]:
@@ -317,26 +310,19 @@ def _split(run: Path, wanted: str) -> str:
     ConfigError
         The split was not drawn, or nothing states which of several is the first.
     """
-    drawn = sorted(path.parent.name for path in (run / "detect").glob("*/split.csv"))
+    drawn = Run(run).splits
     if wanted and wanted not in drawn:
         raise ConfigError(f"no split {wanted!r}; drawn: {', '.join(drawn) or 'none'}", path=run / "detect")
     if wanted or not drawn:
         return wanted
     if (run / CONFIG).is_file():
-        first = str((_configured(run).get("splits") or DetectOptions.model_fields["splits"].default)[0])
+        first = str((Run(run).configured("detect").get("splits") or DetectOptions.model_fields["splits"].default)[0])
     else:
         first = drawn[0] if len(drawn) == 1 else ""
     if first not in drawn:
         reason = f"its first split {first!r} was not drawn" if first else f"no {CONFIG} states its first split"
         raise ConfigError(f"{reason}; name one of {', '.join(drawn)} with --split", path=run)
     return first
-
-
-def _configured(run: Path) -> Mapping[str, Any]:
-    """Section `detect` of a run's merged configuration; empty where the run has none."""
-    content = read_yaml(run / CONFIG) if (run / CONFIG).is_file() else None
-    section = content.get("detect") if isinstance(content, Mapping) else None
-    return section if isinstance(section, Mapping) else {}
 
 
 def _tone(run: Path) -> PicturesOptions:
@@ -348,7 +334,7 @@ def _tone(run: Path) -> PicturesOptions:
         The run's configuration states impossible values.
     """
     try:
-        return PicturesOptions.model_validate(_configured(run).get("pictures") or {})
+        return PicturesOptions.model_validate(Run(run).configured("detect").get("pictures") or {})
     except ValidationError as error:
         raise ConfigError(describe_error(error, "detect.pictures"), path=run / CONFIG) from error
 

@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.poses import Pose
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import DRIVE, Catalogue
+from polarsim.publish.catalogue import Catalogue
+from polarsim.run_files.run import TRACE
 
 START_NS = 1_000_000_000
 POSE = ("time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
@@ -30,7 +31,7 @@ _RIGID = 1e-6  # a camera whose position on the rover changes by more follows it
 
 def fixed_bytes(catalogue: Catalogue) -> int:
     return sum(path.stat().st_size for drive in catalogue.drives for path in drive.rglob("*.png")) + sum(
-        4 * (drive / DRIVE).stat().st_size for drive in catalogue.drives
+        4 * (drive / TRACE).stat().st_size for drive in catalogue.drives
     )
 
 
@@ -43,7 +44,7 @@ class Drive:
 
     @classmethod
     def read(cls, folder: Path) -> Drive:
-        return cls(folder, read_parquet(folder / DRIVE, _BODY))
+        return cls(folder, read_parquet(folder / TRACE, _BODY))
 
     @cached_property
     def _rotations(self) -> Slerp:

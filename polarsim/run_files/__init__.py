@@ -2,6 +2,7 @@
 
 - Terrain: `inventory` (raw files), `scans` (points of its scans), `rigs` and `lamps` (poses), `scene` (meshes),
   `rock_translations`, `materials` (fitted albedo).
+- A run as a whole: `run` (which photos, domains, models, splits, labels and drives its folder has).
 - Photos and twins: `pictures` (files by photo key), `best_photos`, `picture_sets` (names), `instances` and
   `class_masks` (what pixels show).
 
@@ -16,5 +17,5 @@ __all__, __getattr__, __dir__ = offered(
     read_localised="rigs",
     write_localised="rigs",
     read_terrain="scene",
-    pictures_of="pictures",
+    Run="run",
 )

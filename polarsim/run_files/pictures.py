@@ -1,4 +1,4 @@
-"""The files of a run that belong to one photo."""
+"""Photos and twins by key, from tables and folders that are inputs of a rule; `run_files.run` reads a whole run."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 from polarsim.run_files.inventory import read_inventory
 
-PHOTO = "photo"  # the domain of photos; all others are models of twins
-_NO_MODELS = ("boxes", "instances", "coco", "tables", "maps", "materials")  # of the folders below renders/
 STRIP_TEXT = "strip.json"  # in the folder of a photo's strip: its key, and name and caption of each panel
 
 
@@ -67,34 +65,3 @@ def cover_photo(inventory: Path, position: str) -> Path | None:
     """The release's picture of a position with rock ids drawn in; None where there is none."""
     path = read_inventory(inventory).cover_photos.get(position)
     return found_from(path, inventory) if path else None
-
-
-def pictures_of(run: Path, domain: str, terrain: int) -> dict[PhotoKey, Path]:
-    """A terrain's photos (domain `photo`) or twins of a model, by key; empty where the run has none."""
-    folder = f"Terrain{terrain:02d}"
-    if domain == PHOTO:
-        return pictures_at(run / "acquire" / folder / "photos.parquet")
-    twins = run / "renders" / domain / folder
-    return pictures_at(twins) if twins.is_dir() else {}
-
-
-def models_of(run: Path) -> tuple[str, ...]:
-    """Return the models that a run's twins were rendered with."""
-    folders = sorted(path for path in (run / "renders").glob("*") if path.is_dir())
-    return tuple(path.name for path in folders if path.name not in _NO_MODELS and any(path.glob("Terrain??/*.png")))
-
-
-def domains_of(run: Path) -> tuple[str, ...]:
-    """Return the domains of a run's pictures: photos, and the models of its twins."""
-    return (PHOTO, *models_of(run))
-
-
-def polygons_of(run: Path, key: PhotoKey) -> Path:
-    """Outlines of the labels that were propagated to a photo."""
-    return run / "labels" / "polygons" / f"Terrain{key.terrain:02d}" / f"{key}.txt"
-
-
-def instances_of(run: Path, key: PhotoKey) -> Path:
-    """What the twins of an exposure bracket show, pixel by pixel."""
-    bracket = str(key).rpartition("_")[0]
-    return run / "renders" / "instances" / f"Terrain{key.terrain:02d}" / f"{bracket}.png"

@@ -13,6 +13,7 @@ from polarsim.formats.files import write_json
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
 from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report.figures.contact import draw_contact
+from polarsim.run_files.run import Run
 
 KEYS = [PhotoKey.parse(f"03_A_off_30_{camera}_{exposure}") for camera in "LR" for exposure in ("0064", "0256")]
 LEFT = KEYS[1]
@@ -54,7 +55,7 @@ def run(tmp_path):
 @pytest.mark.parametrize("domain", ["photo", "hapke"])
 def test_masks_of_photos_come_from_polygons_and_those_of_twins_from_what_they_show(tmp_path, run, domain):
     for name, masks in (("plain", False), ("filled", True)):
-        show_of_run(key=LEFT, run=run, domain=domain, out=tmp_path / f"{name}.png", masks=masks)
+        show_of_run(key=LEFT, run=Run(run), domain=domain, out=tmp_path / f"{name}.png", masks=masks)
     plain, filled = (png.read(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
     grey = plain[1100, 1000]
     for position, kind in ((ROCK_AT, "rock"), (SHADOW_AT, "shadow")):
@@ -69,19 +70,19 @@ def test_a_photo_that_is_not_there_is_shown_by_its_twin_and_never_by_the_cover_p
     png.write(cover, np.zeros((1216, 1936, 3), np.uint8))
     inventory = {"terrain": 3, "kind": "release", "cover_photos": {right.position: str(cover)}}
     write_json(run / "acquire/Terrain03/inventory.json", inventory)
-    show_of_run(key=right, run=run, domain="photo", out=tmp_path / "out.png")
+    show_of_run(key=right, run=Run(run), domain="photo", out=tmp_path / "out.png")
     assert png.read(tmp_path / "out.png")[1100, 1000].min() > 0  # not the black cover photo of another light and camera
     assert f"no photo of {right}" in caplog.text
     (run / f"renders/hapke/Terrain03/{right}.png").unlink()
     with pytest.raises(LabelError, match="no photo picture"):
-        show_of_run(key=right, run=run, domain="photo", out=tmp_path / "other.png")
+        show_of_run(key=right, run=Run(run), domain="photo", out=tmp_path / "other.png")
 
 
 def test_a_picture_or_polygons_that_the_run_has_not_are_named(tmp_path, run):
     with pytest.raises(LabelError, match="no lambert picture"):
-        show_of_run(key=LEFT, run=run, domain="lambert", out=tmp_path / "out.png")
+        show_of_run(key=LEFT, run=Run(run), domain="lambert", out=tmp_path / "out.png")
     with pytest.raises(FormatError, match=f"{KEYS[0]}.txt"):
-        show_of_run(key=KEYS[0], run=run, domain="photo", out=tmp_path / "out.png", masks=True)
+        show_of_run(key=KEYS[0], run=Run(run), domain="photo", out=tmp_path / "out.png", masks=True)
     assert not (tmp_path / "out.png").exists()
 
 
@@ -106,7 +107,7 @@ def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
 def test_the_legend_names_the_model_of_a_twin(tmp_path, run):
     shutil.copytree(run / "renders/hapke", run / "renders/principled")
     for domain in ("photo", "hapke", "principled"):
-        show_of_run(key=LEFT, run=run, domain=domain, out=tmp_path / f"{domain}.png")
+        show_of_run(key=LEFT, run=Run(run), domain=domain, out=tmp_path / f"{domain}.png")
     photo, hapke, principled = (png.read(tmp_path / f"{name}.png")[1216:] for name in ("photo", "hapke", "principled"))
     assert (hapke != principled).any()
     assert (hapke != photo).any()

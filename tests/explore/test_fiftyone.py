@@ -7,9 +7,9 @@ import pytest
 
 from polarsim.errors import ConfigError
 from polarsim.explore.fiftyone import write_fiftyone
-from polarsim.explore.run import Run
 from polarsim.formats import png
 from polarsim.photo import HEIGHT, WIDTH
+from polarsim.run_files.run import Run
 
 from .made_run import KEYS, SEED, boxes_of
 

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.run import Run
 from polarsim.explore.server import server
 from polarsim.explore.site import site, write_site
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import HEIGHT, PhotoKey
+from polarsim.run_files.run import Run
 
 from .made_run import KEYS, MODELS, SEED, boxes_of
 

@@ -7,7 +7,7 @@ import pytest
 
 from polarsim.errors import ConfigError
 from polarsim.explore import recording
-from polarsim.explore.run import Run
+from polarsim.run_files.run import Run
 
 from .made_run import KEYS
 

@@ -21,13 +21,13 @@ from hypothesis import strategies as st
 import polarsim
 from polarsim.errors import ConfigError, FormatError
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.run import Run
 from polarsim.explore.server import HOST, MOST_SENT, Kept, server
 from polarsim.formats import yolo
 from polarsim.formats.coco import write_coco
 from polarsim.formats.files import write_text
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import HEIGHT, WIDTH
+from polarsim.run_files.run import Run
 
 from .made_run import KEYS, SEED, boxes_of, make_run
 

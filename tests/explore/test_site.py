@@ -6,10 +6,10 @@ import re
 import pytest
 
 from polarsim.errors import ConfigError
-from polarsim.explore.run import Run
 from polarsim.explore.server import TYPES
 from polarsim.explore.site import page_files, site, write_site
 from polarsim.formats import png
+from polarsim.run_files.run import Run
 
 from .made_run import KEYS
 

@@ -10,13 +10,13 @@ from polarsim.detect.evaluate import clip_labels
 from polarsim.detect.false_positives import false_positives
 from polarsim.errors import ConfigError
 from polarsim.explore.outlines import of_twins
-from polarsim.explore.run import Run
 from polarsim.explore.site import overview
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions
 from polarsim.explore.terrain import clustered, surroundings, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.geometry.polygons import signed_area
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.run_files.run import Run
 from polarsim.schemas import PREDICTIONS
 from tests.made_terrain import make_sand
 

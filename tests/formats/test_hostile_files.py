@@ -21,7 +21,7 @@ IN_MEMORY = ("decode", "parse_header", "from_text", "from_runs", "fields_of")
 
 def readers():
     """Every function that reads: those that are marked, and those that are named so."""
-    for package in ("formats", "acquire"):
+    for package in ("formats", "run_files", "acquire"):
         root = importlib.import_module(f"polarsim.{package}")
         for module in pkgutil.iter_modules(root.__path__, f"{root.__name__}."):
             for name, function in inspect.getmembers(importlib.import_module(module.name), inspect.isfunction):

@@ -12,7 +12,8 @@ from polarsim.formats import png
 from polarsim.formats.files import found_from, relative_to
 from polarsim.formats.tables import write_parquet
 from polarsim.photo import PhotoKey
-from polarsim.run_files.pictures import picture_finder, pictures_at, pictures_of
+from polarsim.run_files.pictures import picture_finder, pictures_at
+from polarsim.run_files.run import Run
 
 KEYS = [PhotoKey.parse(f"01_A_off_30_{camera}_0256") for camera in "LR"]
 
@@ -31,7 +32,7 @@ def clone(tmp_path):
 @pytest.mark.parametrize("started_in", [".", "..", "results/demo", "/"])
 def test_photos_of_a_run_are_found_from_any_folder(clone, monkeypatch, started_in):
     monkeypatch.chdir(clone / started_in)
-    found = pictures_of(clone / "results/demo", "photo", 1)
+    found = Run(clone / "results/demo").pictures_of("photo", 1)
     assert list(found) == KEYS
     assert all(path.is_file() for path in found.values())
 
@@ -39,13 +40,13 @@ def test_photos_of_a_run_are_found_from_any_folder(clone, monkeypatch, started_i
 def test_a_moved_clone_finds_its_own_photos(clone, tmp_path, monkeypatch):
     shutil.move(clone, tmp_path / "moved")
     monkeypatch.chdir("/")
-    found = pictures_of(tmp_path / "moved/results/demo", "photo", 1)
+    found = Run(tmp_path / "moved/results/demo").pictures_of("photo", 1)
     assert {path.parent for path in found.values()} == {tmp_path / "moved/data/analog"}
 
 
 def test_in_the_folder_of_the_run_paths_stay_as_they_are_stated(clone, monkeypatch):
     monkeypatch.chdir(clone)
-    assert pictures_of(Path("results/demo"), "photo", 1)[KEYS[0]] == Path(f"data/analog/Cam_{KEYS[0]}.png")
+    assert Run(Path("results/demo")).pictures_of("photo", 1)[KEYS[0]] == Path(f"data/analog/Cam_{KEYS[0]}.png")
 
 
 def test_a_path_that_is_nowhere_or_absolute_stays_as_it_is(tmp_path):
@@ -64,7 +65,7 @@ def test_the_nearest_folder_goes_before_those_above(tmp_path):
 def test_pictures_of_a_missing_folder_or_table_are_an_error_and_not_none(tmp_path, name):
     with pytest.raises(FormatError, match=str(tmp_path / name)):
         pictures_at(tmp_path / name)
-    assert pictures_of(tmp_path, "hapke", 1) == {}  # a run without these twins
+    assert Run(tmp_path).pictures_of("hapke", 1) == {}  # a run without these twins
 
 
 def test_a_string_in_place_of_paths_is_refused_before_its_characters_are_read(clone, monkeypatch):

@@ -399,14 +399,14 @@ def make_geotiff(folder: Path) -> Path:
 
 CASES: dict[str, list[Case]] = {
     "formats.bags.metadata": [Case(make_bag, lambda path: bags.metadata(path, "a.mcap"))],
-    "formats.best_photos.read_shrunk": [
+    "run_files.best_photos.read_shrunk": [
         Case(
             content("a.png", PHOTO),
             lambda path: best_photos.read_shrunk(path, RIG.left),
             same(np.zeros(RIG.left.shape, np.float32)),
         ),
     ],
-    "formats.best_photos.read_all_shrunk": [
+    "run_files.best_photos.read_all_shrunk": [
         Case(
             content("a.png", PHOTO),
             lambda path: best_photos.read_all_shrunk({("A", "L"): {"30": path}}, {"A": LOCALISED}, 0.02),
@@ -581,7 +581,7 @@ CASES: dict[str, list[Case]] = {
             lambda found: _is(found, Path | None),
         ),
     ],
-    "formats.scans.read_scan": [
+    "run_files.scans.read_scan": [
         Case(
             the_folder(file("m.tif", nasa.write_range_map, POINTS)),
             check=lambda found: _shape(found, (len(found), 3)),

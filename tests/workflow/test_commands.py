@@ -25,7 +25,6 @@ from polarsim.annotate.export import TOOLS
 from polarsim.cli import app
 from polarsim.cli.labels import import_
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.run import Run
 from polarsim.explore.site import site
 from polarsim.explore.tables import shown_predictions
 from polarsim.formats import coco, png, yolo
@@ -34,7 +33,7 @@ from polarsim.labels.seeds import read_corrections
 from polarsim.lint.rules import RULES
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
 from polarsim.publish.run import FORMS
-from polarsim.run_files.pictures import pictures_of
+from polarsim.run_files.run import Run
 from tests.rover.drives import SMALL as SMALL_DRIVE
 from tests.rover.drives import configured
 
@@ -425,7 +424,7 @@ def test_show_draws_the_labels_over_the_picture(call, here, labels, tmp_path, mo
         x0, y0, x1, y1 = (round(row[edge]) for edge in EDGES)
         assert coloured[max(0, y0 - 4) : y1 + 5, max(0, x0 - 4) : x1 + 5].any(), row
     domain = "hapke" if "hapke" in more else "photo"
-    picture = png.read(pictures_of(here, domain, 1)[PhotoKey.parse(KEY)]).astype(float)
+    picture = png.read(Run(here).pictures_of(domain, 1)[PhotoKey.parse(KEY)]).astype(float)
     grey = shown[:HEIGHT, :WIDTH, :3].mean(axis=2)
     plain = ~coloured[:HEIGHT, :WIDTH]
     assert np.corrcoef(np.sqrt(picture[plain]), grey[plain])[0, 1] > 0.8  # the picture itself is below the labels

@@ -1,0 +1,10 @@
+"""Numbers of the page's JSON files."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def as_rows(values: np.ndarray) -> list[float]:
+    """Return the numbers of an array in one list, to a ten-thousandth."""
+    return [round(float(value), 4) for value in np.asarray(values).ravel()]
