@@ -37,7 +37,7 @@ localrules:
     tables,
     geometry,
     gap,
-    real,
+    cover_photos,
     publish,
 
 
@@ -54,7 +54,7 @@ rule all:
         rules.rover.input,
         rules.tables.input,
         rules.gap.input,
-        rules.real.input if CONFIG.covers.run else [],
+        rules.cover_photos.input if CONFIG.covers.run else [],
 
 
 for _rule in workflow.rules:  # one environment for all, with `--sdm conda`; else jobs run in snakemake's own

@@ -21,7 +21,7 @@ def run(
     targets: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Stages (acquire, cameras, rocks, labels, render, detect, tables, geometry, gap, real, rover, "
+            help="Stages (acquire, cameras, rocks, labels, render, detect, tables, geometry, gap, cover_photos, rover, "
             "rover_autonomy, publish) or files; default: all. Options that are not listed here go to snakemake."
         ),
     ] = None,

@@ -17,7 +17,8 @@ from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import png, release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.geometry.images import resize
+from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey
 from polarsim.scenes.strokes import drawn_boxes, erase_strokes, find_strokes
 
 SOURCE = "annotated"  # of labels that people made
@@ -44,7 +45,6 @@ def read_covers(
     root: Path,
     terrains: Sequence[int],
     keys: Sequence[str],
-    exposure_ms: int,
     pictures: Path,
     labels: Path,
     pairing: Path,
@@ -61,8 +61,6 @@ def read_covers(
         Folder of the published release.
     keys : sequence of str
         Photo keys that are known, whatever the shadows say.
-    exposure_ms : int
-        The exposure whose labels count, or the nearest one that has some.
     pairing : Path
         CSV to write: a row a cover photo and exposure bracket, with all that tells which of them it shows.
 
@@ -81,7 +79,7 @@ def read_covers(
             key = named.pop((terrain, position), None)
             try:
                 cover = read_cover(path)
-                paired = pair_cover(cover, _brackets(files, position, exposure_ms, key), key)
+                paired = pair_cover(cover, _brackets(files, position, key), key)
             except PolarsimError as error:
                 log.warning("%s is left out: %s", path.name, error)
                 continue
@@ -122,7 +120,7 @@ def read_cover(path: Path) -> Cover:
         picture = np.repeat(picture[..., None], 3, axis=-1)
     picture = np.ascontiguousarray(picture[..., :3])
     drawn = drawn_boxes(find_strokes(picture)) * (WIDTH / width)
-    return Cover(_resized(erase_strokes(picture)), drawn)
+    return Cover(resize(erase_strokes(picture), (WIDTH, HEIGHT)), drawn)
 
 
 def in_eight_bits(picture: np.ndarray) -> np.ndarray:
@@ -200,15 +198,13 @@ def label_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
     ]
 
 
-def _brackets(
-    files: Mapping[PhotoKey, Path], position: str, exposure_ms: int, known: PhotoKey | None
-) -> dict[PhotoKey, Path]:
-    """A label file of each bracket of a position without the rover light: of the exposure, or of the nearest one."""
+def _brackets(files: Mapping[PhotoKey, Path], position: str, known: PhotoKey | None) -> dict[PhotoKey, Path]:
+    """Return a label file of each bracket without the rover light: of the usual exposure, or of the nearest one."""
     if known is not None and known not in files:
         raise DetectError(f"no label file {known}.txt")
     own = [key for key in files if key.position == position and key.light == "off" and key.azimuth != "no"]
     nearest: dict[object, PhotoKey] = {}
-    for key in sorted(own, key=lambda key: (abs(log2(key.exposure_ms / exposure_ms)), key)):
+    for key in sorted(own, key=lambda key: (abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key)):
         nearest.setdefault(key.bracket, key)
     if known is not None:
         nearest[known.bracket] = known
@@ -220,12 +216,3 @@ def _brackets(
 def _window(box: np.ndarray) -> tuple[slice, slice]:
     left, top, right, bottom = (max(0, round(edge)) for edge in box.tolist())
     return slice(top, bottom), slice(left, right)
-
-
-def _resized(photo: np.ndarray) -> np.ndarray:
-    import cv2
-
-    if photo.shape == (HEIGHT, WIDTH):
-        return photo
-    way = cv2.INTER_AREA if photo.shape[1] > WIDTH else cv2.INTER_CUBIC
-    return np.asarray(cv2.resize(photo, (WIDTH, HEIGHT), interpolation=way))

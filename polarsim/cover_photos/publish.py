@@ -40,19 +40,17 @@ def publish_detector(
     detector: Path,
     card: Path,
     options: PredictionOptions,
-    sized: Mapping[str, Path] | None = None,
 ) -> None:
     """Write the detector with what was chosen for it, and its card in Markdown.
 
-    Widths and calibration are chosen on what the detectors of the folds find in photos of terrains that these have not
-    seen, for the detector itself has seen the rocks of all of them; widths that were chosen on scenes are its own. The
-    card's figures are those of the folds.
+    Widths and calibration are chosen on the predictions of the folds' detectors for photos of terrains that they were
+    not trained on, because the detector itself was trained on all rocks. The card shows the metrics of the folds.
 
     Parameters
     ----------
     weights : Path
-        Detector that was trained on all terrains, with its widths where these were chosen on scenes.
-    found, datasets, sized : mapping of fold to Path
+        Detector that was trained on all terrains.
+    found, datasets : mapping of fold to Path
         As in `widths.choose_widths`.
     scores : Path
         Table that `score_covers` wrote.
@@ -67,9 +65,8 @@ def publish_detector(
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     seen = read_folds(found, datasets)
     trained = detectors.read_detector(weights)
-    sized = sized or {}
-    check = _check(truth, seen, trained.imgsz, options, sized)
-    sizes, calibration = _chosen(truth, together(seen), trained.imgsz, options, weights if sized else None)
+    check = _check(truth, seen, trained.imgsz, options)
+    sizes, calibration = _chosen(truth, together(seen), trained.imgsz, options)
     whole = replace(trained, sizes=tuple((own.widths, own.gates_px) for own in sizes.by_class), calibration=calibration)
     detectors.write_detector(detector, whole)
     figures = tables.read_parquet(scores, COVER_SCORES.columns)
@@ -77,29 +74,23 @@ def publish_detector(
 
 
 def _chosen(
-    labels: pd.DataFrame, seen: Found, imgsz: int, options: PredictionOptions, sized: Path | None
+    labels: pd.DataFrame, seen: Found, imgsz: int, options: PredictionOptions
 ) -> tuple[ClassSizes, Calibration]:
-    sizes = widths_for(labels, seen, imgsz, options, sized)
+    sizes = widths_for(labels, seen, imgsz, options)
     boxes = [merged(rows, sizes, options.nms_iou) for rows in seen.values()]
     return sizes, fit_calibration(truth_of(labels, list(seen)), boxes)
 
 
-def _check(
-    labels: pd.DataFrame,
-    seen: Mapping[str, Found],
-    imgsz: int,
-    options: PredictionOptions,
-    sized: Mapping[str, Path],
-) -> Check:
-    """Each fold's boxes with widths and calibration of all others.
+def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
+    """Calibrate each fold's boxes with widths and calibration of the other folds.
 
-    Those that are chosen on photos are chosen anew: `widths.choose_widths` chose on the boxes that stand on the sand,
-    while a detector that is taken away knows no camera, and keeps all boxes.
+    Widths are chosen again: `widths.choose_widths` chose on boxes on the sand, while a published detector has no camera
+    pose and keeps all boxes.
     """
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
     for fold, own in seen.items():
-        sizes, calibration = _chosen(labels, together(seen, but=fold), imgsz, options, sized.get(fold))
+        sizes, calibration = _chosen(labels, together(seen, but=fold), imgsz, options)
         boxes = [merged(rows, sizes, options.nms_iou) for rows in own.values()]
         before += boxes
         after += [calibrated(rows, calibration) for rows in boxes]

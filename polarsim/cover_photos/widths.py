@@ -1,9 +1,8 @@
-"""At which widths of a picture detectors look at cover photos, chosen on other photos or on scenes."""
+"""Inference widths for cover photos, chosen on the photos of the other folds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +13,11 @@ from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
 from polarsim.detect.frame import read_picture
 from polarsim.detect.inference_widths import ClassSizes, Sizes, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.predict import detect, sizes_of
+from polarsim.detect.predict import detect
 from polarsim.detect.sand_filter import Sand
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, about
-from polarsim.formats import tables, yolo
+from polarsim.formats import tables
 from polarsim.photo import BOX_CLASSES
 from polarsim.schemas import COVER_FOUND, PREDICTIONS
 
@@ -26,7 +25,7 @@ Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) a
 Truth = Sequence[tuple[np.ndarray, np.ndarray]]  # classes (n,) and boxes (n, 4) of every photo
 
 
-def look_at_covers(
+def predict_multiscale(
     *, weights: Path, dataset: Path, found: Path, widths: Sequence[int], options: PredictionOptions, threads: int
 ) -> None:
     """Write what a detector finds in the cover photos of a data set's test part, at each of some widths, px.
@@ -41,58 +40,12 @@ def look_at_covers(
         loaded = detectors.load_detector(detector, found.parent, options, threads)
     rows = []
     for key in read_pictures(dataset, TEST):
-        path = dataset / "images" / TEST / f"{key}.png"
-        for width, boxes in _look(loaded, path, [detector.imgsz, *widths], options.nms_iou).items():
+        picture = read_picture(dataset / "images" / TEST / f"{key}.png")
+        for width in sorted({detector.imgsz, *widths}):
+            boxes = next(detect(loaded, [picture], ClassSizes.same(Sizes((width,))), options.nms_iou))
             rows += [(key, width, BOX_CLASSES[int(box[5])], box[4], *box[:4]) for box in boxes]
     table = pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes)
     tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))
-
-
-def choose_on_scenes(
-    *,
-    weights: Path,
-    scenes: Sequence[Path],
-    sized: Path,
-    widths: Sequence[int],
-    options: PredictionOptions,
-    threads: int,
-) -> None:
-    """Write a detector with the widths and gates that find most in scenes, in the sense of `sizes.choose_sizes`.
-
-    Parameters
-    ----------
-    scenes : sequence of Path
-        Folders that `render_scenes` wrote, of scenes that the detector was not trained on, as large as photos: smaller
-        pictures, made larger, show no more in wide pictures than in narrow ones.
-    sized : Path
-        Detector to write.
-
-    Raises
-    ------
-    PolarsimError
-        Weights that are no detector, a broken picture or label file, or scenes without a label.
-    """
-    detector = detectors.read_detector(weights)
-    with about(weights):
-        loaded = detectors.load_detector(detector, sized.parent, options, threads)
-    truth: list[tuple[np.ndarray, np.ndarray]] = []
-    found: dict[int, list[np.ndarray]] = {}
-    for path in (path for folder in scenes for path in sorted((folder / "images").glob("*.png"))):
-        truth.append(yolo.read_boxes(path.parent.parent / "labels" / f"{path.stem}.txt"))
-        for width, boxes in _look(loaded, path, [detector.imgsz, *widths], options.nms_iou).items():
-            found.setdefault(width, []).append(boxes)
-    chosen = choose_sizes(truth, found, options.nms_iou, detectors.MAX_BOXES)
-    sizes = tuple((own.widths, own.gates_px) for own in chosen.by_class)
-    detectors.write_detector(sized, replace(detector, sizes=sizes))
-
-
-def _look(loaded: detectors.LoadedDetector, path: Path, widths: Sequence[int], nms_iou: float) -> dict[int, np.ndarray]:
-    """Boxes (n, 6) that a detector finds in a picture at each width, px of a photo."""
-    picture = read_picture(path)
-    return {
-        width: next(detect(loaded, [picture], ClassSizes.same(Sizes((width,))), nms_iou))
-        for width in sorted(set(widths))
-    }
 
 
 def choose_widths(
@@ -104,29 +57,25 @@ def choose_widths(
     sizes: Path,
     imgsz: int,
     options: PredictionOptions,
-    sized: Mapping[str, Path] | None = None,
     cameras: Sequence[Path] = (),
     meshes: Sequence[Path] = (),
 ) -> None:
     """Write one prediction table of all cover photos, and the widths and gates of every fold.
 
-    Chosen on photos, a fold's widths are those with the largest AP@0.5 of rocks, and of shadows, on the photos of all
-    other folds, as their own detectors see them: neither detector nor choice has seen the terrain. With one fold alone
-    there is nothing to choose by, and its photos are looked at as wide as its training's pictures. Chosen on scenes,
-    they stand in the fold's detector. Widths that the options name are taken as they are.
+    A fold's widths are those with the largest AP@0.5 of rocks, and of shadows, on the photos of all other folds, as
+    predicted by their own detectors: neither detector nor choice has used the terrain. With one fold the width is that
+    of the training. Widths that the options name are taken as they are.
 
     Parameters
     ----------
     found : mapping of fold to Path
-        What `look_at_covers` wrote.
+        Tables of `predict_multiscale`.
     datasets : mapping of fold to Path
         Data sets of the folds, whose test parts name the photos.
     sizes : Path
         CSV to write: fold, kind, widths, gates_px (spaces between numbers), width_of_training.
     imgsz : int
         Width of the training's pictures, px.
-    sized : mapping of fold to Path, optional
-        Detectors with widths that `choose_on_scenes` wrote; without them widths are chosen on photos.
     cameras, meshes : sequence of Path
         Folders of poses, and of meshes, one a terrain: boxes off the sand are left out there, before widths are chosen.
     """
@@ -135,7 +84,7 @@ def choose_widths(
     seen = {fold: kept_on_sand(own, sand) for fold, own in read_folds(found, datasets).items()}
     parts, rows = [], []
     for fold, own in seen.items():
-        chosen = widths_for(truth, together(seen, but=fold), imgsz, options, (sized or {}).get(fold))
+        chosen = widths_for(truth, together(seen, but=fold), imgsz, options)
         parts.append(_table(own, chosen, options.nms_iou))
         rows += [
             (fold, kind, _joined(sizes_of_class.widths), _joined(sizes_of_class.gates_px), imgsz)
@@ -146,14 +95,10 @@ def choose_widths(
     tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "kind", "widths", "gates_px", "width_of_training"]))
 
 
-def widths_for(
-    labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions, sized: Path | None = None
-) -> ClassSizes:
-    """The widths that options name, else those of a detector, else the best on these photos, else the training's."""
+def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions) -> ClassSizes:
+    """Return the widths that the options name, else the best on these photos, else that of the training."""
     if named := ClassSizes.named(options):
         return named
-    if sized:
-        return sizes_of(detectors.read_detector(sized), options)
     if not others:
         return ClassSizes.same(Sizes((imgsz,)))
     widths = sorted(next(iter(others.values())))
@@ -183,7 +128,7 @@ def together(seen: Mapping[str, Found], but: str = "") -> Found:
 
 
 def read_found(path: Path, keys: Sequence[str]) -> Found:
-    """What `look_at_covers` wrote of these photos; those in which nothing was found too."""
+    """What `predict_multiscale` wrote of these photos; those in which nothing was found too."""
     table = tables.read_parquet(path, COVER_FOUND.columns)
     widths = sorted(table["width"].unique().tolist())
     if not widths:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.cover_photos.options import FineTuningOptions
+from polarsim.cover_photos.options import WIDEST_PX
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.frame import read_picture
 from polarsim.detect.training_windows import draw_windows, make_folders, write_window
@@ -19,15 +19,15 @@ from polarsim.randomness import generator
 _SIZE = WIDTH, HEIGHT  # of the photos that labels lie in
 
 
-def cut_windows(
-    *, photos: Path, labels: Path, windows: Path, options: FineTuningOptions, stored_px: int, seed: int
-) -> None:
+def cut_windows(*, photos: Path, labels: Path, windows: Path, count: int, stored_px: int, seed: int) -> None:
     """Write windows of every cover photo as pictures of a data set: `images/`, `labels/`, `masks/` of `KEY_wNN`.
 
     Parameters
     ----------
     photos, labels : Path
         What `read_covers` wrote.
+    count : int
+        Windows of each photo.
     stored_px : int
         Width of a window, px: that of the pictures of scenes.
 
@@ -46,8 +46,8 @@ def cut_windows(
                 photo = read_picture(path)
             boxes = own[list(BOX_COLUMNS)].to_numpy(float) * np.tile(photo.shape[::-1], 2) / (*_SIZE, *_SIZE)
             random = generator(seed, "covers", "windows", path.stem)
-            numbers = range(options.windows)
-            drawn = draw_windows(photo, classes, boxes, numbers, stored_px, options.widest_px, random)
+            numbers = range(count)
+            drawn = draw_windows(photo, classes, boxes, numbers, stored_px, WIDEST_PX, random)
             for number, window in zip(numbers, drawn, strict=True):
                 write_window(folder, window_name(PhotoKey.parse(path.stem), number), window)
 

@@ -16,7 +16,6 @@ import pandas as pd
 from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
-from polarsim.detect.frame import resized
 from polarsim.detect.fusion import fuse
 from polarsim.detect.masks import LoadedAt, class_mask, mask_widths, within_boxes
 from polarsim.detect.options import PicturesOptions, PredictionOptions
@@ -25,6 +24,7 @@ from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.yaml_files import describe_error
+from polarsim.geometry.images import resize_longer_side
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.run_files import class_masks
@@ -186,7 +186,7 @@ def _as_seen(pixels: np.ndarray, longest: int) -> np.ndarray:
     grey = _grey(pixels)
     if max(grey.shape) > longest:
         # Light of deeper pictures is averaged before the tone curve.
-        grey = resized(grey, longest) if grey.dtype == np.uint8 else tone.shrink(grey, longest)
+        grey = resize_longer_side(grey, longest) if grey.dtype == np.uint8 else tone.shrink(grey, longest)
     return _eight_bits(grey, pixels.dtype)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from polarsim.errors import DetectError
 from polarsim.formats import png
+from polarsim.geometry.images import resize_longer_side
 from polarsim.photo import HEIGHT, WIDTH
 
 STRIDE = 32  # a network's pictures have sides that are multiples of it
@@ -41,22 +42,9 @@ def frame(
     Returns the pixels, the (x, y) offset of the picture in them, and the (x, y) pixels to one of them of the whole
     picture, which is `full` wide and high.
     """
-    picture = resized(picture, imgsz)
+    picture = resize_longer_side(picture, imgsz)
     height, width = picture.shape
     rows, columns = -height % STRIDE, -width % STRIDE
     top, left = rows // 2, columns // 2
     pixels = np.pad(picture, ((top, rows - top), (left, columns - left)), constant_values=PADDING)
     return pixels, np.array([left, top], float), np.array([full[0] / width, full[1] / height])
-
-
-def resized(picture: np.ndarray, longer_side: int) -> np.ndarray:
-    """A picture (h, w) uint8 with a longer side of so many pixels."""
-    import cv2
-
-    height, width = picture.shape
-    if max(height, width) == longer_side:
-        return picture
-    scale = longer_side / max(height, width)
-    way = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR  # a smaller picture without the grain of a larger one
-    size = max(1, round(width * scale)), max(1, round(height * scale))
-    return np.asarray(cv2.resize(picture, size, interpolation=way))

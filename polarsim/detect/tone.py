@@ -6,20 +6,16 @@ import numpy as np
 
 from polarsim.detect.options import PicturesOptions
 from polarsim.errors import DetectError
+from polarsim.geometry.images import resize_longer_side
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.tone import GAMMA
 
 _WHITE, _UNDEREXPOSED, _LARGEST_GAIN = 255, 128, 8  # of pictures of 8 bits
 
 
-def shrink(pixels: np.ndarray, imgsz: int) -> np.ndarray:
-    """(h, w) uint16 pixels averaged to a longer side of `imgsz`, float32; light is averaged, so before the curve."""
-    import cv2
-
-    height, width = pixels.shape
-    scale = imgsz / max(height, width)
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
-    return np.asarray(cv2.resize(pixels.astype(np.float32), size, interpolation=cv2.INTER_AREA))
+def shrink(pixels: np.ndarray, longer_side: int) -> np.ndarray:
+    """Return pixels (h, w) averaged to a longer side, float32; light is averaged, so before the tone curve."""
+    return resize_longer_side(pixels.astype(np.float32), longer_side)
 
 
 def bits_in_use(pixels: np.ndarray, kind: np.dtype) -> int:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.detect.dataset import KINDS, MASKS
-from polarsim.detect.frame import resized
 from polarsim.formats import png, yolo
 from polarsim.geometry.boxes import area, clip
+from polarsim.geometry.images import resize_longer_side
 from polarsim.run_files import class_masks
 
 _LEAST_SEEN = 0.3  # share of a labelled box that a window must show
@@ -53,7 +53,7 @@ def draw_windows(
     for number in numbers:
         share = 0.0 if number % _WHOLE == 0 else random.random()
         shown = round(width * (max(widest_px, width) / width) ** share)
-        pixels = resized(picture, shown)
+        pixels = resize_longer_side(picture, shown)
         scaled = boxes * np.tile([shown / columns, pixels.shape[0] / rows], 2)
         size = np.array([width, min(height, pixels.shape[0])])
         for _ in range(_TRIES):

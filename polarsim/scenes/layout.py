@@ -17,7 +17,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
 from polarsim.rocks.solids import decimated
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.scenes.options import Range, SceneOptions
+from polarsim.scenes.options import Range, SceneRanges
 from polarsim.scenes.relief import draw_relief, grid_mesh, smooth_noise
 from polarsim.scenes.viewpoints import draw_camera
 
@@ -77,22 +77,22 @@ class Shape:
         return self._copies[halvings]
 
 
-def draw_scene(shapes: Sequence[Shape], options: SceneOptions, random: np.random.Generator) -> Scene:
+def draw_scene(shapes: Sequence[Shape], ranges: SceneRanges, random: np.random.Generator) -> Scene:
     """One scene of rocks of these shapes."""
-    chosen = draw_render_options(options, random)
-    camera, seen = draw_camera(chosen, options, random)
-    grid = _grid_around(seen, chosen.rim_half_width_m, options)
-    relief = draw_relief(*grid, options.relief, random)
+    chosen = draw_render_options(ranges, random)
+    camera, seen = draw_camera(chosen, ranges, random)
+    grid = _grid_around(seen, chosen.rim_half_width_m, ranges)
+    relief = draw_relief(*grid, ranges, random)
     ground = grid_mesh(*grid, relief)
     vertices, faces, rock_of_face = [ground.vertices], [ground.faces], [np.full(len(ground.faces), NO_ROCK)]
-    albedo = [patches(relief.shape, random.uniform(*options.patch_sd), random)]
+    albedo = [patches(relief.shape, random.uniform(*ranges.patch_sd), random)]
     count = len(ground.vertices)
-    rocks_albedo = random.uniform(*options.rock_albedo)
-    for number, mesh in enumerate(strew(shapes, grid, relief, camera, seen, options, random), FIRST_ROCK):
+    rocks_albedo = random.uniform(*ranges.rock_albedo)
+    for number, mesh in enumerate(strew(shapes, grid, relief, camera, seen, ranges, random), FIRST_ROCK):
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + count)
         rock_of_face.append(np.full(len(mesh.faces), number))
-        own = rocks_albedo * max(0.3, 1 + options.rock_spread * random.standard_normal())
+        own = rocks_albedo * max(0.3, 1 + ranges.rock_spread * random.standard_normal())
         albedo.append(np.full(len(mesh.vertices), own, np.float32))
         count += len(mesh.vertices)
     whole = TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face))
@@ -105,7 +105,7 @@ def strew(
     heights: np.ndarray,
     camera: Camera,
     seen: np.ndarray,
-    options: SceneOptions,
+    ranges: SceneRanges,
     random: np.random.Generator,
 ) -> list[Mesh]:
     """Rocks on sand of `heights` (h, w) over the nodes x, y (h, w) of a grid, metres: single ones and piles.
@@ -114,9 +114,9 @@ def strew(
     straight down until it touches what lies there, and then sunk by a share of its height: deep into sand, a little
     into rocks.
     """
-    count = int(random.integers(options.rocks[0], options.rocks[1] + 1))
-    sizes = np.sort(draw_sizes(count, options, random))[::-1]
-    piled = random.random(count) < random.uniform(*options.piled_share)
+    count = int(random.integers(ranges.rocks[0], ranges.rocks[1] + 1))
+    sizes = np.sort(draw_sizes(count, ranges, random))[::-1]
+    piled = random.random(count) < random.uniform(*ranges.piled_share)
     chance = _chances(seen, random.uniform(*_EVENNESS))
     piles = seen[random.choice(len(seen), max(1, round(count / _PILE_ROCKS)), p=chance)]
     top, laid = heights.copy(), []
@@ -124,36 +124,36 @@ def strew(
     for size, in_pile in zip(sizes.tolist(), piled.tolist(), strict=True):
         if in_pile:
             position = piles[random.integers(len(piles))] + _PILE_SPREAD * size * random.standard_normal(2)
-            sunk = random.uniform(*options.sunk_into_rocks)
+            sunk = random.uniform(*ranges.sunk_into_rocks)
         else:
             position = _free_position(size, taken, seen[random.choice(len(seen), _TRIES, p=chance)])
-            sunk = random.uniform(*options.sunk)
+            sunk = random.uniform(*ranges.sunk)
         taken.append((position, size))
         pixel_m = float(np.linalg.norm(camera.centre - [*position, 0])) / camera.lens.fx
-        mesh = _fitting(shapes, size, options.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
-        points = mesh.vertices @ draw_rotation(options, random).as_matrix().T + np.array([*position, 0.0])
+        mesh = _fitting(shapes, size, ranges.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
+        points = mesh.vertices @ draw_rotation(ranges, random).as_matrix().T + np.array([*position, 0.0])
         points[:, 2] += _drop(points, grid, top) - sunk * np.ptp(points[:, 2])
         _raise(top, points, grid)
         laid.append(Mesh(points, mesh.faces))
     return laid
 
 
-def draw_sizes(count: int, options: SceneOptions, random: np.random.Generator) -> np.ndarray:
+def draw_sizes(count: int, ranges: SceneRanges, random: np.random.Generator) -> np.ndarray:
     """(n,) metres; the number of rocks larger than d falls with a power of d between the least and the largest size.
 
     Power laws describe rocks at the sites where Surveyors landed (Cintala & McBride, NASA TM-104804 (1995)).
     """
-    low, high = options.rock_size_m
-    power = random.uniform(*options.size_power)
+    low, high = ranges.rock_size_m
+    power = random.uniform(*ranges.size_power)
     share = random.random(count)
     return np.asarray((low**-power - share * (low**-power - high**-power)) ** (-1 / power))
 
 
-def draw_rotation(options: SceneOptions, random: np.random.Generator) -> Rotation:
+def draw_rotation(ranges: SceneRanges, random: np.random.Generator) -> Rotation:
     """Mostly about the upright axis, with a small tilt; else about any axis."""
-    if random.random() < options.tumbled_share:
+    if random.random() < ranges.tumbled_share:
         return Rotation.random(random_state=random)
-    tilt = np.radians(options.tilt_sd_deg) * random.standard_normal(2)
+    tilt = np.radians(ranges.tilt_sd_deg) * random.standard_normal(2)
     return Rotation.from_rotvec([*tilt, 0]) * Rotation.from_rotvec([0, 0, random.uniform(0, 2 * np.pi)])
 
 
@@ -163,10 +163,10 @@ def patches(shape: tuple[int, int], sd: float, random: np.random.Generator) -> n
     return np.clip(1 + sd * noise.ravel(), 0.3, 2)
 
 
-def draw_render_options(options: SceneOptions, random: np.random.Generator) -> RenderOptions:
+def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> RenderOptions:
     """How one scene is rendered: reflectance, walls, light from around, lens and sensor."""
-    model: Model = options.models[int(random.random() * len(options.models))]
-    walled = bool(random.random() < options.walled_share)
+    model: Model = ranges.models[int(random.random() * len(ranges.models))]
+    walled = bool(random.random() < ranges.walled_share)
 
     def draw(limits: Range) -> float:
         return float(random.uniform(*limits))
@@ -174,14 +174,14 @@ def draw_render_options(options: SceneOptions, random: np.random.Generator) -> R
     return RenderOptions(
         models=(model,),
         hapke=HapkeParameters(
-            w=draw(options.hapke_w),
+            w=draw(ranges.hapke_w),
             b=draw(_HAPKE_B),
             c=draw(_HAPKE_C),
             b_s0=draw((0, 2)),
             h_s=draw((0.03, 0.1)),
             theta_bar_deg=draw(_HAPKE_THETA_DEG),
         ),
-        principled=PrincipledParameters(roughness=draw(options.roughness), specular=draw(options.specular)),
+        principled=PrincipledParameters(roughness=draw(ranges.roughness), specular=draw(ranges.specular)),
         materials={"rocks": Material()},
         rim=walled,
         rim_albedo=draw(_WALL_ALBEDO),
@@ -189,14 +189,14 @@ def draw_render_options(options: SceneOptions, random: np.random.Generator) -> R
         rim_half_width_m=_WALLED_M if walled else _OPEN_M,
         skirt_m=0,  # the rocks are closed
         ambient=draw(_AMBIENT),
-        blur_px=draw(options.blur_px),
-        lens_flare=draw(options.lens_flare),
-        noise=options.noise,
-        electrons_per_grey_value=draw(options.electrons_per_grey_value),
-        min_rock_px=max(1, round(60 * options.scale**2)),
-        min_shadow_px=max(1, round(120 * options.scale**2)),
-        min_shadow_width_px=max(1, round(3 * options.scale)),
-        min_part_px=max(1, round(20 * options.scale**2)),
+        blur_px=draw(ranges.blur_px),
+        lens_flare=draw(ranges.lens_flare),
+        noise=ranges.noise,
+        electrons_per_grey_value=draw(ranges.electrons_per_grey_value),
+        min_rock_px=max(1, round(60 * ranges.scale**2)),
+        min_shadow_px=max(1, round(120 * ranges.scale**2)),
+        min_shadow_width_px=max(1, round(3 * ranges.scale)),
+        min_part_px=max(1, round(20 * ranges.scale**2)),
     )
 
 
@@ -227,11 +227,11 @@ def _free_position(size: float, taken: list[tuple[np.ndarray, float]], positions
     )
 
 
-def _grid_around(seen: np.ndarray, most: float, options: SceneOptions) -> tuple[np.ndarray, np.ndarray]:
+def _grid_around(seen: np.ndarray, most: float, ranges: SceneRanges) -> tuple[np.ndarray, np.ndarray]:
     """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the centre; metres."""
     low = np.maximum(seen.min(axis=0) - _MARGIN_M, -most)
     high = np.minimum(seen.max(axis=0) + _MARGIN_M, most)
-    cell = max(options.relief.cell_m, float((high - low).max()) / _MOST_CELLS)
+    cell = max(ranges.cell_m, float((high - low).max()) / _MOST_CELLS)
     x, y = (
         first + cell * np.arange(int(np.ceil((last - first) / cell)) + 1) for first, last in zip(low, high, strict=True)
     )

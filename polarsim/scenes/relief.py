@@ -8,7 +8,7 @@ import numpy as np
 from scipy import fft
 
 from polarsim.geometry.meshes import Mesh
-from polarsim.scenes.options import ReliefOptions
+from polarsim.scenes.options import SceneRanges
 
 # Ranges, from least to most, that hold what rakes, feet and sieves leave in sand of a sandbox.
 _FINEST_M, _WIDEST_M = 0.008, 0.4  # sizes of roughness: below, the mesh has no cells for it; above, it is a swell
@@ -78,20 +78,20 @@ def crater(x: np.ndarray, y: np.ndarray, radius: float, depth: float) -> np.ndar
     return np.where(distance < 1, bowl, crest * np.clip(2 - distance, 0, 1) ** 2)
 
 
-def draw_relief(x: np.ndarray, y: np.ndarray, options: ReliefOptions, random: np.random.Generator) -> np.ndarray:
+def draw_relief(x: np.ndarray, y: np.ndarray, ranges: SceneRanges, random: np.random.Generator) -> np.ndarray:
     """(h, w) heights at nodes (h, w) of a square grid, rows along y; metres."""
     cell = float(x[0, 1] - x[0, 0])
     layers = []
-    for _ in range(random.integers(options.most_layers + 1)):
+    for _ in range(random.integers(ranges.most_layers + 1)):
         along, across, sd = (random.uniform(*limits) for limits in (_RIDGE_LENGTH_M, _RIDGE_WIDTH_M, _RIDGE_SD_M))
         angle = random.uniform(0, np.pi)
         layers.append((sd, gaussian_waves(x.shape, along / cell, across / cell, angle)))
-    width = options.swell_width_m / cell
-    layers.append((random.uniform(*options.swell_sd_m), gaussian_waves(x.shape, width, width, 0)))
-    rough = random.uniform(*options.rough_sd_m)
+    width = ranges.swell_width_m / cell
+    layers.append((random.uniform(*ranges.swell_sd_m), gaussian_waves(x.shape, width, width, 0)))
+    rough = random.uniform(*ranges.rough_sd_m)
     layers.append((rough, rough_waves(x.shape, _FINEST_M / cell, _WIDEST_M / cell)))
     height = summed_noise(x.shape, layers, random)
-    for _ in range(random.integers(options.most_craters + 1)):
+    for _ in range(random.integers(ranges.most_craters + 1)):
         radius, share = random.uniform(*_CRATER_RADIUS_M), random.uniform(*_CRATER_DEPTH)
         centre = random.uniform(0.8 * np.array([x.min(), y.min()]), 0.8 * np.array([x.max(), y.max()]))
         height += crater(x - centre[0], y - centre[1], radius, share * radius)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
+from polarsim.geometry.images import resize
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH
 from polarsim.progress import track
 from polarsim.randomness import generator
@@ -22,10 +23,10 @@ from polarsim.render.sensor import expose
 from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.scenes.hall import furnish
+from polarsim.scenes.background import add_background
 from polarsim.scenes.layout import Scene, Shape, draw_scene
 from polarsim.scenes.names import scene_name
-from polarsim.scenes.options import SceneOptions
+from polarsim.scenes.options import SceneOptions, SceneRanges
 from polarsim.scenes.strokes import practise
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
 
@@ -48,7 +49,15 @@ class Shown:
 
 
 def render_scenes(
-    *, terrain: int, meshes: Path, pictures: Path, number: int, stored_px: int, options: SceneOptions, threads: int
+    *,
+    terrain: int,
+    meshes: Path,
+    pictures: Path,
+    number: int,
+    stored_px: int,
+    options: SceneOptions,
+    threads: int,
+    ranges: SceneRanges | None = None,
 ) -> None:
     """Write `images/NAME.png`, `masks/NAME.png` (classes) and `labels/NAME.txt` (YOLO) of every scene and lamp.
 
@@ -63,6 +72,8 @@ def render_scenes(
         Folder to write.
     number : int
         Scenes to strew.
+    ranges : SceneRanges, optional
+        What scenes are drawn from, at the options' scale whatever its own.
 
     Raises
     ------
@@ -73,12 +84,13 @@ def render_scenes(
     if not files:
         raise DetectError("no rock meshes are here: rocks of this terrain cannot be strewn", path=meshes)
     shapes = [Shape(obj.read(path)) for path in files.values()]
+    ranges = replace(ranges or SceneRanges(), scale=options.scale)
     with writing_folder(pictures) as folder:
         for kind in ("images", "masks", "labels"):
             (folder / kind).mkdir()
         for scene in track(range(number), f"scenes of terrain {terrain:02d}"):
             random = generator(options.seed, "covers", "scene", terrain, scene)
-            for lamp, shown in enumerate(draw_pictures(shapes, stored_px, options, random, threads)):
+            for lamp, shown in enumerate(draw_pictures(shapes, stored_px, options.lamps, ranges, random, threads)):
                 name = scene_name(terrain, scene, lamp)
                 png.write(folder / "images" / f"{name}.png", shown.picture)
                 class_masks.write(folder / "masks" / f"{name}.png", shown.mask)
@@ -89,46 +101,43 @@ def render_scenes(
 
 
 def draw_pictures(
-    shapes: Sequence[Shape], stored_px: int, options: SceneOptions, random: np.random.Generator, threads: int
+    shapes: Sequence[Shape], stored_px: int, lamps: int, ranges: SceneRanges, random: np.random.Generator, threads: int
 ) -> Iterator[Shown]:
     """Pictures and masks, `stored_px` wide, and labels of one scene by lamp."""
-    scene = draw_scene(shapes, options, random)
-    for radiance, ids in _rendered(scene, options, random, threads):
-        light = random.uniform(*options.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
-        curve = tone_curve(random.uniform(*options.gamma))
+    scene = draw_scene(shapes, ranges, random)
+    for radiance, ids in _rendered(scene, lamps, ranges, random, threads):
+        light = random.uniform(*ranges.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
+        curve = tone_curve(random.uniform(*ranges.gamma))
         labels = [
             (kind, rock, box)
             for kind, rock, box in boxes_of(ids, scene.options)
-            if contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= options.least_contrast
+            if contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.least_contrast
         ]
-        picture = curve[expose(radiance, light, scene.options, random if options.noise else None)]
-        stored = practise(shrink(picture, stored_px), options.strokes, random, WIDTH)
+        picture = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
+        stored = practise(_stored(picture, stored_px), ranges.strokes, random, WIDTH)
         mask = class_masks.of_ids(ids, {_NUMBERS[kind] + rock for kind, rock, _ in labels})
         yield Shown(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 
 
 def _rendered(
-    scene: Scene, options: SceneOptions, random: np.random.Generator, threads: int
+    scene: Scene, count: int, ranges: SceneRanges, random: np.random.Generator, threads: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Radiance (h, w) over that of bright sand, and ids (h, w), by lamp."""
     chosen, model, camera = scene.options, scene.options.models[0], scene.camera
     surfaces = surfaces_of(scene.mesh, chosen, {model: scene.albedo})
-    coarse = coarse_sand(surfaces, camera, options)
-    lamps: dict[str, Lamp] = {str(n): draw_lamp(surfaces, coarse, options, random) for n in range(options.lamps)}
+    coarse = coarse_sand(surfaces, camera, ranges)
+    lamps: dict[str, Lamp] = {str(n): draw_lamp(surfaces, coarse, ranges, random) for n in range(count)}
     rendering = render_view(surfaces, camera, lamps, [model], sorted(lamps), chosen, threads)
     seen = through_lens(rendering.whole, lamps, surfaces, camera, chosen, threads)
     sand, around = (rendering.ids[NO_LAMP] == kind for kind in (GROUND, BACKGROUND))
     bare = around & ~np.any(
         [olat_image != 0 for olat_image in rendering.olat_images.values()], axis=0
     )  # or a wall that no lamp meets
-    walls = (chosen.rim_half_width_m, scene.mesh.sand_level + chosen.rim_height_m)
     for name in lamps:
         radiance = seen[model, name]
         bright = max(float(np.percentile(radiance[sand] if sand.any() else radiance, _BRIGHT_SAND)), 1e-9)
         radiance = radiance / np.float32(bright)
-        if options.hall is not None:
-            radiance = furnish(radiance, around, bare, walls, camera.project, options.hall, random)
-        yield radiance, rendering.ids[name]
+        yield add_background(radiance, bare, ranges.background, random), rendering.ids[name]
 
 
 def contrast(
@@ -156,10 +165,7 @@ def tone_curve(gamma: float) -> np.ndarray:
     return np.rint(_WHITE * light ** (1 / gamma)).astype(np.uint8)
 
 
-def shrink(picture: np.ndarray, width: int) -> np.ndarray:
-    """(h, w) uint8 averaged to a width, and the height that a full photo then has; not made larger."""
-    import cv2
-
+def _stored(picture: np.ndarray, width: int) -> np.ndarray:
+    """A picture (h, w) uint8 averaged to a width, with the aspect ratio of a photo; not made larger."""
     width = min(width, picture.shape[1])
-    size = (width, round(width * HEIGHT / WIDTH))
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
+    return resize(picture, (width, round(width * HEIGHT / WIDTH)))

@@ -33,9 +33,9 @@ def test_a_data_set_has_scenes_to_train_and_covers_to_test_without_labels(tmp_pa
     dataset = tmp_path / "dataset"
     make_cover_dataset(
         scenes={3: make_scenes(tmp_path / "T3", 3, 20), 4: make_scenes(tmp_path / "T4", 4, 10)},
-        covers=covers, test=[1], dataset=dataset, val_share=0.2, val_terrains=0, seed=0,
+        covers=covers, test=[1], dataset=dataset, seed=0,
     )  # fmt: skip
-    assert [len(read_pictures(dataset, part)) for part in ("train", "val", "test")] == [72, 18, 1]
+    assert [len(read_pictures(dataset, part)) for part in ("train", "val", "test")] == [81, 9, 1]
     assert read_pictures(dataset, "test") == [str(KEY)]
     assert not list((dataset / "labels" / "test").iterdir())
     name = read_pictures(dataset, "train")[0]
@@ -50,7 +50,7 @@ def test_no_rock_of_a_tested_terrain_and_no_scene_on_both_sides(tmp_path, covers
         dataset = tmp_path / f"dataset{tested}"
         make_cover_dataset(
             scenes={terrain: folder for terrain, folder in scenes.items() if terrain != tested},
-            covers=covers, test=[tested], dataset=dataset, val_share=0.3, val_terrains=0, seed=5,
+            covers=covers, test=[tested], dataset=dataset, seed=5,
         )  # fmt: skip
         behind = {
             part: [source[path.stat().st_ino] for path in (dataset / "images" / part).iterdir()]
@@ -64,46 +64,12 @@ def test_no_rock_of_a_tested_terrain_and_no_scene_on_both_sides(tmp_path, covers
         assert min(map(len, in_part.values())) > 0
 
 
-def test_a_terrain_is_never_both_trained_on_and_tested(tmp_path, covers):
-    with pytest.raises(DetectError, match="terrain 01 is to be trained on and to be tested"):
-        make_cover_dataset(
-            scenes={1: tmp_path}, covers=covers, test=[1], dataset=tmp_path / "d", val_share=0.1, val_terrains=0, seed=0
-        )
-
-
-def test_scenes_of_another_terrains_rocks_are_refused(tmp_path, covers):
-    wrong = make_scenes(tmp_path / "T3", 1, 4)
-    with pytest.raises(LabelError, match="no picture of rocks of terrain 03"):
-        make_cover_dataset(
-            scenes={3: wrong}, covers=covers, test=[1], dataset=tmp_path / "d", val_share=0.1, val_terrains=0, seed=0
-        )
-
-
 @pytest.mark.parametrize(
-    ("scenes", "test", "error"), [(1, [1], "1 scenes of terrain 03"), (4, [2], "no covers picture in the test part")]
+    ("shown", "scenes", "test", "error"),
+    [(3, 4, [3], DetectError), (1, 4, [1], LabelError), (3, 1, [1], DetectError), (3, 4, [2], DetectError)],
+    ids=["trained on and tested", "another terrain's rocks", "one scene", "no cover photo to test on"],
 )
-def test_what_is_missing_is_named(tmp_path, covers, scenes, test, error):
-    with pytest.raises(DetectError, match=error):
-        make_cover_dataset(
-            scenes={3: make_scenes(tmp_path / "T3", 3, scenes)}, covers=covers, test=test, dataset=tmp_path / "d",
-            val_share=0.1, val_terrains=0, seed=0,
-        )  # fmt: skip
-
-
-def test_weights_can_be_chosen_by_terrains_that_are_not_trained_on(tmp_path, covers):
-    scenes = {terrain: make_scenes(tmp_path / f"T{terrain}", terrain, 4) for terrain in (3, 4, 8)}
-    chosen = {}
-    for seed in range(8):
-        dataset = tmp_path / f"dataset{seed}"
-        make_cover_dataset(
-            scenes=scenes, covers=covers, test=[1], dataset=dataset, val_share=0.1, val_terrains=1, seed=seed
-        )
-        terrains = {part: {name[:3] for name in read_pictures(dataset, part)} for part in ("train", "val")}
-        assert [len(names) for names in terrains.values()] == [2, 1]
-        assert not terrains["train"] & terrains["val"]
-        chosen[seed] = terrains["val"].pop()
-    assert len(set(chosen.values())) > 1
-    with pytest.raises(DetectError, match="none is left to train on"):
-        make_cover_dataset(
-            scenes=scenes, covers=covers, test=[1], dataset=tmp_path / "d", val_share=0.1, val_terrains=3, seed=0
-        )
+def test_data_sets_that_leak_or_lack_pictures_are_refused(tmp_path, covers, shown, scenes, test, error):
+    folder = make_scenes(tmp_path / "T3", shown, scenes)
+    with pytest.raises(error):
+        make_cover_dataset(scenes={3: folder}, covers=covers, test=test, dataset=tmp_path / "d", seed=0)

@@ -5,16 +5,15 @@ import pandas as pd
 import pytest
 
 from polarsim.cover_photos.publish import publish_detector
-from polarsim.cover_photos.widths import choose_on_scenes, choose_widths, look_at_covers, read_found
+from polarsim.cover_photos.widths import choose_widths, predict_multiscale, read_found
 from polarsim.detect import detectors
 from polarsim.detect.detectors.compact.weights import network
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
-from polarsim.formats import obj, png, tables, yolo
+from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
 from tests.cover_photos.test_scores import label_rows_of
@@ -89,75 +88,11 @@ def test_one_fold_alone_and_named_widths(folds, tmp_path):
     assert set(choose(folds, tmp_path, PredictionOptions(nms_iou=0.5, widths=[1024]))[0].values()) == {"1024"}
 
 
-def write_detector(path, sizes=()):
-    state = network("compact").state_dict()
-    detectors.write_detector(path, detectors.Detector("compact", 512, 3, "carved", state, sizes))
-    return path
-
-
-def test_widths_that_stand_in_a_folds_detector_are_taken_and_named_ones_go_first(folds, tmp_path):
-    sized = {fold: write_detector(tmp_path / f"{fold}.pt", (((512, 1024), (48.0,)), ((512,), ()))) for fold in KEYS}
-    sized["01"] = write_detector(tmp_path / "01.pt", (((1024,), ()), ((512,), ())))
-    assert choose(folds | {"sized": sized}, tmp_path)[0] == {"01": "1024", "03": "512 1024", "04": "512 1024"}
-    named = PredictionOptions(nms_iou=0.5, widths=[512])
-    assert set(choose(folds | {"sized": sized}, tmp_path, named)[0].values()) == {"512"}
-
-
-@pytest.fixture
-def scenes(tmp_path):
-    """A folder of two pictures of one small and one large bright rock, as large as photos."""
-    folder = tmp_path / "Terrain01"
-    for name in ("t01_s000_l0", "t01_s000_l1"):
-        pixels = np.full((HEIGHT, WIDTH), 60, np.uint8)
-        for x0, y0, x1, y1 in (SMALL + 500, LARGE):
-            pixels[int(y0) : int(y1), int(x0) : int(x1)] = 250
-        png.write(folder / "images" / f"{name}.png", pixels)
-        yolo.write_boxes(folder / "labels" / f"{name}.txt", np.array([0, 0]), np.array([SMALL + 500, LARGE]))
-    return folder
-
-
-def test_widths_are_chosen_on_scenes_that_show_what_a_width_finds(scenes, tmp_path, monkeypatch):
-    """In the network's place: what is bright, if it is 8 to 80 px high, as a detector of its training's sizes."""
-
-    def bright(pictures):
-        import cv2
-
-        found = []
-        for picture in pictures:
-            boxes = [cv2.boundingRect(c) for c in cv2.findContours(np.uint8(picture > 150), 0, 2)[0]]
-            rows = [(x, y, x + w, y + h, 0.9, 0) for x, y, w, h in boxes if 8 < h < 80]
-            found.append(np.array(rows, float).reshape(-1, 6))
-        return found
-
-    monkeypatch.setattr("polarsim.cover_photos.widths.detectors.load_detector", lambda *_: bright)
-    weights = write_detector(tmp_path / "detector.pt")
-    sized = tmp_path / "sized.pt"
-    choose_on_scenes(
-        weights=weights, scenes=[scenes], sized=sized, widths=[256, 1024], options=OPTIONS, threads=1
-    )  # the large rock is 40, 79 and 159 px high at 256, 512 and 1,024 px, the small one 3, 5 and 11 px
-    chosen = detectors.read_detector(sized)
-    (widths, gates), shadows = chosen.sizes
-    assert widths[1] == 1024
-    assert SMALL[2] - SMALL[0] < gates[0] < LARGE[2] - LARGE[0]
-    assert shadows == (widths, gates)  # no scene has one
-    assert chosen.state.keys() == detectors.read_detector(weights).state.keys()
-
-
-def test_scenes_without_a_label_choose_nothing(scenes, tmp_path):
-    for path in (scenes / "labels").iterdir():
-        path.write_text("")
-    with pytest.raises(DetectError, match="no labels to choose the sizes"):
-        choose_on_scenes(
-            weights=write_detector(tmp_path / "detector.pt"), scenes=[scenes], sized=tmp_path / "sized.pt",
-            widths=[64], options=OPTIONS, threads=1,
-        )  # fmt: skip
-    assert not (tmp_path / "sized.pt").exists()
-
-
 def test_a_detector_that_finds_nothing_is_named(tmp_path):
     path = write_found(tmp_path / "none.parquet", [])
-    with pytest.raises(DetectError, match="found nothing in any cover photo"):
+    with pytest.raises(DetectError) as error:
         read_found(path, ["a"])
+    assert error.value.path == path
 
 
 def test_photos_are_looked_at_at_every_width_and_that_of_the_training(tmp_path):
@@ -167,7 +102,7 @@ def test_photos_are_looked_at_at_every_width_and_that_of_the_training(tmp_path):
     dataset = tmp_path / "dataset"
     png.write(dataset / "images" / "test" / f"{key}.png", np.full((80, 128), 60, np.uint8))
     tables.write_csv(dataset / "pictures.csv", pd.DataFrame({"key": [key], "part": ["test"]}))
-    look_at_covers(
+    predict_multiscale(
         weights=weights, dataset=dataset, found=tmp_path / "found.parquet", widths=[64, 128],
         options=PredictionOptions(nms_iou=0.5, confidence=0.001), threads=1,
     )  # fmt: skip
@@ -211,7 +146,7 @@ def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
     assert "rocks of terrain 03 (0.20)" in card
     assert "the 3 published cover photos with the boxes that people drew" in " ".join(card.split())
     only = {name: {"01": folds[name]["01"]} for name in ("found", "datasets")}
-    with pytest.raises(DetectError, match="1 fold"):
+    with pytest.raises(DetectError):
         publish_detector(
             weights=weights, labels=folds["labels"], **only, scores=tmp_path / "scores.parquet",
             detector=tmp_path / "d.pt", card=tmp_path / "d.md", options=OPTIONS,

@@ -13,12 +13,12 @@ from typer.testing import CliRunner
 from polarsim.cli import app
 from polarsim.detect import detectors, tone
 from polarsim.detect.detect_pictures import find_in_pictures, prediction_options, read_any
-from polarsim.detect.frame import resized
 from polarsim.detect.inference_widths import ClassSizes, Sizes
 from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.detect.predict import detect
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.images import resize_longer_side
 from polarsim.photo import BOX_CLASSES, ROCK
 from tests.detect.lumps import CENTRES, lit_lumps
 
@@ -288,7 +288,7 @@ def test_norms_in_convolutions_change_no_answer(rng, tmp_path, monkeypatch):
 def test_eight_bits_are_shrunk_as_light_is(rng):
     """In whole numbers at once, or in fractions that are rounded then."""
     pixels = rng.integers(0, 256, (76, 121), np.uint8)
-    np.testing.assert_allclose(resized(pixels, 112), tone.shrink(pixels, 112), atol=0.51)
+    np.testing.assert_allclose(resize_longer_side(pixels, 112), tone.shrink(pixels, 112), atol=0.51)
 
 
 @pytest.mark.parametrize("darker", [4, 8])

@@ -8,22 +8,22 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.scenes.layout import Shape, draw_render_options, draw_rotation, draw_scene, draw_sizes, strew
-from polarsim.scenes.options import ReliefOptions, SceneOptions
+from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.viewpoints import draw_camera
 from tests.scenes.conftest import block
 
-COARSE = ReliefOptions(cell_m=0.1, most_craters=0)
+COARSE = {"cell_m": 0.1, "most_craters": 0}
 
 
 def test_a_scene_has_as_many_rocks_as_asked_for_and_an_albedo_for_every_vertex(shapes):
-    scene = draw_scene(shapes, SceneOptions(relief=COARSE, rocks=(7, 7)), generator(0, "test"))
+    scene = draw_scene(shapes, SceneRanges(rocks=(7, 7), **COARSE), generator(0, "test"))
     assert scene.mesh.rocks == list(range(1, 8))
     assert len(scene.albedo) == len(scene.mesh.vertices)
     assert (scene.albedo > 0).all()
 
 
 def test_no_layout_comes_twice_and_the_same_draw_gives_the_same_scene(shapes):
-    first, again, other = (draw_scene(shapes, SceneOptions(relief=COARSE), generator(n, "x")) for n in (3, 3, 4))
+    first, again, other = (draw_scene(shapes, SceneRanges(**COARSE), generator(n, "x")) for n in (3, 3, 4))
     np.testing.assert_array_equal(first.mesh.vertices, again.mesh.vertices)
     assert first.options == again.options
     assert first.options != other.options
@@ -32,7 +32,7 @@ def test_no_layout_comes_twice_and_the_same_draw_gives_the_same_scene(shapes):
 
 def test_a_scene_has_one_of_the_models_that_are_asked_for(shapes):
     def models(**options):
-        chosen = SceneOptions(relief=COARSE, rocks=(1, 1), **options)
+        chosen = SceneRanges(rocks=(1, 1), **COARSE, **options)
         return {draw_scene(shapes, chosen, generator(n, "x")).options.models for n in range(12)}
 
     assert models() == {("hapke",), ("principled",)}
@@ -41,7 +41,7 @@ def test_a_scene_has_one_of_the_models_that_are_asked_for(shapes):
 
 def test_the_number_of_larger_rocks_falls_with_the_power_of_their_size(rng):
     """By the law itself: share above d is (d^-2 - D^-2) / (s^-2 - D^-2) for sizes from s to D."""
-    options = SceneOptions(rock_size_m=(0.05, 0.6), size_power=(2.0, 2.0))
+    options = SceneRanges(rock_size_m=(0.05, 0.6), size_power=(2.0, 2.0))
     sizes = draw_sizes(20000, options, rng)
     assert sizes.min() >= 0.05
     assert sizes.max() <= 0.6
@@ -53,8 +53,8 @@ def test_the_number_of_larger_rocks_falls_with_the_power_of_their_size(rng):
 @pytest.mark.parametrize(("size", "ratios"), [(0.05, {0.5}), (0.15, {0.5, 0.667}), (0.5, {0.667})])
 def test_rocks_are_scaled_within_the_limits_and_keep_their_shape(shapes, size, ratios):
     """Upright blocks of 0.1 and 0.3 m, 0.5 and 2/3 as high as long, may be scaled by 0.3 to 2."""
-    options = SceneOptions(
-        rocks=(1, 1), rock_size_m=(size, size), tumbled_share=0, tilt_sd_deg=0, piled_share=(0, 0), relief=COARSE
+    options = SceneRanges(
+        rocks=(1, 1), rock_size_m=(size, size), tumbled_share=0, tilt_sd_deg=0, piled_share=(0, 0), **COARSE
     )
     scenes = [draw_scene(shapes, options, generator(number, "size")) for number in range(12)]
     heights = [np.ptp(scene.mesh.rock_vertices(1)[:, 2]) for scene in scenes]
@@ -64,14 +64,14 @@ def test_rocks_are_scaled_within_the_limits_and_keep_their_shape(shapes, size, r
 def test_rocks_rest_on_the_sand_or_are_sunk_by_the_share(shapes):
     grid = np.meshgrid(np.arange(-2, 2.01, 0.1), np.arange(-2, 2.01, 0.1))
     for sunk in (0.0, 0.4):
-        options = SceneOptions(rocks=(9, 9), sunk=(sunk, sunk), piled_share=(0, 0))
+        options = SceneRanges(rocks=(9, 9), sunk=(sunk, sunk), piled_share=(0, 0))
         camera, seen = _camera(options)
         for rock in strew(shapes, grid, np.zeros((41, 41)), camera, seen, options, generator(1, "sunk")):
             assert rock.vertices[:, 2].min() == pytest.approx(-sunk * np.ptp(rock.vertices[:, 2]), abs=1e-9)
 
 
 def test_rocks_lie_where_the_camera_sees_sand(shapes):
-    options = SceneOptions(rocks=(30, 30), piled_share=(0, 0), camera_height_m=(1.2, 1.2))
+    options = SceneRanges(rocks=(30, 30), piled_share=(0, 0), camera_height_m=(1.2, 1.2))
     grid = np.meshgrid(np.arange(-3, 3.01, 0.1), np.arange(-3, 3.01, 0.1))
     camera, seen = _camera(options)
     area = Delaunay(seen)
@@ -82,7 +82,7 @@ def test_rocks_lie_where_the_camera_sees_sand(shapes):
 
 def test_piles_are_higher_than_any_of_their_rocks():
     grid = np.meshgrid(np.arange(-3, 3.01, 0.02), np.arange(-3, 3.01, 0.02))
-    options = SceneOptions(
+    options = SceneRanges(
         rocks=(6, 6), rock_size_m=(0.2, 0.2), rock_scale=(0.01, 1), piled_share=(1, 1), sunk_into_rocks=(0, 0)
     )
     camera, seen = _camera(options)
@@ -98,9 +98,9 @@ def test_piles_are_higher_than_any_of_their_rocks():
 
 
 def test_tumbled_rocks_point_anywhere_and_the_others_stand_upright(rng):
-    upright = [draw_rotation(SceneOptions(tumbled_share=0, tilt_sd_deg=5), rng).apply([0, 0, 1])[2] for _ in range(300)]
+    upright = [draw_rotation(SceneRanges(tumbled_share=0, tilt_sd_deg=5), rng).apply([0, 0, 1])[2] for _ in range(300)]
     assert np.degrees(np.arccos(min(upright))) < 30
-    tumbled = [draw_rotation(SceneOptions(tumbled_share=1), rng).apply([0, 0, 1])[2] for _ in range(300)]
+    tumbled = [draw_rotation(SceneRanges(tumbled_share=1), rng).apply([0, 0, 1])[2] for _ in range(300)]
     assert np.mean(tumbled) == pytest.approx(0, abs=4 / np.sqrt(3 * 300))
 
 
@@ -126,7 +126,7 @@ def _ball(count):
 
 
 def test_ground_comes_first_and_is_no_rock():
-    scene = draw_scene([Shape(block(0.1, 0.1, 0.1))], SceneOptions(relief=COARSE, rocks=(2, 2)), generator(2, "g"))
+    scene = draw_scene([Shape(block(0.1, 0.1, 0.1))], SceneRanges(rocks=(2, 2), **COARSE), generator(2, "g"))
     assert scene.mesh.rock_of_face[0] == NO_ROCK
     assert np.count_nonzero(scene.mesh.rock_of_face == 1) == 12
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.scenes.options import ReliefOptions
+from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.relief import (
     crater,
     draw_relief,
@@ -50,7 +50,7 @@ def test_a_grid_mesh_faces_up():
 
 
 def test_relief_without_craters_has_the_spread_of_its_layers_together(rng):
-    options = ReliefOptions(
+    options = SceneRanges(
         most_layers=0, rough_sd_m=(0.003, 0.003), swell_sd_m=(0.004, 0.004), swell_width_m=0.1, most_craters=0
     )
     x, y = np.meshgrid(np.arange(-2, 2, 0.02), np.arange(-2, 2, 0.02))

@@ -17,9 +17,9 @@ from polarsim.scenes.strokes import COLOURS, draw_strokes
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
 RULES = (
-    "real", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
+    "cover_photos", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
     "cut_windows", "make_fine_tuning_dataset", "fine_tune_cover_detector",
-    "look_at_covers", "choose_cover_widths", "merge_cover_detectors", "score_covers", "publish_detector",
+    "predict_cover_photos", "choose_cover_widths", "merge_cover_detectors", "score_covers", "publish_detector",
     "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page", "segment_covers", "score_masks",
     "tabulate_masks",
 )  # fmt: skip
@@ -66,15 +66,15 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
         obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
     content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
     content["covers"] |= {"folds": [], "carved_scenes": 4, "carved_epochs": 1, "widths": [96, 128]}
-    content["covers"]["scenes"] = {"number": 2, "lamps": 5, "scale": 0.1, "rocks": [2, 6]}
-    content["covers"]["fine_tuning"] = {"windows": 2, "widest_px": 128, "scene_pictures": 4, "epochs": 1}
+    content["covers"]["scenes"] = {"number": 2, "lamps": 5, "scale": 0.1}
+    content["covers"]["fine_tuning"] = {"windows": 2, "epochs": 1}
     content["detect"] = {
         "seeds": [0, 1], "training": {"model": "compact", "epochs": 2, "masks": True}, "pictures": {"imgsz": 96},
         "comparison": {"resamples": 100},
     }  # fmt: skip
     (checkout / "small.yaml").write_text(yaml.safe_dump(content))
     done = snakemake(
-        checkout, "real", "--configfile", "small.yaml", "--rerun-triggers", "mtime", "--allowed-rules", *RULES,
+        checkout, "cover_photos", "--configfile", "small.yaml", "--rerun-triggers", "mtime", "--allowed-rules", *RULES,
         POLAR_SIM_ROOT=str(release),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr

@@ -269,13 +269,13 @@ def release_with_covers(release_like, tmp_path_factory) -> Path:
 
 def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_with_covers):
     done = dry_run(
-        "real", "--configfile", "config/covers.yaml", "--config", "covers={folds: []}", "detect={seeds: [0]}",
+        "cover_photos", "--configfile", "config/covers.yaml", "--config", "covers={folds: []}", "detect={seeds: [0]}",
         POLAR_SIM_ROOT=str(release_with_covers),
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert jobs["render_scenes"] == 5 + 1  # of terrain 12 there are no rocks to strew; carved ones
-    assert jobs["look_at_covers"] == 5 * 2  # none tests 11; before and after fine-tuning
+    assert jobs["predict_cover_photos"] == 5 * 2  # none tests 11; before and after fine-tuning
     assert jobs["train_cover_detector"] == jobs["make_cover_dataset"] == 5 + 2  # of carved rocks, of all terrains
     assert jobs["fine_tune_cover_detector"] == jobs["make_fine_tuning_dataset"] == 5 + 1
     assert (jobs["read_covers"], jobs["cut_windows"], jobs["score_covers"], jobs["write_results_page"]) == (1, 1, 2, 1)
@@ -287,45 +287,12 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_wit
         }
 
 
-def test_widths_are_chosen_on_scenes_of_the_terrains_that_a_fold_is_trained_on(dry_run, release_with_covers):
-    done = dry_run(
-        "real", "--configfile", "config/covers.yaml", "--config",
-        "covers={widths_chosen_on: scenes, fine_tuning: {windows: 0}}", "detect={seeds: [0, 1]}",
-        POLAR_SIM_ROOT=str(release_with_covers),
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    jobs = planned(done)
-    assert jobs["render_large_scenes"] == 5
-    assert jobs["choose_widths_on_scenes"] == 2 * 3 + 1  # of both seeds' folds, and of the detector to take away
-    assert (jobs["choose_cover_widths"], jobs["merge_cover_detectors"]) == (2, 1)
-    text = done.stdout + done.stderr
-    for fold, own in (("01_11", {"01", "11"}), ("03_08", {"03", "08"}), ("04_12", {"04"})):
-        name = f"choose_widths_on_scenes_{fold}_seed1_rendered.log"
-        job = next(part for part in re.split(r"\nrule |\nlocalrule ", text) if name in part)
-        seen = {found[-2:] for found in re.findall(r"large_scenes/Terrain\d\d", job)}
-        assert seen == {"01", "03", "04", "08", "11"} - own
-
-
-@pytest.mark.parametrize(
-    "setting",
-    [
-        ["covers={widths_chosen_on: none, fine_tuning: {windows: 0}}", "detect={seeds: [0]}"],
-        ["covers={widths_chosen_on: scenes}", "detect={seeds: [0], prediction: {widths: [640]}}"],
-    ],
-)
-def test_no_scenes_are_rendered_where_nothing_is_chosen_on_them(dry_run, release_with_covers, setting):
-    done = dry_run(
-        "real", "--configfile", "config/covers.yaml", "--config", *setting, POLAR_SIM_ROOT=str(release_with_covers)
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert not {"render_large_scenes", "choose_widths_on_scenes", "merge_cover_detectors"} & set(planned(done))
-
-
 def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(dry_run, release_with_covers):
     setting = "covers={run: true, folds: [[1, 2]]}"
     done = dry_run(
-        "real", "--configfile", "config/covers.yaml", "--config", setting, POLAR_SIM_ROOT=str(release_with_covers)
-    )
+        "cover_photos", "--configfile", "config/covers.yaml", "--config", setting,
+        POLAR_SIM_ROOT=str(release_with_covers),
+    )  # fmt: skip
     assert done.returncode == 1
     assert "covers.folds: 2 is none of the run's" in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr
@@ -358,7 +325,7 @@ def test_the_plan_does_not_depend_on_the_order_of_rule_files(dry_run, checkout, 
     (checkout / "Snakefile").write_text("".join([*lines[:first], *order, *lines[first + len(included) :]]))
     for call, root in (
         (("--configfile", "config/config.yaml", "config/overlays/gap.yaml"), {}),
-        (("real", "--configfile", "config/covers.yaml"), {"POLAR_SIM_ROOT": str(release_with_covers)}),
+        (("cover_photos", "--configfile", "config/covers.yaml"), {"POLAR_SIM_ROOT": str(release_with_covers)}),
     ):
         plans = [dry_run(*call, **root), snakemake(checkout, "--dry-run", *call, **root)]
         assert [done.returncode for done in plans] == [0, 0], plans[1].stdout + plans[1].stderr

@@ -42,7 +42,6 @@ COVERS = {
     "run": True,
     "publish": True,
     "folds": [[1], [3]],
-    "widths_chosen_on": "scenes",
     "fine_tuning": {"windows": 2},
 }
 RELEASE = {
@@ -55,7 +54,7 @@ RELEASE = {
     "detect": {"seeds": [0, 1], "training": {"model": "compact", "masks": True}},
 }
 ONE_SEED = RELEASE | {
-    "covers": COVERS | {"widths_chosen_on": "none", "carved_scenes": 0},
+    "covers": COVERS | {"carved_scenes": 0},
     "detect": {"seeds": [0], "training": {"model": "compact"}},
 }
 POLAR = {
@@ -68,7 +67,7 @@ PLANS = (
     (ANALOG, ("all", "rover", "rover_autonomy", "publish")),
     (FITTED, ("all",)),
     (RELEASE, ("all",)),
-    (ONE_SEED, ("real",)),
+    (ONE_SEED, ("cover_photos",)),
     (POLAR, ("tables",)),
 )
 

@@ -1,7 +1,7 @@
 """Detectors trained on strewn scenes, and fine-tuned on photos, tested on published cover photos of other terrains."""
 
 
-rule real:
+rule cover_photos:
     """Everything of this stage."""
     input:
         of_run("results/{run}/tables/covers.csv"),
@@ -31,7 +31,6 @@ rule read_covers:
         root=str(LABEL_ROOT),
         terrains=COVER_TERRAINS,
         known=CONFIG.covers.keys,
-        exposure_ms=CONFIG.covers.exposure_ms,
         code=code_of("read_covers"),
     script:
         "../scripts/read_covers.py"
@@ -99,8 +98,6 @@ rule make_cover_dataset:
     params:
         train=trained_in,
         test=tested_in,
-        val_share=CONFIG.covers.val_share,
-        val_terrains=CONFIG.covers.val_terrains,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("make_cover_dataset"),
     script:
@@ -144,7 +141,7 @@ rule cut_windows:
         mem_mb=growing(500),
         runtime=10,
     params:
-        options=options("covers.fine_tuning"),
+        count=CONFIG.covers.fine_tuning.windows,
         stored_px=CONFIG.detect.pictures.longer_side,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("cut_windows"),
@@ -170,8 +167,6 @@ rule make_fine_tuning_dataset:
     params:
         train=trained_in,
         test=tested_in,
-        scene_pictures=CONFIG.covers.fine_tuning.scene_pictures,
-        val_share=CONFIG.covers.val_share,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("make_fine_tuning_dataset"),
     script:
@@ -199,7 +194,7 @@ use rule train_detector as fine_tune_cover_detector with:
         code=code_of("train_detector"),
 
 
-rule look_at_covers:
+rule predict_cover_photos:
     """What a detector sees in the cover photos of the terrains that it has not seen, at several widths."""
     input:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/detector.pt",
@@ -208,18 +203,18 @@ rule look_at_covers:
     output:
         found="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/found.parquet",
     log:
-        "results/{run}/logs/covers/look_at_covers_{fold}_seed{seed}_{cover_trained}.log",
+        "results/{run}/logs/covers/predict_cover_photos_{fold}_seed{seed}_{cover_trained}.log",
     benchmark:
-        "results/{run}/benchmarks/covers/look_at_covers_{fold}_seed{seed}_{cover_trained}.tsv"
+        "results/{run}/benchmarks/covers/predict_cover_photos_{fold}_seed{seed}_{cover_trained}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
     params:
         widths=CONFIG.detect.prediction.widths or CONFIG.covers.widths,
         options=options("detect.prediction"),
-        code=code_of("look_at_covers"),
+        code=code_of("predict_cover_photos"),
     script:
-        "../scripts/look_at_covers.py"
+        "../scripts/predict_cover_photos.py"
 
 
 rule segment_covers:
@@ -248,50 +243,12 @@ rule segment_covers:
         "../scripts/segment_covers.py"
 
 
-use rule render_scenes as render_large_scenes with:
-    """Scenes at the size of a photo that no detector is trained on, to choose widths by."""
-    output:
-        pictures=directory("results/{run}/covers/large_scenes/Terrain{terrain}"),
-    log:
-        "results/{run}/logs/covers/render_large_scenes_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/render_large_scenes_{terrain}.tsv"
-    params:
-        number=CONFIG.covers.width_scenes,
-        stored_px=WIDTH,
-        options=large_scenes(),
-        code=code_of("render_scenes"),
-
-
-rule choose_widths_on_scenes:
-    """A detector with the widths at which it finds most in scenes that it has not seen."""
-    input:
-        weights="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/detector.pt",
-        scenes=large_scenes_of_fold,
-    output:
-        sized="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/sized.pt",
-    log:
-        "results/{run}/logs/covers/choose_widths_on_scenes_{fold}_seed{seed}_{cover_trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/choose_widths_on_scenes_{fold}_seed{seed}_{cover_trained}.tsv"
-    resources:
-        mem_mb=growing(2000),
-        runtime=60,
-    params:
-        widths=CONFIG.covers.widths,
-        options=options("detect.prediction"),
-        code=code_of("choose_widths_on_scenes"),
-    script:
-        "../scripts/choose_widths_on_scenes.py"
-
-
 rule choose_cover_widths:
     """At which widths each fold's detector looks at its photos, chosen without them, and what it sees there."""
     input:
         labels="results/{run}/covers/labels.parquet",
         found=of_folds("found.parquet"),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
-        sized=of_folds("sized.pt") if SIZED else [],
         cameras=sand_in("cameras/located", [f"{t:02d}" for t in COVER_TERRAINS]),
         meshes=sand_in("meshes", [f"{t:02d}" for t in COVER_TERRAINS]),
     output:
@@ -306,9 +263,8 @@ rule choose_cover_widths:
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
-        sized_folds=list(COVER_FOLDS) if SIZED else [],
         imgsz=CONFIG.detect.pictures.imgsz,
-        options=cover_prediction(),
+        options=options("detect.prediction"),
         code=code_of("choose_cover_widths"),
     script:
         "../scripts/choose_cover_widths.py"
@@ -366,11 +322,10 @@ rule score_covers:
 rule publish_detector:
     """A detector of the rocks of all terrains to take away, its widths, its calibration, and its card."""
     input:
-        weights=weights_to_take_away(),
+        weights=released_weights(),
         labels="results/{run}/covers/labels.parquet",
         found=files_to_publish_by("found.parquet"),
         datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
-        sized=(files_to_publish_by("sized.pt") if SIZED else []),
         scores=f"results/{{run}}/covers/{TRAINED_ON[-1]}/scores.parquet",
     output:
         detector="results/{run}/covers/detector.pt",
@@ -384,8 +339,7 @@ rule publish_detector:
         runtime=15,
     params:
         folds=list(COVER_FOLDS),
-        sized_folds=list(COVER_FOLDS) if SIZED else [],
-        options=cover_prediction(),
+        options=options("detect.prediction"),
         code=code_of("publish_detector"),
     script:
         "../scripts/publish_detector.py"

@@ -13,8 +13,6 @@ COVER_FOLDS = {
 CARVED_ROCKS = min(300, CONFIG.covers.carved_scenes)  # a scene shows several
 # Beside the folds two more detectors: of carved rocks alone, from which all start, and of all terrains, to take away.
 NOT_TESTED = {"carved": [CARVED], "all": STREWN_TERRAINS}
-# Detectors have widths of their own where these are chosen on scenes.
-SIZED = CONFIG.covers.widths_chosen_on == "scenes" and not CONFIG.detect.prediction.widths
 # On what detectors are trained; the last are the best.
 TRAINED_ON = [RENDERED, *([FINE_TUNED] if CONFIG.covers.fine_tuning.windows else [])]
 # What the detectors of several seeds see, merged.
@@ -103,31 +101,9 @@ def scenes_of_fold(wildcards):
     )
 
 
-def large_scenes_of_fold(wildcards):
-    """Scenes by which a fold's widths are chosen, of the terrains that it is trained on."""
-    return of_run(
-        "results/{run}/covers/large_scenes/Terrain{terrain}",
-        terrain=[f"{terrain:02d}" for terrain in trained_in(wildcards)],
-    )
-
-
-def large_scenes():
-    """How these are drawn: other ones than those of the training, as large as a photo."""
-    chosen = options("covers.scenes")
-    return chosen | {"scale": 1.0, "lamps": 2, "seed": chosen["seed"] + 1}
-
-
-def cover_prediction():
-    """How detectors look at cover photos; widths that nobody chooses are those of the training's pictures."""
-    chosen = options("detect.prediction")
-    if CONFIG.covers.widths_chosen_on == "none" and not chosen["widths"]:
-        chosen["widths"] = [CONFIG.detect.pictures.imgsz]
-    return chosen
-
-
-def weights_to_take_away():
+def released_weights():
     """The best detector of all terrains, of the first seed."""
-    return f"results/{{run}}/covers/folds/all/seed{SEEDS[0]}/{TRAINED_ON[-1]}/{'sized' if SIZED else 'detector'}.pt"
+    return f"results/{{run}}/covers/folds/all/seed{SEEDS[0]}/{TRAINED_ON[-1]}/detector.pt"
 
 
 def scenes_behind(wildcards):

@@ -16,7 +16,6 @@ with reporting(log=snakemake.log[0]):
         sizes=Path(snakemake.output.sizes),
         imgsz=snakemake.params.imgsz,
         options=PredictionOptions(**snakemake.params.options),
-        sized=dict(zip(snakemake.params.sized_folds, paths(snakemake.input.sized), strict=True)),
         cameras=paths(snakemake.input.cameras),
         meshes=paths(snakemake.input.meshes),
     )

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from polarsim.cover_photos.options import FineTuningOptions
 from polarsim.cover_photos.windows import cut_windows
 from polarsim.reporting import reporting
 
@@ -11,7 +10,7 @@ with reporting(log=snakemake.log[0]):
         photos=Path(snakemake.input.photos),
         labels=Path(snakemake.input.labels),
         windows=Path(snakemake.output.windows),
-        options=FineTuningOptions(**snakemake.params.options),
+        count=snakemake.params.count,
         stored_px=snakemake.params.stored_px,
         seed=snakemake.params.seed,
     )

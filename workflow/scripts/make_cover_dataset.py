@@ -12,7 +12,5 @@ with reporting(log=snakemake.log[0]):
         covers=optional_path(snakemake.input.covers),
         test=snakemake.params.test,
         dataset=Path(snakemake.output.dataset),
-        val_share=snakemake.params.val_share,
-        val_terrains=snakemake.params.val_terrains,
         seed=snakemake.params.seed,
     )

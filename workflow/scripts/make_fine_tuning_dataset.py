@@ -12,7 +12,5 @@ with reporting(log=snakemake.log[0]):
         windows=Path(snakemake.input.windows),
         test=snakemake.params.test,
         dataset=Path(snakemake.output.dataset),
-        scene_pictures=snakemake.params.scene_pictures,
-        val_share=snakemake.params.val_share,
         seed=snakemake.params.seed,
     )

@@ -17,5 +17,4 @@ with reporting(log=snakemake.log[0]):
         detector=Path(snakemake.output.detector),
         card=Path(snakemake.output.card),
         options=PredictionOptions(**snakemake.params.options),
-        sized=dict(zip(snakemake.params.sized_folds, paths(snakemake.input.sized), strict=True)),
     )

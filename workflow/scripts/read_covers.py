@@ -10,7 +10,6 @@ with reporting(log=snakemake.log[0]):
         root=Path(snakemake.params.root),
         terrains=snakemake.params.terrains,
         keys=snakemake.params.known,
-        exposure_ms=snakemake.params.exposure_ms,
         pictures=Path(snakemake.output.pictures),
         labels=Path(snakemake.output.labels),
         pairing=Path(snakemake.output.pairing),

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from polarsim.cover_photos.widths import look_at_covers
+from polarsim.cover_photos.widths import predict_multiscale
 from polarsim.detect.options import PredictionOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    look_at_covers(
+    predict_multiscale(
         weights=Path(snakemake.input.weights),
         dataset=Path(snakemake.input.dataset),
         found=Path(snakemake.output.found),

@@ -1,0 +1,21 @@
+"""Images keep their mean and their form when they are made smaller."""
+
+import numpy as np
+import pytest
+
+from polarsim.geometry.images import resize, resize_longer_side
+
+
+def test_a_smaller_image_keeps_the_mean(rng):
+    photo = rng.integers(0, 255, (1216, 1936)).astype(np.uint8)
+    small = resize(photo, (484, 304))
+    assert small.shape == (304, 484)
+    assert small.mean() == pytest.approx(photo.mean(), abs=0.6)
+
+
+@pytest.mark.parametrize(("pixels", "shape"), [(64, (32, 64)), (128, (64, 128)), (200, (100, 200)), (1, (1, 1))])
+def test_the_longer_side_is_as_asked_for_and_the_form_stays(rng, pixels, shape):
+    image = rng.random((64, 128)).astype(np.float32)
+    found = resize_longer_side(image, pixels)
+    assert found.shape == shape
+    assert (found is image) == (pixels == 128)
