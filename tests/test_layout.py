@@ -106,9 +106,9 @@ def test_a_column_of_a_table_is_named_in_its_file_and_in_the_documents():
 
 def test_these_rules_read_truth_and_no_others():
     files, _ = answer("reads truth")
-    given = r"=\s*(truth_of|true_labels_of|annotated_labels_of|annotated_polygons)\b|annotated_polygons\("
+    given = r"=\s*PATHS\.(truth|true_labels|annotated_labels|annotated_polygons)\b"
     readers = {path for path in (*RULES.glob("*.smk"), CHECKOUT / "Snakefile") if re.search(given, path.read_text())}
-    assert {str(path.relative_to(CHECKOUT)) for path in readers if path.name != "common.smk"} == set(files)
+    assert {str(path.relative_to(CHECKOUT)) for path in readers} == set(files)
 
 
 def test_a_detector_is_chosen_there():

@@ -308,27 +308,3 @@ def test_each_wildcard_is_constrained_once():
     names = Counter(name for block in blocks for name in re.findall(r"^    (\w+)=", block, re.MULTILINE))
     assert {"trained", "cover_trained"} <= set(names)
     assert [name for name, count in names.items() if count > 1] == []
-
-
-def test_the_plan_does_not_depend_on_the_order_of_rule_files(dry_run, checkout, snakemake, release_with_covers):
-    """Functions that name files may be included before or after rules that are of other stages."""
-    lines = (checkout / "Snakefile").read_text().splitlines(keepends=True)
-    included = [line for line in lines if line.startswith("include:")]
-    common, *others, publish = included  # publish.smk names the rules of all others
-    files = [line for line in others if "_files.smk" in line]
-    used = [f'include: "workflow/rules/{name}.smk"\n' for name in ("detect", "labels", "covers")]  # by other rules
-    order = [common, *reversed(files), *used]
-    order += [line for line in reversed(others) if line not in order] + [publish]
-    first = lines.index(common)
-    assert sorted(order) == sorted(included)
-    assert order != included
-    (checkout / "Snakefile").write_text("".join([*lines[:first], *order, *lines[first + len(included) :]]))
-    for call, root in (
-        (("--configfile", "config/config.yaml", "config/overlays/gap.yaml"), {}),
-        (("cover_photos", "--configfile", "config/covers.yaml"), {"POLAR_SIM_ROOT": str(release_with_covers)}),
-    ):
-        plans = [dry_run(*call, **root), snakemake(checkout, "--dry-run", *call, **root)]
-        assert [done.returncode for done in plans] == [0, 0], plans[1].stdout + plans[1].stderr
-        made = [sorted(re.findall(r"^ +output: (.*)", done.stdout + done.stderr, re.MULTILINE)) for done in plans]
-        assert made[0] == made[1]
-        assert planned(plans[0]) == planned(plans[1])

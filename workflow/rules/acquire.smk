@@ -8,12 +8,12 @@ rule acquire:
         of_run("results/{run}/acquire/Terrain{terrain}/inventory.json", terrain=TERRAINS),
 
 
-if KIND == "analog":
+if SOURCE.is_generated:
 
     rule generate_analog:
         """One terrain of the analog sandbox: photos, scans, calibration, seeds and truth, in NASA's formats."""
         output:
-            receipt=f"{ROOT}/receipts/Terrain{{terrain}}.json",
+            receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
         log:
             f"results/{RUN}/logs/acquire/generate_analog_{{terrain}}.log",
         benchmark:
@@ -23,7 +23,7 @@ if KIND == "analog":
             mem_mb=growing(2000),
             runtime=20,  # minutes
         params:
-            positions=positions_here,
+            positions=PATHS.positions,
             grid=options("grid"),
             options=options("analog"),
             code=code_of("generate_analog"),
@@ -35,7 +35,7 @@ else:
     rule fetch_terrain:
         """One terrain's raw data from the addresses of the configuration: resumed, pinned, verified, unpacked."""
         output:
-            receipt=f"{ROOT}/receipts/Terrain{{terrain}}.json",
+            receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
         log:
             f"results/{RUN}/logs/acquire/fetch_terrain_{{terrain}}.log",
         benchmark:
@@ -54,7 +54,7 @@ else:
 rule index_terrain:
     """What a terrain's raw data hold, its calibration, and the seed labels that later stages may read."""
     input:
-        raw=raw_data,  # read through params.source
+        raw=PATHS.raw_data,  # read through params.source
     output:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
@@ -69,7 +69,7 @@ rule index_terrain:
         mem_mb=growing(500),
         runtime=10,
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
         source=options("source"),
         seed_options=CONFIG.labels.model_dump(mode="json")["seeds"],

@@ -24,7 +24,7 @@ rule locate_cameras:
         mem_mb=growing(1500),
         runtime=20,
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         options=options("cameras.localisation"),
         code=code_of("locate_cameras"),
     script:
@@ -36,7 +36,7 @@ rule refine_cameras:
     input:
         located="results/{run}/cameras/located/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=PHOTOS_OF_TERRAIN,
+        photos=PATHS.photos_of_terrain,
     output:
         cameras=directory("results/{run}/cameras/Terrain{terrain}"),
     log:

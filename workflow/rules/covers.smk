@@ -1,11 +1,13 @@
 """Detectors trained on strewn scenes, and fine-tuned on photos, tested on published cover photos of other terrains."""
 
+from polarsim.cover_photos.options import CARVED
+
 
 rule cover_photos:
     """Everything of this stage."""
     input:
         of_run("results/{run}/tables/covers.csv"),
-        of_run("results/{run}/tables/masks.csv") if annotated_polygons_of_covers() else [],
+        of_run("results/{run}/tables/masks.csv") if PATHS.annotated_polygons_of_covers() else [],
         of_run("results/{run}/figures/{name}.png", name=["covers", "scenes"]),
         of_run("results/{run}/results.html") if CONFIG.covers.run else [],
         of_run("results/{run}/covers/detector.{ending}", ending=["pt", "md"]) if CONFIG.covers.publish else [],
@@ -14,7 +16,7 @@ rule cover_photos:
 rule read_covers:
     """Cover photos without what was drawn into them, the labels of the photos that they are, and how that was told."""
     input:
-        files=cover_files(),  # read through params.root
+        files=COVERS.files(),  # read through params.root
     output:
         pictures=directory("results/{run}/covers/photos"),
         labels="results/{run}/covers/labels.parquet",
@@ -28,8 +30,8 @@ rule read_covers:
         mem_mb=growing(1500),
         runtime=10,
     params:
-        root=str(LABEL_ROOT),
-        terrains=COVER_TERRAINS,
+        root=str(CONFIG.annotated_root),
+        terrains=COVERS.terrains,
         known=CONFIG.covers.keys,
         code=code_of("read_covers"),
     script:
@@ -49,7 +51,7 @@ rule carve_rocks:
         mem_mb=growing(500),
         runtime=10,
     params:
-        number=CARVED_ROCKS,
+        number=COVERS.carved_rocks,
         terrain=CARVED,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("carve_rocks"),
@@ -60,7 +62,7 @@ rule carve_rocks:
 rule render_scenes:
     """Pictures of scenes that are strewn with one terrain's rocks, with exact labels; folds share them."""
     input:
-        meshes=closed_rocks,
+        meshes=COVERS.rocks,
     output:
         pictures=directory("results/{run}/covers/scenes/Terrain{terrain}"),
     log:
@@ -72,7 +74,7 @@ rule render_scenes:
         mem_mb=growing(2000),
         runtime=240,
     params:
-        number=scenes_of_terrain,
+        number=COVERS.number_of_scenes,
         stored_px=CONFIG.detect.pictures.longer_side,
         options=options("covers.scenes"),
         code=code_of("render_scenes"),
@@ -83,8 +85,8 @@ rule render_scenes:
 rule make_cover_dataset:
     """Scenes to train and validate, of all terrains but a fold's, and cover photos of the fold's to test: links."""
     input:
-        scenes=scenes_of_fold,
-        covers=covers_of_fold,
+        scenes=COVERS.scenes_of_fold,
+        covers=COVERS.photos_of_fold,
     output:
         dataset=directory("results/{run}/covers/folds/{fold}/dataset"),
     log:
@@ -96,8 +98,8 @@ rule make_cover_dataset:
         mem_mb=growing(500),
         runtime=10,
     params:
-        train=trained_in,
-        test=tested_in,
+        train=COVERS.trained_in,
+        test=COVERS.tested_in,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("make_cover_dataset"),
     script:
@@ -108,18 +110,18 @@ use rule train_detector as train_cover_detector with:
     """A detector that has not seen a fold's terrains, or one of carved rocks alone, or of all terrains."""
     input:
         dataset="results/{run}/covers/folds/{fold}/dataset",
-        pictures=scenes_behind,  # read through dataset
-        start=weights_before,
+        pictures=COVERS.scenes_behind,  # read through dataset
+        start=COVERS.weights_before,
     output:
-        weights=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.pt",
-        curve=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.csv",
+        weights="results/{run}/covers/folds/{fold}/seed{seed}/rendered/detector.pt",
+        curve="results/{run}/covers/folds/{fold}/seed{seed}/rendered/detector.csv",
     log:
         "results/{run}/logs/covers/train_cover_detector_{fold}_seed{seed}.log",
     benchmark:
         "results/{run}/benchmarks/covers/train_cover_detector_{fold}_seed{seed}.tsv"
     params:
-        options=training_of_fold,
-        prediction=validation_options(),
+        options=COVERS.training,
+        prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/work",
         code=code_of("train_detector"),
@@ -152,7 +154,7 @@ rule cut_windows:
 rule make_fine_tuning_dataset:
     """Windows of the cover photos of all terrains but a fold's, and pictures of scenes: links."""
     input:
-        scenes=scenes_of_fold,
+        scenes=COVERS.scenes_of_fold,
         windows="results/{run}/covers/windows",
     output:
         dataset=directory("results/{run}/covers/folds/{fold}/fine_tuning"),
@@ -165,8 +167,8 @@ rule make_fine_tuning_dataset:
         mem_mb=growing(500),
         runtime=10,
     params:
-        train=trained_in,
-        test=tested_in,
+        train=COVERS.trained_in,
+        test=COVERS.tested_in,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("make_fine_tuning_dataset"),
     script:
@@ -177,18 +179,18 @@ use rule train_detector as fine_tune_cover_detector with:
     """The same detector after labelled photos of all terrains but its fold's."""
     input:
         dataset="results/{run}/covers/folds/{fold}/fine_tuning",
-        pictures=pictures_behind_fine_tuning,  # read through dataset
-        start=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{RENDERED}/detector.pt",
+        pictures=COVERS.pictures_behind_fine_tuning,  # read through dataset
+        start="results/{run}/covers/folds/{fold}/seed{seed}/rendered/detector.pt",
     output:
-        weights=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{FINE_TUNED}/detector.pt",
-        curve=f"results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/{FINE_TUNED}/detector.csv",
+        weights="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuned/detector.pt",
+        curve="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuned/detector.csv",
     log:
         "results/{run}/logs/covers/fine_tune_cover_detector_{fold}_seed{seed}.log",
     benchmark:
         "results/{run}/benchmarks/covers/fine_tune_cover_detector_{fold}_seed{seed}.tsv"
     params:
-        options=fine_tuning(),
-        prediction=validation_options(),
+        options=COVERS.fine_tuning(),
+        prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuning_work",
         code=code_of("train_detector"),
@@ -223,7 +225,7 @@ rule segment_covers:
         weights=expand(
             "results/{{run}}/covers/folds/{{fold}}/seed{seed}/{cover_trained}/detector.pt",
             seed=SEEDS,
-            cover_trained=TRAINED_ON[-1],
+            cover_trained=COVERS.trainings[-1],
         ),
         dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures="results/{run}/covers/photos",  # read through dataset
@@ -247,10 +249,10 @@ rule choose_cover_widths:
     """At which widths each fold's detector looks at its photos, chosen without them, and what it sees there."""
     input:
         labels="results/{run}/covers/labels.parquet",
-        found=of_folds("found.parquet"),
-        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
-        cameras=sand_in("cameras/located", [f"{t:02d}" for t in COVER_TERRAINS]),
-        meshes=sand_in("meshes", [f"{t:02d}" for t in COVER_TERRAINS]),
+        found=COVERS.of_folds("found.parquet"),
+        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVERS.folds),
+        cameras=PATHS.sand("cameras/located", COVERS.terrains),
+        meshes=PATHS.sand("meshes", COVERS.terrains),
     output:
         predictions="results/{run}/covers/{cover_trained}/seed{seed}/predictions.parquet",
         sizes="results/{run}/covers/{cover_trained}/seed{seed}/sizes.csv",
@@ -262,7 +264,7 @@ rule choose_cover_widths:
         mem_mb=growing(1000),
         runtime=15,
     params:
-        folds=list(COVER_FOLDS),
+        folds=list(COVERS.folds),
         imgsz=CONFIG.detect.pictures.imgsz,
         options=options("detect.prediction"),
         code=code_of("choose_cover_widths"),
@@ -295,9 +297,9 @@ rule score_covers:
     input:
         labels="results/{run}/covers/labels.parquet",
         predictions=of_run("results/{run}/covers/{{cover_trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
-        merged=MERGED_PREDICTIONS,
-        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
-        trained_on=last_datasets,
+        merged=COVERS.merged_predictions,
+        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVERS.folds),
+        trained_on=COVERS.last_datasets,
         pictures="results/{run}/covers/photos",  # read through datasets
     output:
         scores="results/{run}/covers/{cover_trained}/scores.parquet",
@@ -309,9 +311,9 @@ rule score_covers:
         mem_mb=growing(1000),
         runtime=15,
     params:
-        folds=list(COVER_FOLDS),
+        folds=list(COVERS.folds),
         seeds=SEEDS,
-        training=last_training,
+        training=COVERS.last_training,
         start="carved rocks" if CONFIG.covers.carved_scenes else CONFIG.detect.training.start,
         options=options("detect.comparison"),
         code=code_of("score_covers"),
@@ -322,11 +324,11 @@ rule score_covers:
 rule publish_detector:
     """A detector of the rocks of all terrains to take away, its widths, its calibration, and its card."""
     input:
-        weights=released_weights(),
+        weights=COVERS.published_weights(),
         labels="results/{run}/covers/labels.parquet",
-        found=files_to_publish_by("found.parquet"),
-        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVER_FOLDS),
-        scores=f"results/{{run}}/covers/{TRAINED_ON[-1]}/scores.parquet",
+        found=COVERS.files_of_best("found.parquet"),
+        datasets=of_run("results/{run}/covers/folds/{fold}/dataset", fold=COVERS.folds),
+        scores=f"results/{{run}}/covers/{COVERS.trainings[-1]}/scores.parquet",
     output:
         detector="results/{run}/covers/detector.pt",
         card="results/{run}/covers/detector.md",
@@ -338,7 +340,7 @@ rule publish_detector:
         mem_mb=growing(1000),
         runtime=15,
     params:
-        folds=list(COVER_FOLDS),
+        folds=list(COVERS.folds),
         options=options("detect.prediction"),
         code=code_of("publish_detector"),
     script:
@@ -348,7 +350,7 @@ rule publish_detector:
 rule tabulate_covers:
     """The table of these figures."""
     input:
-        scores=of_run("results/{run}/covers/{cover_trained}/scores.parquet", cover_trained=TRAINED_ON),
+        scores=of_run("results/{run}/covers/{cover_trained}/scores.parquet", cover_trained=COVERS.trainings),
     output:
         table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
         others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),  # written through table
@@ -392,7 +394,7 @@ rule draw_covers:
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
-        predictions=best_predictions(),
+        predictions=COVERS.best_predictions(),
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     log:
@@ -413,7 +415,7 @@ rule draw_scenes:
     input:
         scenes=of_run(
             "results/{run}/covers/scenes/Terrain{terrain}",
-            terrain=[f"{terrain:02d}" for terrain in STREWN_TERRAINS],
+            terrain=[f"{terrain:02d}" for terrain in COVERS.strewn],
         ),
     output:
         figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
@@ -425,7 +427,7 @@ rule draw_scenes:
         mem_mb=growing(1000),
         runtime=5,
     params:
-        terrains=STREWN_TERRAINS,
+        terrains=COVERS.strewn,
         code=code_of("draw_scenes"),
     script:
         "../scripts/draw_scenes.py"

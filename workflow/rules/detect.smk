@@ -20,8 +20,8 @@ rule detect:
     """Everything of this stage."""
     input:
         of_run("results/{run}/detect/{table}.parquet", table=EVALUATED) if DOMAINS else [],
-        of_run(DETECTION_OF_OTHERS),
-        of_run("results/{run}/detect/stereo.parquet") if STEREO else [],
+        of_run(PATHS.detection_of_others),
+        of_run("results/{run}/detect/stereo.parquet") if PATHS.has_stereo else [],
 
 
 rule split_photos:
@@ -50,9 +50,9 @@ rule split_photos:
 rule convert_pictures:
     """8-bit pictures and labels of one domain, as YOLO wants them."""
     input:
-        pictures=pictures_of,  # read through params.pictures
-        labels=labels_of_domain,
-        masks=masks_of_domain,
+        pictures=PATHS.pictures,  # read through params.pictures
+        labels=PATHS.labels_of_domain,
+        masks=PATHS.masks_of_domain,
     output:
         pictures=directory("results/{run}/detect/pictures/{domain}"),
     log:
@@ -64,7 +64,7 @@ rule convert_pictures:
         mem_mb=growing(1000),
         runtime=60,
     params:
-        pictures=pictures_folder,
+        pictures=PATHS.pictures_folder,
         terrains=CONFIG.terrains,
         positions=CONFIG.positions,
         grid=options("grid"),
@@ -99,7 +99,7 @@ rule make_dataset:
 rule mix_datasets:
     """A data set to train on, of pictures of several domains."""
     input:
-        datasets=datasets_of_mix,
+        datasets=PATHS.datasets_of_mix,
     output:
         dataset=directory("results/{run}/detect/{split}/datasets/{mix}"),
     log:
@@ -111,7 +111,7 @@ rule mix_datasets:
         mem_mb=growing(500),
         runtime=10,
     params:
-        weights=weights_of_mix,
+        weights=PATHS.weights_of_mix,
         options=options("detect.split"),
         code=code_of("mix_datasets"),
     script:
@@ -122,7 +122,7 @@ rule train_detector:
     """A detector trained on one domain or mix."""
     input:
         dataset="results/{run}/detect/{split}/datasets/{trained}",
-        pictures=pictures_behind_training,  # read through dataset
+        pictures=PATHS.pictures_behind_training,  # read through dataset
         start=[],  # weights to go on from, of fine-tuning
     output:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
@@ -135,13 +135,13 @@ rule train_detector:
     resources:
         mem_mb=growing(2500),
         runtime=2880,  # minutes
-        gpu=gpus_of("detect.prediction"),
+        gpu=PATHS.gpus("detect.prediction"),
     params:
         options=options("detect.training"),
-        prediction=validation_options(),
+        prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
-        packaged=digest_of_packaged(),
+        packaged=PATHS.packaged_digest(),
         code=code_of("train_detector"),
     script:
         "../scripts/train_detector.py"
@@ -152,9 +152,9 @@ rule predict:
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
-        pictures=pictures_behind(DOMAINS),  # read through datasets
-        cameras=sand_in("cameras"),
-        meshes=sand_in("meshes"),
+        pictures=PATHS.pictures_behind(DOMAINS),  # read through datasets
+        cameras=PATHS.sand("cameras"),
+        meshes=PATHS.sand("meshes"),
     output:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",
@@ -167,7 +167,7 @@ rule predict:
     resources:
         mem_mb=growing(2000),
         runtime=240,
-        gpu=gpus_of("detect.prediction"),
+        gpu=PATHS.gpus("detect.prediction"),
     params:
         options=options("detect.prediction"),
         code=code_of("predict"),
@@ -183,7 +183,7 @@ rule evaluate:
             trained=TRAINED,
             evaluated=DOMAINS,
         ),
-        labels=[path for domain in DOMAINS for path in labels_of(domain)],
+        labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
@@ -231,7 +231,7 @@ rule measure_stereo:
         mem_mb=growing(2000),
         runtime=240,
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
         domain=CONFIG.photo_domain,
         models=MODELS,
@@ -300,11 +300,11 @@ use rule train_detector as train_other_detector with:
     benchmark:
         "results/{run}/benchmarks/detect/train_other_detector_{split}_{other}_seed{seed}_{trained}.tsv"
     params:
-        options=training_of_other,
-        prediction=validation_options(),
+        options=PATHS.training_of_other,
+        prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/others/{other}/seed{seed}/work/{trained}",
-        packaged=packaged_of_other,
+        packaged=PATHS.packaged_of_other,
         code=code_of("train_detector"),
 
 
@@ -313,9 +313,9 @@ use rule predict as predict_by_other with:
     input:
         weights="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.pt",
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
-        pictures=pictures_behind(DOMAINS),  # read through datasets
-        cameras=sand_in("cameras"),
-        meshes=sand_in("meshes"),
+        pictures=PATHS.pictures_behind(DOMAINS),  # read through datasets
+        cameras=PATHS.sand("cameras"),
+        meshes=PATHS.sand("meshes"),
     output:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",
@@ -330,8 +330,8 @@ use rule predict as predict_by_other with:
 use rule evaluate as evaluate_other with:
     """The figures of the detectors of another model of a split and seed on every domain."""
     input:
-        predictions=predictions_of_other,
-        labels=[path for domain in DOMAINS for path in labels_of(domain)],
+        predictions=PATHS.predictions_of_other,
+        labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
@@ -351,7 +351,7 @@ use rule evaluate as evaluate_other with:
         domains=DOMAINS,
         trained=TRAINED,
         options=options("detect.comparison"),
-        training=training_of_other,
+        training=PATHS.training_of_other,
         imgsz=CONFIG.detect.pictures.imgsz,
         code=code_of("evaluate"),
 

@@ -7,14 +7,14 @@ Nothing made here is input of a stage. Without `gap.components` there is nothing
 rule gap:
     """Which component of the twin causes the gap."""
     input:
-        of_run("results/{run}/tables/gap.csv") if COMPONENTS else [],
-        of_run("results/{run}/figures/gap.png") if COMPONENTS else [],
+        of_run("results/{run}/tables/gap.csv") if GAP.components else [],
+        of_run("results/{run}/figures/gap.png") if GAP.components else [],
 
 
 rule write_truth:
     """The analog's true cameras, lamps and meshes in the run's frame."""
     input:
-        raw=raw_data,  # read through params.truth
+        raw=PATHS.raw_data,  # read through params.truth
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -30,7 +30,7 @@ rule write_truth:
         mem_mb=growing(2000),
         runtime=10,
     params:
-        truth=truth_of,
+        truth=PATHS.truth,
         code=code_of("write_truth"),
     script:
         "../scripts/write_truth.py"
@@ -58,11 +58,11 @@ rule thin_meshes:
 rule render_component:
     """Twins of a terrain's test photos with one component replaced, and their labels."""
     input:
-        cameras=cameras_of_component,
-        lamps=lamps_of_component,
-        meshes=meshes_of_component,
-        materials=materials_of_component,
-        photos=PHOTOS_OF_TERRAIN,
+        cameras=GAP.cameras,
+        lamps=GAP.lamps,
+        meshes=GAP.meshes,
+        materials=GAP.materials,
+        photos=PATHS.photos_of_terrain,
         splits=expand("results/{{run}}/detect/{split}/split.csv", split=SPLITS),
     output:
         twins=directory("results/{run}/gap/twins/{component}/pictures/Terrain{terrain}"),
@@ -77,12 +77,12 @@ rule render_component:
     resources:
         mem_mb=growing(4000),
         runtime=30,
-        gpu=gpus_of("render"),
+        gpu=PATHS.gpus("render"),
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
         model=CONFIG.gap.model,
-        options=options_of_component,
+        options=GAP.options,
         code=code_of("render_component"),
     script:
         "../scripts/render_component.py"
@@ -128,8 +128,8 @@ use rule predict as predict_component with:
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=["results/{run}/gap/{split}/datasets/{component}"],
-        cameras=sand_in("cameras"),
-        meshes=sand_in("meshes"),
+        cameras=PATHS.sand("cameras"),
+        meshes=PATHS.sand("meshes"),
     output:
         predictions=["results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{component}.parquet"],
     log:
@@ -141,9 +141,9 @@ use rule predict as predict_component with:
 rule run_ablation:
     """Change of IPD, mAP and false positives by every component, with intervals, for a split and seed."""
     input:
-        predictions=ablation_predictions(),
-        labels=ablation_labels(),
-        datasets=ablation_datasets(),
+        predictions=GAP.predictions(),
+        labels=GAP.labels(),
+        datasets=GAP.datasets(),
     output:
         ablation="results/{run}/gap/{split}/seed{seed}/ablation.parquet",
     log:
@@ -154,11 +154,11 @@ rule run_ablation:
         mem_mb=growing(2000),
         runtime=60,
     params:
-        evaluated=ABLATION_PAIRS,
-        domains=ABLATION_DOMAINS,
+        evaluated=GAP.pairs,
+        domains=GAP.domains,
         photo=CONFIG.photo_domain,
         twin=CONFIG.gap.model,
-        replaced={name: found.describe() for name, found in COMPONENTS.items()},
+        replaced={name: found.describe() for name, found in GAP.components.items()},
         options=options("detect.comparison"),
         training=options("detect.training"),
         imgsz=CONFIG.detect.pictures.imgsz,

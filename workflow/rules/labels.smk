@@ -19,7 +19,7 @@ rule propagate_labels:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        corrections=corrections_of,  # read through params.options
+        corrections=PATHS.corrections,  # read through params.options
     output:
         boxes=directory("results/{run}/labels/boxes/Terrain{terrain}"),
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
@@ -32,7 +32,7 @@ rule propagate_labels:
         mem_mb=growing(2000),
         runtime=20,
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
         options=options("labels"),
         code=code_of("propagate_labels"),
@@ -59,7 +59,7 @@ rule draw_masks:
         mem_mb=growing(2000),
         runtime=20,
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
         options=options("labels"),
         code=code_of("draw_masks"),

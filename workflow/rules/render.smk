@@ -15,7 +15,7 @@ rule fit_materials:
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=PHOTOS_OF_TERRAIN,
+        photos=PATHS.photos_of_terrain,
     output:
         materials=directory("results/{run}/renders/materials/Terrain{terrain}"),
     log:
@@ -39,8 +39,8 @@ rule render_twins:
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=PHOTOS_OF_TERRAIN,
-        materials=MATERIALS_OF_TERRAIN,
+        photos=PATHS.photos_of_terrain,
+        materials=PATHS.materials_of_terrain,
     output:
         twins=directory(expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS)),
         maps=directory("results/{run}/renders/maps/Terrain{terrain}") if CONFIG.render.maps else [],
@@ -56,9 +56,9 @@ rule render_twins:
     resources:
         mem_mb=growing(3000),
         runtime=30,
-        gpu=gpus_of("render"),
+        gpu=PATHS.gpus("render"),
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
         models=MODELS,
         options=options("render"),

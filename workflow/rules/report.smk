@@ -5,8 +5,7 @@ rule geometry:
     """Tables of cameras, alignments, rocks and meshes with their evaluation: no labels, no twins."""
     input:
         of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
-        every_figure("residuals_Terrain{terrain}"),
-        every_figure("offsets_Terrain{terrain}") if KIND == "analog" else [],
+        PATHS.figures_of_geometry(),
 
 
 rule tables:
@@ -14,19 +13,19 @@ rule tables:
     input:
         rules.geometry.input,
         of_run("results/{run}/tables/{name}.csv", name=["evaluation", "render"]),
-        tables_of_detectors(),
-        figures_of_detectors(),
-        of_run("results/{run}/tables/stereo.csv") if STEREO else [],
+        PATHS.tables_of_detectors(),
+        PATHS.figures_of_detectors(),
+        of_run("results/{run}/tables/stereo.csv") if PATHS.has_stereo else [],
         of_run("results/{run}/results.html"),
-        figures_of_stages(),
-        of_run("results/{run}/errata.html") if KIND == "release" else [],
-        of_run("results/{run}/tables/labels.csv") if SCORED_TERRAINS else [],
+        PATHS.figures_of_stages(),
+        of_run("results/{run}/errata.html") if PATHS.has_errata else [],
+        of_run("results/{run}/tables/labels.csv") if PATHS.scored_terrains else [],
 
 
 rule gather_evaluation:
     """The evaluation of every stage in one table."""
     input:
-        parts=evaluation_parts,
+        parts=PATHS.evaluation_parts,
     output:
         table=shown("results/{run}/tables/evaluation.csv", "Tables", table="evaluation of every stage"),
         others=multiext("results/{run}/tables/evaluation", ".md", ".tex", ".parquet"),  # written through table
@@ -103,7 +102,7 @@ rule tabulate_rocks:
 rule tabulate_labels:
     """How good labels are by task, terrain, position, azimuth and size, and how often they are right as they say."""
     input:
-        pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=SCORED_TERRAINS),
+        pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=PATHS.scored_terrains),
     output:
         table=shown("results/{run}/tables/labels.csv", "Tables", table="labels"),
         reliability="results/{run}/tables/reliability.parquet",
@@ -118,7 +117,7 @@ rule tabulate_labels:
         mem_mb=growing(1000),
         runtime=5,
     params:
-        seeds=SEEDS_TEXT,
+        seeds=PATHS.seeds_text,
         origin=ORIGIN,
         code=code_of("tabulate_labels"),
     script:
@@ -150,7 +149,7 @@ rule tabulate_render:
 rule tabulate_detectors:
     """The paper's two tables, what lies behind them, and paired differences."""
     input:
-        others=DETECTION_OF_OTHERS,
+        others=PATHS.detection_of_others,
         detection="results/{run}/detect/detection.parquet",
         differences="results/{run}/detect/differences.parquet",
         breakdown="results/{run}/detect/breakdown.parquet",
@@ -220,11 +219,11 @@ rule draw_detectors:
 rule draw_finds:
     """What one detector finds in photo and twins, as in the paper's figures 4 and 5, and the rocks that differ most."""
     input:
-        instances=of_first_training("instances.parquet"),
-        ipd=of_first_training("ipd.parquet"),
-        predictions=[of_first_training(f"predictions/{{trained}}_on_{domain}.parquet") for domain in DOMAINS],
-        labels=[path for domain in DOMAINS for path in labels_of(domain)],
-        pictures=photos_and_twins(),
+        instances=PATHS.first_training("instances.parquet"),
+        ipd=PATHS.first_training("ipd.parquet"),
+        predictions=[PATHS.first_training(f"predictions/{{trained}}_on_{domain}.parquet") for domain in DOMAINS],
+        labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
+        pictures=PATHS.photos_and_twins(),
     output:
         seen=shown(
             "results/{run}/figures/seen_{trained}.png", "Detection", picture="photo and twins, detector of {trained}"
@@ -295,7 +294,7 @@ rule draw_comparison:
         mem_mb=growing(1000),
         runtime=5,
     params:
-        key=shown_photo,
+        key=PATHS.shown_photo,
         models=MODELS,
         code=code_of("draw_comparison"),
     script:
@@ -328,7 +327,7 @@ rule draw_contact:
     input:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
-        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=STAND_INS),
+        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=PATHS.stand_ins),
     output:
         figure=shown(
             "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png",
@@ -407,7 +406,7 @@ rule draw_residuals:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        twins=f"results/{{run}}/renders/{STAND_INS[0]}/Terrain{{terrain}}" if STAND_INS else [],
+        twins=f"results/{{run}}/renders/{PATHS.stand_ins[0]}/Terrain{{terrain}}" if PATHS.stand_ins else [],
     output:
         figure=shown("results/{run}/figures/residuals_Terrain{terrain}.png", "Cameras", terrain="{terrain}"),
     log:
@@ -462,17 +461,13 @@ rule draw_reliability:
         "../scripts/draw_reliability.py"
 
 
-if KIND == "release":
+if PATHS.has_errata:
 
     rule draw_errata:
         """The defects of the published labels, each with its picture, and as a table."""
         input:
             # read through params.root
-            raw=lambda wildcards: [
-                str(path)
-                for terrain in CONFIG.terrains
-                for path in raw_inputs(terrain, CONFIG.source, CONFIG.labels.seeds)
-            ],
+            raw=PATHS.raw_data_of_run,
             twins=expand("results/{{run}}/renders/{model}/Terrain{terrain}", model=MODELS[:1], terrain=TERRAINS),
         output:
             page=shown("results/{run}/errata.html", "Labels"),
@@ -496,7 +491,7 @@ rule draw_opposition:
     """Photo and twins where the lamp stands behind the camera, and far from it."""
     input:
         cameras=of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
-        pictures=photos_and_twins(),
+        pictures=PATHS.photos_and_twins(),
     output:
         figure=shown(
             "results/{run}/figures/opposition.png", "Photos and twins", terrain="nearest", position="opposition effect"
@@ -526,7 +521,7 @@ rule draw_strip:
         photos=f"results/{{run}}/acquire/Terrain{TERRAINS[0]}/photos.parquet",
         twins=f"results/{{run}}/renders/{MODELS[-1]}/Terrain{TERRAINS[0]}",
         labels=f"results/{{run}}/labels/tables/Terrain{TERRAINS[0]}.parquet",
-        predictions=predictions_of_strip(),
+        predictions=PATHS.predictions_of_strip(),
     output:
         strip=directory("results/{run}/figures/strip"),
     log:
@@ -547,10 +542,10 @@ rule draw_strip:
 rule write_results_page:
     """The page that is opened first: what the run is, metrics, pictures, all tables and figures."""
     input:
-        tables=tables_of_page(),
-        figures=figures_of_page(),
-        strip=[] if ONLY_COVERS else "results/{run}/figures/strip",
-        photos=[] if ONLY_COVERS else "results/{run}/acquire/photos.parquet",
+        tables=PATHS.tables_of_page(),
+        figures=PATHS.figures_of_page(),
+        strip=[] if PATHS.only_covers else "results/{run}/figures/strip",
+        photos=[] if PATHS.only_covers else "results/{run}/acquire/photos.parquet",
         phases=of_run("results/{run}/figures/opposition.json") if DOMAINS else [],
         datasets=of_run("results/{run}/detect/{split}/datasets/{trained}", split=SPLITS, trained=TRAINED),
     output:
@@ -569,7 +564,7 @@ rule write_results_page:
         positions=CONFIG.positions,
         models=MODELS,
         photo_domain=CONFIG.photo_domain,
-        others=pages_beside(),
+        others=PATHS.further_pages(),
         code=code_of("write_results_page"),
     script:
         "../scripts/write_results_page.py"

@@ -6,10 +6,10 @@ rule rocks:
     input:
         of_run("results/{run}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
         of_run("results/{run}/meshes/Terrain{terrain}", terrain=TERRAINS),
-        of_run("results/{run}/repaired/Terrain{terrain}", terrain=TERRAINS) if KIND == "release" else [],
+        of_run("results/{run}/repaired/Terrain{terrain}", terrain=TERRAINS) if not SOURCE.has_scans else [],
 
 
-if KIND == "release":
+if not SOURCE.has_scans:
 
     rule adopt_rocks:
         """The published rock meshes, cleaned, where the boxes see them, on a ground that is fitted under them."""
@@ -62,7 +62,7 @@ else:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
             cameras="results/{run}/cameras/located/Terrain{terrain}",
             seeds="results/{run}/acquire/Terrain{terrain}/seeds",
-            overrides=override_file,
+            overrides=PATHS.override_file,
         output:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",

@@ -105,10 +105,10 @@ rule fine_tune_on_drives:
     resources:
         mem_mb=growing(2500),
         runtime=720,
-        gpu=gpus_of("rover.cameras.onboard.prediction"),
+        gpu=PATHS.gpus("rover.cameras.onboard.prediction"),
     params:
         options=options("rover.fine_tuning"),
-        prediction=validation_options(CAMERAS_ON_BOARD.onboard.prediction),
+        prediction=PATHS.validation_options(CAMERAS_ON_BOARD.onboard.prediction),
         work="results/{run}/rover/fine_tuning_work",
         code=code_of("fine_tune_on_drives"),
     script:

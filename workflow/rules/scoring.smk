@@ -4,7 +4,7 @@
 rule score_cameras:
     """Poses against truth, or projected meshes against the boxes that people drew."""
     input:
-        raw=raw_data,  # read through params.truth
+        raw=PATHS.raw_data,  # read through params.truth
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
@@ -17,8 +17,8 @@ rule score_cameras:
         mem_mb=growing(500),
         runtime=10,
     params:
-        truth=truth_of,
-        annotated=annotated_labels_of,
+        truth=PATHS.truth,
+        annotated=PATHS.annotated_labels,
         code=code_of("score_cameras"),
     script:
         "../scripts/score_cameras.py"
@@ -27,7 +27,7 @@ rule score_cameras:
 rule score_rocks:
     """Rocks found and surfaces meshed, against truth where there is one."""
     input:
-        raw=raw_data,  # read through params.truth
+        raw=PATHS.raw_data,  # read through params.truth
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -45,7 +45,7 @@ rule score_rocks:
         mem_mb=growing(2000),
         runtime=10,
     params:
-        truth=truth_of,
+        truth=PATHS.truth,
         code=code_of("score_rocks"),
     script:
         "../scripts/score_rocks.py"
@@ -54,12 +54,12 @@ rule score_rocks:
 rule check_consistency:
     """Scans, cameras, meshes, photos and boxes held against each other, without any truth."""
     input:
-        raw=raw_data,  # read through inventory
+        raw=PATHS.raw_data,  # read through inventory
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         located="results/{run}/cameras/located/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
-        photos=PHOTOS_OF_TERRAIN,
+        photos=PATHS.photos_of_terrain,
     output:
         evaluation="results/{run}/evaluation/consistency_Terrain{terrain}.csv",
     log:
@@ -70,7 +70,7 @@ rule check_consistency:
         mem_mb=growing(2000),
         runtime=10,
     params:
-        annotated=annotated_labels_of,
+        annotated=PATHS.annotated_labels,
         code=code_of("check_consistency"),
     script:
         "../scripts/check_consistency.py"
@@ -79,7 +79,7 @@ rule check_consistency:
 rule score_labels:
     """Labels of every photo against truth, or against what people drew, by what it took to propagate them there."""
     input:
-        raw=raw_data,  # read through params.truth
+        raw=PATHS.raw_data,  # read through params.truth
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
@@ -93,9 +93,9 @@ rule score_labels:
         mem_mb=growing(500),
         runtime=10,
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
-        truth=true_labels_of,
+        truth=PATHS.true_labels,
         options=options("scoring"),
         code=code_of("score_labels"),
     script:
@@ -105,8 +105,8 @@ rule score_labels:
 rule score_outlines:
     """Outlines of rocks and shadows against the polygons that people drew."""
     input:
-        raw=raw_data,  # read through params.root
-        polygons=lambda wildcards: annotated_polygons(wildcards.terrain) or [],  # read through params.root
+        raw=PATHS.raw_data,  # read through params.root
+        polygons=PATHS.annotated_polygons,  # read through params.root
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     output:
         evaluation="results/{run}/evaluation/outlines_Terrain{terrain}.csv",
@@ -118,9 +118,9 @@ rule score_outlines:
         mem_mb=growing(1500),
         runtime=10,
     params:
-        positions=positions_here,
+        positions=PATHS.positions,
         grid=options("grid"),
-        root=str(LABEL_ROOT),
+        root=str(CONFIG.annotated_root),
         options=options("scoring"),
         code=code_of("score_outlines"),
     script:
@@ -130,8 +130,8 @@ rule score_outlines:
 rule score_masks:
     """Masks of cover photos, each by the detectors that have not seen its terrain, against people's polygons."""
     input:
-        masks=lambda wildcards: of_run("results/{run}/covers/folds/{fold}/masks", fold=COVER_FOLDS),
-        polygons=annotated_polygons_of_covers(),  # read through params.root
+        masks=COVERS.masks(),
+        polygons=PATHS.annotated_polygons_of_covers(),  # read through params.root
     output:
         scores="results/{run}/covers/mask_scores.parquet",
     log:
@@ -142,7 +142,7 @@ rule score_masks:
         mem_mb=growing(1000),
         runtime=10,
     params:
-        root=str(LABEL_ROOT),
+        root=str(CONFIG.annotated_root),
         seed=CONFIG.detect.comparison.seed,
         resamples=CONFIG.detect.comparison.resamples,
         code=code_of("score_masks"),
@@ -153,7 +153,7 @@ rule score_masks:
 rule score_twins:
     """Rendered ground-truth boxes against truth or against what people drew, and twins against photos where there are any."""
     input:
-        raw=raw_data,  # read through params.truth
+        raw=PATHS.raw_data,  # read through params.truth
         boxes="results/{run}/renders/boxes/Terrain{terrain}",
         twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
@@ -168,7 +168,7 @@ rule score_twins:
         mem_mb=growing(1000),
         runtime=20,
     params:
-        truth=true_labels_of,
+        truth=PATHS.true_labels,
         models=MODELS,
         options=options("scoring"),
         code=code_of("score_twins"),
@@ -179,7 +179,7 @@ rule score_twins:
 rule score_materials:
     """Fitted albedo against truth, and twins with it against photos that were held out."""
     input:
-        raw=raw_data,  # read through params.truth
+        raw=PATHS.raw_data,  # read through params.truth
         materials="results/{run}/renders/materials/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
@@ -193,7 +193,7 @@ rule score_materials:
         mem_mb=growing(2000),
         runtime=10,
     params:
-        truth=truth_of,
+        truth=PATHS.truth,
         code=code_of("score_materials"),
     script:
         "../scripts/score_materials.py"

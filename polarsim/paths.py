@@ -1,0 +1,582 @@
+"""Paths and options of jobs that depend on the configuration and on wildcards.
+
+Rule files name their files literally where they can. All others come from a method of these classes: of a function with
+the argument `wildcards`, Snakemake takes the value for each job. Paths of a method without `wildcards` may contain
+wildcards, `{run}` for example.
+
+- `RunPaths`: terrains, raw data, labels, detectors, tables and figures
+- `GapPaths`: the ablation
+- `CoverPaths`: cover photos and randomised scenes
+"""
+
+from __future__ import annotations
+
+import hashlib
+import operator
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
+from math import log2
+from pathlib import Path
+from typing import Any, Protocol
+
+from polarsim.acquire.inputs import raw_inputs
+from polarsim.acquire.options import describe_seeds
+from polarsim.config import Config
+from polarsim.cover_photos.options import CARVED
+from polarsim.detect.options import PACKAGED, VIEWS, PredictionOptions, TrainingOptions
+from polarsim.formats.release import cover_photos, label_files, label_folder, mesh_files, polygon_folder
+from polarsim.grid import selected_grid
+from polarsim.photo import USUAL_EXPOSURE_MS, PhotoKey, positions
+from polarsim.schemas import FINE_TUNED, RENDERED
+
+TABLES_OF_DETECTORS = ("detection", "differences", "detection_breakdown", "false_positives", "ipd")
+
+Options = dict[str, Any]  # values for `params` of a rule, as of JSON
+
+
+class Wildcards(Protocol):
+    """Values of the wildcards of one job."""
+
+    def __getattr__(self, name: str) -> str:
+        """Return the value of a wildcard."""
+        ...
+
+
+def growing(mem_mb: int) -> Callable[[Wildcards, int], int]:
+    """Return the memory of a job, MB: doubled at each further attempt (`--retries`)."""
+
+    def of_attempt(wildcards: Wildcards, attempt: int) -> int:  # noqa: ARG001
+        return int(mem_mb * 2 ** (attempt - 1))
+
+    return of_attempt
+
+
+class RunPaths:
+    """Paths of one run."""
+
+    fitted_materials = "results/{run}/renders/materials/Terrain{terrain}"
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.run = config.run
+        self.terrains = [f"{terrain:02d}" for terrain in config.terrains]
+        self.domains = list(config.domains)
+        self.trained = list(config.training_domains)
+        self.splits, self.seeds = list(config.detect.splits), list(config.detect.seeds)
+        self.others = config.detect.others if self.domains else {}
+        self.models: list[str] = list(config.render.models)
+        self.origin = {"run": self.run, "source": config.source.kind, "config": config.digest()}
+        self.has_stereo = config.detect.stereo.run and bool(self.domains)
+        self.only_covers = config.covers.run and not self.domains  # such a run has no other stage
+        self.has_errata = not config.data_source.has_scans  # defects of published labels and meshes
+        self.seeds_text = describe_seeds(config.labels.seeds)
+        self.scored_terrains = [terrain for terrain in self.terrains if self._can_score_labels(terrain)]
+
+    def options(self, section: str) -> Options:
+        """Return a section of the configuration, such as `detect.split`, for `params`."""
+        chosen = operator.attrgetter(section)(self.config)
+        found: Options = chosen.stage_options() if section == "labels" else chosen.model_dump(mode="json")
+        return found
+
+    def gpus(self, section: str) -> int:
+        """Return the number of GPUs of a job: 1 if a section of the configuration names a device other than the CPU."""
+        return int(operator.attrgetter(section)(self.config).device not in ("auto", "cpu"))
+
+    # Raw data, per terrain
+
+    def positions(self, wildcards: Wildcards) -> list[str]:
+        """Return the positions of the run that a terrain has."""
+        return self._positions(int(wildcards.terrain))
+
+    def raw_data(self, wildcards: Wildcards) -> list[str]:
+        """Return the receipt of a generated or fetched terrain, or the files of a local one."""
+        config = self.config
+        return [str(path) for path in raw_inputs(int(wildcards.terrain), config.source, config.labels.seeds)]
+
+    def raw_data_of_run(self, wildcards: Wildcards) -> list[str]:  # noqa: ARG002
+        """Return the raw data of all terrains."""
+        config = self.config
+        seeds = config.labels.seeds
+        return [str(path) for terrain in config.terrains for path in raw_inputs(terrain, config.source, seeds)]
+
+    @property
+    def photos_of_terrain(self) -> str | list[str]:
+        """The index of a terrain's photos; empty for a source without photos."""
+        has_photos = self.config.data_source.has_photos
+        return "results/{run}/acquire/Terrain{terrain}/photos.parquet" if has_photos else []
+
+    def override_file(self, wildcards: Wildcards) -> str | list[str]:
+        """Return the file of a terrain's cuboids that a person entered, if it exists."""
+        path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")
+        return str(path) if path.exists() else []
+
+    def corrections(self, wildcards: Wildcards) -> list[str]:
+        """Return the corrected label files of a terrain, so that an edit is a changed input."""
+        folder = self.config.labels.corrections
+        if folder is None:
+            return []
+        return sorted(str(path) for path in (*folder.rglob(f"{wildcards.terrain}_*.txt"), *folder.rglob("*.json")))
+
+    def truth(self, wildcards: Wildcards) -> str | None:
+        """Return the folder of a terrain's ground truth; None without ground truth."""
+        found = self.config.data_source.truth(self.config.source.root, int(wildcards.terrain))
+        return str(found) if found else None
+
+    def true_labels(self, wildcards: Wildcards) -> str | None:
+        """Return the true boxes of a terrain, else the folder of annotated ones, else None."""
+        truth = self.truth(wildcards)
+        return f"{truth}/labels.parquet" if truth else self.annotated_labels(wildcards)
+
+    def annotated_labels(self, wildcards: Wildcards) -> str | None:
+        """Return the folder of a terrain's annotated boxes; None without it."""
+        return self._annotated(label_folder, int(wildcards.terrain))
+
+    def annotated_polygons(self, wildcards: Wildcards) -> str | list[str]:
+        """Return the folder of a terrain's annotated polygons, if it exists."""
+        return self._annotated(polygon_folder, int(wildcards.terrain)) or []
+
+    def annotated_polygons_of_covers(self) -> list[str]:
+        """Return the folders of annotated polygons of terrains with cover photos; empty if detectors have no masks."""
+        if not self.config.detect.training.masks:
+            return []
+        terrains = [terrain for terrain in self.config.terrains if cover_photos(self.config.annotated_root, terrain)]
+        return [folder for terrain in terrains if (folder := self._annotated(polygon_folder, terrain))]
+
+    def shown_photo(self, wildcards: Wildcards) -> str:
+        """Return the key of the photo that stands for a position in the report.
+
+        Sun azimuth 30 if the position has it, rover light off, left camera, exposure near 256 ms.
+        """
+
+        def rank(key: PhotoKey) -> tuple[bool, str, str, float]:
+            return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS))
+
+        grid = selected_grid(int(wildcards.terrain), [wildcards.position], self.config.grid)
+        return str(min(grid, key=rank))
+
+    @property
+    def materials_of_terrain(self) -> str | list[str]:
+        """The fitted materials of a terrain; empty if none are fitted."""
+        return self.fitted_materials if self.config.render.materials_from_photos else []
+
+    # Detectors
+
+    def pictures(self, wildcards: Wildcards) -> list[str]:
+        """Return the table of photos, the index of novel views, or the folders of twins of a domain."""
+        if wildcards.domain == self.config.photo_domain:
+            return [f"results/{wildcards.run}/acquire/photos.parquet"]
+        if wildcards.domain == VIEWS:
+            return [f"{self.config.detect.views}/index.csv"]
+        return [f"results/{self.run}/renders/{wildcards.domain}/Terrain{terrain}" for terrain in self.terrains]
+
+    def pictures_folder(self, wildcards: Wildcards) -> str:
+        """Return the table of photos, the folder of novel views, or the folder above the terrains of twins."""
+        if wildcards.domain == self.config.photo_domain:
+            return f"results/{wildcards.run}/acquire/photos.parquet"
+        if wildcards.domain == VIEWS:
+            return str(self.config.detect.views)
+        return f"results/{wildcards.run}/renders/{wildcards.domain}"
+
+    def labels(self, domain: str) -> list[str]:
+        """Return the table of the propagated labels of photos or the exact labels of twins."""
+        stage = "labels" if domain == self.config.photo_domain else "renders"
+        return [f"results/{self.run}/{stage}/labels.parquet"]
+
+    def labels_of_domain(self, wildcards: Wildcards) -> list[str]:
+        """Return the labels of a domain; novel views are stored with their own."""
+        return [] if wildcards.domain == VIEWS else self.labels(wildcards.domain)
+
+    def masks_of_domain(self, wildcards: Wildcards) -> list[str]:
+        """Return the masks of photos or the instance maps of twins if detectors learn masks."""
+        learns = any(training.masks for training in (self.config.detect.training, *self.others.values()))
+        if not learns or wildcards.domain == VIEWS:
+            return []
+        kind = "labels/masks" if wildcards.domain == self.config.photo_domain else "renders/instances"
+        return [f"results/{self.run}/{kind}/Terrain{terrain}" for terrain in self.terrains]
+
+    def weights_of_mix(self, wildcards: Wildcards) -> dict[str, float]:
+        """Return the share of each domain in a mix."""
+        return dict(self.config.detect.mixes[wildcards.mix])
+
+    def datasets_of_mix(self, wildcards: Wildcards) -> list[str]:
+        """Return the data sets that a mix takes pictures from."""
+        return [
+            f"results/{{run}}/detect/{{split}}/datasets/{domain}" for domain in self.config.detect.mixes[wildcards.mix]
+        ]
+
+    def pictures_behind(self, domains: Iterable[str]) -> list[str]:
+        """Return the converted pictures that data sets of these domains link to."""
+        mixes = self.config.detect.mixes
+        single = {one for domain in domains for one in mixes.get(domain, [domain])}
+        return [f"results/{{run}}/detect/pictures/{domain}" for domain in sorted(single)]
+
+    def pictures_behind_training(self, wildcards: Wildcards) -> list[str]:
+        """Return the converted pictures that a detector is trained on."""
+        return self.pictures_behind([wildcards.trained])
+
+    def sand(self, stage: str, terrains: Sequence[int] | None = None) -> list[str]:
+        """Return the folders of terrains that locate the sand; empty if detections off the sand are kept.
+
+        Parameters
+        ----------
+        stage
+            `cameras` or `meshes`.
+        terrains
+            Default: all terrains of the run.
+        """
+        if not self.config.detect.prediction.sand_only:
+            return []
+        chosen = self.config.terrains if terrains is None else terrains
+        return [f"results/{self.run}/{stage}/Terrain{terrain:02d}" for terrain in chosen]
+
+    def validation_options(self, prediction: PredictionOptions | None = None) -> Options:
+        """Return the options of predictions that a training's validation uses."""
+        chosen = prediction or self.config.detect.prediction
+        return chosen.model_dump(mode="json", include={"device", "confidence", "nms_iou"})
+
+    def packaged_digest(self, training: TrainingOptions | None = None) -> str:
+        """Return the digest of the packaged detector if a training starts from it: it is outside the run."""
+        chosen = (training or self.config.detect.training).pretrained == "packaged"
+        return hashlib.sha256(PACKAGED.read_bytes()).hexdigest()[:12] if chosen else ""
+
+    def training_of_other(self, wildcards: Wildcards) -> Options:
+        """Return the training options of a further detector."""
+        return self.others[wildcards.other].model_dump(mode="json", exclude={"trained_on"})
+
+    def packaged_of_other(self, wildcards: Wildcards) -> str:
+        """Return the digest of the packaged detector if a further detector starts from it."""
+        return self.packaged_digest(self.others[wildcards.other])
+
+    def predictions_of_other(self, wildcards: Wildcards) -> list[str]:
+        """Return the predictions of a further detector, trained on each of its domains, on every domain."""
+        folder = f"results/{wildcards.run}/detect/{wildcards.split}/others/{wildcards.other}/seed{wildcards.seed}"
+        return [
+            f"{folder}/predictions/{trained}_on_{evaluated}.parquet"
+            for trained in self.others[wildcards.other].trained_on or self.trained
+            for evaluated in self.domains
+        ]
+
+    @property
+    def detection_of_others(self) -> str | list[str]:
+        """Metrics of further detectors; empty without them."""
+        return "results/{run}/detect/others.parquet" if self.others else []
+
+    def first_training(self, name: str) -> str:
+        """Return a file of the first split and seed, which figures show."""
+        return f"results/{{run}}/{self.config.first_training}/{name}"
+
+    def photos_and_twins(self) -> list[str]:
+        """Return the pictures of all terrains in every domain that detectors are compared over."""
+        twins = [domain for domain in self.domains if domain != self.config.photo_domain]
+        return [f"results/{self.run}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.terrains] + [
+            f"results/{self.run}/renders/{model}/Terrain{terrain}" for model in twins for terrain in self.terrains
+        ]
+
+    def predictions_of_strip(self) -> str | list[str]:
+        """Return the predictions on photos of the detector of photos, if it is trained."""
+        photo = self.config.photo_domain
+        return self.first_training(f"predictions/{photo}_on_{photo}.parquet") if photo in self.domains else []
+
+    # Tables and figures
+
+    @property
+    def stand_ins(self) -> list[str]:
+        """The model whose twins replace missing photos in figures; none for a source without gaps."""
+        return [] if self.config.data_source.is_generated else self.models[:1]
+
+    def evaluation_parts(self, wildcards: Wildcards) -> list[str]:
+        """Return the evaluation of each stage and terrain that has something to compare with."""
+        generated = self.config.data_source.is_generated
+        compared = {
+            "labels": self.scored_terrains,
+            "outlines": [terrain for terrain in self.terrains if self._annotated(polygon_folder, int(terrain))],
+            "materials": self.terrains if generated and self.materials_of_terrain else [],
+        }
+        return [
+            f"results/{wildcards.run}/evaluation/{stage}_Terrain{terrain}.csv"
+            for terrain in self.terrains
+            for stage in ("cameras", "rocks", "consistency", "labels", "outlines", "twins", "materials")
+            if terrain in compared.get(stage, self.terrains)
+        ]
+
+    def figures_of_terrains(self, name: str) -> list[str]:
+        """Return a figure of every terrain, or of every position if the name contains `{position}`."""
+        return [
+            f"results/{self.run}/figures/{name.format(terrain=f'{terrain:02d}', position=position)}.png"
+            for terrain in self.config.terrains
+            for position in (self._positions(terrain) if "{position}" in name else [""])
+        ]
+
+    def figures_of_geometry(self) -> list[str]:
+        """Return the figures of residuals, and of offsets from the ground truth."""
+        truth = self.figures_of_terrains("offsets_Terrain{terrain}") if self.config.data_source.is_generated else []
+        return [*self.figures_of_terrains("residuals_Terrain{terrain}"), *truth]
+
+    def tables_of_detectors(self) -> list[str]:
+        """Return the tables of detectors, if any are trained."""
+        return self._tables([*TABLES_OF_DETECTORS, "ipd_rocks"] if self.domains else [], "csv")
+
+    def figures_of_detectors(self) -> list[str]:
+        """Return the figures of detectors, if any are trained."""
+        names = ["detection", "precision_recall", "ipd", "ipd_histogram"]
+        names += [f"{page}_{domain}" for page in ("seen", "gap_rocks") for domain in self.domains]
+        return self._figures([*names, "opposition"] if self.domains else [])
+
+    def figures_of_stages(self) -> list[str]:
+        """Return the figures of all stages except detectors."""
+        names = ["comparison_Terrain{terrain}_Pos{position}", "contact_Terrain{terrain}_Pos{position}"]
+        names += ["meshes_Terrain{terrain}", "crops_Terrain{terrain}", "residuals_Terrain{terrain}"]
+        names += ["offsets_Terrain{terrain}"] if self.config.data_source.is_generated else []
+        return [
+            *self._figures(["reflectance", *(["reliability"] if self.scored_terrains else [])]),
+            *(path for name in names for path in self.figures_of_terrains(name)),
+            *self._figures([f"label_errors_Terrain{terrain}" for terrain in self.scored_terrains]),
+        ]
+
+    def tables_of_page(self) -> list[str]:
+        """Return the tables that the results page shows."""
+        covers = self.config.covers.run
+        names = [] if self.only_covers else ["evaluation", "cameras", "alignment", "rocks", "meshes", "render"]
+        names += ["labels", "reliability"] if self.scored_terrains and not self.only_covers else []
+        names += [*TABLES_OF_DETECTORS, "ipd_rocks"] if self.domains else []
+        names += ["stereo"] if self.has_stereo else []
+        names += ["gap"] if self._has_ablation else []
+        names += ["covers", *(["masks"] if self.annotated_polygons_of_covers() else [])] if covers else []
+        return self._tables(names, "md")
+
+    def figures_of_page(self) -> list[str]:
+        """Return the figures that the results page shows."""
+        causes = self._figures(["gap"] if self._has_ablation else [])
+        real = self._figures(["covers", "scenes"] if self.config.covers.run else [])
+        return [*self.figures_of_detectors(), *causes, *real, *([] if self.only_covers else self.figures_of_stages())]
+
+    def further_pages(self) -> dict[str, str]:
+        """Return the titles of the run's other pages by their path from its folder."""
+        errata = {"errata.html": "Defects of the published labels"} if self.has_errata and not self.only_covers else {}
+        return {"report.html": "Snakemake's report, made by polarsim report", **errata}
+
+    @property
+    def _has_ablation(self) -> bool:
+        return bool(self.config.gap.components and self.domains)
+
+    def _positions(self, terrain: int) -> list[str]:
+        return [position for position in positions(terrain) if position in self.config.positions]
+
+    def _annotated(self, folder_of: Callable[[Path, int], Path], terrain: int) -> str | None:
+        """Return a folder of labels that people drew; the analog's are generated."""
+        folder = folder_of(self.config.annotated_root, terrain)
+        return str(folder) if not self.config.data_source.is_generated and folder.is_dir() else None
+
+    def _can_score_labels(self, terrain: str) -> bool:
+        return self.config.data_source.is_generated or self._annotated(label_folder, int(terrain)) is not None
+
+    def _tables(self, names: Sequence[str], ending: str) -> list[str]:
+        return [f"results/{self.run}/tables/{name}.{ending}" for name in names]
+
+    def _figures(self, names: Sequence[str]) -> list[str]:
+        return [f"results/{self.run}/figures/{name}.png" for name in names]
+
+
+class GapPaths:
+    """Paths of the ablation: the inputs of each component's twins, and the inputs of the evaluation."""
+
+    def __init__(self, run: RunPaths) -> None:
+        config = run.config
+        self.run, self.config = run, config
+        self.components = config.gap.components
+        self.rendered = [name for name, component in self.components.items() if component.is_rendered]
+        self.domains = [config.photo_domain, config.gap.model, *self.components]
+        self.pairs = [(trained, domain) for trained in config.ablation_detectors for domain in self.domains]
+
+    def cameras(self, wildcards: Wildcards) -> str:
+        """Return the folder of a component's poses and lenses."""
+        return {
+            "run": "results/{run}/cameras/Terrain{terrain}",
+            "located": "results/{run}/cameras/located/Terrain{terrain}",
+            "truth": "results/{run}/gap/truth/cameras/Terrain{terrain}",
+        }[self.components[wildcards.component].cameras]
+
+    def lamps(self, wildcards: Wildcards) -> str:
+        """Return the folder of a component's lamps; that of located poses has none, so the survey's are used."""
+        return {
+            "run": "results/{run}/cameras/Terrain{terrain}",
+            "survey": "results/{run}/cameras/located/Terrain{terrain}",
+            "truth": "results/{run}/gap/truth/cameras/Terrain{terrain}",
+        }[self.components[wildcards.component].lamps]
+
+    def meshes(self, wildcards: Wildcards) -> str:
+        """Return the folder of a component's meshes."""
+        return {
+            "run": "results/{run}/meshes/Terrain{terrain}",
+            "thinned": "results/{run}/gap/thinned/Terrain{terrain}",
+            "truth": "results/{run}/gap/truth/meshes/Terrain{terrain}",
+        }[self.components[wildcards.component].meshes]
+
+    def materials(self, wildcards: Wildcards) -> str | list[str]:
+        """Return the folder of a component's materials, if they are fitted."""
+        chosen = self.components[wildcards.component].materials
+        return {"run": self.run.materials_of_terrain, "fitted": self.run.fitted_materials}.get(chosen, [])
+
+    def options(self, wildcards: Wildcards) -> Options:
+        """Return the options of the renderer for a component."""
+        return self.config.render_options_of(wildcards.component).model_dump(mode="json")
+
+    def predictions(self) -> list[str]:
+        """Return the predictions on photos, on the twin, and on the twin of every component."""
+        return [
+            f"results/{{run}}/{self._stage(domain)}/{{split}}/seed{{seed}}/predictions/{trained}_on_{self._twin(domain)}.parquet"
+            for trained, domain in self.pairs
+        ]
+
+    def datasets(self) -> list[str]:
+        """Return the data sets of these domains."""
+        return [
+            f"results/{{run}}/{self._stage(domain)}/{{split}}/datasets/{self._twin(domain)}" for domain in self.domains
+        ]
+
+    def labels(self) -> list[str]:
+        """Return the labels of these domains."""
+        paths = []
+        for domain in self.domains:
+            propagated = domain in self.components and self.components[domain].labels == "propagated"
+            if domain in self.rendered and not propagated:
+                paths += [f"results/{{run}}/gap/twins/{domain}/labels.parquet"]
+            else:
+                paths += self.run.labels(self.config.photo_domain if propagated else self._twin(domain))
+        return paths
+
+    def _twin(self, domain: str) -> str:
+        """Return the domain of the pictures; a component that is not rendered uses the twin's."""
+        return self.config.gap.model if domain in self.components and domain not in self.rendered else domain
+
+    def _stage(self, domain: str) -> str:
+        return "gap" if domain in self.rendered else "detect"
+
+
+class CoverPaths:
+    """Paths of detectors that are trained on randomised scenes and tested on cover photos, fold by fold."""
+
+    def __init__(self, run: RunPaths) -> None:
+        config, covers = run.config, run.config.covers
+        self.run, self.config, self.covers = run, config, covers
+        self.terrains = [terrain for terrain in config.terrains if cover_photos(config.annotated_root, terrain)]
+        # Terrains whose rocks are used: a release may lack the meshes of a terrain.
+        has_scans, root = config.data_source.has_scans, config.source.root
+        self.strewn = [terrain for terrain in config.terrains if has_scans or mesh_files(root, terrain)]
+        self.folds = {
+            "_".join(f"{terrain:02d}" for terrain in fold): fold
+            for fold in config.cover_folds
+            if set(fold) & set(self.terrains)
+        }
+        self.carved_rocks = min(300, covers.carved_scenes)  # a scene shows several
+        # Two more detectors: of carved rocks, from which all others start, and of all terrains, for publication.
+        self.not_tested = {"carved": [CARVED], "all": self.strewn}
+        self.trainings = [RENDERED, *([FINE_TUNED] if covers.fine_tuning.windows else [])]  # the last is the best
+        self.first_seed = run.seeds[0]
+        self.best = f"{{fold}}/seed{self.first_seed}/{self.trainings[-1]}"
+
+    def rocks(self, wildcards: Wildcards) -> str:
+        """Return the folder of a terrain's closed rocks: repaired ones of a release, else the run's meshes."""
+        if int(wildcards.terrain) == CARVED:
+            return f"results/{wildcards.run}/covers/carved"
+        kind = "meshes" if self.config.data_source.has_scans else "repaired"
+        return f"results/{wildcards.run}/{kind}/Terrain{wildcards.terrain}"
+
+    def files(self) -> list[str]:
+        """Return the cover photos, and the labels that people drew in photos of the same terrains."""
+        root = self.config.annotated_root
+        return [
+            str(path)
+            for terrain in self.terrains
+            for files in (cover_photos(root, terrain), label_files(root, terrain))
+            for path in files.values()
+        ]
+
+    def number_of_scenes(self, wildcards: Wildcards) -> int:
+        """Return the number of scenes with a terrain's rocks."""
+        return self.covers.carved_scenes if int(wildcards.terrain) == CARVED else self.covers.scenes.number
+
+    def tested_in(self, wildcards: Wildcards) -> Sequence[int]:
+        """Return the terrains that a fold's detector is tested on."""
+        return self.folds.get(wildcards.fold, ())
+
+    def trained_in(self, wildcards: Wildcards) -> list[int]:
+        """Return the terrains whose rocks a fold's detector is trained on: all except those that it is tested on."""
+        if wildcards.fold in self.not_tested:
+            return self.not_tested[wildcards.fold]
+        return [terrain for terrain in self.strewn if terrain not in self.tested_in(wildcards)]
+
+    def photos_of_fold(self, wildcards: Wildcards) -> str | list[str]:
+        """Return the folder of cover photos that select a fold's weights; empty for a fold without test."""
+        return [] if wildcards.fold in self.not_tested else f"results/{wildcards.run}/covers/photos"
+
+    def weights_before(self, wildcards: Wildcards) -> str | list[str]:
+        """Return the detector that a fold's training starts from, the same for all folds and seeds."""
+        if wildcards.fold == "carved" or not self.covers.carved_scenes:
+            return []
+        return f"results/{wildcards.run}/covers/folds/carved/seed{self.first_seed}/{RENDERED}/detector.pt"
+
+    def training(self, wildcards: Wildcards) -> Options:
+        """Return the training options of a fold."""
+        chosen = self.run.options("detect.training")
+        return chosen | {"epochs": self.covers.carved_epochs} if wildcards.fold == "carved" else chosen
+
+    def fine_tuning(self) -> Options:
+        """Return the training options of the fine-tuning."""
+        own = self.covers.fine_tuning
+        return self.run.options("detect.training") | {"epochs": own.epochs, "learning_rate": own.learning_rate}
+
+    def last_training(self, wildcards: Wildcards) -> Options:
+        """Return the options of a detector's last training."""
+        return self.fine_tuning() if wildcards.cover_trained == FINE_TUNED else self.run.options("detect.training")
+
+    def last_datasets(self, wildcards: Wildcards) -> list[str]:
+        """Return the data set of each fold's last training."""
+        name = "fine_tuning" if wildcards.cover_trained == FINE_TUNED else "dataset"
+        return self._of_folds(f"{{fold}}/{name}")
+
+    def scenes_of_fold(self, wildcards: Wildcards) -> list[str]:
+        """Return the scenes that a fold's detector is trained on."""
+        return self._of_terrains("scenes", self.trained_in(wildcards))
+
+    def scenes_behind(self, wildcards: Wildcards) -> list[str]:
+        """Return the pictures that a fold's data set links to."""
+        photos = self.photos_of_fold(wildcards)
+        return [*self.scenes_of_fold(wildcards), *([photos] if isinstance(photos, str) else [])]
+
+    def pictures_behind_fine_tuning(self, wildcards: Wildcards) -> list[str]:
+        """Return the pictures that a fold's data set for fine-tuning links to."""
+        return [*self.scenes_of_fold(wildcards), f"results/{wildcards.run}/covers/windows"]
+
+    def of_folds(self, name: str) -> list[str]:
+        """Return a file of every fold, of one seed and training."""
+        return self._of_folds(f"{{fold}}/seed{{{{seed}}}}/{{{{cover_trained}}}}/{name}")
+
+    def masks(self) -> list[str]:
+        """Return the masks of every fold."""
+        return self._of_folds("{fold}/masks")
+
+    def files_of_best(self, name: str) -> list[str]:
+        """Return a file of every fold, of the best training and the first seed."""
+        return self._of_folds(f"{self.best}/{name}")
+
+    def published_weights(self) -> str:
+        """Return the best detector of all terrains."""
+        return f"results/{{run}}/covers/folds/{self.best.format(fold='all')}/detector.pt"
+
+    def best_predictions(self) -> str:
+        """Return the predictions that figures show."""
+        chosen = "merged" if len(self.run.seeds) > 1 else f"seed{self.first_seed}"
+        return f"results/{{run}}/covers/{self.trainings[-1]}/{chosen}/predictions.parquet"
+
+    @cached_property
+    def merged_predictions(self) -> str | list[str]:
+        """The merged predictions of several seeds."""
+        several = len(self.run.seeds) > 1
+        return "results/{run}/covers/{cover_trained}/merged/predictions.parquet" if several else []
+
+    def _of_folds(self, pattern: str) -> list[str]:
+        return [f"results/{self.run.run}/covers/folds/{pattern.format(fold=fold)}" for fold in self.folds]
+
+    def _of_terrains(self, kind: str, terrains: Iterable[int]) -> list[str]:
+        return [f"results/{self.run.run}/covers/{kind}/Terrain{terrain:02d}" for terrain in terrains]

@@ -1,0 +1,131 @@
+"""Paths of a run follow its configuration and the wildcards of a job."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from polarsim.config import parse_config
+from polarsim.paths import CoverPaths, GapPaths, RunPaths, growing
+
+
+def paths(kind: str = "analog", root: object = "data", **sections: object) -> RunPaths:
+    content = {"run": "one", "terrains": [1, 3], "positions": ["A"], "source": {"kind": kind, "root": str(root)}}
+    return RunPaths(parse_config(content | sections))
+
+
+def job(**wildcards: str) -> SimpleNamespace:
+    return SimpleNamespace(run="one", **wildcards)
+
+
+@pytest.fixture
+def release(tmp_path):
+    """A root with annotated boxes of terrain 1, polygons of terrain 3, a cover photo and a mesh of each."""
+    (tmp_path / "Labels/Terrain01").mkdir(parents=True)
+    (tmp_path / "SegmentationLabels/terrain03/labels").mkdir(parents=True)
+    for terrain in ("01", "03"):
+        mesh = tmp_path / f"TerrainMeshes/Terrain{terrain}/terrain{terrain}_rock1.obj"
+        mesh.parent.mkdir(parents=True)
+        mesh.touch()
+        (tmp_path / "CoverPhotoOfIndices").mkdir(exist_ok=True)
+        (tmp_path / f"CoverPhotoOfIndices/cover_photo_indexed_{terrain}_A.png").touch()
+    return tmp_path
+
+
+def test_memory_doubles_with_each_attempt():
+    assert [growing(500)(job(), attempt) for attempt in (1, 2, 3)] == [500, 1000, 2000]
+
+
+def test_raw_data_of_the_analog_are_receipts_and_of_a_release_files(release):
+    assert paths().raw_data(job(terrain="03")) == ["data/receipts/Terrain03.json"]
+    found = paths("release", release).raw_data(job(terrain="01"))
+    assert found == [str(release / "TerrainMeshes/Terrain01/terrain01_rock1.obj")]
+
+
+def test_labels_are_scored_against_truth_or_people(release):
+    analog, published = paths(), paths("release", release)
+    assert analog.true_labels(job(terrain="01")) == "data/truth/Terrain01/labels.parquet"
+    assert analog.annotated_labels(job(terrain="01")) is None
+    assert analog.scored_terrains == ["01", "03"]
+    assert published.truth(job(terrain="01")) is None
+    assert published.true_labels(job(terrain="01")) == str(release / "Labels/Terrain01")
+    assert published.scored_terrains == ["01"]
+    assert published.annotated_polygons(job(terrain="01")) == []
+    assert published.annotated_polygons(job(terrain="03")) == str(release / "SegmentationLabels/terrain03/labels")
+
+
+def test_corrections_belong_to_their_terrain(tmp_path):
+    for name in ("01_A_off_30_L_0256.txt", "03_A_off_30_L_0256.txt", "all.json"):
+        (tmp_path / name).touch()
+    run = paths(labels={"corrections": str(tmp_path)})
+    assert run.corrections(job(terrain="01")) == [str(tmp_path / "01_A_off_30_L_0256.txt"), str(tmp_path / "all.json")]
+
+
+@pytest.mark.parametrize(
+    ("domain", "pictures", "labels"),
+    [
+        ("analog", ["results/one/acquire/photos.parquet"], ["results/one/labels/labels.parquet"]),
+        (
+            "hapke",
+            ["results/one/renders/hapke/Terrain01", "results/one/renders/hapke/Terrain03"],
+            ["results/one/renders/labels.parquet"],
+        ),
+        ("views", ["v/index.csv"], []),
+    ],
+)
+def test_pictures_and_labels_of_each_kind_of_domain(domain, pictures, labels):
+    run = paths(detect={"views": "v"})
+    assert run.pictures(job(domain=domain)) == pictures
+    assert run.labels_of_domain(job(domain=domain)) == labels
+
+
+def test_a_mix_links_to_the_pictures_of_its_domains():
+    run = paths(detect={"mixes": {"mixed": {"hapke": 1, "analog": 0.5}}})
+    assert run.pictures_behind(["mixed", "analog"]) == [
+        "results/{run}/detect/pictures/analog",
+        "results/{run}/detect/pictures/hapke",
+    ]
+    assert run.weights_of_mix(job(mix="mixed")) == {"hapke": 1, "analog": 0.5}
+
+
+def test_figures_are_listed_per_terrain_or_position():
+    run = paths(positions=["A", "C"])
+    assert run.figures_of_terrains("meshes_Terrain{terrain}") == [
+        "results/one/figures/meshes_Terrain01.png",
+        "results/one/figures/meshes_Terrain03.png",
+    ]
+    assert len(run.figures_of_terrains("contact_Terrain{terrain}_Pos{position}")) == 4
+
+
+def test_a_run_without_photos_has_no_tables_of_detectors(release):
+    published = paths("release", release)
+    assert published.tables_of_detectors() == published.figures_of_detectors() == []
+    assert published.photos_of_terrain == []
+    assert "errata.html" in published.further_pages()
+    assert "errata.html" not in paths().further_pages()
+
+
+def test_a_component_of_the_ablation_takes_truth_or_the_run():
+    components = {"pose": {"cameras": "truth"}, "labels": {"labels": "propagated"}}
+    gap = GapPaths(paths(gap={"components": components, "trained_on": ["hapke"]}))
+    assert gap.rendered == ["pose"]
+    assert gap.cameras(job(component="pose")) == "results/{run}/gap/truth/cameras/Terrain{terrain}"
+    assert gap.meshes(job(component="pose")) == "results/{run}/meshes/Terrain{terrain}"
+    folder = "results/{run}/detect/{split}/seed{seed}/predictions"
+    assert gap.predictions() == [
+        f"{folder}/hapke_on_analog.parquet",
+        f"{folder}/hapke_on_hapke.parquet",
+        "results/{run}/gap/{split}/seed{seed}/predictions/hapke_on_pose.parquet",
+        f"{folder}/hapke_on_hapke.parquet",
+    ]
+    assert gap.labels()[-2:] == ["results/{run}/gap/twins/pose/labels.parquet", "results/one/labels/labels.parquet"]
+
+
+def test_a_fold_is_trained_on_the_other_terrains(release):
+    covers = CoverPaths(paths("release", release, covers={"run": True}))
+    assert covers.folds == {"01": (1,), "03": (3,)}
+    assert covers.trained_in(job(fold="01")) == [3]
+    assert covers.trained_in(job(fold="all")) == [1, 3]
+    assert covers.scenes_of_fold(job(fold="01")) == ["results/one/covers/scenes/Terrain03"]
+    assert covers.photos_of_fold(job(fold="all")) == []
+    assert covers.rocks(job(terrain="03")) == "results/one/repaired/Terrain03"
+    assert covers.of_folds("sized.pt")[0] == "results/one/covers/folds/01/seed{seed}/{cover_trained}/sized.pt"
