@@ -38,14 +38,13 @@ from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import area, clip, iou, match
 from polarsim.labels import annotator as annotator_model
 from polarsim.labels import rover_light
-from polarsim.labels.association import Known, gather
+from polarsim.labels.association import Known, Track, gather
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import COEFFICIENTS, USUAL_PX
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import move_rocks
 from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.tracks import Track
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs

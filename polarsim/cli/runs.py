@@ -182,6 +182,7 @@ def undo(
     """
     from polarsim.errors import LabelError
     from polarsim.grid import selected_grid
+    from polarsim.labels.propagate import PropagationInputs
     from polarsim.labels.seeds import read_corrections
     from polarsim.labels.undo import what_followed
     from polarsim.photo import PhotoKey, positions
@@ -198,12 +199,15 @@ def undo(
     here = [position for position in config.positions if position in positions(key.terrain)]
     found = what_followed(
         drawing=key,
-        keys=selected_grid(key.terrain, here, config.grid),
-        photos=folder / "acquire" / terrain / "photos.parquet",
-        inventory=folder / "acquire" / terrain / "inventory.json",
-        seeds=seeds,
-        cameras=folder / "cameras" / terrain,
-        meshes=folder / "meshes" / terrain,
+        inputs=PropagationInputs(
+            terrain=key.terrain,
+            keys=selected_grid(key.terrain, here, config.grid),
+            photos=folder / "acquire" / terrain / "photos.parquet",
+            inventory=folder / "acquire" / terrain / "inventory.json",
+            seeds=seeds,
+            cameras=folder / "cameras" / terrain,
+            meshes=folder / "meshes" / terrain,
+        ),
         options=config.labels,
         out=out,
     )

@@ -1,38 +1,45 @@
-"""Brightness in the photos of a terrain, all exposures of a bracket as one picture, and what stands out in it."""
+"""Brightness of the photos of an exposure bracket: from the photos, or from OLAT images of the meshes without photos.
+
+The OLAT images have direct light of the lamps on matt meshes, exposed as NASA's best photos were. Twins are far better
+pictures; light and shadow are enough to decide what an exposure shows.
+"""
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
-from polarsim.geometry.boxes import window
-from polarsim.geometry.lens import HALF_PIXEL
+from polarsim.labels.association import Known
+from polarsim.labels.projection import sightlines
 from polarsim.photo import (
     BLACK_LEVEL,
+    CENTRE_GREY_PER_MS,
     ELECTRONS_PER_DN,
     READ_NOISE_ELECTRONS,
     WHITE_LEVEL,
     Azimuth,
+    Bracket,
     CameraSide,
-    Light,
+    by_bracket,
 )
 from polarsim.run_files.pictures import pictures_at
+from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 
 log = logging.getLogger("polarsim")
 
-Bracket = tuple[str, CameraSide, Light, Azimuth]  # of one terrain: position, camera, light, azimuth
-
 READ_NOISE_DN = READ_NOISE_ELECTRONS / ELECTRONS_PER_DN
-KEPT = 4  # pictures in memory: 10 MB each
+KEPT_BRACKETS = 4  # pictures in memory: 10 MB each
 FULL = WHITE_LEVEL - BLACK_LEVEL - 100.0  # above this a pixel may be clipped
-SURROUND = 0.35  # of a box's sides: the width of the frame around it with which it is compared
-INNER = 0.8  # of a box's sides: the ellipse in which the thing itself is
+LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # of that lamp's incidence there
+STRAY = 0.01  # of a lamp's light that comes from all of the sky
+STEP_PX = 2  # OLAT images have every second pixel along rows and columns: contrast is that of whole boxes
+KEPT_VIEWS = 2  # views in memory: 5 MB for each of their lamps
 
 
 @dataclass(frozen=True)
@@ -56,19 +63,19 @@ class Photos:
     """The photos of one terrain, read when they are asked for; none is a source without photos."""
 
     def __init__(self, index: Path, terrain: int) -> None:
-        self.sets: dict[Bracket, list[tuple[int, Path]]] = {}
-        for key, path in sorted(pictures_at(index).items()):
-            if key.terrain == terrain:
-                own = self.sets.setdefault((key.position, key.camera, key.light, key.azimuth), [])
-                own.append((key.exposure_ms, path))
-
-        self.brightness = lru_cache(maxsize=KEPT)(self._brightness)
+        self.terrain = terrain
+        pictures = {key: path for key, path in pictures_at(index).items() if key.terrain == terrain}
+        self._brackets = {
+            bracket: [(key.exposure_ms, pictures[key]) for key in keys]
+            for bracket, keys in by_bracket(pictures).items()
+        }
+        self.brightness = lru_cache(maxsize=KEPT_BRACKETS)(self._brightness)
 
     def _brightness(self, bracket: Bracket) -> Brightness | None:
         """Every pixel from the longest exposure that did not clip it; None without a readable photo."""
         rate: np.ndarray | None = None
         found = []
-        for exposure, path in sorted(self.sets.get(bracket, [])):
+        for exposure, path in self._brackets.get(bracket, ()):
             try:
                 signal = png.read_photo(path).astype(np.float32) - BLACK_LEVEL
             except PolarsimError as error:
@@ -80,35 +87,72 @@ class Photos:
 
 
 @dataclass(frozen=True)
-class Contrast:
-    """How far a thing stands out of its surround: in grey values, and in units of a pixel's noise."""
+class VisibleSurface:
+    """What the pixels of a view that meet the terrain show: (h, w) bool; points and unit normals (n, 3)."""
 
-    dn: float
-    noises: float
-
-
-NONE = Contrast(0.0, 0.0)
+    hit: np.ndarray
+    points: np.ndarray
+    normals: np.ndarray
 
 
-def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Contrast:
-    """How far what a box (4,) frames stands out of its surround: root mean square difference.
+class OlatLight:
+    """What `Photos` tells, without photos: from meshes, stand-ins and lamps."""
 
-    A rock has a lit and a dark side, so that its mean may be that of the sand: every pixel is compared with the
-    median of the surround, and what noise alone adds is taken off.
-    """
-    height, width = brightness.rate.shape
-    part = window(box, np.maximum((box[2:] - box[:2]) * SURROUND, 3.0), width, height)
-    y, x = (np.arange(side.start, side.stop) + HALF_PIXEL for side in part)
-    if min(len(x), len(y)) < 2:
-        return NONE
-    values = brightness.at(exposure_ms, part)
-    centre, half = (box[:2] + box[2:]) / 2, np.maximum((box[2:] - box[:2]) / 2, 0.5)
-    inner = (((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 < INNER**2
-    framed = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))
-    if not inner.any() or framed.all():
-        return NONE
-    surround = float(np.median(values[~framed]))
-    noise = float(noise_dn(surround))
-    excess = float(((values[inner] - surround) ** 2).mean()) - noise**2
-    dn = float(np.sqrt(max(excess, 0.0)))
-    return Contrast(dn, dn / noise)
+    def __init__(self, known: Known) -> None:
+        self.known = known
+        self._seen = lru_cache(maxsize=KEPT_VIEWS)(self._look)
+        self._olat_image = lru_cache(maxsize=KEPT_VIEWS * (len(SUN_LAMPS) + 1))(self._lit)
+
+    def brightness(self, bracket: Bracket) -> Brightness | None:
+        """Sum of the OLAT images of the lamps that are on; black in the dark. No photo was taken: no exposures.
+
+        None where nobody knows from where the meshes are seen.
+        """
+        _, position, light, azimuth, camera = bracket
+        if position in self.known.apart:
+            return None
+        olat_images = [self._olat_image(position, camera, azimuth)] if azimuth != "no" else []
+        if light == "on":
+            olat_images.append(ROVER_LIGHT_SHARE * self._olat_image(position, camera, "no"))
+        rate = sum(olat_images, np.zeros(self._seen(position, camera).hit.shape, np.float32))
+        return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
+
+    def _look(self, position: str, camera: CameraSide) -> VisibleSurface:
+        world, view = self.known.world, self.known.localised[position].camera(camera)
+        width, height = view.size
+        columns, rows = (np.arange(STEP_PX / 2, length, STEP_PX) for length in (width, height))
+        seen = sightlines(world, view, rows, columns)
+        hit, directions = seen.hit, seen.directions[seen.hit]
+        normals = self._normals[seen.face[hit]]
+        away = (normals * directions).sum(axis=1) > 0
+        points = view.centre + seen.distance[hit, None] * directions
+        return VisibleSurface(hit.reshape(len(rows), len(columns)), points, np.where(away[:, None], -normals, normals))
+
+    def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
+        """(h, w) float32 grey values a millisecond under a Sun lamp, or under a rover light as strong as one."""
+        world, seen = self.known.world, self._seen(position, camera)
+        rover = self.known.localised[position].rover_light
+        to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.points
+        cosine = np.einsum("nk,nk->n", seen.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
+        facing = np.flatnonzero(cosine > 0)
+        lit = facing[~world.everything.occluded(seen.points[facing], to_lamp[facing], 1.0)]
+        if world.walls is not None:
+            lit = lit[~world.walls.occluded(seen.points[lit], to_lamp[lit], 1.0)]
+        light = STRAY / 2 * (1 + seen.normals[:, 2])
+        light[lit] += cosine[lit]
+        olat_image = np.zeros(seen.hit.shape, np.float32)
+        olat_image[seen.hit] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
+        return olat_image
+
+    @cached_property
+    def _normals(self) -> np.ndarray:
+        """(f, 3) unit normals of the faces of the world's `everything`: the terrain's, then those of the stand-ins."""
+        mesh = self.known.terrain
+        corners = [mesh.vertices[mesh.faces]]
+        for _, dome in sorted(self.known.domes.items()):
+            vertices, faces = dome.mesh()
+            corners.append(vertices[faces])
+        a, b, c = np.concatenate(corners).swapaxes(0, 1)
+        normals = np.cross(b - a, c - a)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)

@@ -1,21 +1,23 @@
-"""Shadows that rocks cast on the ground under a near lamp, as a view shows them."""
+"""Shadow casting: the ground that rocks and walls take from a near lamp, as a view shows it, and its box in a photo.
+
+The survey and the meshes give positions of lamps and walls with errors of centimetres. At a low Sun such errors move
+the end of a wall's shade by decimetres. The photo shows that edge, so one fitted number absorbs all errors: the height
+that the walls would have to have (`shading_height`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from polarsim.geometry.boxes import of_mask, window
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.masks import SMALL_PART, Window, without_small_components
 from polarsim.geometry.polygons import thick_parts, without_thin_parts
 from polarsim.labels.bodies import World
 from polarsim.labels.brightness import Brightness, noise_dn
-from polarsim.labels.parts import SMALL_PART, Window, without_small_components
-from polarsim.labels.wall_shade import passing_heights
+from polarsim.labels.projection import sightlines
 from polarsim.photo import NO_ROCK, Azimuth, Light
 from polarsim.run_files.rigs import LocalisedRig
 
@@ -32,6 +34,14 @@ SMOOTH_PX = 3  # side of the window over which brightness is averaged
 LIKE_SIZE = 2.5  # largest ratio of the dark region's area and the cast shadow's
 CORE_SHARE = 0.15  # least share of a dark region that the cast shadow covers
 
+# Of the edge of a wall's shade.
+WALL_STEP = 0.01  # metres between the heights that are tried
+WALL_RANGE = (0.4, 1.8)  # of the stated height
+WALL_BAND = 0.04  # metres of height below and above the shade's edge that are compared
+FEWEST_IN_BAND = 50  # samples in a band that tell of its brightness
+WALL_CLEAR = 1.6  # least ratio of the brightness above and below the edge
+WALL_FAINT = 0.03  # of lit ground's brightness: differences of less, in the deepest shade, tell of no edge
+
 
 def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
     """(3,) position of the lamp that casts the shadows, sandbox frame; None in the dark.
@@ -43,42 +53,6 @@ def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) 
     if light == "on":
         return localised.rover_light
     return None
-
-
-@dataclass(frozen=True)
-class Sightlines:
-    """Rays (n,) through a grid of a view's pixels, row by row, and what they meet first; distances by their length."""
-
-    directions: np.ndarray  # (n, 3)
-    distance: np.ndarray  # to ground or rocks; inf for neither
-    face: np.ndarray  # of the world's `everything`
-    ground: np.ndarray  # distance to the ground, whatever stands before it; inf for none
-    wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf where it hides none
-
-    @property
-    def hit(self) -> np.ndarray:
-        """(n,) bool: ground or rock is seen."""
-        return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
-
-
-def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
-    """Cast a ray through every pixel (row, column)."""
-    grid = (np.ascontiguousarray(side, float).tobytes() for side in (rows, columns))
-    directions = view.world_from_camera.rotate(_grid_directions(view.lens, *grid)).reshape(-1, 3)
-    origins = np.broadcast_to(view.centre, directions.shape)
-    ground, ground_face = world.ground.nearest(origins, directions)
-    distance, face = world.everything.nearer(ground, ground_face, origins, directions)
-    wall = np.full(len(directions), np.inf)
-    if world.walls is not None:
-        hit = np.flatnonzero(np.isfinite(distance))
-        wall[hit] = world.walls.nearest(origins[hit], directions[hit])[0]
-    return Sightlines(directions, distance, face, ground, wall)
-
-
-@lru_cache(maxsize=2)  # both cameras of a rig: all its positions have the same lenses
-def _grid_directions(lens: Lens, rows: bytes, columns: bytes) -> np.ndarray:
-    """In the camera's frame; rows and columns are the bytes of float arrays, for arrays are no keys."""
-    return lens.directions(np.stack(np.meshgrid(np.frombuffer(columns), np.frombuffer(rows)), axis=-1))
 
 
 class Ids:
@@ -208,3 +182,42 @@ def snapped(
     found = of_mask(np.isin(parts, [part for part in own if areas[part] >= SMALL_PART * largest]))
     assert found is not None
     return found + np.tile([x[0], y[0]], 2)
+
+
+def passing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """(n,) z at which the light of a lamp (3,) to points (n, 3) passes the walls on bounds (2, 2); inf: it need not."""
+    to_lamp = lamp - points
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.where(to_lamp[:, :2] > 0, bounds[1] - points[:, :2], bounds[0] - points[:, :2]) / to_lamp[:, :2]
+    share = np.fmin.reduce(np.where(shares >= 0, shares, np.inf), axis=1)
+    return np.where(share < 1, points[:, 2] + share * to_lamp[:, 2], np.inf)
+
+
+def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> float:
+    """Height of walls whose shade ends where a photo shows it to end; the stated one where it shows no such end.
+
+    Parameters
+    ----------
+    passing, rate : (n,) float
+        Height above the ground, metres, at which light passes the walls on its way to bare ground, and how bright that
+        ground is in the photo.
+    stated
+        Of the walls, metres.
+    """
+    order = np.argsort(passing, kind="stable")
+    passing, rate = passing[order], rate[order]
+    faint = WALL_FAINT * float(np.percentile(rate, 90)) if len(rate) else 0.0
+    best, edge, half_lit = WALL_CLEAR, stated, 0.0
+    for tried in np.arange(WALL_RANGE[0] * stated, WALL_RANGE[1] * stated, WALL_STEP):
+        dark, lit = _median(passing, rate, tried - WALL_BAND, tried), _median(passing, rate, tried, tried + WALL_BAND)
+        if lit + faint > best * (dark + faint):
+            best, edge, half_lit = (lit + faint) / (dark + faint), tried, (dark + lit) / 2
+    while half_lit and _median(passing, rate, edge, edge + WALL_STEP) < half_lit:  # a lamp's disc makes the edge soft
+        edge += WALL_STEP
+    return float(edge)
+
+
+def _median(passing: np.ndarray, rate: np.ndarray, low: float, high: float) -> float:
+    """Of the brightness where light passes between two heights, passing in order; NaN where few samples tell."""
+    start, end = np.searchsorted(passing, [low, high])
+    return float(np.median(rate[start:end])) if end - start >= FEWEST_IN_BAND else np.nan

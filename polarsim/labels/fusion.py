@@ -12,12 +12,11 @@ import numpy as np
 from polarsim.geometry.boxes import area, clip, iou
 from polarsim.geometry.camera import Camera
 from polarsim.labels import rover_light
-from polarsim.labels.association import Known
+from polarsim.labels.association import SAME_ROCK_IOU, Known
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import ProjectedRock, at_border, move_rocks, project_rock
 from polarsim.labels.seeds import cameras_first
-from polarsim.labels.tracks import SAME_ROCK_IOU, mesh_weights
 from polarsim.labels.visibility import lit_share
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
@@ -30,6 +29,10 @@ UNANNOTATED_LAMP = 0.2  # of a drawing without the rock: what a lamp under which
 LIT = 0.1  # least share of a rock that a lamp must light for people to see it
 LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
 IN_VIEW = 0.5  # least share of a rock that a photo shows, to expect a drawing of it there
+CAUCHY = 2.385  # standard deviations at which an edge's weight is half: 95 % as efficient as least squares
+# Standard deviation of an edge of one annotated box, by sqrt(area): 2.7 px at 20 px to 6.3 px at 150 px, measured as
+# the robust spread of 3,324 boxes of the published labels about those of the same rocks at other azimuths.
+EDGE_PX, EDGE_SHARE = 2.2, 0.027
 
 
 class PositionRocks:
@@ -251,3 +254,28 @@ class PositionRocks:
             if shown and shown.seen >= self.options.min_seen and np.sqrt(area(shown.box)) >= self.options.min_rock_px:
                 labels.append(label_of(ROCK, rock, "projected", shown.box))
         return labels
+
+
+def edge_sd_px(boxes: np.ndarray) -> np.ndarray:
+    """(n, 1) standard deviation of the edges of annotated boxes (n, 4)."""
+    return np.asarray(EDGE_PX + EDGE_SHARE * np.sqrt(area(boxes)))[:, None]
+
+
+def mesh_weights(annotated: np.ndarray, count: np.ndarray, mesh: np.ndarray, weight: float) -> np.ndarray:
+    """(n, 4) weights of the edges of projected boxes `mesh` (n, 4) beside drawings, of which each has weight 1.
+
+    A mesh edge is as good as `weight` drawings until it lies farther off than the errors of both explain: scans miss
+    parts of rocks, and take sand for rock. Then it counts less, by Cauchy's weight (Holland and Welsch, Commun. Stat. A
+    6 (1977) 813). Edges without drawings are the mesh's: weight 1.
+
+    Parameters
+    ----------
+    annotated, count : (n, 4) float
+        Mean of the annotated edges, and of how many drawings; what `annotated` says without a drawing does not matter.
+    """
+    alone = count == 0
+    known = np.where(alone, mesh, annotated)
+    off = (mesh - known) / (CAUCHY * edge_sd_px(known))
+    # The variance of mesh minus mean is 1 / count + 1 / weight of that of one drawing.
+    share = np.divide(count * weight, count + weight, out=np.zeros_like(known), where=~alone)
+    return np.where(alone, 1.0, weight / (1 + off**2 * share))

@@ -23,9 +23,9 @@ from polarsim.formats.files import writing_folder
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
+from polarsim.labels.association import dome_behind
 from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
 from polarsim.labels.casting import Ids, lamp
-from polarsim.labels.identity import dome_behind
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shapes import Shape, backdrop, convex, fitted, shapes_of, visible
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey

@@ -1,13 +1,15 @@
-"""What a camera sees of rocks, and where the rig's other camera has it."""
+"""Projection: the box of a rock's mesh in a camera, a box moved to the other camera of the rig, and rays of pixels."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from polarsim.geometry.boxes import centres, clip
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.lens import Lens
 from polarsim.labels.bodies import World
 
 BORDER_PX = 2.0  # an edge this near to the photo's border is where the photo ends
@@ -85,3 +87,39 @@ def _offset_at_depth(source: Camera, target: Camera, pixels: np.ndarray, depth: 
     """(n, 2) how far pixels (n, 2) of known depth (n,) move between two cameras; inf depth: the far plane of 100 m."""
     points = source.centre + np.minimum(depth, 100.0)[:, None] * source.directions(pixels)
     return target.project(points) - pixels
+
+
+@dataclass(frozen=True)
+class Sightlines:
+    """Rays (n,) through a grid of a view's pixels, row by row, and what they meet first; distances by their length."""
+
+    directions: np.ndarray  # (n, 3)
+    distance: np.ndarray  # to ground or rocks; inf for neither
+    face: np.ndarray  # of the world's `everything`
+    ground: np.ndarray  # distance to the ground, whatever stands before it; inf for none
+    wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf where it hides none
+
+    @property
+    def hit(self) -> np.ndarray:
+        """(n,) bool: ground or rock is seen."""
+        return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
+
+
+def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
+    """Cast a ray through every pixel (row, column)."""
+    grid = (np.ascontiguousarray(side, float).tobytes() for side in (rows, columns))
+    directions = view.world_from_camera.rotate(_grid_directions(view.lens, *grid)).reshape(-1, 3)
+    origins = np.broadcast_to(view.centre, directions.shape)
+    ground, ground_face = world.ground.nearest(origins, directions)
+    distance, face = world.everything.nearer(ground, ground_face, origins, directions)
+    wall = np.full(len(directions), np.inf)
+    if world.walls is not None:
+        hit = np.flatnonzero(np.isfinite(distance))
+        wall[hit] = world.walls.nearest(origins[hit], directions[hit])[0]
+    return Sightlines(directions, distance, face, ground, wall)
+
+
+@lru_cache(maxsize=2)  # both cameras of a rig: all its positions have the same lenses
+def _grid_directions(lens: Lens, rows: bytes, columns: bytes) -> np.ndarray:
+    """In the camera's frame; rows and columns are the bytes of float arrays, for arrays are no keys."""
+    return lens.directions(np.stack(np.meshgrid(np.frombuffer(columns), np.frombuffer(rows)), axis=-1))

@@ -1,4 +1,7 @@
-"""Seed boxes of a terrain, propagated to every exposure, light, azimuth and camera of its grid."""
+"""Propagation of the seed labels of a terrain to every exposure, light, azimuth and camera of its grid.
+
+`labels_of_terrain` runs the steps in order; the package's docstring lists them with their modules.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -15,15 +17,13 @@ from polarsim.formats import tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import area
 from polarsim.labels.association import Known, gather
-from polarsim.labels.brightness import Bracket, Brightness, Photos, contrast
+from polarsim.labels.brightness import Brightness, OlatLight, Photos
 from polarsim.labels.casting import lamp
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label
-from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import (
     Drawings,
-    ShadowStarts,
     UnlitStarts,
     as_annotated,
     choose_seeds,
@@ -34,52 +34,26 @@ from polarsim.labels.seeds import (
     without_strangers,
 )
 from polarsim.labels.shadows import PositionShadows
-from polarsim.labels.visibility import hidden_by_dark
-from polarsim.photo import BOX_CLASSES, SHADOW, Azimuth, CameraSide, Light, PhotoKey
+from polarsim.labels.visibility import Starts, hidden_by_dark, visible
+from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, PhotoKey, by_bracket
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.scene import read_terrain
 
 log = logging.getLogger(__name__)
 
-NOTHING_ANNOTATED: Drawings = MappingProxyType({})
-
 
 @dataclass(frozen=True)
-class Starts:
-    """From which exposures on people see what, by what they drew: shadows under Sun lamps, rocks without a lamp."""
+class PropagationInputs:
+    """What the labels of a terrain follow from, besides the options."""
 
-    shadows: ShadowStarts
-    unlit: UnlitStarts
-
-
-def visible(
-    labels: list[Label], key: PhotoKey, brightness: Brightness | None, starts: Starts, options: LabelsOptions
-) -> list[Label]:
-    """The labels of an exposure bracket that one of its photos shows; without brightness, as people draw them."""
-    if brightness is None:
-        return at_exposure(labels, key, starts, options)
-    return [label for label in labels if stands_out(label, brightness, key.exposure_ms, options)]
-
-
-def stands_out(label: Label, brightness: Brightness, exposure_ms: int, options: LabelsOptions) -> bool:
-    """Whether a person can tell a label from its surround at an exposure."""
-    found = contrast(brightness, label.box, exposure_ms)
-    return found.noises >= options.min_contrast and found.dn >= options.min_contrast_dn
-
-
-def at_exposure(labels: list[Label], key: PhotoKey, starts: Starts, options: LabelsOptions) -> list[Label]:
-    """The labels that a photo's exposure lets a person see.
-
-    Under a Sun lamp rocks at once and shadows from their own start on, under the rover light alone all from
-    `no_sun_start_ms` on. Without any lamp none, but from the exposure on at which people drew the position's own.
-    """
-    if is_unlit(key.light, key.azimuth):
-        return labels if starts.unlit.shown(key) else []
-    if key.azimuth == "no":
-        return labels if key.exposure_ms >= options.no_sun_start_ms else []
-    dark = key.exposure_ms < starts.shadows.of(key)
-    return [label for label in labels if not (dark and label.kind == SHADOW)]
+    terrain: int
+    keys: Sequence[PhotoKey]  # of the photos that get labels
+    photos: Path  # index of the photos; a source without any photo has an empty one
+    inventory: Path
+    seeds: Path
+    cameras: Path
+    meshes: Path
 
 
 def propagate_labels(
@@ -106,16 +80,8 @@ def propagate_labels(
     FormatError
         A broken seed, camera or mesh file.
     """
-    labels = labels_of_terrain(
-        terrain=terrain,
-        keys=keys,
-        photos=photos,
-        inventory=inventory,
-        seeds=seeds,
-        cameras=cameras,
-        meshes=meshes,
-        options=options,
-    )
+    inputs = PropagationInputs(terrain, keys, photos, inventory, seeds, cameras, meshes)
+    labels = labels_of_terrain(inputs, options)
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
@@ -124,36 +90,24 @@ def propagate_labels(
     tables.write_parquet(table, tables.label_table([_row(key, label) for key in keys for label in labels[key]]))
 
 
-def labels_of_terrain(
-    *,
-    terrain: int,
-    keys: Sequence[PhotoKey],
-    photos: Path,
-    inventory: Path,
-    seeds: Path,
-    cameras: Path,
-    meshes: Path,
-    options: LabelsOptions,
-) -> dict[PhotoKey, list[Label]]:
-    """What `propagate_labels` writes; arguments and errors are its."""
-    options = options.of(terrain)
-    if (found := read_inventory(inventory).terrain) != terrain:
-        raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inventory)
-    _warn_of_gaps(photos, keys)
-    localised = rigs.read_all_localised(cameras)
-    suns = lamps.read_suns(cameras, localised)
-    corrected = read_corrections(options.corrections, terrain)
-    corrections = _left(corrected, options)
-    scene = read_terrain(meshes, terrain)
-    seeded = read_drawings(seeds, terrain)
+def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict[PhotoKey, list[Label]]:
+    """Return the labels that `propagate_labels` writes; its errors."""
+    terrain, options = inputs.terrain, options.of(inputs.terrain)
+    if (found := read_inventory(inputs.inventory).terrain) != terrain:
+        raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inputs.inventory)
+    _warn_of_gaps(inputs.photos, inputs.keys)
+    localised = rigs.read_all_localised(inputs.cameras)
+    suns = lamps.read_suns(inputs.cameras, localised)
+    scene = read_terrain(inputs.meshes, terrain)
+    seeded, corrected = read_drawings(inputs.seeds, terrain), read_corrections(options.corrections, terrain)
     if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
-        raise LabelError(f"labels.taken_back: {unknown[0]} is neither a seed nor a correction", path=seeds)
+        raise LabelError(f"labels.taken_back: {unknown[0]} is neither a seed nor a correction", path=inputs.seeds)
+    corrections = _left(corrected, options)
     drawings = _left(without_strangers(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
     starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
-    chosen = choose_seeds(drawings, corrections, starts.shadows)
-    known = gather(scene, localised, suns, chosen, options)
-    return grid_labels(known, keys, options, starts, Photos(photos, terrain), drawings, corrections)
+    known = gather(scene, localised, suns, choose_seeds(drawings, corrections, starts.shadows), options)
+    return grid_labels(known, inputs.keys, options, starts, Photos(inputs.photos, terrain), drawings, corrections)
 
 
 def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
@@ -166,18 +120,17 @@ def grid_labels(
     keys: Sequence[PhotoKey],
     options: LabelsOptions,
     starts: Starts,
-    photos: Photos | None = None,
-    drawings: Drawings = NOTHING_ANNOTATED,
-    corrections: Drawings = NOTHING_ANNOTATED,
+    photos: Photos,
+    drawings: Drawings,
+    corrections: Drawings,
 ) -> dict[PhotoKey, list[Label]]:
     """Labels of every key; what photos share is computed once.
 
-    Where the annotator model decide what is seen, photos that no lamp lights are looked at all the same, if they are
-    there. A photo that was annotated itself keeps its boxes as they are; others may be added, but not to a correction.
+    With `visibility: annotator`, only photos that no lamp lights are read, if there are any. A photo that was annotated
+    itself keeps its boxes as they are; others may be added, but not to a correction.
     """
     by_people = options.visibility == "annotator"
-    readable = None if by_people else photos
-    olat_images = None if by_people else OlatLight(known)
+    readable, olat_images = (None, None) if by_people else (photos, OlatLight(known))
     positions = {position: PositionLabels(known, position, options, readable) for position in known.localised}
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
@@ -185,12 +138,8 @@ def grid_labels(
         seeded = "its labels stay in the image" if position in known.seeds else "no labels, for it has no seed"
         log.warning("position %s: nothing proves the pose of its cameras: %s", position, seeded)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
-    sets: dict[Bracket, list[PhotoKey]] = {}
-    for key in keys:
-        if key.position in positions:
-            sets.setdefault((key.position, key.camera, key.light, key.azimuth), []).append(key)
-    for bracket, members in sorted(sets.items(), key=lambda item: item[0]):
-        position, camera, light, azimuth = bracket
+    for bracket, members in by_bracket(key for key in keys if key.position in positions).items():
+        _, position, light, azimuth, camera = bracket
         shared = positions[position].labels(camera, light, azimuth)
         brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else readable, olat_images)
         for key in members:
@@ -259,5 +208,6 @@ class PositionLabels:
         if self.photos is None:
             return None
         lights: tuple[Light, ...] = (light,) if azimuth == "no" else ("off", "on")
-        sets = (self.photos.brightness((self.position, camera, own, azimuth)) for own in lights)
-        return next((brightness for brightness in sets if brightness is not None), None)
+        brackets = ((self.photos.terrain, self.position, own, azimuth, camera) for own in lights)
+        found = (self.photos.brightness(bracket) for bracket in brackets)
+        return next((brightness for brightness in found if brightness is not None), None)

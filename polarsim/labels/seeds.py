@@ -19,9 +19,8 @@ from polarsim.formats.coco import read_coco
 from polarsim.formats.release import read_annotated
 from polarsim.geometry.boxes import iou, match
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
-from polarsim.labels.brightness import Bracket
 from polarsim.labels.label import Label, label_of
-from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, CameraSide, Light, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, Bracket, CameraSide, Light, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 
@@ -46,10 +45,10 @@ class ShadowStarts:
         On six terrains of the release, Left seeds alone, 45 of 1,956 photos under a Sun get shadows though people drew
         none, or the other way round; 53 with the median of position and azimuth, 143 with the terrain's shortest.
         """
-        own = self.annotated_ms.get((key.position, key.camera, key.light, key.azimuth))
+        own = self.annotated_ms.get(key.bracket)
         if own is not None:
             return own
-        here = [start for (position, *_), start in self.annotated_ms.items() if position == key.position]
+        here = [start for (_, position, *_), start in self.annotated_ms.items() if position == key.position]
         for votes in (here, list(self.annotated_ms.values())):
             if len(votes) >= LEAST_VOTES:
                 return statistics.median_high(votes)
@@ -98,8 +97,7 @@ def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowStarts:
     annotated_ms: dict[Bracket, int] = {}
     for key, annotated in drawings.items():
         if key.azimuth in SUNS and annotated.shadows is not None and len(annotated.shadows):
-            bracket = (key.position, key.camera, key.light, key.azimuth)
-            annotated_ms[bracket] = min(annotated_ms.get(bracket, usual_ms), key.exposure_ms)
+            annotated_ms[key.bracket] = min(annotated_ms.get(key.bracket, usual_ms), key.exposure_ms)
     return ShadowStarts(usual_ms, annotated_ms)
 
 

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
+from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.annotator import as_people_draw
+from polarsim.labels.association import match_boxes
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import Ids, lamp, shadow_box, snapped
+from polarsim.labels.casting import Ids, lamp, shading_height, shadow_box, snapped
 from polarsim.labels.fusion import PositionRocks
-from polarsim.labels.identity import match_boxes
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.parts import Window, windows_of
 from polarsim.labels.projection import at_border, move_flat
-from polarsim.labels.wall_shade import shading_height
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
 
 CAST_WEIGHT = 0.3  # of a cast shadow in a box fused with one annotated in the other camera, which has 1

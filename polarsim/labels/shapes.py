@@ -11,9 +11,9 @@ import numpy as np
 from polarsim.formats import rle
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.lens import HALF_PIXEL
+from polarsim.geometry.masks import windows_of, without_small_components
 from polarsim.geometry.polygons import outlines
 from polarsim.labels.casting import Ids
-from polarsim.labels.parts import windows_of, without_small_components
 
 LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
 SMALL_REGION = 400  # px: smaller pieces of ground or background are not worth a polygon

@@ -12,7 +12,7 @@ from polarsim.errors import LabelError
 from polarsim.formats.tables import write_parquet
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.propagate import labels_of_terrain
+from polarsim.labels.propagate import PropagationInputs, labels_of_terrain
 from polarsim.photo import PhotoKey
 
 COLUMNS = ("key", "kind", "rock", "change", "moved_px")  # of `followed`
@@ -24,12 +24,7 @@ Labels = Mapping[PhotoKey, Sequence[Label]]
 def what_followed(
     *,
     drawing: PhotoKey,
-    keys: Sequence[PhotoKey],
-    photos: Path,
-    inventory: Path,
-    seeds: Path,
-    cameras: Path,
-    meshes: Path,
+    inputs: PropagationInputs,
     options: LabelsOptions,
     out: Path,
 ) -> pd.DataFrame:
@@ -51,16 +46,7 @@ def what_followed(
         raise LabelError(f"{drawing} is taken back already (labels.taken_back)")
 
     def labels(without: tuple[str, ...]) -> Labels:
-        return labels_of_terrain(
-            terrain=drawing.terrain,
-            keys=keys,
-            photos=photos,
-            inventory=inventory,
-            seeds=seeds,
-            cameras=cameras,
-            meshes=meshes,
-            options=options.model_copy(update={"taken_back": without}),
-        )
+        return labels_of_terrain(inputs, options.model_copy(update={"taken_back": without}))
 
     found = followed(labels(options.taken_back), labels((*options.taken_back, str(drawing))))
     write_parquet(out, found)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from polarsim.labels.association import dome_behind, match_boxes, number_domes
 from polarsim.labels.bodies import Dome, build_world
-from polarsim.labels.identity import dome_behind, match_boxes, number_domes
 from polarsim.photo import FIRST_UNMESHED_ROCK
 from polarsim.run_files.scene import read_terrain
 

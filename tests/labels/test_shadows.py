@@ -4,13 +4,13 @@ import pytest
 import trimesh
 
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.masks import windows_of
 from polarsim.labels.association import gather
 from polarsim.labels.bodies import build_world
+from polarsim.labels.brightness import OlatLight
 from polarsim.labels.casting import Ids, lamp, shadow_box
 from polarsim.labels.fusion import PositionRocks
-from polarsim.labels.light import OlatLight
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.parts import windows_of
 from polarsim.labels.shadows import CastShadow, PositionShadows, mean_shadow
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import read_terrain
@@ -185,7 +185,7 @@ def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     photo_of = {}
     for height in (0.3, 0.42):
         known = gather(terrain, rig, {"30": lamp_position}, {}, LabelsOptions(wall_height_m=height))
-        photo_of[height] = OlatLight(known).brightness(("A", "L", "off", "30"))
+        photo_of[height] = OlatLight(known).brightness((3, "A", "off", "30", "L"))
     known = gather(terrain, rig, {"30": lamp_position}, {}, LabelsOptions(wall_height_m=0.3))
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))

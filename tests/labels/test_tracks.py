@@ -1,6 +1,6 @@
 import numpy as np
 
-from polarsim.labels.tracks import find_tracks
+from polarsim.labels.association import find_tracks
 
 FIRST, SECOND = np.array([100.0, 100, 160, 150]), np.array([300.0, 100, 350, 140])
 

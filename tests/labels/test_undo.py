@@ -8,7 +8,7 @@ from polarsim.errors import LabelError
 from polarsim.formats.tables import read_parquet
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.labels.undo import followed, what_followed
 from polarsim.photo import PhotoKey, photo_grid
 
@@ -48,7 +48,8 @@ def inputs(scene):
 
 
 def test_what_followed_is_what_the_run_without_the_seed_lacks(scene, tmp_path):
-    found = what_followed(drawing=SEED, keys=KEYS, options=OPTIONS, out=tmp_path / "undone.parquet", **inputs(scene))
+    chosen = PropagationInputs(terrain=TERRAIN, keys=KEYS, **inputs(scene))
+    found = what_followed(drawing=SEED, inputs=chosen, options=OPTIONS, out=tmp_path / "undone.parquet")
     assert read_parquet(tmp_path / "undone.parquet").equals(found)
     assert "03_A_on_180_L_0128" in set(found["key"])  # another light of the same lamp
 
@@ -67,7 +68,12 @@ def test_what_followed_is_what_the_run_without_the_seed_lacks(scene, tmp_path):
 def test_only_what_somebody_drew_can_be_taken_back(scene, tmp_path):
     options = OPTIONS.model_copy(update={"taken_back": (str(SEED),)})
     with pytest.raises(LabelError, match="taken back already"):
-        what_followed(drawing=SEED, keys=KEYS, options=options, out=tmp_path / "a.parquet", **inputs(scene))
+        what_followed(
+            drawing=SEED,
+            inputs=PropagationInputs(terrain=TERRAIN, keys=KEYS, **inputs(scene)),
+            options=options,
+            out=tmp_path / "a.parquet",
+        )
 
 
 def test_what_is_no_photo_cannot_be_named_as_taken_back():

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from polarsim.labels.brightness import Brightness, contrast, noise_dn
+from polarsim.labels.brightness import Brightness, noise_dn
+from polarsim.labels.visibility import contrast
 
 BOX = np.array([100.0, 80, 160, 120])
 

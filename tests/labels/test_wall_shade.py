@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.labels.bodies import wall_caster
-from polarsim.labels.wall_shade import passing_heights, shading_height
+from polarsim.labels.casting import passing_heights, shading_height
 
 BOUNDS = np.array([[-2.0, -2.0], [2.0, 2.0]])
 
