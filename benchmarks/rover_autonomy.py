@@ -41,7 +41,7 @@ from polarsim.rover.planning.rank import rank_detectors
 from polarsim.rover.planning.summary import drive_case, summarise_autonomy
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas import AUTONOMY, EVERY_AUTONOMY
+from polarsim.schemas.rover import AUTONOMY, EVERY_AUTONOMY
 
 CONFIG = Path(__file__).parents[1] / "config"
 CASES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "models", "detectors"}  # say which drives, not how

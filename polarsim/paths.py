@@ -27,7 +27,7 @@ from polarsim.detect.options import PACKAGED, VIEWS, PredictionOptions, Training
 from polarsim.formats.release import cover_photos, label_files, label_folder, mesh_files, polygon_folder
 from polarsim.grid import selected_grid
 from polarsim.photo import USUAL_EXPOSURE_MS, PhotoKey, positions
-from polarsim.schemas import FINE_TUNED, RENDERED
+from polarsim.schemas.covers import FINE_TUNED, RENDERED
 
 TABLES_OF_DETECTORS = ("detection", "differences", "detection_breakdown", "false_positives", "ipd")
 

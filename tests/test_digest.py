@@ -208,7 +208,7 @@ def reached_by_text(script: Path) -> set[str]:
 
 def test_every_module_is_reached():
     """By a script or rule, by the command line, or by who imports the environment for learners."""
-    starts = {"polarsim.__main__", "polarsim.cli", "polarsim.render"}  # what people start or import
+    starts = {"polarsim.__main__", "polarsim.cli", "polarsim.render", "polarsim.schemas.__main__"}
     starts |= {"polarsim.rover.learn.environment"}
     for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parents[1] / "Snakefile"]:
         starts |= imports_by_text(path.read_text())

@@ -12,7 +12,6 @@ import pytest
 from polarsim import digest
 from polarsim.config import Config
 from polarsim.formats.obj import Mesh
-from polarsim.report import labels_table
 from polarsim.rocks.folder import write_named
 
 CHECKOUT = Path(__file__).parent.parent
@@ -95,13 +94,12 @@ def test_exposure_acts_on_a_pixel_there_and_nowhere_else():
     assert module_of(analog) in reached("generate_analog")
 
 
-def test_a_column_of_a_table_is_named_in_its_file_and_in_the_documents():
-    (table, page), names = answer("column to a table")
+def test_a_column_of_a_table_is_declared_and_filled_there():
+    (schemas, table), names = answer("column to a table")
     script = SCRIPTS / "tabulate_labels.py"
     assert any((module_of(table), name) in set(imports(script)) and calls(script, name) for name in names)
-    assert "COLUMNS" in names
-    section = re.search(r"^## `tables/labels`.*?(?=^## )", (CHECKOUT / page).read_text(), re.MULTILINE | re.DOTALL)[0]
-    assert {column for column in labels_table.COLUMNS if f"`{column}`" not in section} == set()
+    assert ("polarsim.schemas.report", "LABELS") in set(imports(CHECKOUT / table))
+    assert module_of(schemas) == "polarsim.schemas.report"
 
 
 def test_these_rules_read_truth_and_no_others():

@@ -23,7 +23,7 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import write_rig
-from polarsim.schemas import PHOTOS
+from polarsim.schemas.photos import PHOTOS
 from polarsim.sources.registry import SOURCES
 
 PHOTO_BITS = 16  # of the files; their values have 12

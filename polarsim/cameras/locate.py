@@ -34,7 +34,7 @@ from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.run_files.rigs import PITCH_SD, SURVEYED, UNSURE, LocalisedRig, read_rig, write_localised
 from polarsim.run_files.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.run_files.scans import read_scan
-from polarsim.schemas import ALIGNMENT, MATCHES
+from polarsim.schemas.stages import ALIGNMENT, MATCHES
 from polarsim.survey import half_width
 
 _NOTHING = "no scan, no labels and meshes that localise it, and no survey"

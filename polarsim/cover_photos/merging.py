@@ -15,7 +15,7 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import prediction_table
 from polarsim.formats import tables
 from polarsim.photo import BOX_CLASSES
-from polarsim.schemas import PREDICTIONS
+from polarsim.schemas.detect import PREDICTIONS
 
 _NOTHING = np.zeros((0, 6))
 

@@ -19,7 +19,7 @@ from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES
-from polarsim.schemas import COVER_SCORES, FINE_TUNED, ONE
+from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, ONE
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from polarsim.detect.split import TEST, TRAIN
 from polarsim.formats import tables
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
-from polarsim.schemas import COVER_SCORES, MEAN, MERGED, NO_SEED, ONE, PREDICTIONS
+from polarsim.schemas.covers import COVER_SCORES, MEAN, MERGED, NO_SEED, ONE
+from polarsim.schemas.detect import PREDICTIONS
 
 ALL = "all"  # terrains together
 

@@ -19,7 +19,8 @@ from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
 from polarsim.photo import BOX_CLASSES
-from polarsim.schemas import COVER_FOUND, PREDICTIONS
+from polarsim.schemas.covers import COVER_FOUND
+from polarsim.schemas.detect import PREDICTIONS
 
 Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) as detectors give them
 Truth = Sequence[tuple[np.ndarray, np.ndarray]]  # classes (n,) and boxes (n, 4) of every photo

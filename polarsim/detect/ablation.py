@@ -21,15 +21,11 @@ from polarsim.detect.predict import PREDICTION_COLUMNS
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError
 from polarsim.formats import tables
-from polarsim.formats.gap_ablation import FIGURE_COLUMNS
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.progress import track
+from polarsim.schemas.detect import ABLATION
 
-ABLATION_COLUMNS = (
-    "component", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images", "units", "unit",
-    "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "false_positives_photo", "false_positive_area_photo",
-    *FIGURE_COLUMNS,
-)  # fmt: skip
+ABLATION_COLUMNS = ABLATION.without("split", "seed")
 _DIGITS = 6
 
 

@@ -12,7 +12,7 @@ from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import values_by
 from polarsim.photo import BOX_CLASSES, PhotoKey
-from polarsim.schemas import CURVES
+from polarsim.schemas.detect import BREAKDOWN, CURVES
 
 ALL = "all"
 SIZES = {"small": (0.0, 32.0**2), "medium": (32.0**2, 96.0**2), "large": (96.0**2, np.inf)}  # COCO's, px^2 of the box
@@ -23,8 +23,7 @@ PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "terrain": lambda key: f"{key.terrain:02d}",
 }
 MEASURES = ("map50", "map50_95", "iou_mean")
-FIGURE_COLUMNS = tuple(f"{name}{bound}" for name in MEASURES for bound in ("", "_low", "_high"))
-BREAKDOWN_COLUMNS = ("by", "group", "kind", "images", "units", "labels", *FIGURE_COLUMNS)
+BREAKDOWN_COLUMNS = BREAKDOWN.without("split", "seed", "trained", "evaluated")
 CURVE_IOUS = (0.5, 0.75)
 CURVE_COLUMNS = CURVES.columns[2:]  # of one detector in one domain
 GROUP_RESAMPLES = 200  # bootstrap samples of groups of photos and size classes, of which there are many

@@ -18,8 +18,9 @@ from polarsim.formats import tables
 from polarsim.formats.files import read_json, share_file, write_json, write_text, writing_folder
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
+from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
-PICTURE_COLUMNS = ("key", "part")
+PICTURE_COLUMNS = PARTS_TABLE.columns
 KINDS = (("images", ".png"), ("labels", ".txt"))  # YOLO's folders, and how the names of their files end
 MASKS = "masks"  # the folder beside them, of pictures whose masks are known
 log = logging.getLogger("polarsim")

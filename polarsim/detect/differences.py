@@ -13,13 +13,12 @@ import pandas as pd
 
 from polarsim.detect.domain_evaluation import DomainEvaluation, change, ipd_change
 from polarsim.photo import BOX_CLASSES
+from polarsim.schemas.detect import DIFFERENCES
 
 SIDES = ("trained", "evaluated")
 OTHER_SIDES = ("other_trained", "other_evaluated")
-VALUES = ("value", "other_value", "difference", "difference_low", "difference_high")
-DIFFERENCE_COLUMNS = (
-    "metric", "kind", "against", *SIDES, *OTHER_SIDES, *VALUES, "pairs", "images", "units", "unit",
-)  # fmt: skip
+_VALUES = ("value", "other_value", "difference", "difference_low", "difference_high")
+DIFFERENCE_COLUMNS = DIFFERENCES.without("split", "seed")
 
 
 def paired_differences(seen: Mapping[tuple[str, str], DomainEvaluation]) -> pd.DataFrame:
@@ -79,4 +78,4 @@ def _row(
     ends = ("", "_twin", "_change", "_change_low", "_change_high")
     values = [changed[f"{metric}{end}"] for end in ends]
     sides = dict(zip((*SIDES, *OTHER_SIDES), (*one, *other), strict=True))
-    return {"metric": metric, "kind": kind, "against": against, **sides, **dict(zip(VALUES, values, strict=True))}
+    return {"metric": metric, "kind": kind, "against": against, **sides, **dict(zip(_VALUES, values, strict=True))}

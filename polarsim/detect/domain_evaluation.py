@@ -14,7 +14,7 @@ from polarsim.detect.breakdown import rank_by_kind
 from polarsim.detect.false_positives import false_positives_of_photos
 from polarsim.detect.ipd import Rules, instance_performance, pair
 from polarsim.detect.options import ComparisonOptions
-from polarsim.formats.gap_ablation import ENDS
+from polarsim.schemas.detect import CHANGE_ENDS
 
 _AT_HALF = np.array([0.5])
 _CELL = ["key", "kind", "rock"]
@@ -104,7 +104,7 @@ def change(name: str, twin: np.ndarray, replaced: np.ndarray, units: int) -> dic
     """Both figures, their difference and its interval, from values (1 + resamples,) under the same draws."""
     low, high = bootstrap.interval(replaced[1:] - twin[1:], units)
     values = (float(twin[0]), float(replaced[0]), float(replaced[0] - twin[0]), low, high)
-    return dict(zip((f"{name}{end}" for end in ENDS), values, strict=True))
+    return dict(zip((f"{name}{end}" for end in CHANGE_ENDS), values, strict=True))
 
 
 def _means(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:

@@ -13,7 +13,6 @@ import pandas as pd
 from polarsim.detect.breakdown import (
     ALL,
     BREAKDOWN_COLUMNS,
-    FIGURE_COLUMNS,
     breakdown,
     curves,
     match_predictions,
@@ -39,18 +38,12 @@ from polarsim.formats import tables
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
-from polarsim.schemas import CURVES, INSTANCES
+from polarsim.schemas.detect import CURVES, DETECTION, INSTANCES, IPD
 
 SIDES = ("trained", "evaluated")
 PAIR = ("trained", "first", "second")
-DETECTION_COLUMNS = (
-    *SIDES, "kind", "split", "leaks_views", "detector", "start", "epochs", "imgsz",
-    "images", "left_out", "units", "unit", "labels", *FIGURE_COLUMNS,
-)  # fmt: skip
-IPD_COLUMNS = (
-    *PAIR, "kind", "pairs", "units", "unit", "undetected", "unpaired", "confidence",
-    "ipd", "ipd_abs", "ipd_low", "ipd_high", "ipd_abs_low", "ipd_abs_high",
-)  # fmt: skip
+DETECTION_COLUMNS = DETECTION.without("seed")
+IPD_COLUMNS = IPD.without("split", "seed")
 _DIGITS = 6
 
 

@@ -16,15 +16,13 @@ from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import values_by
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.schemas.detect import FALSE_POSITIVES
 
 TERRAIN, TILES = REGIONS = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
 OVERLAP = 0.1  # minimum share of the smaller of two boxes that a predicted rock on a rock label covers
 RATES = ("per_photo", "area_share")
-FALSE_POSITIVE_COLUMNS = (
-    "region", "terrains", "images", "units", "photo_areas", "false_positives",
-    *(f"{name}{bound}" for name in RATES for bound in ("", "_low", "_high")),
-)  # fmt: skip
+FALSE_POSITIVE_COLUMNS = FALSE_POSITIVES.without("split", "seed", "trained", "evaluated")
 
 
 def false_positives(

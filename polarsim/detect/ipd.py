@@ -19,10 +19,10 @@ from polarsim.detect.grouping import rows_by, values_by
 from polarsim.errors import DetectError
 from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey
-from polarsim.schemas import INSTANCES
+from polarsim.schemas.detect import INSTANCES, IPD_ROCKS
 
 INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # of one detector in one domain
-ROCK_COLUMNS = ("terrain", "rock", "kind", "photos", "iou_first", "iou_second", "difference")
+ROCK_COLUMNS = IPD_ROCKS.without("split", "seed", "trained", "first", "second")
 Treatment = Literal["zero", "left_out"]
 
 

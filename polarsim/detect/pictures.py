@@ -20,10 +20,11 @@ from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.run_files import class_masks, instances
+from polarsim.schemas.detect import PICTURES
 
 BOX_COLUMNS = ("x0", "y0", "x1", "y1")
 USED, MISSING, DARK, CORRUPT = STATES = ("used", "missing", "dark", "corrupt")
-STATE_COLUMNS = ("key", "state", "camera", "terrains")
+STATE_COLUMNS = PICTURES.columns
 VIEW_COLUMNS = ("name", "scene", "camera", "exposure_ms")
 Labels = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 log = logging.getLogger("polarsim")

@@ -21,7 +21,7 @@ from polarsim.errors import DetectError, about
 from polarsim.formats.table_parts import digest, write_in_parts
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
-from polarsim.schemas import PREDICTIONS
+from polarsim.schemas.detect import PREDICTIONS
 
 PREDICTION_COLUMNS = PREDICTIONS.columns
 BATCH = 8

@@ -14,9 +14,10 @@ from polarsim.formats import tables
 from polarsim.formats.files import write_json
 from polarsim.photo import CameraSide, PhotoKey
 from polarsim.randomness import generator
+from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
 TRAIN, VAL, TEST = PARTS = ("train", "val", "test")
-SPLIT_COLUMNS = ("key", "part")
+SPLIT_COLUMNS = PARTS_TABLE.columns
 PHOTO, TERRAIN = "photo", "terrain"
 
 

@@ -14,7 +14,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import text_of, writing
 from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
-from polarsim.schemas import LABELS, PHOTOS
+from polarsim.schemas.photos import LABELS, PHOTOS
 
 MOST_CELLS = 1 << 27  # of a table in memory: a gigabyte; packed they may take a few bytes
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns

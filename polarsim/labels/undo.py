@@ -14,8 +14,9 @@ from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PropagationInputs, labels_of_terrain
 from polarsim.photo import PhotoKey
+from polarsim.schemas.photos import UNDONE
 
-COLUMNS = ("key", "kind", "rock", "change", "moved_px")  # of `followed`
+COLUMNS = UNDONE.columns
 LEAST_MOVE_PX = 0.5  # of an edge: less is no change
 
 Labels = Mapping[PhotoKey, Sequence[Label]]

@@ -9,7 +9,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks, write_table
-from polarsim.schemas import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK
+from polarsim.schemas.rover import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK
 
 CAPTION = (
     "Drives in which the rover finds its own way, means over seeds: by labels (truth), a detector, stereo depth, both, "

@@ -10,7 +10,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import with_interval
-from polarsim.schemas import COVER_SCORES, FINE_TUNED, MEAN, MERGED, ONE, RENDERED
+from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, MEAN, MERGED, ONE, RENDERED
 
 CAPTION = "Detectors trained on strewn scenes, on real cover photos of terrains left out. Each cell: value [95 %]."
 NOTES = (

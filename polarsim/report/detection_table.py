@@ -12,13 +12,11 @@ from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.report.seeds import SEED, over_seeds, seed_notes
+from polarsim.schemas import detect
+from polarsim.schemas.report import DETECTION
 
 MEASURES = ("map50", "map50_95", "iou_mean")
 INTERVALS = tuple(f"{name}_{bound}" for name in MEASURES for bound in ("low", "high"))
-COLUMNS = (
-    "trained", "evaluated", "kind", "split", "seed", "leaks_views", "detector", "start", "epochs", "imgsz",
-    "images", "left_out", "labels", *MEASURES, "unit", "units", *INTERVALS,
-)  # fmt: skip
 KINDS = (ROCK, "shadow", "all")
 CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: trained on, E: evaluated on)."
 INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
@@ -32,7 +30,9 @@ def tabulate_detection(
     Pictures that are darker than `min_mean_dn` (mean above black, DN) were left out; 0: none was. `others` is the same
     of detectors of further models, whose rows come after.
     """
-    found = pd.concat([read_parquet(path, COLUMNS) for path in (detection, others) if path], ignore_index=True)
+    found = pd.concat(
+        [read_parquet(path, detect.DETECTION.columns) for path in (detection, others) if path], ignore_index=True
+    )
     table = tidy_detection(found, origin["source"])
     notes = [*paper.analog_notes(table, ("trained", "evaluated")), *detector_notes(table)]
     if min_mean_dn:
@@ -53,7 +53,11 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
 
     The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
     """
-    table = paper.with_own_names(detection[list(COLUMNS)], ("trained", "evaluated"), source)
+    table = paper.with_own_names(
+        detection[[name for name in DETECTION.columns if not name.startswith("paper_")]],
+        ("trained", "evaluated"),
+        source,
+    )
     cells = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
     found = [
         paper.DETECTION.get((trained, evaluated)) if kind == ROCK and paper.is_comparable(source) else None
@@ -149,5 +153,5 @@ def notes_below(
     domains
         Columns that name domains: where one is the analog, that is said first.
     """
-    detectors = [] if detection is None else detector_notes(read_parquet(detection, COLUMNS))
+    detectors = [] if detection is None else detector_notes(read_parquet(detection, detect.DETECTION.columns))
     return [*paper.analog_notes(table, domains), *own, *seed_notes(table), *detectors, origin_note(origin)]

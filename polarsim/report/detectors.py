@@ -14,11 +14,8 @@ from polarsim.report.ipd_rocks_table import tabulate_ipd_rocks
 from polarsim.report.ipd_table import tabulate_ipd
 from polarsim.report.layout import MISSING, with_origin, write_blocks, write_table
 from polarsim.report.seeds import SEED, by_splits, over_seeds, shown
+from polarsim.schemas.detect import BREAKDOWN, DIFFERENCES, FALSE_POSITIVES
 
-FALSE_POSITIVE_COLUMNS = (
-    "trained", "evaluated", "region", "terrains", "images", "units", "photo_areas", "false_positives",
-    "per_photo", "per_photo_low", "per_photo_high", "area_share", "area_share_low", "area_share_high",
-)  # fmt: skip
 FALSE_POSITIVE_CAPTION = (
     "False positives: rocks seen where no rock is labelled, lower is better (T: trained on, E: evaluated on)."
 )
@@ -28,11 +25,6 @@ FALSE_POSITIVE_NOTES = (
     "Rock-free tiles: of 8 x 4 tiles of each photo those that no rock label reaches into; rates are per whole photo's "
     "area. Rocks that nobody labelled count as false. In brackets 95 % intervals, bootstrapped.",
 )
-BREAKDOWN_COLUMNS = (
-    "trained", "evaluated", "by", "group", "kind", "images", "units", "labels",
-    "map50", "map50_low", "map50_high", "map50_95", "map50_95_low", "map50_95_high",
-    "iou_mean", "iou_mean_low", "iou_mean_high",
-)  # fmt: skip
 BREAKDOWN_CAPTIONS = {
     "all": "Detection in all photos: mAP@0.5 [95 %], higher is better (T: trained on, E: evaluated on).",
     "size": "Detection by size of the label's box: mAP@0.5 [95 %].",
@@ -50,10 +42,6 @@ BREAKDOWN_NOTES = (
     "single one.",
 )
 DOMAINS = ("trained", "evaluated", "other_trained", "other_evaluated")
-DIFFERENCE_COLUMNS = (
-    "split", "seed", "metric", "kind", "against", *DOMAINS, "value", "other_value", "difference", "difference_low",
-    "difference_high", "units", "unit",
-)  # fmt: skip
 METRIC_TITLES = {"map50": "mAP@0.5", "ipd": "IPD"}
 DIFFERENCE_CAPTION = "Paired differences: each of the first minus the second, with its own 95 % interval."
 DIFFERENCE_NOTE = (
@@ -103,7 +91,7 @@ def tabulate_false_positives(
     *, false_positives: Path, stem: Path, origin: dict[str, str], detection: Path | None = None
 ) -> None:
     """Write tables/false_positives.{csv,md,tex,parquet} from detect/false_positives.parquet."""
-    table = read_parquet(false_positives, FALSE_POSITIVE_COLUMNS)
+    table = read_parquet(false_positives, FALSE_POSITIVES.columns)
     table = paper.with_own_names(table, ("trained", "evaluated"), origin["source"])
     table = paper.sorted_rows(
         table, table["region"], *(table[name].map(paper.rank) for name in ("trained", "evaluated"))
@@ -136,7 +124,7 @@ def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
 
 def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
     """Write tables/detection_breakdown.{csv,md,tex,parquet} from detect/breakdown.parquet."""
-    table = tidy_breakdown(read_parquet(breakdown, BREAKDOWN_COLUMNS), origin["source"])
+    table = tidy_breakdown(read_parquet(breakdown, BREAKDOWN.columns), origin["source"])
     notes = notes_below(table, BREAKDOWN_NOTES, detection, origin)
     blocks = {BREAKDOWN_CAPTIONS[str(by)]: format_breakdown(part) for by, part in table.groupby("by", sort=False)}
     write_blocks(stem, with_origin(table, origin), blocks or {BREAKDOWN_CAPTIONS["all"]: table}, notes)
@@ -168,7 +156,7 @@ def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
 
 def tabulate_differences(*, differences: Path, detection: Path, stem: Path, origin: dict[str, str]) -> None:
     """Write tables/differences.{csv,md,tex,parquet} from detect/differences.parquet."""
-    table = tidy_differences(read_parquet(differences, DIFFERENCE_COLUMNS), origin["source"])
+    table = tidy_differences(read_parquet(differences, DIFFERENCES.columns), origin["source"])
     resampled = [f"Resampled: {unit}s." for unit in sorted(set(table["unit"].astype(str)))]
     notes = notes_below(table, [DIFFERENCE_NOTE, *resampled], detection, origin, domains=())
     shown_table = format_differences(table)

@@ -7,19 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.gap_ablation import FIGURE_COLUMNS
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
 from polarsim.report.seeds import by_splits, over_seeds, seed_notes
+from polarsim.schemas.detect import ABLATION
+from polarsim.schemas.report import GAP
 
-COLUMNS = (
-    "split", "seed", "component", "replaced", "model", "trained", "kind", "detector", "epochs", "imgsz", "images",
-    "units", "unit", "pairs", "iou_photo", "iou_twin", "iou", "map50_photo", "false_positives_photo",
-    "false_positive_area_photo",
-    *FIGURE_COLUMNS,
-)  # fmt: skip
 CAPTION = (
     "Ablation, {kind}s: one component of the {model} twin is replaced at a time (T: detector trained on). "
     "Changes are against the twin as it was, with 95 % intervals; below zero in IPD the gap closes."
@@ -36,7 +31,7 @@ NOTES = (
 
 def tabulate_gap(*, ablation: Path, stem: Path, origin: dict[str, str]) -> None:
     """Write tables/gap.{csv,md,tex,parquet} from gap/ablation.parquet."""
-    table = tidy_gap(read_parquet(ablation, COLUMNS), origin["source"])
+    table = tidy_gap(read_parquet(ablation, ABLATION.columns), origin["source"])
     model = paper.title(str(table["model"].iloc[0]))
     blocks = {
         CAPTION.format(kind=kind, model=model): format_gap(rows) for kind, rows in table.groupby("kind", sort=False)
@@ -49,7 +44,7 @@ def tabulate_gap(*, ablation: Path, stem: Path, origin: dict[str, str]) -> None:
 
 def tidy_gap(ablation: pd.DataFrame, source: str) -> pd.DataFrame:
     """Rows of rocks first, by split; components by their mean change of the rocks' ipd over detectors and seeds."""
-    table = paper.with_own_names(ablation[list(COLUMNS)], ("trained",), source)
+    table = paper.with_own_names(ablation[list(GAP.columns)], ("trained",), source)
     rocks = table[table["kind"] == ROCK]
     effect = rocks.groupby(["split", "component"])["ipd_change"].mean()
     own = np.array([effect.get(key, 0.0) for key in zip(table["split"], table["component"], strict=True)])

@@ -12,16 +12,16 @@ from polarsim.report import paper
 from polarsim.report.detection_table import notes_below
 from polarsim.report.layout import with_origin, write_table
 from polarsim.report.seeds import SEED
+from polarsim.schemas.detect import IPD_ROCKS
 
 DOMAINS = ("trained", "first", "second")
-COLUMNS = (*DOMAINS, "terrain", "rock", "kind", "photos", "iou_first", "iou_second", "difference")
 CAPTION = "Rocks whose mean IoU differs most between two domains (T: trained on)."
 SHOWN = 5  # rocks of each detector and pair of domains
 
 
 def tabulate_ipd_rocks(*, rocks: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
     """Write tables/ipd_rocks.{csv,md,tex,parquet} from detect/rocks.parquet."""
-    table = tidy_ipd_rocks(read_parquet(rocks, COLUMNS), origin["source"])
+    table = tidy_ipd_rocks(read_parquet(rocks, IPD_ROCKS.columns), origin["source"])
     own = [f"CSV and Parquet have every rock and shadow; here are {SHOWN} rocks of each pair."]
     notes = notes_below(table.drop(columns=SEED, errors="ignore"), own, detection, origin, DOMAINS)
     write_table(stem, with_origin(table, origin), CAPTION, layout=format_ipd_rocks(table), notes=notes)

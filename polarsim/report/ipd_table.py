@@ -13,12 +13,9 @@ from polarsim.report import paper
 from polarsim.report.detection_table import KINDS, notes_below
 from polarsim.report.layout import MISSING, with_origin, write_table
 from polarsim.report.seeds import shown
+from polarsim.schemas import detect
+from polarsim.schemas.report import IPD
 
-RULES = ("units", "unit", "undetected", "unpaired", "confidence")  # by which rocks were paired
-COLUMNS = (
-    "split", "seed", "trained", "first", "second", "kind", "pairs", "ipd", "ipd_abs", "ipd_low", "ipd_high",
-    "ipd_abs_low", "ipd_abs_high", *RULES,
-)  # fmt: skip
 CAPTION = "Instance performance difference, lower is better (T: trained on). Each cell: ipd [95 %] / ipd_abs [95 %]."
 FORMULA_NOTE = (
     "ipd is the absolute value of the mean difference of the rocks' IoU, as the paper's table computes it; ipd_abs is "
@@ -28,7 +25,7 @@ FORMULA_NOTE = (
 
 def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
     """Write tables/ipd.{csv,md,tex,parquet} from detect/ipd.parquet."""
-    table = tidy_ipd(read_parquet(ipd, COLUMNS), origin["source"])
+    table = tidy_ipd(read_parquet(ipd, detect.IPD.columns), origin["source"])
     own, domains = [FORMULA_NOTE, *_rule_notes(table)], ("trained", "first", "second")
     notes = notes_below(table, own, detection, origin, domains)
     write_table(stem, with_origin(table, origin), CAPTION, layout=format_ipd(table), notes=notes)
@@ -37,14 +34,14 @@ def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Pa
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     """A row for every kind, detector and pair of domains in the paper's order; `paper_ipd` where it has one."""
     rows = []
-    for entry in ipd[list(COLUMNS)].to_dict("records"):
+    for entry in ipd[list(detect.IPD.columns)].to_dict("records"):
         trained, *pair = (paper.own_name(str(entry[name]), source) for name in ("trained", "first", "second"))
         first, second = paper.ordered_pair(*pair)
         known = entry["kind"] == ROCK and paper.is_comparable(source)
         figure = paper.IPD.get((trained, (first, second))) if known else None
         rows.append({**entry, "trained": trained, "first": first, "second": second, "paper_ipd": figure})
     rows.sort(key=_order)
-    table = pd.DataFrame(rows, columns=[*COLUMNS, "paper_ipd"])
+    table = pd.DataFrame(rows, columns=list(IPD.columns))
     return table.astype({"paper_ipd": "float64", "trained": "str", "first": "str", "second": "str"})
 
 

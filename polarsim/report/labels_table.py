@@ -11,15 +11,13 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import AZIMUTHS, BOX_CLASSES
 from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks, write_table
-from polarsim.schemas import LABEL_PAIRS
+from polarsim.schemas.evaluation import LABEL_PAIRS
+from polarsim.schemas.report import LABELS
 from polarsim.scoring.labels import ALL, ANNOTATED, TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 from polarsim.scoring.reliability import reliability_table
 
-COLUMNS = {
-    "kind": "str", "task": "str", "group": "str", "value": "str", "truth_boxes": "int64", "label_boxes": "int64",
-    "precision": "float64", "recall": "float64", "f1": "float64", "miou": "float64", "confidence": "float64",
-}  # fmt: skip
+COLUMNS = {name: LABELS.dtypes[name] for name in LABELS.without("seeds")}
 KINDS = (*BOX_CLASSES, ANNOTATED)
 GROUPS = ("all", "terrain", "position", "azimuth", "size")
 SIZE_EDGES_PX = (25, 35, 50, 80, 120)

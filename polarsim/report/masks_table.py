@@ -10,7 +10,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import with_interval
 from polarsim.run_files.class_masks import CLASSES
-from polarsim.schemas import MASK_SCORES
+from polarsim.schemas.covers import MASK_SCORES
 
 CAPTION = "Masks of real cover photos of terrains left out, against people's polygons: IoU. Each cell: value [95 %]."
 NOTES = (

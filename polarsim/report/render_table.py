@@ -10,14 +10,12 @@ import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks
-from polarsim.schemas import TWIN_PAIRS
+from polarsim.schemas.evaluation import TWIN_PAIRS
+from polarsim.schemas.report import RENDER
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 from polarsim.scoring.metrics import TRUTH_NAMES
 
-COLUMNS = {
-    "subject": "str", "group": "str", "value": "str", "n": "int64", "log2_twin_over_photo": "float64",
-    "log2_difference": "float64", "ssim": "float64", "f1": "float64", "miou": "float64",
-}  # fmt: skip
+COLUMNS = RENDER.dtypes
 GROUPS = ("all", "terrain", "position", "azimuth", "light", "camera")
 LIKENESS = ("log2_twin_over_photo", "log2_difference", "ssim")
 BOXES = ("f1", "miou")

@@ -9,7 +9,8 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.schemas import DRIVES, EVERY_DRIVE, ONBOARD, SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
+from polarsim.schemas.rover import DRIVES, EVERY_DRIVE, ONBOARD
+from polarsim.schemas.soil import SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
 
 DRIVES_CAPTION = (
     "Drives, means over seeds, of each wheel and of all. Slip, sinkage and torque are means over time while the rover "

@@ -14,22 +14,13 @@ from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import CAMERAS
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
+from polarsim.schemas import report
+from polarsim.schemas.table import Table
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 
 CAMERA_METRICS = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg", "median_off_before_px", "median_off_px")
 CAMERA_ERRORS = {"position_error_aligned": "error_mm", "angle_error_aligned": "error_deg"}
 REPROJECTIONS = ("reprojection", "rock_reprojection")
-CAMERA_COLUMNS = {
-    "terrain": "int64", "position": "str", "method": "str", "x_m": "float64", "y_m": "float64", "z_m": "float64",
-    "yaw_deg": "float64", "pitch_deg": "float64", "roll_deg": "float64",
-    **dict.fromkeys((*CAMERA_METRICS, *CAMERA_ERRORS.values()), "float64"),
-    **{f"{name}_{camera}_px": "float64" for name in REPROJECTIONS for camera in "lr"},
-}  # fmt: skip
-ALIGNMENT_COLUMNS = {
-    "terrain": "int64", "evidence": "str", "between": "str", "points": "float64", "fitness": "float64",
-    "rmse_mm": "float64", "agreement": "float64", "matched": "float64", "mean_iou": "float64",
-    "median_dx_px": "float64", "median_dy_px": "float64",
-}  # fmt: skip
 ALIGNMENT_FILE = "alignment.csv"  # of the cameras stage
 LABEL_METRICS = ("matched", "mean_iou", "median_dx_px", "median_dy_px")
 
@@ -63,9 +54,9 @@ def tabulate_cameras(
     rows = [
         _camera_row(terrain, *item, metrics) for terrain, rigs in localised.items() for item in sorted(rigs.items())
     ]
-    _write(table, rows, CAMERA_COLUMNS, CAMERA_CAPTION, origin)
+    _write(table, rows, report.CAMERAS, CAMERA_CAPTION, origin)
     rows = [row for terrain, folder in sorted(cameras.items()) for row in _alignment_rows(terrain, folder)]
-    _write(alignment, rows, ALIGNMENT_COLUMNS, ALIGNMENT_CAPTION, origin)
+    _write(alignment, rows, report.ALIGNMENT, ALIGNMENT_CAPTION, origin)
 
 
 def tabulate_rocks(
@@ -126,10 +117,8 @@ def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
     ]
 
 
-def _write(
-    stem: Path, rows: list[dict[str, Any]], columns: Mapping[str, str], caption: str, origin: Mapping[str, str]
-) -> None:
-    _write_frame(stem, pd.DataFrame(rows, columns=list(columns)).astype(dict(columns)), caption, origin)
+def _write(stem: Path, rows: list[dict[str, Any]], schema: Table, caption: str, origin: Mapping[str, str]) -> None:
+    _write_frame(stem, pd.DataFrame(rows, columns=list(schema.columns)).astype(schema.dtypes), caption, origin)
 
 
 def _write_frame(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str]) -> None:

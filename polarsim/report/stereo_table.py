@@ -10,10 +10,10 @@ from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
 from polarsim.report.layout import origin_note, with_origin, write_blocks
 from polarsim.report.seeds import with_interval
+from polarsim.schemas.detect import STEREO_IPD
+from polarsim.schemas.report import STEREO
 
 MEASURES = ("valid_share", "median_abs_error_mm", "bad_share", "bad_relative_share")
-COLUMNS = ("domain", "terrain", "pairs", *MEASURES, "rocks", "performance")
-IPD_COLUMNS = ("first", "second", "pairs", "ipd", "ipd_abs", "ipd_low", "ipd_high", "ipd_abs_low", "ipd_abs_high")
 ALL = "all"
 CAPTION = "Stereo depth (semi-global matching) against the depth of the meshes, means over pairs of pictures."
 IPD_CAPTION = "Instance performance difference of stereo depth between domains. Each cell: value [95 %]."
@@ -33,7 +33,7 @@ def tabulate_stereo(
         f"A rock's performance is the share of its pixels with a depth within {bad_mm:g} mm.",
         origin_note(origin),
     ]
-    differences = format_ipd(read_parquet(ipd, IPD_COLUMNS), origin["source"])
+    differences = format_ipd(read_parquet(ipd, STEREO_IPD.columns), origin["source"])
     write_blocks(stem, with_origin(table, origin), {CAPTION: _shown(table), IPD_CAPTION: differences}, notes)
 
 
@@ -52,7 +52,7 @@ def tidy_stereo(pairs: pd.DataFrame, rocks: pd.DataFrame, source: str) -> pd.Dat
             figures = {measure: float(part[measure].mean()) for measure in MEASURES}
             row = {"domain": paper.own_name(domain, source), "terrain": name, "pairs": len(part)}
             rows.append(row | figures | {"rocks": len(seen), "performance": seen["performance"].mean()})
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(STEREO.columns))
 
 
 def format_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:

@@ -18,6 +18,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.solids import decimated, islands, thinned, volume
 from polarsim.run_files.scene import MESH_TABLE
+from polarsim.schemas.stages import MESHES
 
 MOST_SHOWN = 250_000  # vertices of the ground in the file for viewers
 DECIMATED_SHARE = 0.05  # of the vertices that decimated copies keep, as the release's do
@@ -110,7 +111,7 @@ def write_named(folder: Path, named: Mapping[str, Mesh], made_from: Mapping[str,
     for name, mesh in named.items():
         obj.write(folder / name, mesh, Path(name).stem)
     rows = [{**figures(name, mesh), "made_from": made_from[name]} for name, mesh in named.items()]
-    tables.write_csv(folder / MESH_TABLE, pd.DataFrame(rows))
+    tables.write_csv(folder / MESH_TABLE, pd.DataFrame(rows, columns=list(MESHES.columns)))
 
 
 def figures(name: str, mesh: Mesh) -> dict[str, object]:

@@ -28,14 +28,11 @@ from polarsim.rocks.surfaces import closed_rock
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import PUBLISHED
+from polarsim.schemas.stages import DEFECTS
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 FILE = "defects.csv"
-COLUMNS = (
-    "rock", "vertices", "faces", "unused_vertices", "doubled_vertices", "islands", "small_component_faces",
-    "watertight", "holes", "rim_m", "skirt_share",
-)  # fmt: skip
 SKIRT = 0.004  # metres above the plane through a rock's rim: what lies lower is sand that was cut out with the rock
 SKIRT_SHARE = 0.35  # of a rock's height: flat rocks are no skirts
 RIM_SCALE = 0.003  # metres: rim points further off their plane count less
@@ -43,7 +40,9 @@ RIM_SCALE = 0.003  # metres: rim points further off their plane count less
 
 def defect_table(published: Mapping[int, Mesh]) -> pd.DataFrame:
     """A row a rock as it was published, see `docs/formats.md`."""
-    return pd.DataFrame([{"rock": rock, **defects(mesh)} for rock, mesh in published.items()], columns=list(COLUMNS))
+    return pd.DataFrame(
+        [{"rock": rock, **defects(mesh)} for rock, mesh in published.items()], columns=list(DEFECTS.columns)
+    )
 
 
 def defects(mesh: Mesh) -> dict[str, object]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from polarsim.rocks.overrides import Cuboid
-from polarsim.schemas import ROCKS
+from polarsim.schemas.stages import ROCKS
 
 
 def row(

@@ -9,10 +9,11 @@ import numpy as np
 from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.readers import reader
+from polarsim.schemas.stages import TRANSLATIONS
 
 FILE = "rock_translations.csv"
 TRANSLATION_COLUMNS = ("dx_mm", "dy_mm", "dz_mm")
-COLUMNS = ("rock", *TRANSLATION_COLUMNS, "sd_mm", "boxes", "iou_before", "iou_after")
+COLUMNS = TRANSLATIONS.columns
 
 
 @reader("rock shifts")

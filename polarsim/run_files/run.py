@@ -15,7 +15,7 @@ from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_csv, read_p
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.photo import TERRAINS, PhotoKey
 from polarsim.run_files.pictures import pictures_at
-from polarsim.schemas import PREDICTIONS
+from polarsim.schemas.detect import PREDICTIONS
 
 PHOTO = "photo"  # the domain of photos; all others are models of twins
 TRACE = "trace.parquet"  # in the folder of each drive

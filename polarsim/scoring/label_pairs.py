@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import LABEL_COLUMNS, key_columns
 from polarsim.geometry.boxes import area, iou, match, match_sum
 from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, PhotoKey
-from polarsim.schemas import LABEL_PAIRS
+from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.metrics import Against
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Labels

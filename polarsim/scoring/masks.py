@@ -17,7 +17,7 @@ from polarsim.geometry.polygons import paint
 from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
 from polarsim.run_files import class_masks
-from polarsim.schemas import MASK_SCORES
+from polarsim.schemas.covers import MASK_SCORES
 from polarsim.scoring.outlines import Polygons, read_polygon_files
 
 ALL = "all"  # photos together

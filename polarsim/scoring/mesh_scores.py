@@ -13,15 +13,11 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import TerrainMesh, made_from
+from polarsim.schemas.evaluation import MESH_SCORES
 from polarsim.scoring.surface import Surface, islands
 from polarsim.scoring.true_surface import Samples
 
-COLUMNS = {
-    "mesh": "str", "rock": "int64", "made_from": "str", "vertices": "int64", "faces": "int64", "watertight": "bool",
-    "islands": "int64", "edge_mm": "float64", "contact_share": "float64", "copy_vertex_share": "float64",
-    "copy_watertight": "float64", "copy_hausdorff_mm": "float64", "true_rock": "float64", "true_size_m": "float64",
-    "surface_median_mm": "float64", "surface_p90_mm": "float64", "f_score_5mm": "float64", "surface_iou": "float64",
-}  # fmt: skip
+COLUMNS = MESH_SCORES.dtypes
 SECTORS = 72  # about a rock, in each of which it must reach the ground
 CONTACT = 0.002  # metres: a wider gap between a rock and its ground shows
 F_DISTANCE = 0.005  # metres within which two surfaces are the same

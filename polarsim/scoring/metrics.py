@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import write_csv
+from polarsim.schemas.evaluation import EVALUATION
 
-COLUMNS = ("stage", "terrain", "subject", "metric", "value", "unit", "n", "against")
+COLUMNS = EVALUATION.columns
 STAGES = ("cameras", "rocks", "consistency", "labels", "render", "materials")
 
 BOX_METRICS = ("precision", "recall", "f1", "miou")  # of every box score, in this order

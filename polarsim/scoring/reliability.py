@@ -12,12 +12,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.photo import BOX_CLASSES
+from polarsim.schemas.report import RELIABILITY
 from polarsim.scoring.label_pairs import EDGES
 
-COLUMNS = {  # `source` is the run's in every table
-    "kind": "str", "label_source": "str", "labels": "float64", "low": "float64", "high": "float64",
-    "confidence": "float64", "right": "float64", "right_low": "float64", "right_high": "float64", "brier": "float64",
-}  # fmt: skip
+COLUMNS = {name: RELIABILITY.dtypes[name] for name in RELIABILITY.without("seeds")}
 ANY_SOURCE = "all"
 BINS = 10  # of equal numbers of labels
 FEWEST = 30  # labels in a bin: fewer bins where there are few labels

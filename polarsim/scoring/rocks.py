@@ -13,7 +13,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
-from polarsim.schemas import OFFSETS
+from polarsim.schemas.evaluation import OFFSETS
 from polarsim.scoring.cameras import projection_errors, true_points
 from polarsim.scoring.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
 from polarsim.scoring.metrics import Metric, summary, write_metrics

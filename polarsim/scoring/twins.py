@@ -15,7 +15,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import key_columns, write_parquet
 from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.run_files.pictures import pictures_at
-from polarsim.schemas import TWIN_PAIRS
+from polarsim.schemas.evaluation import TWIN_PAIRS
 from polarsim.scoring.labels import ALL, against, read_folder, read_truth, score_tasks
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.options import ScoringOptions

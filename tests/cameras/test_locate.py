@@ -16,7 +16,7 @@ from polarsim.geometry.poses import angle_between, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import SURVEYED, UNSURE, read_all_localised, write_rig
-from polarsim.schemas import ALIGNMENT, MATCHES
+from polarsim.schemas.stages import ALIGNMENT, MATCHES
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -12,7 +12,8 @@ from polarsim.photo import PhotoKey
 from polarsim.report.covers_table import tabulate_covers
 from polarsim.report.figures.covers import best_confidence, draw_covers
 from polarsim.report.figures.scenes import draw_scenes
-from polarsim.schemas import COVER_SCORES, PREDICTIONS
+from polarsim.schemas.covers import COVER_SCORES
+from polarsim.schemas.detect import PREDICTIONS
 
 ORIGIN = {"run": "covers", "source": "release", "config": "1a2b"}
 

@@ -15,7 +15,8 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
-from polarsim.schemas import COVER_FOUND, COVER_SCORES, PREDICTIONS
+from polarsim.schemas.covers import COVER_FOUND, COVER_SCORES
+from polarsim.schemas.detect import PREDICTIONS
 from tests.cover_photos.test_scores import label_rows_of
 
 KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}

@@ -10,14 +10,14 @@ from polarsim.detect.ablation import ABLATION_COLUMNS, DomainEvaluation, effect_
 from polarsim.detect.gap_options import Component, GapOptions
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import tables
-from polarsim.formats.gap_ablation import ENDS, FIGURES
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.schemas.detect import CHANGE_ENDS, CHANGE_METRICS
 
 ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views
 OPTIONS = ComparisonOptions(resamples=1000)
 SIDE = 100.0  # px, of every rock
 COLUMNS = ["x0", "y0", "x1", "y1"]
-CHANGES = [f"{figure}{end}" for figure in FIGURES for end in ENDS if "change" in end]
+CHANGES = [f"{figure}{end}" for figure in CHANGE_METRICS for end in CHANGE_ENDS if "change" in end]
 
 
 def boxes(rows, **columns):
@@ -52,7 +52,7 @@ def test_the_change_of_two_views_is_that_of_a_hand_computed_bootstrap():
     for name in ("ipd", "ipd_abs"):
         # Either view twice, a quarter of the draws each: -0.2 and 0; both once, half of them: -0.1.
         expected = [0.3, 0.2, -0.1, -0.2, 0.0]
-        assert found[[f"{name}{end}" for end in ENDS]].tolist() == pytest.approx(expected)
+        assert found[[f"{name}{end}" for end in CHANGE_ENDS]].tolist() == pytest.approx(expected)
 
 
 def test_the_interval_is_that_of_the_change_not_of_two_figures_beside_each_other():
@@ -106,10 +106,10 @@ def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposit
     )
     same = rocks(photo, twin, twin)
     known = [name for name in CHANGES if not np.isnan(same[name])]
-    assert len(known) >= len(FIGURES)
+    assert len(known) >= len(CHANGE_METRICS)
     assert (same[known] == 0).all()
     there, back = rocks(photo, twin, other), rocks(photo, other, twin)
-    for figure in FIGURES:
+    for figure in CHANGE_METRICS:
         assert there[f"{figure}_change"] == -back[f"{figure}_change"]
         np.testing.assert_allclose(there[f"{figure}_change_low"], -back[f"{figure}_change_high"], atol=1e-12)
 

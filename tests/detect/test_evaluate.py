@@ -9,7 +9,7 @@ from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.photo import PhotoKey
-from polarsim.schemas import CURVES, INSTANCES
+from polarsim.schemas.detect import CURVES, INSTANCES
 
 TESTED, TRAINED, DARK = "01_A_off_180_L_0256", "01_B_off_180_L_0256", "01_A_off_180_R_0256"
 SPLIT = f"key,part\n{TRAINED},train\n01_B_off_180_R_0256,val\n{TESTED},test\n{DARK},test\n"

@@ -13,7 +13,7 @@ from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, photo_grid
 from polarsim.run_files.rigs import LocalisedRig, write_localised
-from polarsim.schemas import PREDICTIONS
+from polarsim.schemas.detect import PREDICTIONS
 from tests.made_terrain import ROCKS, make_cube, make_sand
 
 TERRAIN, FOLDER = 3, "Terrain03"

@@ -17,7 +17,7 @@ from polarsim.formats import arrow
 from polarsim.geometry.polygons import signed_area
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.run_files.run import Run
-from polarsim.schemas import PREDICTIONS
+from polarsim.schemas.detect import PREDICTIONS
 from tests.made_terrain import make_sand
 
 from .made_run import KEYS, MODELS, RIG, SEED, boxes_of

@@ -15,7 +15,7 @@ from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import Inventory, write_inventory
-from polarsim.schemas import ROCKS
+from polarsim.schemas.stages import ROCKS
 
 SIZE = (484, 304)  # a quarter of the rig's
 KEYS = [PhotoKey.parse(f"01_A_off_{azimuth}_{camera}_0256") for azimuth in ("180", "30") for camera in "LR"]

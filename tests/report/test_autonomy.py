@@ -13,7 +13,7 @@ from polarsim.formats.tables import write_parquet
 from polarsim.report.autonomy_table import format_autonomy, format_effects
 from polarsim.report.figures import autonomy
 from polarsim.report.figures.autonomy import draw_modes, kinds_of, placed
-from polarsim.schemas import AUTONOMY, AUTONOMY_EFFECTS
+from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS
 
 ORIGIN = {"source": "analog"}
 

@@ -7,9 +7,9 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report import paper
-from polarsim.report.detection_table import COLUMNS, format_detection, tabulate_detection, tidy_detection
-from polarsim.report.ipd_table import COLUMNS as IPD_COLUMNS
+from polarsim.report.detection_table import format_detection, tabulate_detection, tidy_detection
 from polarsim.report.ipd_table import format_ipd, tabulate_ipd, tidy_ipd
+from polarsim.schemas.report import DETECTION, IPD
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
@@ -20,7 +20,7 @@ def detection(domains=("analog", "hapke", "principled"), kinds=("rock", "shadow"
         shares = (0.001 * number, 0.002 * number, 0.003 * number)
         told = ("photo", 0, True, "yolov5n", "scratch", 12, 320, 96, 0, 500)
         rows.append((trained, evaluated, kind, *told, *shares, "view", 12, *[np.nan] * 6))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(DETECTION.columns[:-3]))
 
 
 def ipd(domains=("analog", "hapke", "principled")):
@@ -29,7 +29,7 @@ def ipd(domains=("analog", "hapke", "principled")):
         figures = (40, 0.1, 0.2, 0.05, 0.15, 0.12, 0.28)
         rules = (12, "view", "zero", "left_out", 0.25)
         rows.append(("photo", 0, trained, first, second, "rock", *figures, *rules))
-    return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
+    return pd.DataFrame(rows, columns=list(IPD.columns[:-1]))
 
 
 def test_corrupt_pictures_that_were_left_out_are_noted(tmp_path):

@@ -8,9 +8,8 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
 from polarsim.report.figures.finds import draw_gap_rocks, most_different
 from polarsim.report.figures.seen import draw_seen, read_finds, shown_keys
-from polarsim.report.ipd_rocks_table import COLUMNS
 from polarsim.report.seeds import averaged, panels, title_text
-from polarsim.schemas import CURVES, INSTANCES
+from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS
 from tests.report.pixels import coloured, is_drawn
 
 NARROW = 640  # px
@@ -36,8 +35,8 @@ def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
 
 @pytest.mark.parametrize("count", [0, 30])
 def test_differences_of_rocks_are_drawn_also_without_rocks(tmp_path, count):
-    rows = [("hapke", "real", "hapke", 1, n, "rock", 4, n / 30, 0.5, n / 30 - 0.5) for n in range(1, count)]
-    write_parquet(tmp_path / "r.parquet", pd.DataFrame(rows, columns=list(COLUMNS)))
+    rows = [("photo", 0, "hapke", "real", "hapke", 1, n, "rock", 4, n / 30, 0.5, n / 30 - 0.5) for n in range(1, count)]
+    write_parquet(tmp_path / "r.parquet", pd.DataFrame(rows, columns=list(IPD_ROCKS.columns)))
     draw_ipd_histogram(rocks=tmp_path / "r.parquet", figure=tmp_path / "h.png", origin=ORIGIN, width=NARROW)
     assert is_drawn(tmp_path / "h.png", NARROW)
     assert (coloured(tmp_path / "h.png") > 0.001) == bool(count)

@@ -2,6 +2,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report import detectors, ipd_rocks_table
+from polarsim.schemas.detect import BREAKDOWN, FALSE_POSITIVES, IPD_ROCKS
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
@@ -10,12 +11,12 @@ def breakdown():
     groups = [("all", "all"), ("size", "large"), ("size", "small"), ("exposure", "0256"), ("exposure", "0064")]
     figures = (0.5, 0.4, 0.6, 0.3, 0.2, 0.4, 0.7, float("nan"), float("nan"))
     rows = [
-        ("hapke", trained, by, group, kind, 10, 4, 50, *figures)
+        ("photo", 0, "hapke", trained, by, group, kind, 10, 4, 50, *figures)
         for trained in ("real", "hapke")
         for by, group in groups
         for kind in ("shadow", "rock")
     ]
-    return pd.DataFrame(rows, columns=list(detectors.BREAKDOWN_COLUMNS))
+    return pd.DataFrame(rows, columns=list(BREAKDOWN.columns))
 
 
 def test_a_breakdown_has_a_block_for_each_grouping_with_its_groups_in_order(tmp_path):
@@ -39,8 +40,8 @@ def test_a_breakdown_of_several_seeds_shows_their_spread(tmp_path):
 
 
 def test_false_positives_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
-    row = ("hapke", "real", "rock-free terrain", "06", 45, 4, 45.0, 24, 0.5, 0.25, 0.75, 0.01, 0.005, 0.02)
-    write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(detectors.FALSE_POSITIVE_COLUMNS)))
+    row = ("photo", 0, "hapke", "real", "rock-free terrain", "06", 45, 4, 45.0, 24, 0.5, 0.25, 0.75, 0.01, 0.005, 0.02)
+    write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(FALSE_POSITIVES.columns)))
     detectors.tabulate_false_positives(false_positives=tmp_path / "f.parquet", stem=tmp_path / "t", origin=ORIGIN)
     text = (tmp_path / "t.md").read_text()
     shown = "| rock-free terrain | Hapke | Analog | 06 | 45 | 0.500 [0.250, 0.750] | 1.000 [0.500, 2.000] |"
@@ -50,10 +51,10 @@ def test_false_positives_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
 
 def test_the_rocks_that_differ_most_are_shown_and_pairs_are_in_the_papers_order(tmp_path):
     rows = [
-        ("hapke", "hapke", "principled", 1, rock, "rock", 4, 0.5, 0.5 + 0.01 * rock, -0.01 * rock)
+        ("photo", 0, "hapke", "hapke", "principled", 1, rock, "rock", 4, 0.5, 0.5 + 0.01 * rock, -0.01 * rock)
         for rock in range(1, 9)
     ]
-    table = pd.DataFrame(rows, columns=list(ipd_rocks_table.COLUMNS))
+    table = pd.DataFrame(rows, columns=list(IPD_ROCKS.columns))
     write_parquet(tmp_path / "r.parquet", table)
     ipd_rocks_table.tabulate_ipd_rocks(rocks=tmp_path / "r.parquet", stem=tmp_path / "t", origin=ORIGIN)
     lines = [line for line in (tmp_path / "t.md").read_text().splitlines() if line.startswith("| Hapke")]
@@ -64,9 +65,9 @@ def test_the_rocks_that_differ_most_are_shown_and_pairs_are_in_the_papers_order(
 
 def test_tables_without_a_row_are_written_with_their_columns(tmp_path):
     for columns, name, write in (
-        (detectors.BREAKDOWN_COLUMNS, "breakdown", detectors.tabulate_breakdown),
-        (detectors.FALSE_POSITIVE_COLUMNS, "false_positives", detectors.tabulate_false_positives),
-        (ipd_rocks_table.COLUMNS, "rocks", ipd_rocks_table.tabulate_ipd_rocks),
+        (BREAKDOWN.columns, "breakdown", detectors.tabulate_breakdown),
+        (FALSE_POSITIVES.columns, "false_positives", detectors.tabulate_false_positives),
+        (IPD_ROCKS.columns, "rocks", ipd_rocks_table.tabulate_ipd_rocks),
     ):
         write_parquet(tmp_path / "e.parquet", pd.DataFrame(columns=list(columns)))
         write(**{name: tmp_path / "e.parquet"}, stem=tmp_path / name, origin=ORIGIN)

@@ -2,8 +2,8 @@ import pandas as pd
 import pytest
 
 from polarsim.formats.tables import read_parquet, write_parquet
-from polarsim.report.detection_table import COLUMNS as DETECTION_COLUMNS
 from polarsim.report.detectors import tabulate_differences
+from polarsim.schemas.report import DETECTION
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 VALUES = {
@@ -35,7 +35,7 @@ def tabulated(tmp_path):
             "map50": 0.6, "map50_95": 0.3, "iou_mean": 0.5,
         }  # fmt: skip
         write_parquet(tmp_path / "differences.parquet", pd.DataFrame(rows))
-        whole = pd.DataFrame([detection]).reindex(columns=list(DETECTION_COLUMNS), fill_value=0)
+        whole = pd.DataFrame([detection]).reindex(columns=list(DETECTION.columns[:-3]), fill_value=0)
         write_parquet(tmp_path / "detection.parquet", whole)
         tabulate_differences(
             differences=tmp_path / "differences.parquet",

@@ -10,7 +10,6 @@ from polarsim.formats.tables import key_columns, label_table, write_csv, write_p
 from polarsim.geometry.boxes import around
 from polarsim.geometry.casters import caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
-from polarsim.report import detection_table, ipd_table
 from polarsim.report.figures.canvas import FIGURE_WIDTH
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.report.figures.cover_photos import cover_key
@@ -23,7 +22,8 @@ from polarsim.report.figures.terrain import STEP, draw_terrain, slanted_view, to
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
-from polarsim.schemas import LABEL_PAIRS
+from polarsim.schemas.evaluation import LABEL_PAIRS
+from polarsim.schemas.report import DETECTION, IPD
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 from tests.report.pixels import coloured, is_drawn
@@ -242,8 +242,8 @@ def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
         for t in domains
         for pair in itertools.combinations(domains, 2)
     ]
-    write_parquet(tmp_path / "d.parquet", pd.DataFrame(detection, columns=list(detection_table.COLUMNS)))
-    write_parquet(tmp_path / "i.parquet", pd.DataFrame(ipd, columns=list(ipd_table.COLUMNS)))
+    write_parquet(tmp_path / "d.parquet", pd.DataFrame(detection, columns=list(DETECTION.columns[:-3])))
+    write_parquet(tmp_path / "i.parquet", pd.DataFrame(ipd, columns=list(IPD.columns[:-1])))
     draw_detection(detection=tmp_path / "d.parquet", figure=tmp_path / "detection.png", origin=ORIGIN, width=NARROW)
     draw_ipd(ipd=tmp_path / "i.parquet", figure=tmp_path / "ipd.png", origin=ORIGIN, width=NARROW)
     for name in ("detection", "ipd"):

@@ -3,10 +3,11 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.formats.gap_ablation import ENDS, FIGURES
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report.figures.gap import draw_gap
-from polarsim.report.gap_table import COLUMNS, tabulate_gap
+from polarsim.report.gap_table import tabulate_gap
+from polarsim.schemas.detect import CHANGE_ENDS, CHANGE_METRICS
+from polarsim.schemas.report import GAP
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 CHANGES = {"pose": -0.01, "noise": 0.02, "mesh": -0.1}  # of ipd, in the order of the configuration
@@ -19,8 +20,10 @@ def ablation(seeds=(0,), components=CHANGES):
             for trained in ("hapke", "analog"):
                 for kind in ("rock", "shadow"):
                     change = CHANGES[component] * (1 if kind == "rock" else -1) + 0.001 * seed
-                    figures = dict(zip(ENDS, (0.3, 0.3 + change, change, change - 0.05, change + 0.05), strict=True))
-                    row = {f"{name}{end}": value for name in FIGURES for end, value in figures.items()}
+                    figures = dict(
+                        zip(CHANGE_ENDS, (0.3, 0.3 + change, change, change - 0.05, change + 0.05), strict=True)
+                    )
+                    row = {f"{name}{end}": value for name in CHANGE_METRICS for end, value in figures.items()}
                     row |= {"iou_photo": 0.6, "iou_twin": 0.3, "iou": 0.3 - change, "map50_photo": 0.5}
                     row |= {
                         "false_positives_photo": 0.2,
@@ -31,7 +34,7 @@ def ablation(seeds=(0,), components=CHANGES):
                     row |= {"component": component, "replaced": "noise: on", "model": "hapke", "trained": trained}
                     row |= {"kind": kind, "detector": "compact", "epochs": 20, "imgsz": 288, "images": 144, "units": 16}
                     rows.append(row | {"unit": "view", "pairs": 700})
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(GAP.columns))
 
 
 def tabulated(tmp_path, table):
@@ -42,7 +45,7 @@ def tabulated(tmp_path, table):
 
 def test_the_component_that_closes_most_of_the_rocks_gap_comes_first_in_every_form(tmp_path):
     text = tabulated(tmp_path, ablation())
-    for form in (read_csv(tmp_path / "gap.csv", COLUMNS), read_parquet(tmp_path / "gap.parquet", COLUMNS)):
+    for form in (read_csv(tmp_path / "gap.csv", GAP.columns), read_parquet(tmp_path / "gap.parquet", GAP.columns)):
         assert list(dict.fromkeys(form["component"])) == ["mesh", "pose", "noise"]
         assert form["kind"].tolist() == ["rock"] * 6 + ["shadow"] * 6
         assert form["trained"].tolist()[:2] == ["analog", "hapke"]

@@ -5,7 +5,7 @@ import pytest
 from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.render_table import likeness_rows, tabulate_render
-from polarsim.schemas import TWIN_PAIRS
+from polarsim.schemas.evaluation import TWIN_PAIRS
 from polarsim.scoring.metrics import Metric, metrics_table
 
 ORIGIN = {"run": "test", "source": "analog", "config": "0123"}

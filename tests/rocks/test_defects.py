@@ -12,9 +12,10 @@ from polarsim.geometry.topology import is_watertight, open_edges
 from polarsim.rocks.adopt import cleaned, volume_above
 from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.repair import COLUMNS, defect_table, defects, repaired
+from polarsim.rocks.repair import defect_table, defects, repaired
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import compacted, islands
+from polarsim.schemas.stages import DEFECTS
 
 RADIUS = 0.08
 GRID = FloorGrid(Extent(-0.5, -0.5, 0.5, 0.5), 0.01)
@@ -77,7 +78,7 @@ def test_a_closed_mesh_has_no_open_edge():
 
 def test_the_table_has_a_row_a_rock():
     table = defect_table({3: half_ball(), 7: with_skirt(half_ball())})
-    assert list(table.columns) == list(COLUMNS)
+    assert list(table.columns) == list(DEFECTS.columns)
     assert table["rock"].tolist() == [3, 7]
     assert len(defect_table({})) == 0
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import PhotoKey
-from polarsim.schemas import LABEL_PAIRS
+from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import pair_labels, pair_photo
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Counts, Labels, count_photo

@@ -10,7 +10,7 @@ from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH, PhotoKey
 from polarsim.report.masks_table import tabulate_masks
 from polarsim.run_files import class_masks
-from polarsim.schemas import MASK_SCORES
+from polarsim.schemas.covers import MASK_SCORES
 from polarsim.scoring.masks import score_masks
 
 FIRST, SECOND, WITHOUT = (PhotoKey.parse(f"03_{position}_off_30_L_0256") for position in "ABC")

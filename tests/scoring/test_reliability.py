@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from polarsim.formats.tables import key_columns
 from polarsim.photo import PhotoKey
-from polarsim.schemas import LABEL_PAIRS
+from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.reliability import (
     COLUMNS,
     Confidences,

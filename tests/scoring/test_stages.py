@@ -15,7 +15,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised
-from polarsim.schemas import LABEL_PAIRS
+from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.labels import score_labels, task_of, visible
 from polarsim.scoring.options import ScoringOptions

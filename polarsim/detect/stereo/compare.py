@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.detect.ipd import Difference, Rules, instance_performance_difference
+from polarsim.detect.ipd import Rules, instance_performance_difference
 from polarsim.detect.options import ComparisonOptions
 from polarsim.detect.stereo.measure import PAIR_COLUMNS, ROCK_COLUMNS, stereo_table
 from polarsim.formats import tables
 from polarsim.photo import ROCK
-
-IPD_COLUMNS = ("first", "second", *Difference.__dataclass_fields__)
+from polarsim.schemas.detect import STEREO_IPD
 
 
 def compare_stereo(
@@ -44,4 +43,4 @@ def compare_stereo(
         )
         for first, second in combinations(sorted(by_domain), 2)
     ]
-    tables.write_parquet(ipd, pd.DataFrame(differences, columns=list(IPD_COLUMNS)).round(6))
+    tables.write_parquet(ipd, pd.DataFrame(differences, columns=list(STEREO_IPD.columns)).round(6))

@@ -23,12 +23,9 @@ from polarsim.photo import PhotoKey
 from polarsim.progress import track
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
+from polarsim.schemas.detect import STEREO, STEREO_INSTANCES
 
-PAIR_COLUMNS = (
-    "domain", "key", "terrain", "position", "light", "azimuth", "exposure_ms",
-    "pixels", "valid_share", "median_abs_error_mm", "bad_share", "bad_relative_share",
-)  # fmt: skip
-ROCK_COLUMNS = ("domain", "key", "rock", "pixels", "performance")
+PAIR_COLUMNS, ROCK_COLUMNS = STEREO.columns, STEREO_INSTANCES.columns
 
 
 def measure_stereo(

@@ -13,7 +13,7 @@ from polarsim.geometry import boxes
 from polarsim.geometry.matching import match
 from polarsim.photo import COLOURS, HEIGHT, ROCK, WIDTH
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
-from polarsim.schemas import PREDICTIONS
+from polarsim.schemas.detect import PREDICTIONS
 
 _COLUMNS = 2
 _TITLE_PX = 40

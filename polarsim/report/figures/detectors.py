@@ -13,10 +13,9 @@ from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, legend_line, note, page
 from polarsim.report.figures.matrices import draw_detection, draw_ipd
-from polarsim.report.ipd_rocks_table import COLUMNS as ROCK_COLUMNS
 from polarsim.report.ipd_rocks_table import tidy_ipd_rocks
 from polarsim.report.seeds import SEED, averaged, panels, title_text
-from polarsim.schemas import CURVES
+from polarsim.schemas.detect import CURVES, IPD_ROCKS
 
 STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
 BINS = np.linspace(-1, 1, 41)
@@ -96,7 +95,7 @@ def _draw_lines(axes: Any, table: pd.DataFrame, domains: list[str]) -> None:
 
 def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write the figure from detect/rocks.parquet: a rock counts once a seed, by the mean over its photos."""
-    table = tidy_ipd_rocks(read_parquet(rocks, ROCK_COLUMNS), origin["source"])
+    table = tidy_ipd_rocks(read_parquet(rocks, IPD_ROCKS.columns), origin["source"])
     table = table[table["kind"] == ROCK]
     detectors = list(dict.fromkeys(table["trained"]))
     rows = [(split, part, trained) for split, part in panels(table) for trained in detectors]

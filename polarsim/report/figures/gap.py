@@ -13,6 +13,7 @@ from polarsim.photo import ROCK
 from polarsim.report import gap_table, paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, heading, note, page
 from polarsim.report.seeds import averaged, panels, title_text
+from polarsim.schemas.detect import ABLATION
 
 PANELS = {
     "ipd": "change of IPD\n|mean difference|",
@@ -27,7 +28,7 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
 
     Of several seeds means, with the span of all intervals.
     """
-    table = gap_table.tidy_gap(read_parquet(ablation, gap_table.COLUMNS), origin["source"])
+    table = gap_table.tidy_gap(read_parquet(ablation, ABLATION.columns), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
     splits = panels(rocks)
     components = list(dict.fromkeys(rocks["component"]))

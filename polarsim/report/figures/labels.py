@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, heading, legend_line, note, page
-from polarsim.schemas import LABEL_PAIRS
+from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES

@@ -13,13 +13,14 @@ from polarsim.photo import ROCK
 from polarsim.report import detection_table, ipd_table, paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, note, page
 from polarsim.report.seeds import averaged, panels, title_text
+from polarsim.schemas.detect import DETECTION, IPD
 
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
 
 
 def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write detection of rocks as three matrices a split, means over seeds: a row a detector, a column a domain."""
-    table = detection_table.tidy_detection(read_parquet(detection, detection_table.COLUMNS), origin["source"])
+    table = detection_table.tidy_detection(read_parquet(detection, DETECTION.columns), origin["source"])
     rocks = table[table["kind"] == ROCK]
     parts = panels(rocks)
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
@@ -40,7 +41,7 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FI
 
     Bars are means over seeds; whiskers hold the 95 % intervals of all of them.
     """
-    table = ipd_table.tidy_ipd(read_parquet(ipd, ipd_table.COLUMNS), origin["source"])
+    table = ipd_table.tidy_ipd(read_parquet(ipd, IPD.columns), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
     parts = panels(rocks)
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:

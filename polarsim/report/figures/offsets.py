@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LETTER_M, PLAIN, SERIES, beside, note, page
-from polarsim.schemas import OFFSETS
+from polarsim.schemas.evaluation import OFFSETS
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 RANGES_MM = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # beyond the chosen one colours stay the same

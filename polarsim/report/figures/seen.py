@@ -16,7 +16,7 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
-from polarsim.schemas import INSTANCES, PREDICTIONS
+from polarsim.schemas.detect import INSTANCES, PREDICTIONS
 from polarsim.tone import to_8bit
 
 PHOTOS = 2  # side by side, of different terrains where there are

@@ -9,7 +9,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, page
-from polarsim.schemas import SOIL_LIMIT, SOIL_MEASURED
+from polarsim.schemas.soil import SOIL_LIMIT, SOIL_MEASURED
 
 
 def draw_soil(*, limit: Path, measured: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:

@@ -17,7 +17,7 @@ from polarsim.report import paper
 from polarsim.report.figures.canvas import boxed
 from polarsim.report.figures.difference import STOPS, difference_of_photo
 from polarsim.run_files.pictures import STRIP_TEXT, pictures_at
-from polarsim.schemas import PREDICTIONS
+from polarsim.schemas.detect import PREDICTIONS
 from polarsim.tone import to_8bit, white_of
 
 PANEL_WIDTH = 960  # px

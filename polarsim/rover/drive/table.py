@@ -16,7 +16,7 @@ from scipy import stats
 from polarsim.formats import tables
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.vehicle.table import WHEELS
-from polarsim.schemas import DRIVES, EVERY_DRIVE
+from polarsim.schemas.rover import DRIVES, EVERY_DRIVE
 
 WHOLE = "all"  # stands where a metric is the rover's, not a wheel's
 LEVEL = 0.95

@@ -8,7 +8,7 @@ from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import trace_table
 from polarsim.rover.planning.touches import REACH_M, body_touch, surface_points
-from polarsim.schemas import HIGH_M
+from polarsim.schemas.rover import HIGH_M
 
 
 class Collisions:

@@ -16,7 +16,7 @@ from polarsim.randomness import generator
 from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.perception.measure import SETTING, TABLES
 from polarsim.rover.perception.sightings import recall_by_distance
-from polarsim.schemas import ONBOARD
+from polarsim.schemas.rover import ONBOARD
 
 _RIDE = ["seed", "sun"]
 _GROUP = ["source", "model", "exposure_ms"]

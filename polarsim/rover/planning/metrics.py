@@ -16,7 +16,7 @@ from polarsim.rover.planning.planner import Planner, field_of
 from polarsim.rover.planning.trajectory import absolute_error, relative_error
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
-from polarsim.schemas import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
+from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1

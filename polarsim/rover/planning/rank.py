@@ -13,7 +13,7 @@ from polarsim.errors import RoverError
 from polarsim.formats import tables
 from polarsim.photo import ROCK
 from polarsim.rover.planning.cases import DETECTING, matched
-from polarsim.schemas import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
+from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
 
 ENOUGH = 5  # detectors: of fewer no order says anything, for even Kendall's p is 0.08 at best
 SURE = 0.05

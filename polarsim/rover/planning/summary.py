@@ -20,7 +20,7 @@ from polarsim.rover.planning.touches import touches
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas import AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
+from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
 
 EVENTS = "events.parquet"
 ALL = "all"  # over all levels of an axis

@@ -19,7 +19,7 @@ from polarsim.rover.soil.law import ContactLaw, read_soils
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import Ground, flat_ground
 from polarsim.rover.soil.shapes import Bodies, Wheel
-from polarsim.schemas import SOIL_LIMIT, SOIL_MEASURED
+from polarsim.schemas.soil import SOIL_LIMIT, SOIL_MEASURED
 
 # VIPER's wheel with a quarter of the rover on the Moon, and a small laboratory wheel: load, N.
 WHEELS = {"A": (Wheel(0.25, 0.20), "lunar", 174.15), "B": (Wheel(0.15735, 0.165), "hit-simulant", 80.0)}

@@ -32,7 +32,7 @@ from polarsim.rover.soil.law import ContactLaw, Soil, read_soils
 from polarsim.rover.soil.limit import steady_wheel
 from polarsim.rover.soil.nodes import LEVEL, PLASTIC, START, Ground, make_ground
 from polarsim.rover.soil.shapes import Wheel
-from polarsim.schemas import SOIL_CHECKS
+from polarsim.schemas.soil import SOIL_CHECKS
 
 EARTH, MOON = 9.81, 1.62  # m/s2
 EX1_WHEEL, EX1_LOAD = Wheel(0.11, 0.10), 20.0 * EARTH / 4  # N; 20 kg on four wheels

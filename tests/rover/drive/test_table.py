@@ -6,7 +6,7 @@ import pytest
 from polarsim.rover.drive.table import drive_figures, drive_table, interval
 from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table
 from polarsim.rover.world.surface import bare_world
-from polarsim.schemas import DRIVES
+from polarsim.schemas.rover import DRIVES
 
 
 def trace(seed: int, offset: float, control: str = "heading") -> Trace:

@@ -5,7 +5,7 @@ import pandas as pd
 
 from polarsim.rover.perception.measure import measure_drive
 from polarsim.rover.perception.summary import metrics, summarise_onboard
-from polarsim.schemas import ONBOARD
+from polarsim.schemas.rover import ONBOARD
 from tests.rover import driven
 from tests.rover.perception.boxes import OPTIONS
 

@@ -8,7 +8,7 @@ from scipy import stats
 from polarsim.errors import RoverError
 from polarsim.formats.tables import write_parquet
 from polarsim.rover.planning.rank import driven, gap_figures, kendall, rank_detectors, ranked, spearman
-from polarsim.schemas import EVERY_AUTONOMY
+from polarsim.schemas.rover import EVERY_AUTONOMY
 
 NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") for seed in (0, 1)]
 

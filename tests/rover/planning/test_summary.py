@@ -9,7 +9,7 @@ import pytest
 from polarsim.rover.planning.cases import AXES, Light, cases, parsed
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.summary import effects_of, summary, with_derived
-from polarsim.schemas import EVERY_AUTONOMY
+from polarsim.schemas.rover import EVERY_AUTONOMY
 
 NAMED = [*AXES, "seed", "metric", "unit", "value"]
 

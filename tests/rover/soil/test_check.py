@@ -6,7 +6,7 @@ import pandas as pd
 
 from polarsim.report.rover_table import with_slopes
 from polarsim.rover.soil import check, published
-from polarsim.schemas import SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
+from polarsim.schemas.soil import SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
 
 SOILS = Path(__file__).parents[3] / "config/soils.csv"
 

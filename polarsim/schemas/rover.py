@@ -1,0 +1,146 @@
+"""Tables of the rover's drives."""
+
+from polarsim.schemas.table import INTEGER, NUMBER, TEXT, Columns, Table, with_interval
+
+METRIC = Columns("metric", TEXT, "", "Name of the metric")
+UNIT = Columns("unit", TEXT, "", "Unit of the metric")
+SEED = Columns("seed", INTEGER, "", "Seed of the drive")
+ENDED = Columns("ended", TEXT, "", "How the drive ended")
+MODE = Columns(
+    "mode",
+    TEXT,
+    "",
+    "How the rover decides: by labels (`truth`), a `detector`, `stereo` depth, `both`, or `blind` along the straight "
+    "line",
+)
+CASE = (
+    MODE,
+    Columns(
+        "sun exposure lights model detector",
+        TEXT,
+        "",
+        "Sun, exposure, rover lights, reflectance model and detector of the drive; `any`: the drive does not depend on "
+        "it, `all`: over all of them",
+    ),
+)
+DRIVES_COUNT = Columns("drives", INTEGER, "count", "Number of drives")
+SEEDS_COUNT = Columns("seeds", INTEGER, "count", "Number of seeds")
+VALUE = Columns("value", NUMBER, "`unit`", "Value of the metric")
+
+EVERY_DRIVE = Table(
+    "rover/every_drive.parquet",
+    "A drive and metric of the rover",
+    SEED,
+    Columns("control", TEXT, "", "Controller of the drive"),
+    ENDED,
+    METRIC,
+    UNIT,
+    VALUE,
+)
+DRIVES = Table(
+    "rover/drives.parquet",
+    "A controller, metric and wheel",
+    Columns("control", TEXT, "", "Controller of the drives"),
+    METRIC,
+    Columns("wheel", TEXT, "", "Wheel; `all`: the rover"),
+    UNIT,
+    SEEDS_COUNT,
+    Columns("mean", NUMBER, "`unit`", "Mean over drives"),
+    Columns("low high", NUMBER, "`unit`", "95 % interval of the mean, Student's"),
+    Columns("least most", NUMBER, "`unit`", "Minimum and maximum over drives"),
+)
+ONBOARD = Table(
+    "rover/onboard.parquet",
+    "A metric of the front camera",
+    Columns(
+        "source",
+        TEXT,
+        "",
+        "Boxes: `detector`, `truth` (labels in the place of detections), or `visible` (of these the ones that stand "
+        "out in the picture); in `tables/rover_onboard` this column is `boxes`",
+    ),
+    Columns("model", TEXT, "", "Reflectance model of the pictures"),
+    Columns("exposure_ms", NUMBER, "ms", "Exposure; 0: all exposures together"),
+    METRIC,
+    Columns("height_m", NUMBER, "m", "Height of the rocks"),
+    Columns("from_m to_m", NUMBER, "m", "Range of distances"),
+    Columns("value low high", NUMBER, "", "Value, and its 95 % interval, bootstrapped over rides"),
+    Columns("rides", INTEGER, "count", "Rides: a drive under a Sun each"),
+    Columns("count", NUMBER, "count", "Number of objects that the metric was measured on"),
+)
+COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # what an event is
+HIGH_M = 0.10  # a touch of a rock above is a collision
+AUTONOMY_EVENTS = Table(
+    "rover/autonomy/<drive>/events.parquet",
+    "An event of a drive",
+    Columns("what", TEXT, "", "`collision` (with a rock above 10 cm), `touch` (of a lower rock), `stop` (no path)"),
+    Columns("time_s", NUMBER, "s", "Time from the start"),
+    Columns("x_m y_m", NUMBER, "m", "Position of the rover"),
+    Columns("rock", INTEGER, "", "Rock id"),
+    Columns("height_m", NUMBER, "m", "Height of the rock"),
+)
+EVERY_AUTONOMY = Table("rover/every_autonomy.parquet", "A drive and metric", CASE, SEED, ENDED, METRIC, UNIT, VALUE)
+AUTONOMY = Table(
+    "rover/autonomy.parquet",
+    "A kind of drive and metric",
+    CASE,
+    METRIC,
+    UNIT,
+    DRIVES_COUNT,
+    SEEDS_COUNT,
+    Columns("value low high", NUMBER, "`unit`", "Mean over drives, and its 95 % interval over seeds"),
+)
+AUTONOMY_EFFECTS = Table(
+    "rover/autonomy_effects.parquet",
+    "A mode (`all`: mean of the modes that see), axis, level of the axis and metric",
+    MODE,
+    Columns("axis", TEXT, "", "`sun`, `exposure`, `lights`, `model` or `detector`"),
+    Columns("level", TEXT, "", "Value on the axis"),
+    METRIC,
+    UNIT,
+    Columns("seeds", INTEGER, "count", "Seeds of which all drives are there"),
+    Columns("value low high", NUMBER, "`unit`", "Mean over the other axes, and its 95 % interval"),
+    Columns(
+        "change change_low change_high",
+        NUMBER,
+        "`unit`",
+        "Difference from the mean of the axis's other levels with the same seeds, and its 95 % interval",
+    ),
+)
+AUTONOMY_DETECTORS = Table(
+    "rover/autonomy_detectors.parquet",
+    "A mode and detector",
+    MODE,
+    Columns("detector", TEXT, "", "Name of the detector"),
+    DRIVES_COUNT,
+    SEEDS_COUNT,
+    Columns("ipd", NUMBER, "1", "IPD of rocks between photos and the model of the rover's pictures"),
+    Columns("map50", NUMBER, "1", "mAP@0.5 of rocks in that model"),
+    Columns("rock_f1", NUMBER, "1", "F1 of rock cells of the drives' maps"),
+    Columns("collisions", NUMBER, "count", "Mean collisions of a drive"),
+    Columns("success", NUMBER, "1", "Share of drives that arrive without a collision"),
+    Columns("rock_points", NUMBER, "count", "Mean points of the rock map"),
+)
+AUTONOMY_RANK = Table(
+    "rover/autonomy_rank.parquet",
+    "A mode with detectors, metric of the gap and metric of drives",
+    MODE,
+    Columns("gap", TEXT, "", "`ipd`, `map50` or `rock_f1`"),
+    Columns("drive", TEXT, "", "`collisions`, `success` or `rock_points`"),
+    Columns("detectors drives", INTEGER, "count", "Detectors, and their drives in light and with seeds that all drove"),
+    Columns("units", INTEGER, "count", "Units that intervals resample"),
+    Columns("unit", TEXT, "", "`seed`, or `light` (Sun, exposure, lights) where one seed drove"),
+    with_interval("spearman", "1", "Rank correlation over detectors, positive where a smaller gap drives better"),
+    with_interval("kendall", "1", "The same by Kendall"),
+    Columns("kendall_p", NUMBER, "1", "Share of random orders that agree or disagree as much"),
+    Columns(
+        "says",
+        TEXT,
+        "",
+        "`too few detectors` (fewer than 5), `nothing to order by` (all alike), `not shown`, `better` or `worse`",
+    ),
+)
+TABLES = (
+    EVERY_DRIVE, DRIVES, ONBOARD, AUTONOMY_EVENTS, EVERY_AUTONOMY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_DETECTORS,
+    AUTONOMY_RANK,
+)  # fmt: skip

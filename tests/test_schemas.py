@@ -1,0 +1,48 @@
+"""Columns are declared once: pages list them, and writers write them."""
+
+from pathlib import Path
+
+import pytest
+
+from polarsim.acquire.index import photo_table
+from polarsim.detect.predict import prediction_table
+from polarsim.formats.tables import label_table
+from polarsim.rocks.table import rock_table
+from polarsim.schemas.__main__ import REPORT_TABLES, STAGE_TABLES, filled
+from polarsim.schemas.detect import PREDICTIONS
+from polarsim.schemas.photos import LABELS, PHOTOS
+from polarsim.schemas.stages import ROCKS
+from polarsim.schemas.table import TEXT, Columns, Table
+
+DOCS = Path(__file__).parents[1] / "docs"
+
+
+@pytest.mark.parametrize("name", ["tables.md", "formats.md"])
+def test_a_page_has_the_columns_of_the_code(name):
+    page = (DOCS / name).read_text(encoding="utf-8")
+    assert filled(page) == page, "run: python -m polarsim.schemas docs/tables.md docs/formats.md"
+
+
+def test_every_table_of_the_report_is_on_its_page():
+    page = (DOCS / "tables.md").read_text(encoding="utf-8")
+    assert [table.path for table in REPORT_TABLES if f"<!-- columns of {table.path} -->" not in page] == []
+
+
+def test_every_file_of_a_stage_is_in_the_list_of_files():
+    files = (DOCS / "formats.md").read_text(encoding="utf-8").partition("## Columns of tables")[0]
+    assert [table.path for table in STAGE_TABLES if f"{table.path.rpartition('/')[2]}`" not in files] == []
+
+
+def test_each_table_is_declared_once_and_has_each_column_once():
+    paths = [table.path for table in (*REPORT_TABLES, *STAGE_TABLES)]
+    assert len(set(paths)) == len(paths)
+    with pytest.raises(ValueError, match=r"a\.csv"):
+        Table("a.csv", "A row", Columns("key kind", TEXT, "", "Names"), Columns("kind", TEXT, "", "Once more"))
+
+
+@pytest.mark.parametrize(
+    ("made", "schema"),
+    [(photo_table, PHOTOS), (label_table, LABELS), (rock_table, ROCKS), (prediction_table, PREDICTIONS)],
+)
+def test_a_table_without_rows_has_its_types(made, schema):
+    assert {name: str(kind) for name, kind in made([]).dtypes.items()} == schema.dtypes
