@@ -43,9 +43,7 @@ def redrawn(root: Path, keys: list[PhotoKey], azimuth: str) -> pd.DataFrame:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--covers", type=Path, required=True, help="folder `covers` of a run"
-    )
+    parser.add_argument("--covers", type=Path, required=True, help="folder `covers` of a run")
     parser.add_argument("--root", type=Path, default=Path(os.environ.get(RELEASE_ROOT, "data/polar-sim")))
     asked = parser.parse_args()
     labels = tables.read_parquet(asked.covers / "labels.parquet", tables.LABEL_COLUMNS)

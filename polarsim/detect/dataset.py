@@ -15,7 +15,7 @@ from polarsim.detect.pictures import CORRUPT, USED, convert_photos, read_states
 from polarsim.detect.split import PARTS, PHOTO, TERRAIN, TEST, TRAIN, VAL, draw_val, read_split
 from polarsim.errors import DetectError
 from polarsim.formats import tables
-from polarsim.formats.files import read_json, share_file, write_json, write_text, writing_folder
+from polarsim.formats.files import share_file, write_json, write_text, writing_folder
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
 from polarsim.schemas.detect import PARTS as PARTS_TABLE
@@ -171,8 +171,7 @@ def _share(
             entries.append(entry_of(pictures, key, part))
         elif part and state == CORRUPT:
             left_out.append((key, part))
-    facts = {"split": by, "tone": read_json(pictures / "domain.json")["tone"]}
-    write_dataset(domain, dataset, entries, folder, facts, left_out, needed)
+    write_dataset(domain, dataset, entries, folder, {"split": by}, left_out, needed)
 
 
 def _parts_of_views(

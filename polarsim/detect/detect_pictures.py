@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from polarsim.detect import detectors, tone
 from polarsim.detect.fusion import fuse
 from polarsim.detect.masks import LoadedAt, class_mask, mask_widths, within_boxes
-from polarsim.detect.options import PicturesOptions, PredictionOptions
+from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.errors import DetectError, PolarsimError, about
 from polarsim.formats import coco, png, tables, yolo
@@ -245,11 +245,11 @@ def _grey(pixels: np.ndarray) -> np.ndarray:
 def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
     """As detectors see pictures: 8 bits brightened where underexposed, 12 and 16 through the tone curve of training."""
     if depth == np.uint8:
-        return tone.brightened(pixels, PicturesOptions())
+        return tone.brightened(pixels)
     light = pixels.astype(np.float32)
     if tone.bits_in_use(pixels, depth) == 16:  # black is 0
         light = BLACK_LEVEL + light * ((WHITE_LEVEL - BLACK_LEVEL) / np.iinfo(np.uint16).max)
-    return tone.to_8_bits(light, PicturesOptions())
+    return tone.to_8_bits(light)
 
 
 def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray], mask: np.ndarray | None) -> None:

@@ -64,40 +64,18 @@ class SplitOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class PicturesOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say how photos and twins become the pictures that detectors are shown."""
+    """Size of the images that detectors are trained and tested on."""
 
     imgsz: int = Field(
         320,
         ge=64,
         multiple_of=32,
-        description="The pictures that detectors see have a longer side of this, px; larger ones show smaller "
-        "rocks and take longer.",
-    )
-    tone: Literal["gamma", "percentile", "linear", "fixed"] = Field(
-        "gamma",
-        description="This curve leads from 12 to 8 bits. linear: the full range; percentile: stretched; "
-        "gamma: stretched, then 1/2.2; fixed: as if exposed for tone_exposure_ms, then 1/2.2.",
-    )
-    tone_exposure_ms: float = Field(
-        256, gt=0, description="Curve `fixed` brings all pictures to this exposure, ms; what is beyond white clips."
-    )
-    tone_percentile: float = Field(
-        99.5,
-        gt=50,
-        le=100,
-        description="This percentile of the picture becomes white; a lower one makes brighter pictures.",
-    )
-    tone_floor_dn: float = Field(
-        64, gt=0, description="The white point lies at least this far above black, DN, which keeps dark noise dark."
-    )
-    min_mean_dn: float = Field(
-        0, ge=0, description="Pictures with a lower mean above black, DN, are left out; 0: none."
+        description="Longer side of the detectors' input, px; larger images show smaller rocks and take longer.",
     )
     stored_px: int = Field(
         0,
         ge=0,
-        description="Stored pictures have a longer side of this, px, for trainings that zoom and for "
-        "detection at several widths; 0: imgsz. A full photo has 1936.",
+        description="Longer side of stored images, px, for trainings that zoom and several inference widths; 0: imgsz.",
     )
 
     @property

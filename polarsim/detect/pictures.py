@@ -23,9 +23,9 @@ from polarsim.run_files import class_masks, instances
 from polarsim.schemas.detect import PICTURES
 
 BOX_COLUMNS = ("x0", "y0", "x1", "y1")
-USED, MISSING, DARK, CORRUPT = STATES = ("used", "missing", "dark", "corrupt")
+USED, MISSING, CORRUPT = STATES = ("used", "missing", "corrupt")
 STATE_COLUMNS = PICTURES.columns
-VIEW_COLUMNS = ("name", "scene", "camera", "exposure_ms")
+VIEW_COLUMNS = ("name", "scene", "camera")
 Labels = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 log = logging.getLogger("polarsim")
 
@@ -36,7 +36,6 @@ class Source:
 
     key: str
     path: Path | None  # none: it is known to be missing
-    exposure_ms: float
     camera: str  # pictures of one camera are alike
     terrains: tuple[int, ...]  # that are to be seen
     size: tuple[int, int] | None = (WIDTH, HEIGHT)  # px; none: any
@@ -83,7 +82,7 @@ def convert_photos(
         Label table of the domain, `LABEL_COLUMNS`.
     folder : Path
         Folder to write: `images/KEY.png`, `labels/KEY.txt`, `domain.json`, and `pictures.csv` with the state of every
-        picture: used, missing, dark (see `options.min_mean_dn`), or corrupt. A corrupt picture or label is a warning.
+        picture: used, missing or corrupt. A corrupt picture or label is a warning.
     masks : sequence of Path
         Folders `TerrainTT` of grey maps by photo or instance maps by exposure bracket. With them every picture has
         `masks/KEY.png` too, see `formats.class_masks`.
@@ -96,10 +95,7 @@ def convert_photos(
     paths = picture_paths(pictures, list(keys))
     if missing := len(keys) - len(paths):
         log.warning("%s: %d of %d pictures are missing, left out", pictures, missing, len(keys))
-    sources = [
-        Source(str(key), paths.get(key), key.exposure_ms, f"{key.position} {key.camera}", (key.terrain,))
-        for key in sorted(keys)
-    ]
+    sources = [Source(str(key), paths.get(key), f"{key.position} {key.camera}", (key.terrain,)) for key in sorted(keys)]
     table = _read_labels(labels)
     boxes_of, things_of = _boxes_by_photo(table), _things_by_photo(table) if masks else {}
 
@@ -131,7 +127,7 @@ def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> Non
         path = views / "images" / f"{name}.png"
         found = path if path.is_file() else None
         camera = f"{scene} {row['camera']}"
-        sources.append(Source(name, found, float(row["exposure_ms"]), camera, terrains_of[scene], size=None))
+        sources.append(Source(name, found, camera, terrains_of[scene], size=None))
 
     def labelled(source: Source, size: tuple[int, int]) -> Labels:
         return _inside(*yolo.read_boxes(views / "labels" / f"{source.key}.txt", size), size)
@@ -181,7 +177,7 @@ def _convert(
         table = pd.DataFrame(rows, columns=list(STATE_COLUMNS))
         counts = {state: int((table["state"] == state).sum()) for state in STATES}
         tables.write_csv(made / "pictures.csv", table)
-        write_json(made / "domain.json", {"domain": domain, "tone": options.tone, "pictures": counts})
+        write_json(made / "domain.json", {"domain": domain, "pictures": counts})
     log.info("%s: %s", domain, ", ".join(f"{count} {state}" for state, count in counts.items()))
 
 
@@ -203,10 +199,8 @@ def _convert_one(
     except PolarsimError as error:
         log.warning("left out: %s", error)
         return CORRUPT
-    if options.min_mean_dn > 0 and tone.mean_dn(picture) < options.min_mean_dn:
-        return DARK
     small = tone.shrink(picture, min(options.longer_side, max(picture.shape)))
-    png.write(made / "images" / f"{source.key}.png", tone.to_8_bits(small, options, source.exposure_ms))
+    png.write(made / "images" / f"{source.key}.png", tone.to_8_bits(small))
     yolo.write_boxes(made / "labels" / f"{source.key}.txt", classes, corners, size)
     if mask is not None:
         class_masks.write(

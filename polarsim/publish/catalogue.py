@@ -16,14 +16,12 @@ from typing import Literal
 
 import numpy as np
 import pandas as pd
-from pydantic import ValidationError
 
-from polarsim.detect.options import DetectOptions, PicturesOptions
+from polarsim.detect.options import DetectOptions
 from polarsim.detect.split import read_split
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import tables
 from polarsim.formats.coco import Annotation, read_coco
-from polarsim.formats.yaml_files import describe_error
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
 from polarsim.run_files import lamps, rigs, scene
@@ -117,7 +115,6 @@ class Catalogue:
     drives: tuple[Path, ...] = ()  # folders
     tables: tuple[Path, ...] = ()
     split: str = ""  # name of the split whose parts pictures have; empty where the run drew none
-    tone: PicturesOptions = field(default_factory=PicturesOptions)  # of the pictures that detectors are trained on
     config: str = ""  # hash of the run's configuration
     made_on: str = ""  # the day (UTC, YYYY-MM-DD) of the run's newest picture, label, pose or mesh
     left_out: tuple[str, ...] = field(default_factory=tuple)  # what is not published, in sentences
@@ -244,7 +241,6 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
         drives=Run(run).drives,
         tables=tuple(sorted((run / "tables").glob("*.parquet"))),
         split=split,
-        tone=_tone(run),
         config=_config(run),
         made_on=_made_on(run, pictures),
     )
@@ -323,20 +319,6 @@ def _split(run: Path, wanted: str) -> str:
         reason = f"its first split {first!r} was not drawn" if first else f"no {CONFIG} states its first split"
         raise ConfigError(f"{reason}; name one of {', '.join(drawn)} with --split", path=run)
     return first
-
-
-def _tone(run: Path) -> PicturesOptions:
-    """How photos became the pictures that the run's detectors are trained on.
-
-    Raises
-    ------
-    ConfigError
-        The run's configuration states impossible values.
-    """
-    try:
-        return PicturesOptions.model_validate(Run(run).configured("detect").get("pictures") or {})
-    except ValidationError as error:
-        raise ConfigError(describe_error(error, "detect.pictures"), path=run / CONFIG) from error
 
 
 def _parts(run: Path, split: str) -> dict[PhotoKey, str]:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import to_8_bits
 from polarsim.formats import coco, png, yolo
 from polarsim.formats.tables import key_columns
@@ -60,7 +59,7 @@ def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
         pictures = catalogue.of_domain(domain)
         for one in pictures:
             name = f"{PARTS[one.part]}/{one.key}"
-            bundle.png(f"{domain}/images/{name}.png", partial(shown, one, catalogue.tone), [one.path])
+            bundle.png(f"{domain}/images/{name}.png", partial(shown, one), [one.path])
             bundle.make(f"{domain}/labels/{name}.txt", partial(_write_boxes, catalogue, one))
         there = [part for part in PARTS.values() if any(PARTS[one.part] == part for one in pictures)]
         own = {part: part if part in there else there[0] for part in ("train", "val")}  # trainers ask for both
@@ -71,9 +70,9 @@ def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.text(f"{domain}.yaml", "\n".join([*lines, "names:", *names, ""]))
 
 
-def shown(picture: Picture, options: PicturesOptions) -> np.ndarray:
+def shown(picture: Picture) -> np.ndarray:
     """(h, w) uint8, by the curve that the run's own detectors are trained with: trainers read 16 bits as black."""
-    return to_8_bits(png.read(picture.path), options, picture.key.exposure_ms)
+    return to_8_bits(png.read(picture.path))
 
 
 def _write_boxes(catalogue: Catalogue, picture: Picture, path: Path) -> None:

@@ -91,7 +91,7 @@ class Archive:
     def browse(self, collection: Collection, picture: Picture) -> None:
         name = str(picture.key)
         file = f"{collection.name}/{name}.png"
-        self.bundle.png(file, lambda: shown(picture, self.catalogue.tone), [picture.path])
+        self.bundle.png(file, lambda: shown(picture), [picture.path])
         identity = self._identity(collection, name, f"Browse picture of {picture.name}", "Tone-mapped to 8 bits.")
         area = node(
             "File_Area_Browse",

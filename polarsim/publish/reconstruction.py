@@ -33,7 +33,7 @@ def write_colmap(catalogue: Catalogue, bundle: Bundle) -> None:
     """`<domain>/TerrainNN/`: `images/KEY.png` with 8 bits, `sparse/0/*.txt`."""
     for domain, terrain, pictures in _scenes(catalogue):
         folder = f"{domain}/{terrain.name}"
-        _write_images(catalogue, bundle, folder, pictures)
+        _write_images(bundle, folder, pictures)
         points, colours = cloud(terrain)
         by_moment: dict[str, dict[str, Picture]] = {}
         for one in pictures:
@@ -60,7 +60,7 @@ def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
     """`<domain>/TerrainNN/`: `images/KEY.png` with 8 bits, `transforms.json`, `points.ply`."""
     for domain, terrain, pictures in _scenes(catalogue):
         folder = f"{domain}/{terrain.name}"
-        _write_images(catalogue, bundle, folder, pictures)
+        _write_images(bundle, folder, pictures)
         frames = []
         for one in pictures:
             camera = catalogue.camera(one)
@@ -141,9 +141,9 @@ def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, Terrain, list[Picture]]
                 yield domain, terrain, localised
 
 
-def _write_images(catalogue: Catalogue, bundle: Bundle, folder: str, pictures: list[Picture]) -> None:
+def _write_images(bundle: Bundle, folder: str, pictures: list[Picture]) -> None:
     for one in pictures:
-        bundle.png(f"{folder}/images/{one.key}.png", partial(shown, one, catalogue.tone), [one.path])
+        bundle.png(f"{folder}/images/{one.key}.png", partial(shown, one), [one.path])
 
 
 def _pose(terrain: Terrain, picture: Picture) -> Pose:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.detect.options import PicturesOptions
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.detect.tone import to_8_bits
@@ -101,7 +100,7 @@ def _write_pair(
     (folder, name), (left, right) = target, pair
     localised, sources = catalogue.terrains[left.key.terrain].rigs[left.key.position], catalogue.sources(left)
     for side, one, maps in (("image_2", left, rig.left_maps), ("image_3", right, rig.right_maps)):
-        bundle.png(f"{folder}/{side}/{name}.png", partial(_turned, one, maps, catalogue.tone), [*sources, one.path])
+        bundle.png(f"{folder}/{side}/{name}.png", partial(_turned, one, maps), [*sources, one.path])
     objects = [kitti_object(one, localised.rig, rig, left) for one in catalogue.labels(left)]
     own = [one for one in objects if one]
     bundle.make(f"{folder}/label_2/{name}.txt", partial(kitti.write_objects, objects=own))
@@ -141,8 +140,8 @@ def rectified_edges(box: np.ndarray, lens: Lens, turned: Rectification) -> np.nd
     return turned.lens.project(turned.left_from_rectified.inverse().apply(lens.directions(points)))
 
 
-def _turned(picture: Picture, maps: tuple[np.ndarray, np.ndarray], options: PicturesOptions) -> np.ndarray:
+def _turned(picture: Picture, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     import cv2
 
     bent = cv2.remap(png.read(picture.path), *maps, cv2.INTER_LINEAR)
-    return to_8_bits(np.asarray(bent), options, picture.key.exposure_ms)
+    return to_8_bits(np.asarray(bent))

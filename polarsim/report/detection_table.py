@@ -22,21 +22,16 @@ CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: 
 INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
 
 
-def tabulate_detection(
-    *, detection: Path, stem: Path, origin: dict[str, str], min_mean_dn: float = 0.0, others: Path | None = None
-) -> None:
+def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], others: Path | None = None) -> None:
     """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet.
 
-    Pictures that are darker than `min_mean_dn` (mean above black, DN) were left out; 0: none was. `others` is the same
-    of detectors of further models, whose rows come after.
+    `others` is the same of detectors of further models, whose rows come after.
     """
     found = pd.concat(
         [read_parquet(path, detect.DETECTION.columns) for path in (detection, others) if path], ignore_index=True
     )
     table = tidy_detection(found, origin["source"])
     notes = [*paper.analog_notes(table, ("trained", "evaluated")), *detector_notes(table)]
-    if min_mean_dn:
-        notes.append(f"Near-black pictures, with a mean below {min_mean_dn:g} DN above black, are left out.")
     notes += seed_notes(table)
     if table["paper_map50"].notna().any():
         notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")

@@ -61,7 +61,6 @@ def tabulate_detectors(
     others: Path | None,
     tables: Path,
     origin: dict[str, str],
-    min_mean_dn: float = 0.0,
 ) -> None:
     """Write detection, differences, detection_breakdown, false_positives, ipd, ipd_rocks, each as {csv,md,tex,parquet}.
 
@@ -75,11 +74,9 @@ def tabulate_detectors(
         Table `detection` of detectors of further models; None for a run without them.
     tables
         Folder to write to.
-    min_mean_dn
-        Pictures that are darker (mean above black, DN) were left out; 0: none was.
     """
     common: dict[str, Any] = {"detection": detection, "origin": origin}
-    tabulate_detection(**common, others=others, stem=tables / "detection", min_mean_dn=min_mean_dn)
+    tabulate_detection(**common, others=others, stem=tables / "detection")
     tabulate_differences(**common, differences=differences, stem=tables / "differences")
     tabulate_breakdown(**common, breakdown=breakdown, stem=tables / "detection_breakdown")
     tabulate_false_positives(**common, false_positives=false_positives, stem=tables / "false_positives")

@@ -99,5 +99,5 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
             return self.cameras
         detector: dict[str, object] = {"weights": weights}
         if detect is not None:
-            detector |= {"pictures": detect.pictures, "prediction": detect.prediction}
+            detector |= {"prediction": detect.prediction}
         return self.cameras.model_copy(update={"onboard": self.cameras.onboard.model_copy(update=detector)})

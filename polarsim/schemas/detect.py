@@ -212,7 +212,7 @@ PICTURES = Table(
     "detect/pictures/<domain>/pictures.csv",
     "A picture of the domain",
     KEY_NAME,
-    Columns("state", TEXT, "", "`used`, `missing`, `dark` (below `detect.pictures.min_mean_dn`) or `corrupt`"),
+    Columns("state", TEXT, "", "`used`, `missing` or `corrupt`"),
     Columns("camera", TEXT, "", "Pictures of the same camera have the same value"),
     Columns("terrains", TEXT, "", "Terrains that the picture shows"),
 )

@@ -95,17 +95,6 @@ def test_a_photo_without_labels_gets_an_empty_file(few, made, world, tmp_path):
     assert path.read_text() == ""
 
 
-def test_dark_pictures_are_left_out_where_asked(made, world, tmp_path):
-    photos = tables.read_parquet(world / "photos.parquet")
-    dark = tmp_path / "dark.png"
-    png.write(dark, np.full((1216, 1936), 20, np.uint16))  # 4 DN above black
-    photos.loc[3, "path"] = str(dark)
-    tables.write_parquet(tmp_path / "photos.parquet", photos)
-    folder = made(OPTIONS.model_copy(update={"min_mean_dn": 5}), pictures=tmp_path / "photos.parquet")
-    assert not list(folder.glob(f"images/*/{photos['key'][3]}.png"))
-    assert len(list(folder.glob("images/*/*.png"))) == 7
-
-
 def test_pictures_are_stored_no_larger_than_the_photo(few, made):
     folder = made(OPTIONS.model_copy(update={"stored_px": 5000}), keys=few[:4])
     assert png.read(next(folder.glob("images/train/*.png"))).shape == (1216, 1936)

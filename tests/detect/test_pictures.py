@@ -86,7 +86,6 @@ def test_a_corrupt_picture_is_named_left_out_and_counted(states, twins, few, tmp
     assert read_json(tmp_path / "made" / "domain.json")["pictures"] == {
         "used": 3,
         "missing": 0,
-        "dark": 0,
         "corrupt": 1,
     }
 
@@ -102,11 +101,9 @@ def test_a_photo_with_a_label_that_is_no_box_is_left_out(states, world, few, tmp
     assert f"labels.parquet: {few[2]}: a label that is no box" in caplog.text
 
 
-def test_missing_and_dark_pictures_are_not_called_corrupt(states, twins, few):
+def test_missing_pictures_are_not_called_corrupt(states, twins, few):
     path_of(twins, few[0]).unlink()
-    png.write(path_of(twins, few[1]), np.full((1216, 1936), 20, np.uint16))  # 4 DN above black
-    found = states(twins, options=OPTIONS.model_copy(update={"min_mean_dn": 5}))
-    assert list(found.values()) == ["missing", "dark", "used", "used"]
+    assert list(states(twins).values()) == ["missing", "used", "used", "used"]
 
 
 def test_a_label_table_with_an_unknown_kind_is_refused(states, world, tmp_path):
@@ -184,12 +181,6 @@ def test_all_novel_views_of_a_camera_are_in_one_part(shared_views):
 def test_novel_views_that_show_a_test_terrain_do_not_train(shared_views):
     folder = shared_views("terrain", test_terrains=(4,))
     assert {name.split("_")[0] for part in ("train", "val") for name in read_pictures(folder, part)} == {"near"}
-
-
-def test_novel_views_have_the_exposure_of_their_index(shared_views):
-    folder = shared_views("photo", PicturesOptions(imgsz=160, tone="fixed", tone_exposure_ms=512))
-    values = {png.read(folder / "images" / "train" / f"{name}.png")[0, 0] for name in read_pictures(folder, "train")}
-    assert values == {round(255 * (2048 / 4079) ** (1 / 2.2))}  # 4 DN a ms, whatever the exposure
 
 
 def test_a_view_whose_label_file_is_broken_is_left_out(views, tmp_path, caplog):

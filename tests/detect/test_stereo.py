@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.detect.options import ComparisonOptions, PicturesOptions, StereoOptions
+from polarsim.detect.options import ComparisonOptions, StereoOptions
 from polarsim.detect.stereo.compare import compare_stereo
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.measure import measure_stereo
@@ -178,7 +178,6 @@ def test_a_domain_and_its_copy_have_the_same_figures_and_no_difference(scene, me
             pairs=tmp_path / f"pairs_{name}.parquet",
             rocks=tmp_path / f"rocks_{name}.parquet",
             options=options,
-            curve=PicturesOptions(),
             threads=1,
         )
     assert len(tables.read_parquet(tmp_path / "pairs_long.parquet")) == 2
@@ -224,7 +223,6 @@ def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):
             pairs=tmp_path / "pairs.parquet",
             rocks=tmp_path / "rocks.parquet",
             options=OPTIONS,
-            curve=PicturesOptions(),
             threads=1,
         )
 

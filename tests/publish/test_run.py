@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import to_8_bits
 from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats import png
@@ -391,18 +390,9 @@ def test_pictures_of_a_run_without_a_split_are_not_called_training(run, tmp_path
     assert {part.split for part in done.values()} == {""}
 
 
-@pytest.mark.parametrize("own", [{}, {"tone": "linear"}, {"tone_percentile": 80.0, "tone_floor_dn": 3000.0}])
-def test_published_pictures_are_those_that_training_sees(tmp_path, own):
+def test_published_pictures_are_those_that_training_sees(tmp_path):
     run = make_run(tmp_path)
-    (run / "config.yaml").write_text(json.dumps({"detect": {"splits": [SECOND], "pictures": own}}))
     publish(run, tmp_path / "out", ["yolo"])
     for path in (tmp_path / "out/yolo/hapke/images").rglob("*.png"):
         pixels = png.read(run / f"renders/hapke/Terrain01/{path.name}")
-        np.testing.assert_array_equal(png.read(path), to_8_bits(pixels, PicturesOptions(**own)))
-
-
-def test_impossible_tone_of_the_configuration_is_refused(tmp_path):
-    run = make_run(tmp_path)
-    (run / "config.yaml").write_text("detect: {pictures: {tone_percentile: 300}}\n")
-    with pytest.raises(ConfigError, match=r"config\.yaml.*tone_percentile"):
-        publish(run, tmp_path / "out", ["yolo"])
+        np.testing.assert_array_equal(png.read(path), to_8_bits(pixels))

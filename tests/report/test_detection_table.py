@@ -219,11 +219,3 @@ def test_every_table_of_detectors_tells_detector_split_seeds_and_photos(tmp_path
     told = "Detector yolov5n, started from scratch, 12 epochs by seed 3 at 320 px; split by photo: views are shared by"
     for name in ("detection", "ipd"):
         assert f"{told} training and test; 96 test images." in (tmp_path / f"{name}.md").read_text()
-
-
-def test_the_rule_of_near_black_pictures_is_told_where_one_holds(tmp_path):
-    write_parquet(tmp_path / "d.parquet", detection())
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "one", origin=ORIGIN, min_mean_dn=5)
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "other", origin=ORIGIN)
-    assert "Near-black pictures, with a mean below 5 DN above black, are left out." in (tmp_path / "one.md").read_text()
-    assert "Near-black" not in (tmp_path / "other.md").read_text()

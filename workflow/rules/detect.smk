@@ -236,7 +236,6 @@ rule measure_stereo:
         domain=CONFIG.photo_domain,
         models=MODELS,
         options=options("detect.stereo"),
-        curve=options("detect.pictures"),
         code=code_of("measure_stereo"),
     script:
         "../scripts/measure_stereo.py"

@@ -184,7 +184,6 @@ rule tabulate_detectors:
         runtime=5,
     params:
         origin=ORIGIN,
-        min_mean_dn=CONFIG.detect.pictures.min_mean_dn,
         code=code_of("tabulate_detectors"),
     script:
         "../scripts/tabulate_detectors.py"

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.options import PicturesOptions, StereoOptions
+from polarsim.detect.options import StereoOptions
 from polarsim.detect.stereo.measure import measure_stereo
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.job_files import paths
@@ -26,6 +26,5 @@ with reporting(log=snakemake.log[0]):
         pairs=Path(snakemake.output.pairs),
         rocks=Path(snakemake.output.rocks),
         options=StereoOptions(**snakemake.params.options),
-        curve=PicturesOptions(**snakemake.params.curve),
         threads=snakemake.threads,
     )

@@ -17,5 +17,4 @@ with reporting(log=snakemake.log[0]):
         others=optional_path(snakemake.input.others),
         tables=Path(snakemake.output.detection).parent,
         origin=snakemake.params.origin,
-        min_mean_dn=snakemake.params.min_mean_dn,
     )

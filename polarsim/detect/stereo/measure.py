@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import tone
-from polarsim.detect.options import PicturesOptions, StereoOptions
+from polarsim.detect.options import StereoOptions
 from polarsim.detect.pictures import picture_paths
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
@@ -38,7 +38,6 @@ def measure_stereo(
     pairs: Path,
     rocks: Path,
     options: StereoOptions,
-    curve: PicturesOptions,
     threads: int,
 ) -> None:
     """Match every pair of left and right pictures of a terrain and write a row a pair, and a row a rock in it.
@@ -53,8 +52,6 @@ def measure_stereo(
         Folder of the terrain's meshes.
     pictures : mapping of str to Path
         By domain, the table of photos or the folder of twins, see `pictures.picture_paths`.
-    curve : PicturesOptions
-        From 12 to 8 bits, as detectors are shown the pictures.
     pairs, rocks : Path
         Parquet files to write, `PAIR_COLUMNS` and `ROCK_COLUMNS`; key is that of the left photo.
 
@@ -82,7 +79,7 @@ def measure_stereo(
             if left.position == position
         ]
         for domain, key, left_path, right_path in track(work, f"stereo {position}"):
-            left, right = (_picture(path, key.exposure_ms, curve, rig) for path in (left_path, right_path))
+            left, right = (_picture(path, rig) for path in (left_path, right_path))
             depth = match(left, right, rig, options)
             name = {"domain": domain} | tables.key_columns(key)
             pair_rows.append(name | score(depth, truth, options))
@@ -99,11 +96,11 @@ def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
     return [(left, right) for left, right in lefts if right in paths]
 
 
-def _picture(path: Path, exposure_ms: int, curve: PicturesOptions, rig: Rectification) -> np.ndarray:
+def _picture(path: Path, rig: Rectification) -> np.ndarray:
     """A photo as the matcher takes it: shrunk, then 8 bits by the detectors' tone curve."""
     with about(path):
         pixels = png.read_photo(path)
-    return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)), curve, exposure_ms)
+    return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)))
 
 
 def _write(path: Path, rows: list[dict[str, object]], columns: tuple[str, ...]) -> None:

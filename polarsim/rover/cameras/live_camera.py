@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 
-from polarsim.detect.options import PicturesOptions
 from polarsim.detect.tone import to_8_bits
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
@@ -143,7 +142,7 @@ class LiveCamera:
 
     def picture(self, state: State, level: np.ndarray) -> np.ndarray:
         """Return `grey` as (h, w, 1) uint8, by the detectors' tone curve `gamma`."""
-        return to_8_bits(self.grey(state, level), PicturesOptions(tone="gamma"))[..., None]
+        return to_8_bits(self.grey(state, level))[..., None]
 
 
 def auto_exposure_ms(light: np.ndarray, gain: float) -> float:

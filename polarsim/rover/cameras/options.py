@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator, model_validator
 
-from polarsim.detect.options import PACKAGED, PACKAGED_ROVER, PicturesOptions, PredictionOptions
+from polarsim.detect.options import PACKAGED, PACKAGED_ROVER, PredictionOptions
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.user_path import UserPath
@@ -52,9 +52,6 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
         None,
         description="The detector has these weights of a run; two come with polarsim: `packaged_rover`, which has seen "
         "drives, and `packaged`, which has seen photos. With none truth alone is measured.",
-    )
-    pictures: PicturesOptions = Field(
-        PicturesOptions(), description="This section sets the tone curve of the detector's pictures."
     )
     prediction: PredictionOptions = Field(
         PredictionOptions(), description="This section says how the detector looks at pictures."

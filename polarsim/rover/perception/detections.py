@@ -64,7 +64,7 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
             with about(weights):
                 loaded = detectors.load_detector(detector, pictures, onboard.prediction, threads)
         sizes = sizes_of(detector, onboard.prediction).within(widest_look(suite.mounts[FRONT].lens.width))
-        _write_detections(pictures, paths, loaded, sizes, exposure_ms, onboard, identity)
+        _write_detections(pictures, paths, loaded, sizes, onboard, identity)
         write_text(note, identity)
 
 
@@ -73,7 +73,6 @@ def _write_detections(
     paths: dict[str, Path],
     loaded: detectors.LoadedDetector,
     sizes: ClassSizes,
-    exposure_ms: float,
     options: OnboardOptions,
     identity: str,
 ) -> None:
@@ -82,7 +81,7 @@ def _write_detections(
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
             grey = [png.read(paths[name]) for name in group]
             small = [tone.shrink(each, max(sizes.widths)) for each in grey]
-            eights = [tone.to_8_bits(each, options.pictures, exposure_ms) for each in small]
+            eights = [tone.to_8_bits(each) for each in small]
             full = grey[0].shape[1], grey[0].shape[0]
             found = detect(loaded, eights, sizes, options.prediction.nms_iou, full)
             for name, result in zip(group, found, strict=True):

@@ -59,7 +59,7 @@ def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions, onboard: O
         for picture in _all_pictures(options):
             part = VAL if random.random() < options.val_share else TRAIN
             with about(picture.path):
-                eight = tone.to_8_bits(png.read(picture.path), onboard.pictures, picture.exposure_ms)
+                eight = tone.to_8_bits(png.read(picture.path))
             classes, boxes = yolo.read_boxes(picture.labels, eight.shape[::-1])
             kept = shows(eight, boxes, onboard.least_contrast)
             numbers = range(count, count + options.windows)

@@ -99,18 +99,18 @@ def _cases(folder: Path, suite: CameraSuite) -> Iterator[tuple[dict[str, Any], p
         for model, exposure in suite.options.pictures:
             pictures = picture_folder(folder, FRONT, sun, model, exposure)
             row = {"sun": sun, "model": model, "exposure_ms": float(exposure)}
-            yield row | {"source": VISIBLE}, truth, _visible(labels, pictures, exposure, suite.options.onboard)
+            yield row | {"source": VISIBLE}, truth, _visible(labels, pictures, suite.options.onboard)
             if suite.options.onboard.weights_file is not None:
                 found = tables.read_parquet(pictures / "detections.parquet", DETECTION_COLUMNS)
                 yield row | {"source": DETECTOR}, truth, found
 
 
-def _visible(labels: pd.DataFrame, pictures: Path, exposure_ms: float, options: OnboardOptions) -> pd.DataFrame:
+def _visible(labels: pd.DataFrame, pictures: Path, options: OnboardOptions) -> pd.DataFrame:
     """The labels that a set of pictures shows."""
     kept = []
     for frame, own in labels.groupby("frame"):
         path = pictures / f"{frame:05d}.png"
         require_pictures([path])
-        eight = tone.to_8_bits(png.read(path), options.pictures, exposure_ms)
+        eight = tone.to_8_bits(png.read(path))
         kept.append(own[shows(eight, own[BOX].to_numpy(float), options.least_contrast)])
     return pd.concat(kept) if kept else labels

@@ -18,7 +18,7 @@ from scipy import ndimage
 from polarsim.detect import detectors, tone
 from polarsim.detect.frame import widest_look
 from polarsim.detect.inference_widths import ClassSizes
-from polarsim.detect.options import PicturesOptions, StereoOptions
+from polarsim.detect.options import StereoOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
@@ -139,7 +139,7 @@ class Eyes:
         looks, pair, found = [], None, np.zeros((0, 5))
         shown: np.ndarray | None = None
         if self._detects:
-            shown, found = self._timed("detector", lambda: self._found(*taken[0]))
+            shown, found = self._timed("detector", lambda: self._found(taken[0][0]))
             found = found[found[:, 4] >= self.onboard.confidence]
             lit = self._timed("map", lambda: self._lit(taken[0][0]))
             boxes, sure = found[:, :4], found[:, 4]
@@ -166,12 +166,12 @@ class Eyes:
         name = ("autonomy", self.seed, self._glances, which, self.light.sun, exposure)
         return self._scene.picture(camera, self._sun, spots, exposure, *name, threads=self._threads)
 
-    def _found(self, grey: np.ndarray, exposure_ms: float) -> tuple[np.ndarray, np.ndarray]:
+    def _found(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The picture as the detector sees it, and (n, 5) boxes of rocks, px of the camera, and their confidences."""
         assert self._detector is not None
         loaded, sizes = self._detector
         small = tone.shrink(grey, min(max(sizes.widths), max(grey.shape)))
-        eight = tone.to_8_bits(small, self.onboard.pictures, exposure_ms)
+        eight = tone.to_8_bits(small)
         full = grey.shape[1], grey.shape[0]
         (rows,) = detect(loaded, [eight], sizes, self.onboard.prediction.nms_iou, full)
         return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
@@ -182,7 +182,7 @@ class Eyes:
 
     def _pair(self, small: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Both pictures by one curve: matching compares their grey values."""
-        left, right = tone.to_8_bits(np.stack(small), PicturesOptions(tone="gamma"))
+        left, right = tone.to_8_bits(np.stack(small))
         return left, right
 
     def _lit(self, grey: np.ndarray) -> np.ndarray:
