@@ -29,12 +29,14 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats import tables
+from polarsim.render.options import RenderOptions
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
 from polarsim.report.figures.autonomy import draw_modes, draw_ways
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.reporting import reporting
-from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import DETECTING, Case, cases
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.rank import rank_detectors
@@ -44,19 +46,21 @@ from polarsim.rover.world.options import WorldOptions
 from polarsim.schemas.rover import AUTONOMY, EVERY_AUTONOMY
 
 CONFIG = Path(__file__).parents[1] / "config"
-CASES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "models", "detectors"}  # say which drives, not how
+CASES = {"run", "modes", "auto_exposure", "headlights", "detectors"}  # say which drives, not how
 
 
-def driven(asked: argparse.Namespace, options: AutonomyOptions) -> Iterator[Case]:
+def driven(asked: argparse.Namespace, options: AutonomyOptions, cameras: CameraSuiteOptions) -> Iterator[Case]:
     """All drives that are there or that there is time for, some at a time."""
-    every = cases(options, list(asked.weights))
+    every = cases(options, cameras, range(asked.seeds), list(asked.weights))
     end = time.monotonic() + 60 * asked.minutes  # of a clock that processes share
     with ProcessPoolExecutor(asked.jobs) as pool:
-        there = pool.map(_is_driven, every, repeat(asked), repeat(options), repeat(end))
+        there = pool.map(_is_driven, every, repeat(asked), repeat(options), repeat(cameras), repeat(end))
         yield from (case for case, is_there in zip(every, there, strict=True) if is_there)
 
 
-def _is_driven(case: Case, asked: argparse.Namespace, options: AutonomyOptions, end: float) -> bool:
+def _is_driven(
+    case: Case, asked: argparse.Namespace, options: AutonomyOptions, cameras: CameraSuiteOptions, end: float
+) -> bool:
     """Make a drive, where it is not there yet and there is time; whether it is there now."""
     folder = asked.out / "drives" / case.name
     if not (folder / "figures.parquet").exists():
@@ -70,7 +74,9 @@ def _is_driven(case: Case, asked: argparse.Namespace, options: AutonomyOptions, 
             soil=SoilOptions(table=CONFIG / "soils.csv"),
             drive_options=DriveOptions(vehicle=CONFIG / "viper.yaml"),
             options=options,
-            cameras=CameraSuiteOptions(onboard=asked.weights.get(case.detector, OnboardOptions())),
+            cameras=cameras,
+            render=RenderOptions(),
+            detector=asked.weights.get(case.detector),
             threads=asked.threads,
         )
     print(row_of(case, tables.read_parquet(folder / "figures.parquet", EVERY_AUTONOMY.columns)), flush=True)
@@ -115,14 +121,14 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
         print((shown / "rover_rank.md").read_text())
 
 
-def onboard_of(text: str) -> tuple[str, OnboardOptions]:
+def onboard_of(text: str) -> tuple[str, OnboardDetector]:
     """Name and options of a detector: one that comes with polarsim, or `name=path`."""
     name, _, path = text.partition("=")
     if path and not Path(path).is_file():
         raise argparse.ArgumentTypeError(f"{path}: no such file")
     if not path and name not in PACKAGED_FILES:
         raise argparse.ArgumentTypeError(f"{text!r}, expected {', '.join(PACKAGED_FILES)} or name=path")
-    return name, OnboardOptions.model_validate({"weights": path or name})
+    return name, OnboardDetector(weights=Path(path) if path else PACKAGED_FILES[name])
 
 
 def arguments() -> argparse.Namespace:
@@ -139,7 +145,6 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--detect", type=Path, help="results/<run>/detect of the run that trained them")
     parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="its photos' domain, and that of pictures")
     parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("--ahead", type=float, default=3.0, help="metres before the first terrain and behind the last")
     parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
     parser.add_argument("--jobs", type=int, default=1, help="drives at a time")
     parser.add_argument("--threads", type=int, default=1, help="that render a drive's pictures")
@@ -154,17 +159,17 @@ def main() -> None:
     options = AutonomyOptions.model_validate(
         {
             "modes": asked.modes,
-            "suns": asked.suns,
-            "exposures_ms": [text if text == "auto" else float(text) for text in asked.exposures],
-            "lights": asked.lights,
-            "seeds": range(asked.seeds),
-            "models": asked.models or [asked.pair[1]],
-            "ahead_m": asked.ahead,
+            "headlights": asked.lights,
+            "auto_exposure": asked.exposures == ["auto"],
             "longest_s": max(160, 80 * len(asked.terrains)),  # a terrain takes half a minute without stops
         }
     )
+    cameras = CameraSuiteOptions.model_validate(
+        {"suns": asked.suns, "models": asked.models or [asked.pair[1]], "scale": 0.5}
+        | ({} if options.auto_exposure else {"exposures_ms": [float(text) for text in asked.exposures]})
+    )
     told = made_with(asked.terrains, options)
-    found = list(driven(asked, options))
+    found = list(driven(asked, options, cameras))
     if found:
         sum_up(asked, found, {"run": asked.out.name, "source": asked.source, "config": told})
 

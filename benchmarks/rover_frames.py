@@ -45,7 +45,7 @@ def main() -> None:
     first = len(suite.frames) // 2
     suite.show(first)
     suite.render(chosen.view, [chosen.sun], chosen.threads)  # what is built once
-    print(f"start: {time.process_time() - start:.2f} s, {len(suite.render_scene.surfaces.faces):,} triangles")
+    print(f"start: {time.process_time() - start:.2f} s, {len(suite.rover_camera.scene.surfaces.faces):,} triangles")
     began = time.perf_counter()
     rows = [_frame(suite, chosen, first + 1 + number) for number in range(chosen.frames)]
     wall = (time.perf_counter() - began) / chosen.frames

@@ -18,7 +18,7 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.options import CamerasOptions
 from polarsim.cover_photos.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
-from polarsim.detect.options import VIEWS, DetectOptions
+from polarsim.detect.options import VIEWS, DetectOptions, PredictionOptions
 from polarsim.errors import ConfigError, about
 from polarsim.formats.yaml_files import describe_error, parse_yaml, read_yaml
 from polarsim.grid import GridOptions
@@ -28,9 +28,9 @@ from polarsim.publish.options import PublishOptions
 from polarsim.randomness import unsigned_zeros
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.options import RocksOptions
-from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.options import PACKAGED_FILES
 from polarsim.rover.options import RoverOptions
-from polarsim.rover.perception.options import FINE_TUNED
+from polarsim.rover.perception.options import FINE_TUNED, OnboardDetector
 from polarsim.scoring.options import ScoringOptions
 from polarsim.sources.registry import SOURCES
 from polarsim.sources.source import Source
@@ -257,52 +257,55 @@ class Config(BaseModel, extra="forbid", frozen=True):
         views = [VIEWS] if self.domains and self.detect.views else []
         return (*self.domains, *views, *(self.detect.mixes if self.domains else ()))
 
-    @property
-    def first_training(self) -> str:
-        """Folder of the first split's and seed's detectors below the run: what figures show and the rover takes
-        along.
+    def detector_before_drives(self, run: Path) -> OnboardDetector | None:
+        """Return the detector on board before `rover.fine_tuning`: one of the run, or another that is named, or none.
+
+        Detectors of the run are applied as `detect` says, others with the defaults on the same device.
         """
-        return f"detect/{self.detect.splits[0]}/seed{self.detect.seeds[0]}"
+        if self.rover.detector is not None:
+            return self._own_detector(run, self.rover.detector, self.detect.seeds[0])
+        weights = self.rover.cameras.onboard.weights_file
+        return None if weights is None else self._other_detector(weights)
 
-    def detector_before_drives(self, run: Path) -> Path | None:
-        """The detector on board before `rover.fine_tuning`: one of the run, or another that is named, or none."""
-        if self.rover.detector is None:
-            return self.rover.cameras.onboard.weights_file
-        return run / f"{self.first_training}/detectors/{self.rover.detector}.pt"
-
-    def detector_on_board(self, run: Path) -> Path | None:
-        """The detector that looks through the front camera: that one, or what other drives have made of it."""
+    def detector_on_board(self, run: Path) -> OnboardDetector | None:
+        """Return the detector on board, after `rover.fine_tuning` if there is one."""
         before = self.detector_before_drives(run)
-        return run / f"rover/{FINE_TUNED}.pt" if before and self.rover.fine_tuning.drives else before
+        if before is None or not self.rover.fine_tuning.drives:
+            return before
+        return before.model_copy(update={"weights": run / f"rover/{FINE_TUNED}.pt"})
 
-    def deciding_detectors(self, run: Path) -> dict[str, OnboardOptions]:
-        """Detectors by which the rover finds its way, as it takes them along, by name.
+    def deciding_detectors(self, run: Path) -> dict[str, OnboardDetector | None]:
+        """Return the detectors by which the rover finds its way, by name.
 
-        Those that come with polarsim; `<domain>-seed<N>` of a run; `fine_tuned`, what other drives have made of the
-        one on board. Where none is named that is the one on board, or none.
+        Those that come with polarsim; `<domain>-seed<N>` of a run; `fine_tuned`. Where none is named that is the one on
+        board, or none.
         """
-        names, onboard, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard, self.detect.seeds
+        names, weights, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard.weights, self.detect.seeds
         on_board = self.detector_on_board(run)
-        single = onboard.weights.stem if isinstance(onboard.weights, Path) else onboard.weights or "none"
         if not names and self.rover.fine_tuning.drives and on_board:
             names = (FINE_TUNED,)
         elif not names and self.rover.detector is not None:
             names, seeds = (self.rover.detector,), seeds[:1]
-        found: dict[str, OnboardOptions] = {}
+        found: dict[str, OnboardDetector | None] = {}
         for name in names:
             if name in PACKAGED_FILES:
-                found[name] = onboard.model_copy(update={"weights": name})
+                found[name] = self._other_detector(PACKAGED_FILES[name])
             elif name == FINE_TUNED:
-                found[name] = self.cameras_on_board(run).onboard
+                found[name] = on_board
             else:
-                for seed in seeds:
-                    weights = run / f"detect/{self.detect.splits[0]}/seed{seed}/detectors/{name}.pt"
-                    found[f"{name}-seed{seed}"] = self.rover.cameras_with(weights, self.detect).onboard
-        return found or {single: onboard}
+                found |= {f"{name}-seed{seed}": self._own_detector(run, name, seed) for seed in seeds}
+        single = weights.stem if isinstance(weights, Path) else weights or "none"
+        return found or {single: on_board}
 
-    def cameras_on_board(self, run: Path) -> CameraSuiteOptions:
-        """The rover's cameras with the detector on board; one of the run looks at pictures as `detect` says."""
-        return self.rover.cameras_with(self.detector_on_board(run), self.detect if self.rover.detector else None)
+    def _own_detector(self, run: Path, domain: str, seed: int) -> OnboardDetector:
+        weights = run / f"detect/{self.detect.splits[0]}/seed{seed}/detectors/{domain}.pt"
+        return OnboardDetector(weights=weights, prediction=self.detect.prediction)
+
+    def _other_detector(self, weights: Path) -> OnboardDetector:
+        own = self.detect.prediction
+        return OnboardDetector(
+            weights=weights, prediction=PredictionOptions(device=own.device, precision=own.precision)
+        )
 
     @property
     def cover_folds(self) -> tuple[tuple[int, ...], ...]:

@@ -263,7 +263,7 @@ class RunPaths:
 
     def first_training(self, name: str) -> str:
         """Return a file of the first split and seed, which figures show."""
-        return f"results/{{run}}/{self.config.first_training}/{name}"
+        return f"results/{{run}}/detect/{self.splits[0]}/seed{self.seeds[0]}/{name}"
 
     def photos_and_twins(self) -> list[str]:
         """Return the pictures of all terrains in every domain that detectors are compared over."""

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from polarsim.detect.options import DetectOptions
 from polarsim.rover.cameras.layout import picture_set
 from polarsim.rover.cameras.options import REAL, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
@@ -92,12 +89,3 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
     def onboard(self) -> bool:
         """Whether the front camera takes pictures: what is seen on board is seen by it."""
         return FRONT in self.cameras.views
-
-    def cameras_with(self, weights: Path | None, detect: DetectOptions | None) -> CameraSuiteOptions:
-        """CameraSuite's options with a detector of the run in them."""
-        if weights is None:
-            return self.cameras
-        detector: dict[str, object] = {"weights": weights}
-        if detect is not None:
-            detector |= {"prediction": detect.prediction}
-        return self.cameras.model_copy(update={"onboard": self.cameras.onboard.model_copy(update=detector)})

@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.files import read_json
+from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.frames import render_frames
-from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.job import job_of
 from polarsim.rover.drive.ride import drive_to_end, identity_of
 from polarsim.rover.drive.table import figures_of
@@ -20,6 +20,7 @@ from polarsim.rover.export.video import make_videos
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.detections import detect_drive
 from polarsim.rover.perception.measure import measure_drive
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.vehicle.table import read_vehicle
 
 BAG, URDF = "drive.mcap", "rover.urdf"
@@ -30,7 +31,8 @@ def run_all(
     meshes: Path,
     folder: Path,
     options: RoverOptions,
-    suite: CameraSuiteOptions,
+    render: RenderOptions,
+    detector: OnboardDetector | None,
     seed: int,
     progress: Callable[[float], None] | None = None,
     pictures: bool = True,
@@ -46,14 +48,14 @@ def run_all(
         Whatever a step cannot work with: one line.
     """
     trace = driven(meshes, folder, options, seed, progress)
-    vehicle = read_vehicle(options.drive.vehicle)
+    vehicle, suite = read_vehicle(options.drive.vehicle), options.cameras
     write_urdf(folder / URDF, vehicle)
     if pictures:
-        render_frames(folder, vehicle, suite, seed, threads)
+        render_frames(folder, vehicle, suite, seed, threads, render=render)
         if options.onboard:
-            if suite.onboard.weights_file is not None:
-                detect_drive(folder, vehicle, suite, seed, threads)
-            measure_drive(folder, vehicle, suite, seed)
+            if detector is not None:
+                detect_drive(folder, vehicle, suite, detector, seed, threads)
+            measure_drive(folder, vehicle, suite, detector, seed)
         if suite.videos:
             make_videos(folder, vehicle, suite, seed, threads)
     if options.bags:

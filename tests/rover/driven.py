@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.rover.world.surface import ROCK_COLUMNS, World
 
+RENDER = RenderOptions()
 CELL, SPEED, SINKAGE = 0.02, 0.2, 0.016
 RADIUS = 0.25
 ROCKS = (  # x, y, height above the ground, half-width
@@ -24,7 +26,7 @@ def vehicle() -> Vehicle:
 
 def options(**changes) -> CameraSuiteOptions:
     """Pictures small enough for tests."""
-    return CameraSuiteOptions(**{"scale": 0.08, "finer": 2, "far_m": 10.0, "suns": ("2",), **changes})
+    return CameraSuiteOptions(**{"scale": 0.08, "finer": 2, "suns": ("2",), **changes})
 
 
 def level(x, y):

@@ -29,7 +29,6 @@ SMALL = {
         "exposures_ms": [256],
         "scale": 0.125,
         "stars": "none",
-        "onboard": {"resamples": 100},
     },
     "bag": {"sun": "3", "height_hz": 0.2},
 }

@@ -11,7 +11,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import write_parquet
 from polarsim.render.options import MODELS
 from polarsim.report.figures.shots import draw_sequence
-from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG
+from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, CameraSuiteOptions
 from polarsim.rover.planning.cases import cases, parsed
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.run_files.picture_sets import PictureSet, exposure_name, exposure_order
@@ -47,12 +47,12 @@ def test_other_names_are_refused(name):
         PictureSet.parse(name)
 
 
-@given(st.lists(st.one_of(EXPOSURES, st.just("auto")), min_size=1, max_size=3, unique=True))
+@given(st.lists(EXPOSURES, min_size=1, max_size=3, unique=True))
 def test_a_drive_is_read_back_from_its_name_in_every_model_and_exposure(exposures):
-    options = AutonomyOptions(exposures_ms=exposures, models=MODELS, lights=("off", "on"))
-    every = cases(options, ["packaged_rover", "principled-seed0"])
+    cameras = CameraSuiteOptions(exposures_ms=exposures, models=MODELS)
+    every = cases(AutonomyOptions(headlights=("off", "on")), cameras, (0,), ["packaged_rover", "principled-seed0"])
     assert [parsed(case.name) for case in every] == every
-    assert {case.light.exposure_ms for case in every if case.mode == "stereo"} == set(exposures)
+    assert {float(case.exposure) for case in every if case.mode == "stereo"} == set(exposures)
 
 
 @pytest.mark.parametrize(("model", "exposure"), [("hapke", 12.5), ("lunar_lambert", 0.5), ("hapke", 1e6)])

@@ -9,8 +9,12 @@ import pytest
 import yaml
 
 from polarsim.config import parse_config
+from polarsim.detect.options import PACKAGED, PACKAGED_ROVER, PredictionOptions
+from polarsim.errors import ConfigError
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.soil import check
 from polarsim.rover.soil.published import check_soil
+from polarsim.running.configuration import read_configs
 from tests.rover.drives import DEMO, SMALL, configured, write_meshes
 
 
@@ -47,9 +51,11 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
 
 
 def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, snakemake):
-    asked = {"modes": ["truth", "stereo", "both", "blind"], "suns": ["1", "3"], "exposures_ms": [64, "auto"]}
-    asked |= {"lights": ["off", "on"], "detectors": ["packaged", "hapke"]}
-    content = {"rover": {"autonomy": {**asked, "seeds": [5]}, "world": {"dem": {"path": "site.tif"}}}}
+    asked = {"modes": ["truth", "stereo", "both", "blind"], "headlights": ["off", "on"]}
+    asked |= {"detectors": ["packaged", "hapke"]}
+    cameras = {"suns": ["1", "3"], "exposures_ms": [64, 128]}
+    content = {"rover": {"autonomy": asked, "seeds": [5], "cameras": cameras, "bags": False}}
+    content["rover"]["world"] = {"dem": {"path": "site.tif"}}
     (checkout / "site.tif").touch()
     (checkout / "config/lights.yaml").write_text(yaml.safe_dump(content | {"detect": {"seeds": [0, 1]}}))
     files = [f"config/{name}.yaml" for name in ("rover", "rover_autonomy", "lights")]
@@ -57,7 +63,7 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
     jobs = planned(text)
-    lights = [f"{sun}_{ms}_{lit}_hapke" for sun in "13" for ms in ("0064", "auto") for lit in ("off", "on")]
+    lights = [f"{sun}_{ms}_{lit}_hapke" for sun in "13" for ms in ("0064", "0128") for lit in ("off", "on")]
     own = {"truth", "blind", *(f"stereo_{light}" for light in lights)}
     own |= {f"both_{light}_{name}" for light in lights for name in ("packaged", "hapke-seed0", "hapke-seed1")}
     cases = {f"{case}_seed5" for case in own}
@@ -89,15 +95,15 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
 @pytest.mark.parametrize(
     ("rover", "names"),
     [
-        ({"cameras": {"onboard": {"weights": "packaged"}}}, {"packaged": "packaged"}),
-        ({"cameras": {"onboard": {"weights": "packaged_rover"}}}, {"packaged_rover": "packaged_rover"}),
+        ({"cameras": {"onboard": {"weights": "packaged"}}}, {"packaged": str(PACKAGED)}),
+        ({"cameras": {"onboard": {"weights": "packaged_rover"}}}, {"packaged_rover": str(PACKAGED_ROVER)}),
         ({"cameras": {"onboard": {"weights": "own/best.pt"}}}, {"best": "own/best.pt"}),
         ({}, {"none": "None"}),
         ({"detector": "hapke"}, {"hapke-seed3": "run/detect/photo/seed3/detectors/hapke.pt"}),  # as on plain drives
         (
             {"detector": "hapke", "autonomy": {"detectors": ["analog", "packaged"]}},
             {f"analog-seed{n}": f"run/detect/photo/seed{n}/detectors/analog.pt" for n in (3, 4)}
-            | {"packaged": "packaged"},
+            | {"packaged": str(PACKAGED)},
         ),
         (
             {"cameras": {"onboard": {"weights": "packaged"}}, "fine_tuning": {"drives": ["other/seed0"]}},
@@ -109,14 +115,25 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
                 "fine_tuning": {"drives": ["a"]},
                 "autonomy": {"detectors": ["fine_tuned", "packaged"]},
             },
-            {"fine_tuned": "run/rover/fine_tuned.pt", "packaged": "packaged"},
+            {"fine_tuned": "run/rover/fine_tuned.pt", "packaged": str(PACKAGED)},
         ),
     ],
 )
 def test_detectors_by_which_the_rover_decides_have_names(rover, names):
     asked = {"run": True, "world": {"terrains": [1]}, **rover}
     config = parse_config(configured(**asked) | {"detect": {"splits": ["photo"], "seeds": [3, 4]}})
-    assert {name: str(own.weights) for name, own in config.deciding_detectors(Path("run")).items()} == names
+    found = config.deciding_detectors(Path("run"))
+    assert {name: str(own and own.weights) for name, own in found.items()} == names
+
+
+def test_a_detector_of_the_run_is_applied_as_detect_says_and_others_by_the_defaults_on_its_device():
+    content = configured(run=True, world={"terrains": [1]}, autonomy={"detectors": ["packaged", "hapke"]})
+    content["detect"]["prediction"] = {"mirrored": True, "device": "auto"}
+    content["detect"]["pictures"] = {"tone": "linear"}
+    config = parse_config(content)
+    own, packaged = (config.deciding_detectors(Path("run"))[name] for name in ("hapke-seed0", "packaged"))
+    assert (own.prediction, own.pictures) == (config.detect.prediction, config.detect.pictures)
+    assert packaged == OnboardDetector(weights=PACKAGED, prediction=PredictionOptions(device="auto"))
 
 
 def test_a_detector_is_trained_on_other_drives_before_it_looks(checkout, snakemake):
@@ -142,8 +159,8 @@ def test_one_more_seed_leaves_finished_drives_as_they_are(checkout, snakemake):
     rules = ("drive_alone", "summarise_autonomy")
     call = ("results/small/rover/autonomy.parquet", "--configfile", "config/small.yaml", "--allowed-rules", *rules)
     for seeds, options in (([0], ()), ([0, 1], ("--dry-run",))):
-        autonomy = {"run": True, "modes": ["blind"], "seeds": seeds, "longest_s": 1}
-        content = configured(**SMALL, autonomy=autonomy) | {"run": "small", "terrains": [3]}
+        autonomy = {"run": True, "modes": ["blind"], "longest_s": 1}
+        content = configured(**SMALL, seeds=seeds, autonomy=autonomy) | {"run": "small", "terrains": [3]}
         (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
         done = snakemake(checkout, *call, *options)
         assert done.returncode == 0, done.stderr[-3000:]
@@ -166,22 +183,20 @@ def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout,
 
 
 @pytest.mark.parametrize(
-    ("rover", "named"),
+    ("rover", "key"),
     [
-        ({"run": True}, "rover.world.terrains: 4 is none of the run's"),
-        ({"run": True, "world": {"terrains": [1]}, "detector": "lambert"}, "rover.detector: domain 'lambert'"),
-        ({"run": True, "world": {"terrains": [1]}, "bag": {"sun": "7"}}, "bag.sun: '7' is not among"),
-        (
-            {"run": True, "world": {"terrains": [1]}, "autonomy": {"detectors": ["lambert"]}},
-            "detectors: 'lambert', exp",
-        ),
-        ({"autonomy": {"lights": ["navlight_left"]}}, "rover.autonomy.lights"),
-        ({"seeds": [1, 1]}, "each once"),
+        ({"run": True}, "rover.world.terrains"),
+        ({"run": True, "world": {"terrains": [1]}, "detector": "lambert"}, "rover.detector"),
+        ({"run": True, "world": {"terrains": [1]}, "bag": {"sun": "7"}}, "bag.sun"),
+        ({"run": True, "world": {"terrains": [1]}, "autonomy": {"detectors": ["lambert"]}}, "rover.autonomy.detectors"),
+        ({"autonomy": {"headlights": ["navlight_left"]}}, "rover.autonomy.headlights"),
+        ({"cameras": {"lights": ["navlight_left"] * 2}}, "rover.cameras.lights"),
+        ({"seeds": [1, 1]}, "rover.seeds"),
         ({"wheels": 4}, "rover.wheels"),
     ],
 )
-def test_an_impossible_drive_ends_in_one_line_that_names_the_key(rover, named):
-    with pytest.raises(Exception, match=re.escape(named)):
+def test_an_impossible_drive_ends_in_an_error_that_names_the_key(rover, key):
+    with pytest.raises(ConfigError, match=re.escape(key)):
         parse_config(configured(**rover))
 
 
@@ -248,6 +263,8 @@ RULES = (
 
 
 def test_the_rover_takes_a_finished_demo_as_it_is():
-    """The first part of its configuration is the demo's, word for word in meaning: else detectors are trained anew."""
-    demo, rover = (yaml.safe_load(Path(f"config/{name}.yaml").read_text()) for name in ("config", "rover"))
-    assert {key: value for key, value in rover.items() if key != "rover"} == demo
+    """Its configurations are overlays of the demo's: else its stages would run again."""
+    demo = read_configs([DEMO])
+    files = [DEMO.with_name("rover.yaml"), DEMO.with_name("rover_autonomy.yaml")]
+    rover = read_configs(files)
+    assert rover.model_copy(update={"rover": demo.rover}) == demo

@@ -64,6 +64,7 @@ rule see_drive:
         runtime=720,
     params:
         options=camera_suite_options(*AFTER_PICTURES),
+        render=rover_render(CONFIG.render),
         code=code_of("see_drive"),
     script:
         "../scripts/see_drive.py"
@@ -83,8 +84,7 @@ rule make_drive_dataset:
         mem_mb=growing(1000),
         runtime=60,
     params:
-        options=ROVER.fine_tuning.model_dump(mode="json", exclude={"training"}),
-        onboard=as_detectors_see(),
+        options=ROVER.fine_tuning.model_dump(mode="json", exclude={"epochs"}),
         code=code_of("make_drive_dataset"),
     script:
         "../scripts/make_drive_dataset.py"
@@ -105,10 +105,10 @@ rule fine_tune_on_drives:
     resources:
         mem_mb=growing(2500),
         runtime=720,
-        gpu=PATHS.gpus("rover.cameras.onboard.prediction"),
+        gpu=PATHS.gpus("detect.prediction"),
     params:
         options=options("rover.fine_tuning"),
-        prediction=PATHS.validation_options(CAMERAS_ON_BOARD.onboard.prediction),
+        prediction=PATHS.validation_options(DETECTOR_ON_BOARD.prediction) if DETECTOR_ON_BOARD else None,
         work="results/{run}/rover/fine_tuning_work",
         code=code_of("fine_tune_on_drives"),
     script:
@@ -121,7 +121,7 @@ rule detect_drive:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
         truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),  # read through poses
         vehicle=str(ROVER.drive.vehicle),
-        weights=[] if WEIGHTS_ON_BOARD is None else str(WEIGHTS_ON_BOARD),  # read through params.options
+        weights=str(DETECTOR_ON_BOARD.weights) if DETECTOR_ON_BOARD else [],  # read through params.detector
     output:
         detections=detections_on_board(),  # written through poses
     log:
@@ -132,7 +132,8 @@ rule detect_drive:
         mem_mb=growing(3000),
         runtime=240,
     params:
-        options=camera_suite_options(),
+        options=camera_suite_options("videos"),
+        detector=detector_options(),
         code=code_of("detect_drive"),
     script:
         "../scripts/detect_drive.py"
@@ -156,7 +157,8 @@ rule measure_drive:
         mem_mb=growing(2000),
         runtime=30,
     params:
-        options=camera_suite_options(),
+        options=camera_suite_options("videos"),
+        detector=detector_options(),
         code=code_of("measure_drive"),
     script:
         "../scripts/measure_drive.py"
@@ -284,7 +286,6 @@ rule summarise_onboard:
         mem_mb=growing(1000),
         runtime=20,
     params:
-        options=camera_suite_options()["onboard"],
         code=code_of("summarise_onboard"),
     script:
         "../scripts/summarise_onboard.py"

@@ -17,7 +17,7 @@ rule drive_alone:
         dem=elevation_model(),  # read through params.world
         vehicle=str(ROVER.drive.vehicle),  # read through params.drive_options
         soils=str(ROVER.soil.table),  # read through params.soil
-        weights=weights_of_case,  # read through params.cameras
+        weights=weights_of_case,  # read through params.detector
     output:
         figures="results/{run}/rover/autonomy/{case}/figures.parquet",
         trace="results/{run}/rover/autonomy/{case}/trace.parquet",  # written through figures
@@ -38,6 +38,8 @@ rule drive_alone:
         drive_options=options("rover.drive"),
         options=ROVER.autonomy.model_dump(mode="json", exclude=OTHER_DRIVES),
         cameras=cameras_of_case,
+        render=render_of_case,
+        detector=detector_of_case,
         code=code_of("drive_alone"),
     script:
         "../scripts/drive_alone.py"
@@ -111,7 +113,7 @@ rule rank_detectors:
         mem_mb=growing(1000),
         runtime=10,
     params:
-        pair=[CONFIG.photo_domain, ROVER.autonomy.models[0]],
+        pair=[CONFIG.photo_domain, ROVER.cameras.models[0]],
         split=SPLITS[0],
         code=code_of("rank_detectors"),
     script:

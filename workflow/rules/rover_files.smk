@@ -1,5 +1,6 @@
 """Files and options of the drives: what each step reads, and which set of pictures figures show."""
 
+from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.planning.cases import UNLIT, cases
 from polarsim.rover.vehicle.mounts import FRONT
 
@@ -12,7 +13,8 @@ ROVER_FIGURES += ["rover_front"] if ROVER.onboard else []
 DECIDING = CONFIG.deciding_detectors(Path(f"results/{RUN}"))
 AUTONOMY_CASES = {}
 if ROVER.run and ROVER.autonomy.run:
-    AUTONOMY_CASES = {case.name: case for case in cases(ROVER.autonomy, list(DECIDING))}
+    driven = cases(ROVER.autonomy, ROVER.cameras, ROVER.seeds, list(DECIDING))
+    AUTONOMY_CASES = {case.name: case for case in driven}
 DETECTORS_DRIVEN = {case.detector for case in AUTONOMY_CASES.values()} & set(DECIDING)
 # Their figures of the gap: those of the run's own trainings, not of weights that come from elsewhere.
 HAVE_GAP = bool(set(ROVER.autonomy.detectors) & set(TRAINED))
@@ -25,27 +27,24 @@ wildcard_constraints:
 
 
 # What a drive's pictures do not depend on: other views, and what is made of the pictures.
-AFTER_PICTURES = ("views", "onboard", "videos", "video_speed")
+AFTER_PICTURES = ("views", "onboard", "videos")
 RUN_FOLDER = Path(f"results/{RUN}")
-CAMERAS_ON_BOARD = CONFIG.cameras_on_board(RUN_FOLDER)
-# The detector that looks through the front camera, where there is one.
-WEIGHTS_ON_BOARD = CONFIG.detector_on_board(RUN_FOLDER)
+DETECTOR_ON_BOARD = CONFIG.detector_on_board(RUN_FOLDER)  # None: truth alone is measured
 
 
 def camera_suite_options(*left_out):
-    """Options of a drive's pictures and of what a detector sees in them, without some."""
-    return CAMERAS_ON_BOARD.model_dump(mode="json", exclude=set(left_out))
+    """Options of a drive's pictures, without some."""
+    return ROVER.cameras.model_dump(mode="json", exclude=set(left_out))
 
 
 def detector_before_drives(wildcards):
     """The detector that is trained on other drives."""
-    return str(CONFIG.detector_before_drives(RUN_FOLDER))
+    return str(CONFIG.detector_before_drives(RUN_FOLDER).weights)
 
 
-def as_detectors_see():
-    """How detectors on board see pictures, whichever looks."""
-    onboard = camera_suite_options()["onboard"]
-    return {name: onboard[name] for name in ("pictures", "least_contrast")}
+def detector_options():
+    """Options of the detector on board; None if there is none."""
+    return DETECTOR_ON_BOARD and DETECTOR_ON_BOARD.model_dump(mode="json")
 
 
 def poses_of_other_drives():
@@ -89,7 +88,7 @@ def shown_sun():
 
 def shown_detections(wildcards):
     """What a detector found in the pictures that are shown, where one looked."""
-    if WEIGHTS_ON_BOARD is None:
+    if DETECTOR_ON_BOARD is None:
         return []
     return of_first_drive(f"{FRONT}/{ROVER.shown_set}/detections.parquet").format(run=wildcards.run)
 
@@ -112,13 +111,13 @@ def detections_on_board():
 
 def detections_of_drive(wildcards):
     """The same, where a detector looks."""
-    if not ROVER.onboard or WEIGHTS_ON_BOARD is None:
+    if not ROVER.onboard or DETECTOR_ON_BOARD is None:
         return []
     return [name.format(run=wildcards.run, seed=wildcards.seed) for name in detections_on_board()]
 
 
 # What a single drive does not depend on: which others there are. More seeds or Suns leave finished drives as they are.
-OTHER_DRIVES = {"run", "modes", "seeds", "suns", "exposures_ms", "lights", "models", "detectors"}
+OTHER_DRIVES = {"run", "modes", "headlights", "auto_exposure", "detectors"}
 
 
 def autonomy_of(name):
@@ -127,18 +126,27 @@ def autonomy_of(name):
 
 
 def cameras_of_case(wildcards):
-    """Options of `rover.cameras` that change a drive: of its pictures, where it takes some, and of its detector, if any."""
-    case = AUTONOMY_CASES[wildcards.case]
-    detecting = DECIDING.get(case.detector)
-    looks = {"weights", "pictures", "prediction", "confidence", "ground"} if detecting else {"ground"}
-    pictures = (
-        {"render": {"skirt_m"}} if case.mode in UNLIT else dict.fromkeys(["render", "stars", "ground_albedo"], True)
+    """Options of `rover.cameras` that change a drive: those of its pictures, where it takes some, and of its boxes."""
+    lit = AUTONOMY_CASES[wildcards.case].mode not in UNLIT
+    pictures = {"sun_elevation_deg", "scale", "stars"} if lit else set()
+    return ROVER.cameras.model_dump(
+        mode="json", include=dict.fromkeys(pictures, True) | {"onboard": {"confidence", "ground"}}
     )
-    cameras = ROVER.cameras.model_copy(update={"onboard": detecting or ROVER.cameras.onboard})
-    return cameras.model_dump(mode="json", include={"far_m": True, "onboard": looks} | pictures)
+
+
+def render_of_case(wildcards):
+    """Options of `render` that change a drive: those of its pictures, where it takes some."""
+    options = rover_render(CONFIG.render)
+    return {"skirt_m": options["skirt_m"]} if AUTONOMY_CASES[wildcards.case].mode in UNLIT else options
+
+
+def detector_of_case(wildcards):
+    """The detector, of modes that have one."""
+    detector = DECIDING.get(AUTONOMY_CASES[wildcards.case].detector)
+    return detector and detector.model_dump(mode="json")
 
 
 def weights_of_case(wildcards):
-    """The detector, of modes that have one: others do not wait for it."""
-    onboard = DECIDING.get(AUTONOMY_CASES[wildcards.case].detector)
-    return str(onboard.weights_file) if onboard and onboard.weights_file else []
+    """The detector's file, of modes that have one: others do not wait for it."""
+    detector = DECIDING.get(AUTONOMY_CASES[wildcards.case].detector)
+    return str(detector.weights) if detector else []

@@ -3,14 +3,17 @@
 from pathlib import Path
 
 from polarsim.job_files import paths
+from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.summary import drive_case
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
+detector = snakemake.params.detector
 with reporting(log=snakemake.log[0]):
     drive_case(
         case=snakemake.wildcards.case,
@@ -21,5 +24,7 @@ with reporting(log=snakemake.log[0]):
         drive_options=DriveOptions(**snakemake.params.drive_options),
         options=AutonomyOptions(**snakemake.params.options),
         cameras=CameraSuiteOptions(**snakemake.params.cameras),
+        render=RenderOptions(**snakemake.params.render),
+        detector=detector and OnboardDetector(**detector),
         threads=snakemake.threads,
     )

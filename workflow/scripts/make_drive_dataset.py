@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.perception.fine_tuning import make_drive_dataset
 from polarsim.rover.perception.options import DriveTuningOptions
 
@@ -11,5 +10,4 @@ with reporting(log=snakemake.log[0]):
     make_drive_dataset(
         dataset=Path(snakemake.output.dataset),
         options=DriveTuningOptions(**snakemake.params.options),
-        onboard=OnboardOptions(**snakemake.params.onboard),
     )

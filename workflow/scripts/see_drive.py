@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.options import CameraSuiteOptions
@@ -14,4 +15,5 @@ with reporting(log=snakemake.log[0]):
         options=CameraSuiteOptions(views=[snakemake.wildcards.view], **snakemake.params.options),
         seed=int(snakemake.wildcards.seed),
         threads=snakemake.threads,
+        render=RenderOptions(**snakemake.params.render),
     )

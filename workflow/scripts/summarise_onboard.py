@@ -4,12 +4,10 @@ from pathlib import Path
 
 from polarsim.job_files import paths
 from polarsim.reporting import reporting
-from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.perception.summary import summarise_onboard
 
 with reporting(log=snakemake.log[0]):
     summarise_onboard(
         folders=[path.parent.parent for path in paths(snakemake.input.tables)],
         table=Path(snakemake.output.table),
-        options=OnboardOptions(**snakemake.params.options),
     )

@@ -30,9 +30,9 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
 from polarsim.render.ground_truth import annotations_of
 from polarsim.render.olat import Rendering
-from polarsim.render.options import Model
+from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.cameras.layout import POSE_COLUMNS, TRUTH_COLUMNS, labels_folder, picture_folder
-from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions, rover_render
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, read_trace
 from polarsim.rover.vehicle.table import Vehicle
@@ -146,7 +146,15 @@ def _annotation(row: Mapping[str, Any], height: int, width: int) -> coco.Annotat
     return coco.Annotation(str(row["kind"]), int(row["rock"]), np.array(row["box"], float), mask, "rendered")
 
 
-def render_frames(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> int:
+def render_frames(
+    folder: Path,
+    vehicle: Vehicle,
+    options: CameraSuiteOptions,
+    seed: int,
+    threads: int = 1,
+    *,
+    render: RenderOptions,
+) -> int:
     """Render what is not there yet of a drive's pictures and labels; how many pictures were made.
 
     Pictures made with other options or code, or of another drive, are made anew. Their bytes depend neither on
@@ -157,8 +165,8 @@ def render_frames(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, s
     PolarsimError
         No drive in the folder, an unknown camera, a full disk.
     """
-    suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
-    identity = _identity(folder, vehicle, options, seed)
+    suite = CameraSuite(read_trace(folder), vehicle, options, render, seed=seed)
+    identity = _identity(folder, vehicle, options, render, seed)
     made = 0
     with ThreadPoolExecutor(max(1, threads)) as pool:
         for frame in track(suite.frames, f"pictures in {folder}"):
@@ -209,7 +217,7 @@ def _write(
 def truth_of(suite: CameraSuite, rendering: Rendering, sun: str, frame: int) -> Truth:
     """Labels of a frame as the renderer makes them; its rocks are indices of the world's table, those here ids."""
     numbers = suite.trace.world.rocks["rock"].to_numpy()
-    found = annotations_of(rendering.ids[sun], suite.render_options)
+    found = annotations_of(rendering.ids[sun], suite.rover_camera.render_options)
     labels = [replace(label, rock=int(numbers[label.rock - 1])) for label in found]
     return Truth(frame, float(suite.trace.tracks.time[frame]), tuple(labels))
 
@@ -229,11 +237,11 @@ def _size(suite: CameraSuite, view: str) -> tuple[int, int]:
     return lens.width, lens.height
 
 
-def _identity(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int) -> str:
+def _identity(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, render: RenderOptions, seed: int) -> str:
     """Digest of all that decides a drive's pictures, code included; which views, Suns, exposures there are does not."""
-    which = {"views", "suns", "exposures_ms", "every", "onboard", "videos", "video_speed"}
+    which = {"views", "suns", "exposures_ms", "every", "onboard", "videos"}
     names = (TRACE, TRACKS, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")
-    chosen = options.model_dump_json(exclude=which)
+    chosen = json.dumps([options.model_dump(mode="json", exclude=which), rover_render(render)])
     return digest(
         (folder / name for name in names), code_digest(__name__), vehicle.model_dump_json(), chosen, str(seed)
     )

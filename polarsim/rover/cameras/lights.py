@@ -45,13 +45,13 @@ def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
         compass, height = sun_over(real.latitude_deg, real.longitude_deg, real.moment_utc)
         if height < -SUN_RADIUS_DEG:
             raise RoverError(
-                f"suite: the Sun is {-height:.1f} degrees below the horizon at {real.moment_utc:%Y-%m-%d %H:%M}"
+                f"rover.cameras.real_sun: {-height:.1f} degrees below the horizon at {real.moment_utc:%Y-%m-%d %H:%M}"
             )
         azimuth = (90 - compass) % 360
         sky = local_from_celestial(real.latitude_deg, real.longitude_deg, real.moment_utc)
         found[REAL] = Sun(REAL, Lamp.sun(azimuth, height), azimuth, height, sky)
     if not found:
-        raise RoverError("suite: no Sun is asked for")
+        raise RoverError("rover.cameras.suns: no Sun is named, and no rover.cameras.real_sun")
     return found
 
 

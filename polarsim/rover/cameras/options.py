@@ -1,7 +1,8 @@
-"""What the configuration says about what the rover sees, and what it makes of it."""
+"""Options of the rover's pictures and of the detector on board."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
@@ -9,9 +10,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator, model_validator
 
-from polarsim.detect.options import PACKAGED, PACKAGED_ROVER, PredictionOptions
+from polarsim.detect.options import PACKAGED, PACKAGED_ROVER
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.table import Vehicle
 from polarsim.user_path import UserPath
 
 PAPER_VIEWS = (
@@ -24,7 +26,34 @@ NIGHT = "night"  # name of no Sun at all
 SunName = Literal["1", "2", "3", "4", "night"]
 REAL = "real"  # name of the real Sun
 PackagedName = Literal["packaged", "packaged_rover"]
+# Pictures of the rover are rendered with the run's section `render`, but for these options: a drive has no walls that
+# return light (`bounce`), headlights weaken with the distance, large pictures need few rays to the Sun's disc.
+ROVER_RENDER = {"bounce": 0.0, "falloff": True, "lamp_probe_px": 16, "lamp_samples": 8}
+_NO_EFFECT = {  # of the section `render` on the rover's pictures and labels
+    "models", "maps", "calibration_photos", "materials_from_photos", "fitting", "lamp_radius_m",
+    "rim", "rim_half_width_m", "rim_height_m", "rim_albedo", *ROVER_RENDER,
+}  # fmt: skip
 PACKAGED_FILES: dict[str, Path] = {"packaged": PACKAGED, "packaged_rover": PACKAGED_ROVER}  # that come with polarsim
+
+
+@dataclass(frozen=True)
+class Light:
+    """Sun, exposure (ms or `auto`), lights of the vehicle that are on, and reflectance model of pictures."""
+
+    sun: str
+    exposure_ms: float | str
+    lights: tuple[str, ...] = ()
+    model: Model = "hapke"
+
+
+def lights_ahead(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of the vehicle's lights that point ahead: on VIPER those of the mast and the front."""
+    return tuple(light.name for light in vehicle.lights if abs(light.yaw_deg) < 45)
+
+
+def rover_render(render: RenderOptions) -> dict[str, object]:
+    """Return the options of a run's section `render` that change the rover's pictures, as JSON values."""
+    return render.model_dump(mode="json", exclude=_NO_EFFECT)
 
 
 def _utc(moment: datetime) -> datetime:
@@ -46,51 +75,23 @@ class RealSun(BaseModel, extra="forbid", frozen=True):
 
 
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say what a detector makes of the front camera's pictures while the rover drives."""
+    """A detector is applied to the front camera's pictures while the rover drives."""
 
     weights: UserPath | PackagedName | None = Field(
         None,
-        description="The detector has these weights of a run; two come with polarsim: `packaged_rover`, which has seen "
-        "drives, and `packaged`, which has seen photos. With none truth alone is measured.",
+        description="Weights of the detector: a file, `packaged_rover` (trained on drives too) or `packaged` (on "
+        "photos). None: the truth is measured alone.",
     )
-    prediction: PredictionOptions = Field(
-        PredictionOptions(), description="This section says how the detector looks at pictures."
-    )
-    confidence: float = Field(0.3, gt=0, lt=1, description="Detections of less confidence do not count.")
-    least_contrast: float = Field(
-        0.06,
-        ge=0,
-        le=1,
-        description="A rock that stands out by less than this share of white in a picture, as one in the rover's own "
-        "shadow, cannot be seen in it: labels `visible` and pictures that detectors are fine-tuned on lack it.",
-    )
-    iou: float = Field(0.5, gt=0, le=1, description="A rock is detected where a predicted rock overlaps it so much.")
-    heights_m: tuple[PositiveFloat, ...] = Field(
-        (0.05, 0.10), description="Rocks higher than each of these are counted, m."
-    )
-    farthest_m: PositiveFloat = Field(6.0, description="Rocks farther from the camera are not counted, m.")
-    reaction_s: float = Field(1.0, ge=0, description="So much time passes from a picture to the brake, s.")
-    brake_m_s2: PositiveFloat = Field(0.3, description="The rover brakes with this deceleration, m/s2.")
-    stop_height_m: PositiveFloat = Field(0.10, description="The rover stops for rocks that it takes for so high, m.")
-    cell_m: PositiveFloat = Field(0.15, description="The hazard map has cells of this side, m.")
+    confidence: float = Field(0.3, gt=0, lt=1, description="Minimum confidence of a detection that counts.")
     ground: Literal["surveyed", "plane"] = Field(
         "surveyed",
-        description="The rover takes this for the ground ahead: the heights before the drive, as a survey or "
-        "stereo pictures would give them, or the plane under its wheels, which is all that one "
-        "camera knows.",
-    )
-    resamples: int = Field(
-        1000, ge=100, description="The 95 % intervals over drives and lights have this many bootstrap samples."
+        description="Ground on which boxes are located: heights before the drive, or the plane under the wheels.",
     )
 
     @property
     def weights_file(self) -> Path | None:
-        """The detector's file."""
+        """File of the weights."""
         return PACKAGED_FILES[self.weights] if isinstance(self.weights, str) else self.weights
-
-
-# Of a drive's pictures: no walls, a Sun, and fewer rays to its disc than twins have.
-_RENDER = RenderOptions(rim=False, bounce=0.0, falloff=True, lamp_probe_px=16, lamp_samples=8, calibration_photos=0)
 
 
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
@@ -119,38 +120,19 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     )
     scale: float = Field(1.0, gt=0, le=1, description="Pictures have this size over that of the cameras.")
     every: int = Field(1, ge=1, description="Every so many-th of the drive's picture times is rendered.")
-    finer: int = Field(
-        4, ge=1, le=16, description="The ground that is shown has this many cells along one of the drive's."
-    )
-    far_m: float = Field(80.0, ge=0, description="The ground goes on this far beyond the drive's grid, m.")
+    finer: int = Field(4, ge=1, le=16, description="Cells of the rendered ground along one cell of the drive's ground.")
     stars: Literal["none", "physical", "bright"] = Field(
         "physical",
         description="Stars are as bright as they are (physical), so that sunlit exposures show hardly one, or "
         "as in the paper's videos (bright).",
     )
-    ground_albedo: float = Field(
-        0.12, gt=0, le=1, description="The soil has this albedo; the body's albedos are told over it."
-    )
-    render: RenderOptions = Field(
-        _RENDER,
-        description="These options are those of a run's configuration; their `models` and walls do not count.",
-    )
     onboard: OnboardOptions = OnboardOptions()
     videos: bool = Field(False, description="A video is made of every view, Sun, model and exposure.")
-    video_speed: PositiveFloat = Field(0.5, description="Videos play at this speed over the real one.")
 
     @property
     def pictures(self) -> list[tuple[Model, float]]:
         """Model and exposure, ms, of every picture of a view under a Sun."""
         return list(product(self.models, self.exposures_ms))
-
-    @field_validator("render", mode="before")
-    @classmethod
-    def _over_own_defaults(cls, value: object) -> object:
-        """Keep the defaults of this section where a part of it is given: those of twins differ."""
-        if not isinstance(value, dict):
-            return value
-        return _RENDER.model_dump(include=_RENDER.model_fields_set) | value
 
     @field_validator("views", "suns", "lights", "models", "exposures_ms")
     @classmethod

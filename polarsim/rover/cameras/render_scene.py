@@ -18,19 +18,15 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Surveyor
 from polarsim.geometry.rays_embree import MovableMesh, MovableScene
-from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import Surfaces, with_skirts
 from polarsim.rover.cameras.bodywork import Body
-from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks, tile_faces
 from polarsim.rover.world.surface import Surroundings, World
 from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.run_files.scene import TerrainMesh
 
 _REST, _ROCKS = 1, 2  # bits of parts
-# Factor of the body's albedos: upright walls get seven times the ground's light under a Sun at 8 degrees, and at 1 they
-# are white at all exposures that show the ground.
-_BODY_DARKER = 0.25
+_FAR_M = 80.0  # the ground continues this far beyond the drive's grid: the horizon of a camera at 2 m
 _FADE_M = 0.6  # over which the rim's heights fade out beyond it
 _BLUR = 0.5  # along the rim, over the distance beyond it: else its heights would be seen as rays
 _GROWTH = 1.35  # of the far ground's cells, from one to the next
@@ -73,7 +69,6 @@ class RenderScene:
         body: Body,
         *,
         skirt_m: float,
-        far_m: float,
         around: Surroundings | None = None,
     ) -> None:
         """
@@ -81,8 +76,6 @@ class RenderScene:
         ----------
         skirt_m : float
             Open feet of rocks are drawn out downwards so far: no light beneath them.
-        far_m : float
-            The ground goes on so far beyond the drive's grid where nothing lies around it.
         around : Surroundings
             What lies beyond the grid; to labels its rocks are relief of the ground.
 
@@ -93,7 +86,7 @@ class RenderScene:
         """
         self.tracks, self._body = tracks, body
         if around is None:
-            still = still_ground(tracks.fine, tracks.covered, far_m)
+            still = still_ground(tracks.fine, tracks.covered, _FAR_M)
         else:
             still = _joined(surrounding_ground(tracks, around), _scenery(around))
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
@@ -224,14 +217,6 @@ def rocks_of(world: World) -> Rocks:
     for label, (first, count) in enumerate(spans, 1):
         number[first : first + count] = label
     return Rocks(world.vertices, world.triangles[number > 0], number[number > 0])
-
-
-def options_of(options: CameraSuiteOptions, body: Body) -> RenderOptions:
-    """The renderer's options with the body's materials in them."""
-    factor = _BODY_DARKER / options.ground_albedo
-    own = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}
-    render = options.render
-    return render.model_copy(update={"models": options.models, "materials": {**own, **render.materials}})
 
 
 def rocks_with_skirts(rocks: Rocks, skirt_m: float) -> TerrainMesh:

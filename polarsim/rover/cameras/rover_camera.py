@@ -1,67 +1,124 @@
-"""One camera's picture of a scene: light of Suns and headlights, lens, stars, sensor.
+"""Pictures of the rover's cameras: light of Suns and headlights, lens, stars, sensor.
 
-All pictures of the rover are made here: those of a drive that is over (`suite`), of a drive under way
-(`live_camera`), and those that a rover decides by (`autonomy.eyes`).
+All pictures of the rover are made here: those of a recorded drive (`suite`), those by which the rover decides
+(`perception.observation`) and those of the Gymnasium environment (`LiveCamera`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from polarsim.detect.tone import to_8_bits
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.poses import Pose
+from polarsim.photo import BLACK_LEVEL, USUAL_EXPOSURE_MS, WHITE_LEVEL
 from polarsim.render.gain import default_gain
-from polarsim.render.lamps import Spot
 from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import imaged, through_lens
-from polarsim.render.options import Model, RenderOptions
+from polarsim.render.options import Material, Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of
-from polarsim.render.surfaces import Surfaces
 from polarsim.render.views.options import StarField
 from polarsim.render.views.stars import Sky, sky_of, star_radiance
-from polarsim.rover.cameras.bodywork import Body
-from polarsim.rover.cameras.lights import Sun
-from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.render_scene import options_of
+from polarsim.rover.cameras.bodywork import Body, body_of, links_at
+from polarsim.rover.cameras.lights import Sun, headlights, sun_at
+from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions
+from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
+from polarsim.rover.cameras.tracks import Lattice, WheelTracks
+from polarsim.rover.drive.control import Path
+from polarsim.rover.drive.state import State
+from polarsim.rover.vehicle.mounts import FRONT, mount_of, pose_of
+from polarsim.rover.vehicle.table import WHEELS, LightPart, Vehicle
+from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import BACKGROUND
+from polarsim.run_files.picture_sets import AUTO
 
 BRIGHT_STARS = 300.0  # flux of the stars of the paper's videos over that of real ones
+GROUND_ALBEDO = 0.12  # of lunar soil; albedos of the body are relative to it
+# Factor of the body's albedos: upright walls receive seven times the ground's light from a Sun at 8 degrees, and
+# would be white at all exposures that show the ground.
+_BODY_DARKER = 0.25
+_CLIPPED_PERCENT = 99.0  # auto exposure puts this percentile of the light at the sensor's white
+_EXPOSURES_MS = (1.0, 10_000.0)  # limits of auto exposure
+_BESIDE_M = 1.5  # from the path of a learner: farther away the ground is drawn as it was before the drive
 
 
-@dataclass(frozen=True)
-class Imaging:
-    """The renderer's options, with the materials of the rover's body, and the stars."""
+class RoverCamera:
+    """World, rover and light of one moment, and pictures of them by any camera.
 
-    options: RenderOptions
-    sky: Sky | None
+    Call `show` or `show_state` before the first picture.
+    """
 
-    @classmethod
-    def of(cls, cameras: CameraSuiteOptions, body: Body) -> Imaging:
-        """Return the imaging that the section `rover.cameras` asks for."""
-        if cameras.stars == "none":
-            return cls(options_of(cameras, body), None)
-        stars = StarField(intensity=BRIGHT_STARS if cameras.stars == "bright" else 1.0)
-        return cls(options_of(cameras, body), sky_of(stars))
+    def __init__(
+        self,
+        world: World,
+        vehicle: Vehicle,
+        followed: np.ndarray,
+        options: CameraSuiteOptions,
+        render: RenderOptions,
+        *,
+        models: Sequence[Model],
+        finer: int = 1,
+    ) -> None:
+        """
+        Parameters
+        ----------
+        followed : (rows, columns) bool
+            Nodes of the ground whose changes are drawn.
+        render
+            The run's options; `ROVER_RENDER` and `models` replace some of them.
+        finer
+            Cells of the rendered ground along one cell of the world's.
+
+        Raises
+        ------
+        RoverError
+            Too many rocks.
+        """
+        self.vehicle, body = vehicle, body_of(vehicle)
+        self.render_options = _resolved(render, models, body)
+        stars = StarField(intensity=BRIGHT_STARS if options.stars == "bright" else 1.0)
+        self.sky: Sky | None = None if options.stars == "none" else sky_of(stars)
+        lattice = Lattice(world.x0, world.y0, world.cell, world.level)
+        tracks = WheelTracks(lattice, followed, finer)
+        self.scene = RenderScene(tracks, rocks_of(world), body, skirt_m=render.skirt_m, around=world.around)
+
+    def show(self, level: np.ndarray, links: Mapping[str, Pose]) -> None:
+        """Move the ground to levels (rows, columns), m, and the rover's links to their poses in the world."""
+        self.links = links
+        self.scene.show(level, links)
+
+    def show_state(self, state: State, level: np.ndarray) -> Pose:
+        """Move on to a state of the physics and return `world_from_base`."""
+        base = pose_of(state.position, state.rotation)
+        positions = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
+        quaternions = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
+        wheels = {
+            code: pose_of(position, quaternion)
+            for code, position, quaternion in zip(WHEELS, positions, quaternions, strict=True)
+        }
+        lift, steer = (dict(zip(WHEELS, state.wheel(name), strict=True)) for name in ("lift_m", "steer_rad"))
+        self.show(level, links_at(self.vehicle, base, wheels, lift, steer))
+        return base
 
     def render(
         self,
-        surfaces: Surfaces,
         camera: Camera,
         suns: Mapping[str, Sun],
-        spots: Mapping[str, Spot],
+        lights: Sequence[LightPart],
         *,
         labels: bool,
         threads: int = 1,
     ) -> Rendering:
-        """Return radiance by model and Sun, each with the headlights, and ids by Sun where `labels` asks for them.
+        """Return radiance by model and Sun, each with the rover's lights, and ids by Sun where `labels` is true.
 
-        Shadows among the ids are those that the Sun throws: at night there are none.
+        Shadows among the ids are those of the Sun: at night there are none.
         """
-        options, models = self.options, self.options.models
+        options, models, surfaces = self.render_options, self.render_options.models, self.scene.surfaces
         lamps = {name: sun.lamp for name, sun in suns.items() if sun.lamp is not None}
-        own = {f"light {name}": spot for name, spot in spots.items()}  # no Sun has such a name
+        own = {f"light {name}": spot for name, spot in headlights(lights, self.links).items()}  # no Sun's name
         shadows = list(lamps) if labels else None if self.sky is None else []
         found = render_view(surfaces, camera, lamps | own, models, shadows, options, threads)
         whole = found.whole
@@ -79,18 +136,114 @@ class Imaging:
         ids = {name: found.ids[name if name in lamps else NO_LAMP] for name in (NO_LAMP, *suns)} if labels else {}
         return Rendering(radiance, ids)
 
-    def gain(self, model: Model) -> float:
-        """Return the grey values that a unit of radiance makes per ms."""
-        return self.options.gain.get(model, default_gain(model, self.options))
+    def expose(self, radiance: np.ndarray, model: Model, exposure_ms: float, *name: object) -> np.ndarray:
+        """Return the 12-bit picture (h, w) uint16 of radiance (h, w); its noise is drawn by its `name`."""
+        noise = noise_of(self.render_options, *name)
+        return expose(radiance, exposure_ms * self._gain(model), self.render_options, noise)
 
-    def expose(self, radiance: np.ndarray, model: Model, exposure_ms: float, *picture: object) -> np.ndarray:
-        """Return the 12-bit picture (h, w) uint16 of radiance (h, w); `picture` names it, and so draws its noise."""
-        noise = noise_of(self.options, *picture)
-        return expose(radiance, exposure_ms * self.gain(model), self.options, noise)
+    def picture(
+        self,
+        camera: Camera,
+        sun: Sun,
+        lights: Sequence[LightPart],
+        model: Model,
+        exposure_ms: float | str,
+        *name: object,
+        threads: int = 1,
+    ) -> tuple[np.ndarray, float]:
+        """Return the 12-bit picture (h, w) uint16 of the moment and its exposure, ms.
+
+        Parameters
+        ----------
+        exposure_ms
+            A number, or `auto`.
+        name
+            Names the picture; its noise is drawn by this name.
+        """
+        found = self.render(camera, {sun.name: sun}, lights, labels=False, threads=threads)
+        radiance = found.olat_images[model, sun.name]
+        if isinstance(exposure_ms, str):
+            assert exposure_ms == AUTO
+            exposure_ms = auto_exposure_ms(radiance, self._gain(model))
+        return self.expose(radiance, model, exposure_ms, *name), float(exposure_ms)
+
+    def _gain(self, model: Model) -> float:
+        return self.render_options.gain.get(model, default_gain(model, self.render_options))
+
+
+def _resolved(render: RenderOptions, models: Sequence[Model], body: Body) -> RenderOptions:
+    """Return a run's options with `ROVER_RENDER`, these models and the materials of the rover's body."""
+    factor = _BODY_DARKER / GROUND_ALBEDO
+    own = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}
+    return render.model_copy(update={**ROVER_RENDER, "models": tuple(models), "materials": {**own, **render.materials}})
+
+
+def auto_exposure_ms(light: np.ndarray, gain: float) -> float:
+    """Return the exposure that puts the brightest percent of the light (h, w) at the sensor's white or above."""
+    bright = float(np.percentile(light, _CLIPPED_PERCENT))
+    return float(np.clip((WHITE_LEVEL - BLACK_LEVEL) / max(bright * gain, 1e-9), *_EXPOSURES_MS))
+
+
+def near_path(world: World, path: Path, beside_m: float) -> np.ndarray:
+    """Return (rows, columns) bool: nodes of the world's ground within `beside_m` of a path."""
+    x, y = np.meshgrid(world.x, world.y)
+    points = np.stack([x, y], axis=-1)
+    near = np.zeros(x.shape, bool)
+    for start, end in zip(path.points, path.points[1:], strict=False):
+        along = end - start
+        share = np.clip((points - start) @ along / (along @ along), 0, 1)
+        near |= np.linalg.norm(points - start - share[..., None] * along, axis=-1) < beside_m
+    return near
+
+
+@dataclass(frozen=True)
+class LiveCameraOptions:
+    """Camera, picture size and light of a Gymnasium environment."""
+
+    camera: str = FRONT
+    scale: float = 1 / 16
+    sun_azimuth_deg: float | None = 225.0  # from east to north; none: night
+    sun_elevation_deg: float = 8.0
+    model: Model = "hapke"
+    exposure_ms: float | str = USUAL_EXPOSURE_MS
+    lights: tuple[str, ...] = ()  # of the vehicle's table, that are on
+    cameras: CameraSuiteOptions = field(default_factory=CameraSuiteOptions)
+    render: RenderOptions = field(default_factory=RenderOptions)
+
+    def size(self, vehicle: Vehicle) -> tuple[int, int]:
+        """Return width and height of the pictures, px."""
+        lens = mount_of(vehicle.camera(self.camera), self.scale).lens
+        return lens.width, lens.height
+
+
+class LiveCamera:
+    """One camera of a rover in a Gymnasium environment; `seed` draws the noise of its pictures.
+
+    The ground has the world's own cells, whatever `cameras.finer`, and no grouser marks: finer ground takes too long
+    between two moments.
+    """
+
+    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: LiveCameraOptions, seed: int = 0) -> None:
+        self._options, self._seed = options, seed
+        self._mount = mount_of(vehicle.camera(options.camera), options.scale)
+        near = near_path(world, path, _BESIDE_M)
+        self._camera = RoverCamera(world, vehicle, near, options.cameras, options.render, models=(options.model,))
+        self._sun = sun_at("sun", options.sun_azimuth_deg, options.sun_elevation_deg)
+        self._lights = [vehicle.light(name) for name in options.lights]
+
+    def grey(self, state: State, level: np.ndarray) -> np.ndarray:
+        """Return the 12-bit picture (h, w) uint16 of the rover's state and the ground's levels."""
+        options, base = self._options, self._camera.show_state(state, level)
+        camera, name = self._mount.at(base), ("live", self._seed, options.camera, state.time)
+        return self._camera.picture(camera, self._sun, self._lights, options.model, options.exposure_ms, *name)[0]
+
+    def picture(self, state: State, level: np.ndarray) -> np.ndarray:
+        """Return `grey` as (h, w, 1) uint8, by the detectors' tone curve."""
+        return to_8_bits(self.grey(state, level))[..., None]
 
 
 def _sum(images: Iterable[np.ndarray], camera: Camera) -> np.ndarray:
-    """(h, w) sum of the images; without any there is no light."""
+    """Return the sum of images (h, w); without any there is no light."""
     parts = list(images)
     if not parts:
         return np.zeros(camera.lens.shape, np.float32)

@@ -1,4 +1,4 @@
-"""What the rover's cameras see at the picture times of a drive: light by model and Sun, and whose pixel is whose."""
+"""Pictures of a recorded drive at its picture times: radiance by model and Sun, and instance ids."""
 
 from __future__ import annotations
 
@@ -13,13 +13,11 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.olat import Rendering
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.cameras import grouser_marks
-from polarsim.rover.cameras.bodywork import body_of, links_at
+from polarsim.rover.cameras.bodywork import links_at
 from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
-from polarsim.rover.cameras.lights import headlights, suns_of
+from polarsim.rover.cameras.lights import suns_of
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
-from polarsim.rover.cameras.rover_camera import Imaging
-from polarsim.rover.cameras.tracks import Lattice, WheelTracks
+from polarsim.rover.cameras.rover_camera import RoverCamera
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle
@@ -28,30 +26,31 @@ from polarsim.rover.vehicle.table import Vehicle
 class CameraSuite:
     """A drive's pictures. Frames are the drive's picture times; `show` moves on to one, from the one before or not."""
 
-    def __init__(self, trace: Trace, vehicle: Vehicle, options: CameraSuiteOptions, *, seed: int = 0) -> None:
+    def __init__(
+        self,
+        trace: Trace,
+        vehicle: Vehicle,
+        options: CameraSuiteOptions,
+        render: RenderOptions = RenderOptions(),  # noqa: B008 (frozen)
+        *,
+        seed: int = 0,
+    ) -> None:
         """
         Raises
         ------
         RoverError, ConfigError
             No Sun, an unknown camera or light, too many rocks.
         """
-        self.trace, self.vehicle, self.options, self.seed = trace, vehicle, options, seed
+        self.trace, self.vehicle, self.options, self.seed, self._render = trace, vehicle, options, seed, render
         self.mounts = {name: mount_of(vehicle.camera(name), options.scale) for name in options.views}
         for name in options.views:
             if vehicle.camera(name).link != "base_link":
                 raise RoverError(f"camera {name}: on link {vehicle.camera(name).link}, base_link was expected")
         self.suns = suns_of(options)
         self.lights = [vehicle.light(name) for name in options.lights]
-        self.body = body_of(vehicle)
-        self.imaging = Imaging.of(options, self.body)
         self._events = _events(trace, vehicle)
         self._tread = _tread(vehicle)
         self._frame = -1
-
-    @property
-    def render_options(self) -> RenderOptions:
-        """The renderer's options with the body's materials in them."""
-        return self.imaging.options
 
     @property
     def frames(self) -> list[int]:
@@ -61,7 +60,7 @@ class CameraSuite:
     def show(self, frame: int) -> None:
         """Bring ground, marks and rover to a frame."""
         if frame < self._frame:
-            self.__dict__.pop("render_scene", None)  # marks cannot be taken back
+            self.__dict__.pop("rover_camera", None)  # marks cannot be taken back
             self._frame = -1
         if self._frame < 0:
             self._level = self.trace.world.level.copy()
@@ -69,10 +68,9 @@ class CameraSuite:
         for number in range(self._frame + 1, frame + 1):
             self.trace.tracks.apply(number, self._level)
         now = float(self.trace.tracks.time[frame])
-        self._links = self.links_at(now)
         new = [event for event in self._events if before < event.time_s <= now]
-        grouser_marks.stamp(self.render_scene.tracks, new, self._tread)
-        self.render_scene.show(self._level, self._links)
+        grouser_marks.stamp(self.rover_camera.scene.tracks, new, self._tread)
+        self.rover_camera.show(self._level, self.links_at(now))
         self._frame = frame
 
     def links_at(self, time_s: float) -> dict[str, Pose]:
@@ -96,24 +94,23 @@ class CameraSuite:
         Shadows among the ids are those that the Sun throws: at night there are none.
         """
         camera, suns = self.camera(view, self._frame), {name: self.suns[name] for name in sun_names}
-        spots = headlights(self.lights, self._links)
-        return self.imaging.render(self.render_scene.surfaces, camera, suns, spots, labels=True, threads=threads)
+        return self.rover_camera.render(camera, suns, self.lights, labels=True, threads=threads)
 
     def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
         """(h, w) uint16 picture of the frame that is shown, 12-bit grey values."""
         name = ("rover", self.seed, self._frame, view, sun, model, exposure_ms)
-        return self.imaging.expose(rendering.olat_images[model, sun], model, exposure_ms, *name)
+        return self.rover_camera.expose(rendering.olat_images[model, sun], model, exposure_ms, *name)
 
     @cached_property
-    def render_scene(self) -> RenderScene:
-        """The scene; built on first use."""
+    def rover_camera(self) -> RoverCamera:
+        """The scene and its pictures; built on first use."""
         world, options = self.trace.world, self.options
         changed = np.zeros(world.level.size, bool)
         changed[self.trace.tracks.cell] = True
-        lattice = Lattice(world.x0, world.y0, world.cell, world.level)
-        tracks = WheelTracks(lattice, changed.reshape(world.level.shape), options.finer)
-        reach = {"skirt_m": self.render_options.skirt_m, "far_m": options.far_m}
-        return RenderScene(tracks, rocks_of(world), self.body, around=world.around, **reach)
+        followed = changed.reshape(world.level.shape)
+        return RoverCamera(
+            world, self.vehicle, followed, options, self._render, models=options.models, finer=options.finer
+        )
 
 
 def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:

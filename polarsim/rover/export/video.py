@@ -35,6 +35,7 @@ from polarsim.run_files.picture_sets import exposure_name
 from polarsim.tone import to_8bit
 
 _PRESET, _QUALITY = "10", "32"  # of SVT-AV1: fast; constant quality, 0 best to 63
+SPEED = 0.5  # of a video over the real one, as in the paper's
 _BRDF = {"principled": "default"}  # the paper's word for it
 
 
@@ -57,7 +58,7 @@ def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, see
     """
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     times = np.asarray(suite.trace.tracks.time)[suite.frames]
-    rate = frame_rate(times, options.video_speed)
+    rate = frame_rate(times, SPEED)
     wanted = [(view, sun, *what) for view in options.views for sun in suite.suns for what in options.pictures]
 
     def make(what: tuple[str, str, Model, float]) -> int:

@@ -16,12 +16,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from pydantic import ValidationError
 
 from polarsim.errors import RoverError
-from polarsim.formats.yaml_files import describe_error
-from polarsim.rover.cameras.live_camera import LiveCamera, LiveCameraOptions
-from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, CameraSuiteOptions
+from polarsim.render.options import RenderOptions
+from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, CameraSuiteOptions, Light
+from polarsim.rover.cameras.rover_camera import LiveCamera, LiveCameraOptions
 from polarsim.rover.drive.control import Command, Path
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import start_of
@@ -34,15 +33,18 @@ from polarsim.rover.learn.observation import STATE, crop, numbers
 from polarsim.rover.learn.options import TaskOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Eyes
-from polarsim.rover.planning.cases import Light
-from polarsim.rover.planning.options import OFF, ON, AutonomyOptions, Mode
+from polarsim.rover.perception.options import Mode, OnboardDetector
+from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.pilot import LOOK_HZ
 from polarsim.rover.vehicle.table import WHEELS
+from polarsim.run_files.picture_sets import AUTO
 
 ACTION_HZ = 10
 ARRIVED_M = 0.3  # before the goal's line, as for drives that decide
-LIGHT = {"sun": "suns", "exposure_ms": "exposures_ms", "lights": "lights"}  # of a reset, and of the options
-_QUARTER = 0.25  # of the camera's size: what looks and pictures take at this size costs half as much as at 0.5
+LIGHT = ("sun", "exposure_ms", "lights")  # of a reset
 _PICTURE_SCALE = 1 / 16
+# A quarter of the camera's size: observations cost half as much as at 0.5.
+CAMERAS = CameraSuiteOptions(scale=0.25, models=("hapke",), exposures_ms=(256.0,))
 
 
 class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
@@ -55,14 +57,15 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     `energy_j`, `collisions` so far, `light`, and by wheel `slip`, `sinkage_m`, `contacts` (what the wheel touches).
 
     `reset(options=...)` takes `sun`, `exposure_ms` and `lights`, named as in the configuration; what is not given is
-    drawn by the seed from `suns` and `exposures_ms`, or as `options.lights` says.
+    drawn by the seed from `cameras.suns` and `cameras.exposures_ms`, or are `cameras.lights`.
 
     Parameters
     ----------
     course : where episodes take place; none: a made-up ground for every seed.
     mode : what the map is made of; `blind` has an empty one.
-    options : how the rover looks and maps, under which Suns; speeds and planning are the learner's.
-    cameras : lens, sensor and reflectance of all pictures, and the detector, `onboard`, for modes that have one.
+    options : duration of an episode, and speed and planner of the baselines.
+    cameras : Suns, exposures, lights and scale of the pictures, and the detector, `onboard`, of modes that have one.
+    render : lens, sensor and reflectance of all pictures, as the section `render` of a run.
     image : show the front camera's picture as well, in every observation.
     """
 
@@ -75,6 +78,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         mode: Mode = "truth",
         options: AutonomyOptions | None = None,
         cameras: CameraSuiteOptions | None = None,
+        render: RenderOptions | None = None,
         task: TaskOptions | None = None,
         image: bool = False,
         render_mode: str | None = None,
@@ -82,8 +86,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if render_mode not in (None, "rgb_array"):
             raise RoverError(f"render mode {render_mode!r}, expected 'rgb_array' or none")
         self.render_mode, self.course, self.mode = render_mode, course or MadeUpCourse(), mode
-        self.options = options or AutonomyOptions(scale=_QUARTER, suns=("1", "2", "3", "4"), longest_s=120.0)
-        self.cameras, self.task, self._image = cameras or CameraSuiteOptions(), task or TaskOptions(), image
+        self.options = options or AutonomyOptions(longest_s=120.0)
+        self.cameras, self.render_options = cameras or CAMERAS, render or RenderOptions()
+        self.task, self._image = task or TaskOptions(), image
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         bounds, cells = np.array(list(STATE.values()), np.float32), self.task.crop.cells
         found: dict[str, spaces.Space[Any]] = {
@@ -121,18 +126,21 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         """
         super().reset(seed=seed, options=options)
         own = int(self.np_random.integers(2**31))
-        lit = self._lit(options or {})
-        self.light = Light(lit.suns[0], lit.exposures_ms[0], lit.lights[0] == ON, lit.models[0])
+        self.light = self._lit(options or {})
         job = self.course.job(own)
         self.line = Path(np.array(job.drive.path_m, float))
         self.vehicle = job.vehicle
         self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.line))
-        self.map = HazardGrid(job.world, self.options.map)
+        self.map = HazardGrid(job.world)
         self._eyes = None
         if self.mode != "blind":
-            self._eyes = Eyes(job.world, job.vehicle, self.line, self.mode, self.light, lit, self.cameras, own)
+            weights = self.cameras.onboard.weights_file
+            self._eyes = Eyes(
+                job.world, job.vehicle, self.line, self.mode, self.light, self.cameras, own,
+                render=self.render_options, detector=OnboardDetector(weights=weights) if weights else None,
+            )  # fmt: skip
         self._collisions, self._hits = Collisions(self._simulation), 0
-        self._camera = self._camera_of(lit, own) if self._image or self.render_mode else None
+        self._camera = self._camera_of(own) if self._image or self.render_mode else None
         if self.task.settle_s:
             self._simulation.advance(self.task.settle_s)
         self._simulation.zero()
@@ -194,30 +202,30 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             return None
         return np.repeat(self._picture(self._state), 3, axis=2)
 
-    def _lit(self, given: dict[str, Any]) -> AutonomyOptions:
-        """The options under one Sun, with one exposure."""
+    def _lit(self, given: dict[str, Any]) -> Light:
+        """Return the light of an episode: one Sun, exposure and set of lights; what is not given is drawn."""
         unknown = set(given) - set(LIGHT)
         if unknown:
             raise RoverError(f"reset option {min(unknown)!r}, expected {', '.join(LIGHT)}")
+        cameras = self.cameras
         drawn = {
-            name: getattr(self.options, many)[int(self.np_random.integers(len(getattr(self.options, many))))]
-            for name, many in (("sun", "suns"), ("exposure_ms", "exposures_ms"))
+            name: values[int(self.np_random.integers(len(values)))]
+            for name, values in (("sun", cameras.suns), ("exposure_ms", cameras.exposures_ms))
         }
-        chosen = drawn | given
-        named = {"suns": (chosen["sun"],), "exposures_ms": (chosen["exposure_ms"],)}
-        if "lights" in given:
-            named |= {"lights": (ON,), "lamps": tuple(given["lights"])} if given["lights"] else {"lights": (OFF,)}
-        try:
-            return AutonomyOptions.model_validate(self.options.model_dump() | named)
-        except ValidationError as error:
-            raise RoverError(f"reset options: {describe_error(error, 'options')}") from error
+        chosen = {"lights": cameras.lights, **drawn, **given}
+        if chosen["sun"] not in (*SUN_AZIMUTHS_DEG, NIGHT):
+            raise RoverError(f"reset option sun: {chosen['sun']!r} is no Sun")
+        exposure_ms = chosen["exposure_ms"]
+        if exposure_ms != AUTO and not (isinstance(exposure_ms, int | float) and exposure_ms > 0):
+            raise RoverError(f"reset option exposure_ms: {exposure_ms!r} is neither above 0 nor {AUTO!r}")
+        return Light(chosen["sun"], chosen["exposure_ms"], tuple(chosen["lights"]), cameras.models[0])
 
     def _look(self, state: State) -> None:
         """Bring the map up to this moment, where a look is due."""
         now = self.simulation.time
         if now < self._next_look - 1e-9:
             return
-        self._next_look += 1 / self.options.rate_hz
+        self._next_look += 1 / LOOK_HZ
         self._looked = now
         self.map.fade(now)
         if self._eyes is None:
@@ -237,15 +245,16 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             found["image"] = self._picture(state)
         return found
 
-    def _camera_of(self, lit: AutonomyOptions, seed: int) -> LiveCamera:
+    def _camera_of(self, seed: int) -> LiveCamera:
         options = LiveCameraOptions(
             scale=_PICTURE_SCALE,
             sun_azimuth_deg=SUN_AZIMUTHS_DEG.get(self.light.sun),  # none at night
-            sun_elevation_deg=lit.sun_elevation_deg,
+            sun_elevation_deg=self.cameras.sun_elevation_deg,
             model=self.light.model,
-            exposure_ms=lit.exposures_ms[0],
-            lights=lit.lamps if self.light.lit else (),
+            exposure_ms=self.light.exposure_ms,
+            lights=self.light.lights,
             cameras=self.cameras,
+            render=self.render_options,
         )
         return LiveCamera(self.simulation.world, self.vehicle, self.line, options, seed)
 

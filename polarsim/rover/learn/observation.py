@@ -31,7 +31,7 @@ STATE: dict[str, float] = {
 
 def crop(grid: HazardGrid, state: State, options: CropOptions) -> np.ndarray:
     """(3, n, n) uint8 of the map's cells nearest to the crop's; beyond the map there is the highest rock."""
-    cell = grid.options.cell_m
+    cell = grid.cell_m
     ahead = options.ahead_m - cell * (np.arange(options.cells) + 0.5)
     left = cell * (options.cells / 2 - 0.5 - np.arange(options.cells))
     u, v = ahead[:, None], left[None, :]

@@ -1,4 +1,4 @@
-"""Which labelled rocks and shadows a picture shows: labels tell of those in the dark of a larger shadow too."""
+"""Contrast of labels in a picture: rocks and shadows in the dark of a larger shadow are labelled, but not visible."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ import numpy as np
 _RIM_PX = 2  # around a box that counts as its surroundings
 _DARK_PERCENT, _BRIGHT_PERCENT = 2, 98
 WHITE = 255
+# Minimum contrast of a visible label, as a share of white. Rocks in the rover's own shadow have less.
+LEAST_CONTRAST = 0.06
 
 
-def shows(picture: np.ndarray, boxes: np.ndarray, least_contrast: float) -> np.ndarray:
-    """(n,) bool: boxes in and around which a picture has at least so much contrast.
+def shows(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Return (n,) bool: boxes in and around which a picture has a contrast of `LEAST_CONTRAST` or more.
+
+    Contrast is the difference of bright (98 %) and dark pixels (2 %), as a share of white.
 
     Parameters
     ----------
     picture : (h, w) uint8
-        As the detector sees it.
+        Input of the detector.
     boxes : (n, 4)
         x0, y0, x1, y1 in its pixels.
-    least_contrast
-        Between bright (98 %) and dark pixels (2 %), as a share of white.
     """
     found = np.zeros(len(boxes), bool)
     height, width = picture.shape
@@ -29,5 +31,5 @@ def shows(picture: np.ndarray, boxes: np.ndarray, least_contrast: float) -> np.n
         if right > left and bottom > top:
             part = picture[top:bottom, left:right]
             dark, bright = np.percentile(part, [_DARK_PERCENT, _BRIGHT_PERCENT])
-            found[number] = bright - dark >= least_contrast * WHITE
+            found[number] = bright - dark >= LEAST_CONTRAST * WHITE
     return found

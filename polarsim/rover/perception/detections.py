@@ -1,4 +1,4 @@
-"""What a detector on board finds in the front camera's pictures of a drive.
+"""Detections in the front camera's pictures of a drive.
 
 Below a drive's folder: `front_end_cam/<Sun>_<model>_<exposure>/detections.parquet`.
 """
@@ -17,15 +17,16 @@ from polarsim.detect.frame import widest_look
 from polarsim.detect.inference_widths import ClassSizes
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.digest import code_digest
-from polarsim.errors import RoverError, about
+from polarsim.errors import about
 from polarsim.formats import png
 from polarsim.formats.files import write_text
 from polarsim.formats.table_parts import digest, write_in_parts
 from polarsim.photo import BOX_CLASSES
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
-from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
@@ -33,18 +34,22 @@ _BATCH = 8
 _PART = 25 * _BATCH
 
 
-def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> None:
-    """Write what the detector finds in the front camera's pictures, set by set; sets that are there stay.
+def detect_drive(
+    folder: Path,
+    vehicle: Vehicle,
+    options: CameraSuiteOptions,
+    onboard: OnboardDetector,
+    seed: int,
+    threads: int = 1,
+) -> None:
+    """Write the detections of each set of the front camera's pictures; finished sets are kept.
 
     Raises
     ------
     PolarsimError
-        No detector is named, or it cannot be read; a picture is missing.
+        The detector cannot be read, or a picture is missing.
     """
-    onboard = options.onboard
-    weights = onboard.weights_file
-    if weights is None:
-        raise RoverError("onboard: no weights of a detector are named")
+    weights = onboard.weights
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     detector = detectors.read_detector(weights)
     loaded: detectors.LoadedDetector | None = None
@@ -55,7 +60,7 @@ def detect_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, se
         identity = digest(
             [weights, *paths.values()],
             code_digest(__name__),
-            onboard.model_dump_json(include={"pictures", "prediction"}),
+            onboard.model_dump_json(include={"prediction"}),
         )
         note = pictures / "detections.txt"
         if (pictures / "detections.parquet").is_file() and _said(note) == identity:
@@ -73,7 +78,7 @@ def _write_detections(
     paths: dict[str, Path],
     loaded: detectors.LoadedDetector,
     sizes: ClassSizes,
-    options: OnboardOptions,
+    options: OnboardDetector,
     identity: str,
 ) -> None:
     def see(names: Sequence[str]) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.dataset import entry_of, write_dataset
-from polarsim.detect.options import PredictionOptions
+from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.detect.train import train_detector
 from polarsim.detect.training_windows import draw_windows, make_folders, write_window
@@ -17,13 +17,17 @@ from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
-from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.perception.contrast import shows
 from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.run_files.picture_sets import PictureSet
 
 DOMAIN = "drives"  # of the data set
+_SEED = 0
+_VAL_SHARE = 0.08  # of the pictures: they select the weights
+_WINDOW_PX = 512  # width of the pictures that the packaged detectors were trained on
+_WIDEST_PX = 1280  # of a resized picture from which windows are cut
+_LEARNING_RATE, _BATCH = 0.0003, 4  # low, so that few epochs keep what the detector has learnt
 
 
 @dataclass(frozen=True)
@@ -36,36 +40,29 @@ class Picture:
     exposure_ms: float
 
 
-def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions, onboard: OnboardOptions) -> None:
+def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions) -> None:
     """Write a data set of windows of the pictures of `options.drives`, with no test part.
 
-    All windows of a picture lie in one part. What does not stand out in a picture has no label there.
-
-    Parameters
-    ----------
-    onboard : OnboardOptions
-        How the detector's pictures are made, and what stands out.
+    All windows of a picture belong to one part. Labels that are not visible in a picture are left out.
 
     Raises
     ------
     PolarsimError
         A drive without pictures of the front camera or their labels, or a file is broken.
     """
-    random = generator(options.seed, "rover", "fine tuning")
+    random = generator(_SEED, "rover", "fine tuning")
     entries, count = [], 0
     with writing_folder(dataset) as folder:
         raw = folder / "windows"
         make_folders(raw)
         for picture in _all_pictures(options):
-            part = VAL if random.random() < options.val_share else TRAIN
+            part = VAL if random.random() < _VAL_SHARE else TRAIN
             with about(picture.path):
                 eight = tone.to_8_bits(png.read(picture.path))
             classes, boxes = yolo.read_boxes(picture.labels, eight.shape[::-1])
-            kept = shows(eight, boxes, onboard.least_contrast)
+            kept = shows(eight, boxes)
             numbers = range(count, count + options.windows)
-            drawn = draw_windows(
-                eight, classes[kept], boxes[kept], numbers, options.window_px, options.widest_px, random
-            )
+            drawn = draw_windows(eight, classes[kept], boxes[kept], numbers, _WINDOW_PX, _WIDEST_PX, random)
             for number, window in zip(numbers, drawn, strict=True):
                 name = f"{picture.name}_w{number - count}"
                 write_window(raw, name, window)
@@ -86,25 +83,26 @@ def fine_tune(
     threads: int,
     work: Path,
 ) -> None:
-    """Train a detector on from `start`; the widths at which it looks at pictures stay those of `start`.
+    """Fine-tune the detector `start`; its inference widths are kept.
 
     Raises
     ------
     PolarsimError
-        As `train_detector`, and where `start` is of another model than the options name.
+        As `train_detector`.
     """
     before = detectors.read_detector(start)
-    if before.model != options.training.model:
-        raise RoverError(f"a {before.model}, rover.fine_tuning.training.model is {options.training.model}", path=start)
+    training = TrainingOptions(
+        model=before.model, epochs=options.epochs, batch=_BATCH, learning_rate=_LEARNING_RATE, augment=True
+    )
     trained = work / "trained.pt"
     train_detector(
         dataset=dataset,
         weights=trained,
         curve=curve,
-        options=options.training,
+        options=training,
         prediction=prediction,
-        imgsz=options.window_px,
-        seed=options.seed,
+        imgsz=_WINDOW_PX,
+        seed=_SEED,
         threads=threads,
         work=work,
         start=start,

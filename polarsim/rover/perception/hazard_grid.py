@@ -1,7 +1,7 @@
 """The rover's map: by cell the log-odds of a rock, which looks raise and lower and time lets fade, and its height.
 
 Log-odds add up over looks that are independent (Moravec & Elfes, ICRA 1985); bounds keep a cell open to a change of
-mind, and fading (exponential, `decay_s`) makes an old look worth less than a new one.
+mind, and fading (exponential) makes an old look worth less than a new one.
 
 Beside that, the height of the surface, rocks and all, by parts of cells: the mean of what was seen, nearer looks
 counting more. Gaps that nothing was seen of are filled from around them when the map is read.
@@ -16,10 +16,14 @@ import numpy as np
 from scipy import ndimage
 from scipy.interpolate import LinearNDInterpolator
 
-from polarsim.rover.planning.options import MapOptions
+from polarsim.rover.perception.cells import CELL_M, by_cells
 from polarsim.rover.world.surface import World
 
 PARTS = 4  # along a side of a cell, by which the surface's heights are kept
+MISS_LOG_ODDS = 0.7  # by which an update without a rock lowers a cell's log-odds of a rock
+MOST_LOG_ODDS = 4.0  # limit of log-odds, either way: a few updates change a cell's state
+DECAY_S = 120.0  # in which log-odds fall to 1/e without an update
+_FILL_M = 0.6  # gaps of the surface are interpolated from no farther away
 
 
 @dataclass(frozen=True)
@@ -35,11 +39,11 @@ class Look:
 class HazardGrid:
     """Cells of a world; centres at `x` (columns) and `y` (rows), metres."""
 
-    def __init__(self, world: World, options: MapOptions) -> None:
-        self.options = options
-        cell = options.cell_m
+    cell_m = CELL_M
+
+    def __init__(self, world: World) -> None:
         self.x, self.y = (
-            start + cell * (np.arange(int((end - start) / cell)) + 0.5)
+            start + CELL_M * (np.arange(int((end - start) / CELL_M)) + 0.5)
             for start, end in ((world.x[0], world.x[-1]), (world.y[0], world.y[-1]))
         )
         shape = len(self.y), len(self.x)
@@ -52,14 +56,14 @@ class HazardGrid:
 
     def fade(self, time_s: float) -> None:
         """Let what is known fade up to a time."""
-        self.log_odds *= math.exp(-(time_s - self._time) / self.options.decay_s)
+        self.log_odds *= math.exp(-(time_s - self._time) / DECAY_S)
         self._time = time_s
 
     def add(self, look: Look) -> None:
         """Fuse a look."""
-        options, rock = self.options, look.rock > 0
-        change = look.weight * np.where(rock, look.rock, -options.miss_log_odds)
-        self.log_odds = np.clip(self.log_odds + change, -options.most_log_odds, options.most_log_odds)
+        rock = look.rock > 0
+        change = look.weight * np.where(rock, look.rock, -MISS_LOG_ODDS)
+        self.log_odds = np.clip(self.log_odds + change, -MOST_LOG_ODDS, MOST_LOG_ODDS)
         self.seen |= look.weight > 0
         weight = look.weight * rock
         self._height_sum += np.where(weight > 0, weight * np.nan_to_num(look.height), 0.0)
@@ -88,8 +92,8 @@ class HazardGrid:
         return self.rock & (self.height >= height_m)
 
     def surface_of_cells(self) -> np.ndarray:
-        """(rows, columns) m, mean height of the surface; NaN where nothing was seen within `fill_m`."""
-        filled = without_gaps(self.surface, self.options.fill_m * PARTS / self.options.cell_m)
+        """(rows, columns) m, mean height of the surface; NaN where nothing was seen within `_FILL_M`."""
+        filled = without_gaps(self.surface, _FILL_M * PARTS / CELL_M)
         return np.asarray(of_parts(filled, "mean"))
 
 
@@ -100,8 +104,7 @@ def by_part(cells: np.ndarray) -> np.ndarray:
 
 def of_parts(parts: np.ndarray, how: str) -> np.ndarray:
     """(rows, columns) from parts of cells (rows PARTS, columns PARTS), by an array's method: mean, max ..."""
-    rows, columns = parts.shape
-    return np.asarray(getattr(parts.reshape(rows // PARTS, PARTS, columns // PARTS, PARTS), how)(axis=(1, 3)))
+    return np.asarray(getattr(by_cells(parts, PARTS), how)(axis=(1, 3)))
 
 
 def without_gaps(values: np.ndarray, reach: float) -> np.ndarray:

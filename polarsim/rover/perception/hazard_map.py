@@ -1,8 +1,8 @@
-"""Where rocks lie along the drive, on a grid: as boxes in the front camera's pictures tell, and as it is.
+"""Rock cells of a recorded drive: estimated from boxes in the front camera's pictures, and true.
 
-Each look at a piece of ground says rock or none; near looks count more, as one over the fourth power of the distance.
-A cell is rock where a rock stands in any of its parts. Rocks are taken for upper halves of ellipsoids over round
-footprints.
+Every picture of a cell votes rock or no rock; near pictures count more, by the inverse fourth power of the distance. A
+cell is rock where any of its parts is. The map by which the rover decides (`hazard_grid`) weighs its updates otherwise:
+it has to forget, this one is scored at the end of a drive.
 """
 
 from __future__ import annotations
@@ -13,19 +13,16 @@ import numpy as np
 import pandas as pd
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.casters import caster
-from polarsim.photo import ROCK
 from polarsim.rover.cameras.layout import BOX
-from polarsim.rover.cameras.options import OnboardOptions
-from polarsim.rover.perception.ground_view import Estimate, estimate
-from polarsim.rover.perception.sightings import MAP_FARTHEST_M, MAP_NEAREST_M, Ride, of_frames
+from polarsim.rover.perception.cells import CELL_M, by_cells, rocks_on_ground, true_surface, visible_points
+from polarsim.rover.perception.ground_view import estimate
+from polarsim.rover.perception.sightings import MAP_FARTHEST_M, MAP_NEAREST_M, Ride, of_frames, sure_rocks
 from polarsim.rover.world.surface import World
 
-_VOTES = 0.5  # share of the looks at a cell that must show a rock
+_VOTES = 0.5  # share of the weighted votes for a rock, from which a part of a cell is rock
 _PARTS = 5  # points along a side of a cell
-_RIM_PX = 2.0  # boxes so near to the picture's rim are cut: what they show is not known
-_NEARNESS = 4  # power of the distance by which looks count less
-_LEAST_SHARE = 0.5  # of a cell that must have been looked at
+_NEARNESS = 4  # power of the distance by which votes count less
+_LEAST_SHARE = 0.5  # of a cell that must have been visible
 
 
 @dataclass(frozen=True)
@@ -36,9 +33,8 @@ class Grid:
     y: np.ndarray  # (rows,)
 
     def of_cells(self, field: np.ndarray) -> np.ndarray:
-        """Mean over the parts of each cell, without NaN; NaN where all are."""
-        rows, columns = field.shape
-        parts = field.reshape(rows // _PARTS, _PARTS, columns // _PARTS, _PARTS)
+        """Return the mean over the parts of each cell, without NaN; NaN where all are."""
+        parts = by_cells(field, _PARTS)
         known = np.isfinite(parts)
         count = known.sum(axis=(1, 3))
         total = np.where(known, parts, 0).sum(axis=(1, 3))
@@ -47,54 +43,47 @@ class Grid:
 
 @dataclass(frozen=True)
 class HazardMap:
-    """By cell: looked at or not, rock or not, height above the ground, metres; 0 where there is no rock."""
+    """By cell: visible or not, rock or not, height above the ground, metres; 0 without a rock."""
 
     looked: np.ndarray
     rock: np.ndarray
     height: np.ndarray
 
 
-def grid_over(world: World, options: OnboardOptions) -> Grid:
-    """Whole cells over a world's ground."""
-    step = options.cell_m / _PARTS
+def grid_over(world: World) -> Grid:
+    """Return whole cells over a world's ground."""
+    step = CELL_M / _PARTS
     x, y = (
-        start + step * (np.arange(int((end - start) / options.cell_m) * _PARTS) + 0.5)
+        start + step * (np.arange(int((end - start) / CELL_M) * _PARTS) + 0.5)
         for start, end in ((world.x[0], world.x[-1]), (world.y[0], world.y[-1]))
     )
     return Grid(x, y)
 
 
 def true_map(world: World, grid: Grid) -> HazardMap:
-    """From the rocks' triangles; their height is that above the ground beneath."""
+    """Return the map of the rocks' triangles; heights are above the ground beneath."""
     x, y = np.meshgrid(grid.x, grid.y)
-    ground = world.height_at(x, y)
-    top = float(world.vertices[:, 2].max(initial=0)) + 1
-    origins = np.stack([x.ravel(), y.ravel(), np.full(x.size, top)], axis=1)
-    distance = np.full(x.size, np.inf)
-    if len(world.triangles):
-        distance, _ = caster(world.vertices, world.triangles).nearest(origins, np.tile([0.0, 0, -1], (x.size, 1)))
-    height = np.where(np.isfinite(distance), top - distance, -np.inf).reshape(x.shape) - ground
+    ground, rock = true_surface(world, x, y)
+    height = rock - ground
     return _cells(grid, height > 0, np.maximum(height, 0), np.ones(x.shape, bool))
 
 
-def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, options: OnboardOptions) -> HazardMap:
-    """From detected or labelled boxes, columns frame, kind, confidence and corners."""
-    sure = found[(found["kind"] == ROCK) & (found["confidence"] >= options.confidence)]
-    by_frame = of_frames(sure)
+def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, confidence: float) -> HazardMap:
+    """Return the map of detected or labelled boxes, columns frame, kind, confidence and corners."""
+    by_frame = of_frames(sure_rocks(found, confidence))
     x, y = np.meshgrid(grid.x, grid.y)
     looks, votes, heights = (np.zeros(x.shape) for _ in range(3))
     for frame in ride.frames:
-        window = _window(grid, ride.cameras[frame])
-        points = np.stack([x[window], y[window], ride.ground(frame)(x[window], y[window])], axis=-1)
-        pixel, weight = _looked_at(points, ride.cameras[frame])
+        camera, ground = ride.cameras[frame], ride.ground(frame)
+        window = _window(grid, camera)
+        points = np.stack([x[window], y[window], ground(x[window], y[window])], axis=-1)
         own = by_frame.get(frame)
         corners = own[BOX].to_numpy(float) if own is not None else np.zeros((0, 4))
-        cut = _is_cut(corners, ride.cameras[frame].size)
-        for box in corners[cut]:
-            inside = ((pixel > box[:2]) & (pixel < box[2:])).all(axis=-1)
-            weight[inside] = 0
-        rocks = estimate(corners[~cut], ride.cameras[frame], ride.ground(frame))
-        height = _shape(rocks, x[window], y[window])
+        seen = visible_points(points, camera, corners, (MAP_NEAREST_M, MAP_FARTHEST_M))
+        weight = np.where(seen.inside, np.maximum(seen.distance, 0.1) ** -_NEARNESS, 0.0)
+        height = np.zeros(weight.shape)
+        for _, _, rise in rocks_on_ground(estimate(corners[seen.whole], camera, ground), x[window], y[window]):
+            height = np.maximum(height, rise)
         looks[window] += weight
         votes[window] += weight * (height > 0)
         heights[window] += weight * height
@@ -105,7 +94,9 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, options: OnboardOptions)
 
 
 def compared(found: HazardMap, true: HazardMap) -> pd.DataFrame:
-    """One row: cells looked at, right, false and missed rock cells, F1, height errors: median of rocks, within 5 cm."""
+    """Return one row: visible cells, right, false and missed rock cells, F1, height errors: median of rocks, within
+    5 cm.
+    """
     cells = found.looked
     right = int((found.rock & true.rock & cells).sum())
     false, missed = int((found.rock & ~true.rock & cells).sum()), int((~found.rock & true.rock & cells).sum())
@@ -137,26 +128,3 @@ def _window(grid: Grid, camera: Camera) -> tuple[slice, slice]:
     columns = slice(*np.searchsorted(grid.x, [x - reach, x + reach]))
     rows = slice(*np.searchsorted(grid.y, [y - reach, y + reach]))
     return rows, columns
-
-
-def _looked_at(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (..., 2) that show points (..., 3) on the ground, and what a look at each counts; 0 out of suite."""
-    pixel = camera.project(points)
-    distance = np.linalg.norm((points - camera.centre)[..., :2], axis=-1)
-    inside = camera.inside(pixel)
-    inside &= (distance >= MAP_NEAREST_M) & (distance <= MAP_FARTHEST_M)
-    return pixel, np.where(inside, np.maximum(distance, 0.1) ** -_NEARNESS, 0.0)
-
-
-def _is_cut(corners: np.ndarray, size: np.ndarray) -> np.ndarray:
-    return np.asarray((corners[:, :2] < _RIM_PX).any(axis=1) | (corners[:, 2:] > size - _RIM_PX).any(axis=1))
-
-
-def _shape(rocks: Estimate, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Height of the highest estimated rock at points, metres; 0 beside them."""
-    highest = np.zeros(x.shape)
-    for centre, width, height in zip(rocks.centre, rocks.width, rocks.height, strict=True):
-        if np.isfinite(centre).all() and width > 0:
-            squared = ((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (width / 2) ** 2
-            highest = np.maximum(highest, np.where(squared < 1, height * np.sqrt(np.maximum(1 - squared, 0)), 0.0))
-    return highest

@@ -1,4 +1,4 @@
-"""From what the cameras give, boxes, depths or what every pixel shows, to what one look says of the map's cells."""
+"""Updates of the map from one moment's boxes, depths or instance ids of pixels."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from scipy import ndimage
 
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL
+from polarsim.rover.perception.cells import part_centres, rocks_on_ground, visible_points
 from polarsim.rover.perception.ground_view import Heights, estimate
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, Look, of_parts
-from polarsim.rover.planning.options import MapOptions
 
-_RIM_PX = 2.0  # boxes so near to the picture's rim are cut: what they show is not known
+FARTHEST_M = 5.0  # from the camera: farther ground is not mapped
+_FULL_WEIGHT_M = 2.0  # updates from farther away count by the inverse square of the distance
+_STEREO_ROCK_M = 0.05  # stereo takes a cell for rock where it is this high above the ground around
 _ABOUT_PX = 9  # over which light is averaged: noise of single pixels is no light
 _LEAST_SHARE = 0.5  # of a cell's points that must be in the picture
 _MOST_SURE = 0.95  # confidence of a detection that counts no more than this
@@ -33,28 +35,20 @@ def look_of_boxes(
     A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts. Of
     pixels that are not `lit`, (h, w) bool, a picture without a box says nothing: a detector finds none in the dark.
     """
-    options = grid.options
-    x, y = (_parts(values, options.cell_m) for values in (grid.x, grid.y))
-    columns, rows = (_near(values, float(eye), options) for values, eye in zip((x, y), camera.centre[:2], strict=True))
+    x, y = (part_centres(values, grid.cell_m, PARTS) for values in (grid.x, grid.y))
+    columns, rows = (_near(values, float(eye)) for values, eye in zip((x, y), camera.centre[:2], strict=True))
     gx, gy = np.meshgrid(x[columns], y[rows])
     points = np.stack([gx, gy, ground(gx, gy)], axis=-1)
-    pixel = camera.project(points)
-    distance = np.linalg.norm((points - camera.centre)[..., :2], axis=-1)
-    inside = camera.inside(pixel) & (distance <= options.farthest_m)
     boxes = np.asarray(boxes, float).reshape(-1, 4)
-    cut = (boxes[:, :2] < _RIM_PX).any(axis=1) | (boxes[:, 2:] > camera.size - _RIM_PX).any(axis=1)
-    for box in boxes[cut]:
-        inside &= ~((pixel > box[:2]) & (pixel < box[2:])).all(axis=-1)
-    rocks = estimate(boxes[~cut], camera, ground)
+    view = visible_points(points, camera, boxes, (0.0, FARTHEST_M))
+    pixel, distance, inside = view.pixel, view.distance, view.inside
+    rocks, confidence = estimate(boxes[view.whole], camera, ground), confidence[view.whole]
     height, odds, rise = (np.zeros(gx.shape) for _ in range(3))
-    for centre, width, high, sure in zip(rocks.centre, rocks.width, rocks.height, confidence[~cut], strict=True):
-        if not (np.isfinite(centre).all() and width > 0):
-            continue
-        squared = ((gx - centre[0]) ** 2 + (gy - centre[1]) ** 2) / (width / 2) ** 2
-        own = np.where(squared < 1, high, 0.0)  # a hazard is as high as the rock that it is a part of
-        odds = np.where(own > height, _log_odds(float(sure)), odds)
+    for number, covered, own_rise in rocks_on_ground(rocks, gx, gy):
+        own = np.where(covered, rocks.height[number], 0.0)  # a hazard is as high as the rock that it is a part of
+        odds = np.where(own > height, _log_odds(float(confidence[number])), odds)
         height = np.maximum(height, own)
-        rise = np.maximum(rise, own * np.sqrt(np.maximum(1 - squared, 0)))
+        rise = np.maximum(rise, own_rise)
     column, row = np.moveaxis(np.where(inside[..., None], pixel, 0).astype(int), -1, 0)
     seen = inside & (lit[row, column] | (odds > 0))
     surface = np.where(seen, points[..., 2] + rise, np.nan)
@@ -67,7 +61,7 @@ def look_of_boxes(
         of_parts(values, how) for values, how in zip(full[:5], ("mean", "mean", "max", "max", "max"), strict=True)
     )
     known = np.where(sure > 0, in_view, share) >= _LEAST_SHARE
-    return Look(np.where(known, _weight(far, options), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
+    return Look(np.where(known, _weight(far), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
 
 
 def lit_pixels(grey: np.ndarray, least: float) -> np.ndarray:
@@ -83,9 +77,9 @@ def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground:
     a rock's steep side there are many. A cell is rock where any part is. A rock is as high as its highest pixel over
     the ground there.
     """
-    options, shape = grid.options, grid.surface.shape
+    shape = grid.surface.shape
     part = _numbers(points, grid, PARTS)
-    kept = (part >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= options.farthest_m)
+    kept = (part >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= FARTHEST_M)
     points, rock, part = points[kept], rock[kept], part[kept]
     size = shape[0] * shape[1]
     count = np.bincount(part, minlength=size)
@@ -107,7 +101,7 @@ def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground:
     share = of_parts((count > 0).reshape(shape), "mean")
     found = of_parts(is_rock.reshape(shape), "any")
     gx, gy = np.meshgrid(grid.x, grid.y)
-    weight = np.where(share > 0, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1]), options), 0.0)
+    weight = np.where(share > 0, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
     weight *= np.where(found, 1.0, share)  # what is not seen of a cell may be rock
     tall = of_parts(np.where(is_rock, height, 0.0).reshape(shape), "max")
     return Look(weight, np.where(found, _log_odds(SURE), 0.0), np.where(found, tall, np.nan), surface.reshape(shape))
@@ -115,10 +109,10 @@ def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground:
 
 def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
     """From points (n, 3) of the world that stereo sees: cells that stand above the ground around are rock."""
-    options, shape = grid.options, (len(grid.y), len(grid.x))
+    shape = len(grid.y), len(grid.x)
     points = points[np.isfinite(points).all(axis=1)]
     number = _numbers(points, grid)
-    kept = (number >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= options.farthest_m)
+    kept = (number >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= FARTHEST_M)
     points = points[kept]
     cell, z = number[kept], points[:, 2]
     order = np.lexsort((z, cell))
@@ -135,9 +129,9 @@ def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
     nearest = ndimage.distance_transform_edt(~seen, return_distances=False, return_indices=True)
     around = ndimage.median_filter(foot[tuple(nearest)], _AROUND)
     height = np.where(seen, top - around, np.nan)
-    rock = seen & (np.nan_to_num(height) > options.stereo_rock_m)
+    rock = seen & (np.nan_to_num(height) > _STEREO_ROCK_M)
     gx, gy = np.meshgrid(grid.x, grid.y)
-    weight = np.where(seen, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1]), options), 0.0)
+    weight = np.where(seen, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
     return Look(
         weight,
         np.where(rock, _log_odds(_STEREO_SURE), 0.0),
@@ -157,7 +151,7 @@ def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
     """(n,) bool: points (n, 3) no farther from the centre of their part of a cell than half way to its side."""
     central = np.ones(len(points), bool)
     for axis, centres in ((0, grid.x), (1, grid.y)):
-        part = ((points[:, axis] - centres[0]) / grid.options.cell_m + 0.5) * PARTS
+        part = ((points[:, axis] - centres[0]) / grid.cell_m + 0.5) * PARTS
         central &= np.abs(part - np.floor(part) - 0.5) < 0.25
     return central
 
@@ -166,7 +160,7 @@ def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray
     """(n,) flat numbers of the cells, or of their parts along a side, that points (n, 3) lie in; -1 beyond the grid."""
     shape = parts * len(grid.y), parts * len(grid.x)
     column, row = (
-        np.floor(((points[:, axis] - centres[0]) / grid.options.cell_m + 0.5) * parts).astype(int)
+        np.floor(((points[:, axis] - centres[0]) / grid.cell_m + 0.5) * parts).astype(int)
         for axis, centres in ((0, grid.x), (1, grid.y))
     )
     inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
@@ -179,14 +173,9 @@ def _log_odds(confidence: float) -> float:
     return math.log(sure / (1 - sure))
 
 
-def _weight(distance: np.ndarray, options: MapOptions) -> np.ndarray:
-    return np.asarray(np.minimum(1.0, (options.full_weight_m / np.maximum(distance, 1e-6)) ** 2))
+def _weight(distance: np.ndarray) -> np.ndarray:
+    return np.asarray(np.minimum(1.0, (_FULL_WEIGHT_M / np.maximum(distance, 1e-6)) ** 2))
 
 
-def _parts(centres: np.ndarray, cell: float) -> np.ndarray:
-    offsets = (np.arange(PARTS) + 0.5) / PARTS - 0.5
-    return np.asarray((centres[:, None] + cell * offsets).ravel())
-
-
-def _near(values: np.ndarray, eye: float, options: MapOptions) -> slice:
-    return slice(*np.searchsorted(values, [eye - options.farthest_m, eye + options.farthest_m]).tolist())
+def _near(values: np.ndarray, eye: float) -> slice:
+    return slice(*np.searchsorted(values, [eye - FARTHEST_M, eye + FARTHEST_M]).tolist())

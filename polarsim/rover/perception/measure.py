@@ -18,11 +18,12 @@ from polarsim.detect import tone
 from polarsim.formats import png, tables
 from polarsim.photo import ROCK
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, TRUTH_COLUMNS, picture_folder, require_pictures
-from polarsim.rover.cameras.options import CameraSuiteOptions, OnboardOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.perception import hazard_map, sightings
 from polarsim.rover.perception.contrast import shows
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.perception.sightings import Ride
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
@@ -32,7 +33,9 @@ SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a figure is 
 DETECTOR, TRUTH, VISIBLE = "detector", "truth", "visible"
 
 
-def measure_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int) -> dict[str, pd.DataFrame]:
+def measure_drive(
+    folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, onboard: OnboardDetector | None, seed: int
+) -> dict[str, pd.DataFrame]:
     """Write the tables of a drive and return them by name.
 
     Raises
@@ -42,22 +45,22 @@ def measure_drive(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, s
     """
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     ride = ride_of(suite)
-    world, own = suite.trace.world, options.onboard
-    grid = hazard_map.grid_over(world, own)
+    world, confidence = suite.trace.world, options.onboard.confidence
+    grid = hazard_map.grid_over(world)
     true = hazard_map.true_map(world, grid)
     found: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
-    for row, truth, boxes in _cases(folder, suite):
-        seen = sightings.sightings(truth, boxes, own)
+    for row, truth, boxes in _cases(folder, suite, onboard):
+        seen = sightings.sightings(truth, boxes, confidence)
         stable = sightings.first_stable(seen, ride.frames)
         gaps = {
             f"miss_{round(100 * height)}_cm_m": sightings.miss_distance(stable, world.rocks, ride, height)
-            for height in own.heights_m
+            for height in sightings.HEIGHTS_M
         }
-        stops = {"stops": sightings.false_stops(truth, boxes, ride, own), "length_m": ride.length_m, **gaps}
-        seen_map = hazard_map.mapped(boxes, ride, grid, own)
+        stops = {"stops": sightings.false_stops(truth, boxes, ride, confidence), "length_m": ride.length_m, **gaps}
+        seen_map = hazard_map.mapped(boxes, ride, grid, confidence)
         for name, table in (
             ("sightings", seen),
-            ("stable", stable.assign(stopping_m=ride.stopping_m(own))),
+            ("stable", stable.assign(stopping_m=ride.stopping_m)),
             ("map", hazard_map.compared(seen_map, true)),
             ("stops", pd.DataFrame([stops])),
         ):
@@ -90,7 +93,9 @@ def ride_of(suite: CameraSuite) -> Ride:
     )
 
 
-def _cases(folder: Path, suite: CameraSuite) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
+def _cases(
+    folder: Path, suite: CameraSuite, onboard: OnboardDetector | None
+) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
     """Setting, truth and boxes: of each Sun the truth itself, then what each set shows of it and the detector found."""
     for sun in suite.suns:
         truth = tables.read_parquet(folder / FRONT / f"{sun}_truth.parquet", TRUTH_COLUMNS)
@@ -99,18 +104,18 @@ def _cases(folder: Path, suite: CameraSuite) -> Iterator[tuple[dict[str, Any], p
         for model, exposure in suite.options.pictures:
             pictures = picture_folder(folder, FRONT, sun, model, exposure)
             row = {"sun": sun, "model": model, "exposure_ms": float(exposure)}
-            yield row | {"source": VISIBLE}, truth, _visible(labels, pictures, suite.options.onboard)
-            if suite.options.onboard.weights_file is not None:
+            yield row | {"source": VISIBLE}, truth, _visible(labels, pictures)
+            if onboard is not None:
                 found = tables.read_parquet(pictures / "detections.parquet", DETECTION_COLUMNS)
                 yield row | {"source": DETECTOR}, truth, found
 
 
-def _visible(labels: pd.DataFrame, pictures: Path, options: OnboardOptions) -> pd.DataFrame:
+def _visible(labels: pd.DataFrame, pictures: Path) -> pd.DataFrame:
     """The labels that a set of pictures shows."""
     kept = []
     for frame, own in labels.groupby("frame"):
         path = pictures / f"{frame:05d}.png"
         require_pictures([path])
         eight = tone.to_8_bits(png.read(path))
-        kept.append(own[shows(eight, own[BOX].to_numpy(float), options.least_contrast)])
+        kept.append(own[shows(eight, own[BOX].to_numpy(float))])
     return pd.concat(kept) if kept else labels

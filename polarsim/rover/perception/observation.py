@@ -1,4 +1,4 @@
-"""What the rover's cameras show it at a moment, as its mode takes it.
+"""Observations of a moment by the rover's cameras, as its mode uses them.
 
 Detector and stereo have the front camera and a second one beside it. Labels are taken all round.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TypeVar
@@ -29,17 +29,16 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.render.hits import cast_strip
-from polarsim.render.lamps import Spot
-from polarsim.rover.cameras.lights import headlights, named_sun
-from polarsim.rover.cameras.live_camera import LiveScene
-from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.render.options import RenderOptions
+from polarsim.rover.cameras.lights import named_sun
+from polarsim.rover.cameras.options import CameraSuiteOptions, Light
+from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.perception.ground_view import plane_under
 from polarsim.rover.perception.hazard_grid import HazardGrid, Look
-from polarsim.rover.perception.map_updates import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
-from polarsim.rover.planning.cases import Light
-from polarsim.rover.planning.options import AutonomyOptions, Mode
+from polarsim.rover.perception.map_updates import FARTHEST_M, lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
+from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
@@ -48,6 +47,14 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS
 T = TypeVar("T")
 _BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
 _NEAREST_M = 1.5  # depth that stereo looks for
+_STEREO_BASE_M = 0.3  # from the front camera to the second one, to the right
+_STEREO_SCALE = 0.5  # of the pictures that stereo matches over those taken
+# Labels are also taken by these cameras of the vehicle, where it has them: six of VIPER's eight, at a small scale.
+_AROUND = ("ncl", "acl", "hfp", "hfs", "hap", "has")
+_AROUND_SCALE = 0.125
+# Grey values over the black level (of 4,095), below which a pixel is dark: there a missing detection does not mean free
+# ground, and stereo has no depth.
+_LEAST_GREY = 12.0
 # Grey values of 255: what is darker, or more even over so many pixels, such as shadow, stereo matches with anything.
 _EVEN, _EVEN_PX = 1.5, 5
 
@@ -76,38 +83,43 @@ class Eyes:
         path: Path,
         mode: Mode,
         light: Light,
-        options: AutonomyOptions,
         cameras: CameraSuiteOptions,
         seed: int,
+        *,
+        render: RenderOptions,
+        detector: OnboardDetector | None = None,
         threads: int = 1,
     ) -> None:
         """
         Parameters
         ----------
-        cameras : CameraSuiteOptions
-            Lens, sensor, reflectance and stars of the pictures, and the detector, `onboard`.
-        threads : int
-            That render pictures; they are the same, however many.
+        cameras
+            Scale, stars and Suns of the pictures; confidence and ground of the detector.
+        render
+            The run's options; pictures have shot and read noise in any case, else headlights would show too much.
+        threads
+            Threads of the renderer; they do not affect the pictures.
 
         Raises
         ------
         PolarsimError
-            An unknown light, no detector where the mode has one.
+            An unknown light, or a mode with a detector without one.
         """
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
-        self.options, self.onboard, self.seed, self._threads = options, cameras.onboard, seed, threads
-        self.mount = mount_of(vehicle.camera(FRONT), options.scale)
-        self._small = mount_of(vehicle.camera(FRONT), options.scale * options.stereo_scale)
-        self._round = [mount_of(vehicle.camera(name), options.around_scale) for name in (FRONT, *options.around)]
-        noisy = cameras.render.model_copy(update={"noise": options.noise or cameras.render.noise})
-        cameras = cameras.model_copy(update={"render": noisy})
-        self._scene = LiveScene(world, vehicle, path, cameras, light.model, _BESIDE_M)
-        self._sun = named_sun(light.sun, options.sun_elevation_deg)
-        self._lights = [vehicle.light(name) for name in options.lamps] if light.lit else []
+        self.onboard, self.seed, self._threads = cameras.onboard, seed, threads
+        self.mount = mount_of(vehicle.camera(FRONT), cameras.scale)
+        self._small = mount_of(vehicle.camera(FRONT), cameras.scale * _STEREO_SCALE)
+        around = [camera.name for camera in vehicle.cameras if camera.name in _AROUND]
+        self._round = [mount_of(vehicle.camera(name), _AROUND_SCALE) for name in (FRONT, *around)]
+        noisy = render.model_copy(update={"noise": True})
+        near = near_path(world, path, _BESIDE_M)
+        self._camera = RoverCamera(world, vehicle, near, cameras, noisy, models=(light.model,))
+        self._sun = named_sun(light.sun, cameras.sun_elevation_deg)
+        self._lights = [vehicle.light(name) for name in light.lights]
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
-        self._detector = self._read_detector() if self._detects else None
-        self.rectification = rectification(self.mount.lens.scaled(options.stereo_scale), options.stereo_base_m)
+        self._detector = self._read_detector(detector) if self._detects else None
+        self.rectification = rectification(self.mount.lens.scaled(_STEREO_SCALE), _STEREO_BASE_M)
         self._glances = 0
 
     @property
@@ -121,7 +133,7 @@ class Eyes:
 
     def look(self, state: State, level: np.ndarray, grid: HazardGrid) -> Glance:
         """Take pictures of the ground as it is now and make of them what the mode makes."""
-        base, links = self._timed("scene", lambda: self._scene.show(state, level))
+        base = self._timed("scene", lambda: self._camera.show_state(state, level))
         camera = self.mount.at(base)
         ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
         if self.mode == "truth":
@@ -129,12 +141,11 @@ class Eyes:
             seen = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
             points, rock = (np.concatenate(parts) for parts in zip(*seen, strict=True))
             return Glance([self._timed("map", lambda: look_of_pixels(points, rock, camera, ground, grid))], camera)
-        spots = headlights(self._lights, links)
         # Stereo matches small pictures, so the second camera, and without a detector the first, takes no larger ones.
         cameras = [camera if self._detects else self._small.at(base)]
         if self.pairs:
-            cameras.append(right_of(self._small.at(base), self.options.stereo_base_m))
-        taken = self._timed("pictures", lambda: [self._picture(one, spots, k) for k, one in enumerate(cameras)])
+            cameras.append(right_of(self._small.at(base), _STEREO_BASE_M))
+        taken = self._timed("pictures", lambda: [self._picture(one, k) for k, one in enumerate(cameras)])
         self._glances += 1
         looks, pair, found = [], None, np.zeros((0, 5))
         shown: np.ndarray | None = None
@@ -154,26 +165,28 @@ class Eyes:
 
     def _shown(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, 3) of the world that pixels show, and (n,) rocks' numbers, 0 on the ground: no light is needed."""
-        surfaces = self._scene.surfaces
+        surfaces = self._camera.scene.surfaces
         hits = cast_strip(surfaces, camera, slice(0, camera.lens.height), smooth=False)
         ids = surfaces.id_of_face.take(hits.face)
         kept = (ids == GROUND) | (ids >= ROCK_IDS)  # and not the rover's own body
         return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
 
-    def _picture(self, camera: Camera, spots: Mapping[str, Spot], which: int) -> tuple[np.ndarray, float]:
+    def _picture(self, camera: Camera, which: int) -> tuple[np.ndarray, float]:
         """(h, w) 12-bit grey values, and their exposure, ms."""
-        exposure = self.light.exposure_ms
-        name = ("autonomy", self.seed, self._glances, which, self.light.sun, exposure)
-        return self._scene.picture(camera, self._sun, spots, exposure, *name, threads=self._threads)
+        light = self.light
+        name = ("autonomy", self.seed, self._glances, which, light.sun, light.exposure_ms)
+        return self._camera.picture(
+            camera, self._sun, self._lights, light.model, light.exposure_ms, *name, threads=self._threads
+        )
 
     def _found(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The picture as the detector sees it, and (n, 5) boxes of rocks, px of the camera, and their confidences."""
         assert self._detector is not None
-        loaded, sizes = self._detector
+        applied, loaded, sizes = self._detector
         small = tone.shrink(grey, min(max(sizes.widths), max(grey.shape)))
         eight = tone.to_8_bits(small)
         full = grey.shape[1], grey.shape[0]
-        (rows,) = detect(loaded, [eight], sizes, self.onboard.prediction.nms_iou, full)
+        (rows,) = detect(loaded, [eight], sizes, applied.prediction.nms_iou, full)
         return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
 
     def _small_picture(self, grey: np.ndarray) -> np.ndarray:
@@ -186,26 +199,27 @@ class Eyes:
         return left, right
 
     def _lit(self, grey: np.ndarray) -> np.ndarray:
-        return lit_pixels(grey, self.options.map.least_grey)
+        return lit_pixels(grey, _LEAST_GREY)
 
     def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, lit: np.ndarray, camera: Camera) -> np.ndarray:
         assert pair is not None
-        options = StereoOptions(nearest_m=_NEAREST_M, farthest_m=2 * self.options.map.farthest_m)
+        options = StereoOptions(nearest_m=_NEAREST_M, farthest_m=2 * FARTHEST_M)
         depth = np.where(lit & has_texture(pair[0]), match(*pair, self.rectification, options), np.nan)
         left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
         points = left * depth[..., None]
         return camera.world_from_camera.apply(points.reshape(-1, 3))
 
-    def _read_detector(self) -> tuple[detectors.LoadedDetector, ClassSizes]:
-        weights = self.onboard.weights_file
-        if weights is None:
+    def _read_detector(
+        self, applied: OnboardDetector | None
+    ) -> tuple[OnboardDetector, detectors.LoadedDetector, ClassSizes]:
+        if applied is None:
             raise RoverError(f"mode {self.mode}: rover.cameras.onboard.weights names no detector")
-        detector = detectors.read_detector(weights)
-        with about(weights):
-            loaded = detectors.load_detector(detector, FilePath.cwd(), self.onboard.prediction, 1)
-        sizes = sizes_of(detector, self.onboard.prediction).by_class[BOX_CLASSES.index(ROCK)]
+        detector = detectors.read_detector(applied.weights)
+        with about(applied.weights):
+            loaded = detectors.load_detector(detector, FilePath.cwd(), applied.prediction, 1)
+        sizes = sizes_of(detector, applied.prediction).by_class[BOX_CLASSES.index(ROCK)]
         sizes = sizes.within(widest_look(self.mount.lens.width))
-        return loaded, ClassSizes.same(sizes)  # shadows are not looked for
+        return applied, loaded, ClassSizes.same(sizes)  # shadows are not looked for
 
     def _timed(self, part: str, work: Callable[[], T]) -> T:
         begun = time.process_time()

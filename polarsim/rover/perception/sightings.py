@@ -1,4 +1,4 @@
-"""What a detector's boxes are worth to a driving rover: when it sees rocks, which it misses, what stops it in vain."""
+"""When rocks are detected on a drive, which are missed, and false stops."""
 
 from __future__ import annotations
 
@@ -14,10 +14,15 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import ROCK
 from polarsim.rover.cameras.layout import BOX
-from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.perception.ground_view import Heights, estimate, plane_under
 from polarsim.rover.vehicle.mounts import levelled
 
+HEIGHTS_M = (0.05, 0.10)  # rocks above each of these are counted
+FARTHEST_M = 6.0  # from the camera: farther rocks are not counted
+_MATCH_IOU = 0.5  # of a detected rock and its label
+# A rover at the paper's speed: time from a picture to the brake, and deceleration.
+_REACTION_S, _BRAKE_M_S2 = 1.0, 0.3
+_STOP_HEIGHT_M = 0.10  # rocks that are taken for this high or more stop the rover
 STABLE_FRAMES = 3  # detections in so many pictures in a row are stable
 FALSE_OVERLAP = 0.1  # a predicted rock is false if it covers less than this share of each rock's box
 DISTANCE_BIN_M = 0.5  # width of the bins of distance
@@ -49,32 +54,33 @@ class Ride:
         """What the rover takes for the ground."""
         return self.surveyed or plane_under(self.base(frame), self.ground_m)
 
-    def stopping_m(self, options: OnboardOptions) -> float:
+    @property
+    def stopping_m(self) -> float:
         """From the camera to where the foremost part of the wheels comes to rest."""
-        return self.front_m + self.speed_m_s * options.reaction_s + self.speed_m_s**2 / (2 * options.brake_m_s2)
+        return self.front_m + self.speed_m_s * _REACTION_S + self.speed_m_s**2 / (2 * _BRAKE_M_S2)
 
 
-def sightings(truth: pd.DataFrame, found: pd.DataFrame, options: OnboardOptions) -> pd.DataFrame:
+def sightings(truth: pd.DataFrame, found: pd.DataFrame, confidence: float) -> pd.DataFrame:
     """A row for every rock in every frame that shows it: frame, rock, distance_m, height_m, detected.
 
-    A predicted rock takes one label, a label one predicted rock, from `iou` on.
+    Predicted rocks from `confidence` on and labels are matched one to one, from an IoU of 0.5 on.
     """
-    rocks = truth[(truth["kind"] == ROCK) & (truth["distance_m"] <= options.farthest_m)]
-    by_frame = of_frames(_sure(found, options))
+    rocks = truth[(truth["kind"] == ROCK) & (truth["distance_m"] <= FARTHEST_M)]
+    by_frame = of_frames(sure_rocks(found, confidence))
     detected, of_row = np.zeros(len(rocks), bool), rocks["frame"].to_numpy()
     for frame in np.unique(of_row).tolist():
         rows = np.flatnonzero(of_row == frame)
         if frame in by_frame:
             overlap = boxes.iou(rocks[BOX].to_numpy()[rows], by_frame[frame][BOX].to_numpy())
-            detected[rows[boxes.match(overlap, options.iou)[0]]] = True
+            detected[rows[boxes.match(overlap, _MATCH_IOU)[0]]] = True
     return rocks[["frame", "rock", "distance_m", "height_m"]].assign(detected=detected).reset_index(drop=True)
 
 
-def recall_by_distance(seen: pd.DataFrame, options: OnboardOptions) -> pd.DataFrame:
+def recall_by_distance(seen: pd.DataFrame) -> pd.DataFrame:
     """Rows of height_m (rocks above it), from_m, to_m, rocks (looks at rocks), detected."""
     rows = []
-    edges = np.arange(0, options.farthest_m + 1e-9, DISTANCE_BIN_M)
-    for height in options.heights_m:
+    edges = np.arange(0, FARTHEST_M + 1e-9, DISTANCE_BIN_M)
+    for height in HEIGHTS_M:
         high = seen[seen["height_m"] > height]
         for low, end in pairwise(edges):
             inside = high[(high["distance_m"] > low) & (high["distance_m"] <= end)]
@@ -122,24 +128,22 @@ def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: Ride, height_
     return least
 
 
-def false_stops(truth: pd.DataFrame, found: pd.DataFrame, ride: Ride, options: OnboardOptions) -> int:
+def false_stops(truth: pd.DataFrame, found: pd.DataFrame, ride: Ride, confidence: float) -> int:
     """How often the rover would brake for what is no rock.
 
-    It brakes where in `STABLE_FRAMES` frames in a row something that it takes for a rock of `stop_height_m` or more
-    lies in its way; these are false where none of them covers a labelled rock, at least by `FALSE_OVERLAP`.
+    It brakes where in `STABLE_FRAMES` frames in a row an estimated rock of `_STOP_HEIGHT_M` or more
+    is in its way; these are false where none of them covers a labelled rock, at least by `FALSE_OVERLAP`.
     """
     labels = of_frames(truth[truth["kind"] == ROCK])
-    predicted = of_frames(_sure(found, options))
+    predicted = of_frames(sure_rocks(found, confidence))
     streak = stops = 0
     for frame in ride.frames:
-        streak = streak + 1 if _false_positive(frame, labels.get(frame), predicted.get(frame), ride, options) else 0
+        streak = streak + 1 if _false_positive(frame, labels.get(frame), predicted.get(frame), ride) else 0
         stops += streak == STABLE_FRAMES
     return stops
 
 
-def _false_positive(
-    frame: int, labels: pd.DataFrame | None, predicted: pd.DataFrame | None, ride: Ride, options: OnboardOptions
-) -> bool:
+def _false_positive(frame: int, labels: pd.DataFrame | None, predicted: pd.DataFrame | None, ride: Ride) -> bool:
     if predicted is None:
         return False
     own = predicted[BOX].to_numpy(float)
@@ -150,7 +154,7 @@ def _false_positive(
     ahead, left, _ = levelled(ride.base(frame)).inverse().apply(level).T
     in_the_way = np.abs(left) - rock.width / 2 < ride.half_width_m + _SIDE_M
     near = ahead - ride.base_from_camera.translation[0] <= MAP_FARTHEST_M
-    return bool((in_the_way & near & (rock.height >= options.stop_height_m)).any())
+    return bool((in_the_way & near & (rock.height >= _STOP_HEIGHT_M)).any())
 
 
 def of_frames(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
@@ -158,5 +162,6 @@ def of_frames(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
     return {int(str(frame)): own for frame, own in table.groupby("frame")}
 
 
-def _sure(found: pd.DataFrame, options: OnboardOptions) -> pd.DataFrame:
-    return found[(found["kind"] == ROCK) & (found["confidence"] >= options.confidence)]
+def sure_rocks(found: pd.DataFrame, confidence: float) -> pd.DataFrame:
+    """Return the boxes of rocks from a confidence on."""
+    return found[(found["kind"] == ROCK) & (found["confidence"] >= confidence)]

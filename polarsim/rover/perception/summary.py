@@ -13,17 +13,17 @@ import pandas as pd
 
 from polarsim.formats import tables
 from polarsim.randomness import generator
-from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.perception.measure import SETTING, TABLES
-from polarsim.rover.perception.sightings import recall_by_distance
+from polarsim.rover.perception.sightings import HEIGHTS_M, recall_by_distance
 from polarsim.schemas.rover import ONBOARD
 
+_RESAMPLES = 1000
 _RIDE = ["seed", "sun"]
 _GROUP = ["source", "model", "exposure_ms"]
 Statistic = Callable[[np.ndarray], float]  # of rides' numbers
 
 
-def summarise_onboard(folders: Sequence[Path], table: Path, options: OnboardOptions, seed: int = 0) -> None:
+def summarise_onboard(folders: Sequence[Path], table: Path, seed: int = 0) -> None:
     """Read the tables of drives and write one of all metrics, the columns of `ONBOARD`.
 
     Raises
@@ -38,10 +38,10 @@ def summarise_onboard(folders: Sequence[Path], table: Path, options: OnboardOpti
         )
         for name in TABLES
     }
-    tables.write_parquet(table, metrics(parts, options, seed))
+    tables.write_parquet(table, metrics(parts, seed))
 
 
-def metrics(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: int = 0) -> pd.DataFrame:
+def metrics(parts: Mapping[str, pd.DataFrame], seed: int = 0) -> pd.DataFrame:
     """A row a metric: of each source, model and exposure, and of all exposures of a model (exposure 0).
 
     value, low, high
@@ -51,10 +51,10 @@ def metrics(parts: Mapping[str, pd.DataFrame], options: OnboardOptions, seed: in
     """
     rows: list[tuple[object, ...]] = []
     for group, own in _groups(parts):
-        found = [*_recalls(own, options), *_stable(own, options), *_map(own), *_stops(own, options)]
+        found = [*_recalls(own), *_stable(own), *_map(own), *_stops(own)]
         for metric, labels, by_ride, statistic, count in found:
             random = generator(seed, "rover", "onboard", *group, metric, *labels)
-            value, low, high = _interval(by_ride, statistic, options.resamples, random)
+            value, low, high = _interval(by_ride, statistic, _RESAMPLES, random)
             rows.append((*group, metric, *labels, value, low, high, len(by_ride), count))
     return pd.DataFrame(rows, columns=list(ONBOARD.columns))
 
@@ -76,8 +76,8 @@ def _groups(parts: Mapping[str, pd.DataFrame]) -> list[tuple[tuple[str, str, flo
     return found
 
 
-def _recalls(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
-    rides = [recall_by_distance(ride, options) for _, ride in own["sightings"].groupby(_RIDE)]
+def _recalls(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
+    rides = [recall_by_distance(ride) for _, ride in own["sightings"].groupby(_RIDE)]
     found: list[MetricRow] = []
     for number in range(len(rides[0]) if rides else 0):
         height, low, high = rides[0][["height_m", "from_m", "to_m"]].to_numpy(float)[number].tolist()
@@ -88,9 +88,9 @@ def _recalls(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[M
     return found
 
 
-def _stable(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
+def _stable(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
     found: list[MetricRow] = []
-    for height in options.heights_m:
+    for height in HEIGHTS_M:
         high = own["stable"][own["stable"]["height_m"] > height]
         rides = [ride for _, ride in high.groupby(_RIDE)]
         labels = (height, *_NOWHERE)
@@ -118,14 +118,14 @@ def _map(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
     ]
 
 
-def _stops(own: Mapping[str, pd.DataFrame], options: OnboardOptions) -> list[MetricRow]:
+def _stops(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
     rides = [ride for _, ride in own["stops"].groupby(_RIDE)]
     metres = float(own["stops"]["length_m"].sum())
     counts = [ride[["stops", "length_m"]].to_numpy(float) for ride in rides]
     found: list[MetricRow] = [
         ("false stops per 100 m", (np.nan, *_NOWHERE), counts, lambda rows: 100 * _share(rows), metres)
     ]
-    for height in options.heights_m:
+    for height in HEIGHTS_M:
         gaps = [ride[f"miss_{round(100 * height)}_cm_m"].to_numpy(float) for ride in rides]
         gaps = [gap[np.isfinite(gap)] for gap in gaps]
         found.append(("miss distance m", (height, *_NOWHERE), gaps, _least, float(sum(map(len, gaps)))))

@@ -14,23 +14,16 @@ from typing import cast
 import pandas as pd
 
 from polarsim.render.options import Model
-from polarsim.rover.planning.options import ON, AutonomyOptions, Mode
+from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
+from polarsim.rover.perception.options import Mode
+from polarsim.rover.planning.options import ON, AutonomyOptions
+from polarsim.rover.vehicle.table import Vehicle
 from polarsim.run_files.picture_sets import AUTO, exposure_name
 
 ANY = "any"  # in the place of what a drive does not depend on
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
 UNLIT = ("truth", "blind")  # take no pictures
 DETECTING = ("detector", "both")
-
-
-@dataclass(frozen=True)
-class Light:
-    """Under which Sun, with which exposure, whether the rover's lights are on, and in which reflectance model."""
-
-    sun: str
-    exposure_ms: float | str
-    lit: bool = False
-    model: Model = "hapke"
 
 
 @dataclass(frozen=True)
@@ -56,19 +49,23 @@ class Case:
         """What all tables know a drive by, beside its seed."""
         return {axis: getattr(self, axis) for axis in AXES}
 
-    @property
-    def light(self) -> Light:
+    def light(self, vehicle: Vehicle) -> Light:
+        """Return the light of the pictures, with the lights of a vehicle."""
         if self.sun == ANY:
             return Light("3", 256.0)
         exposure = self.exposure if self.exposure == AUTO else float(self.exposure)
-        return Light(self.sun, exposure, self.lights == ON, cast(Model, self.model))
+        lights = lights_ahead(vehicle) if self.lights == ON else ()
+        return Light(self.sun, exposure, lights, cast(Model, self.model))
 
 
-def cases(options: AutonomyOptions, detectors: Sequence[str]) -> list[Case]:
-    """All drives by detectors of these names, all of a seed before the next: drives cut short compare what is done."""
-    lights = list(product(options.suns, map(exposure_name, options.exposures_ms), options.lights, options.models))
+def cases(
+    options: AutonomyOptions, cameras: CameraSuiteOptions, seeds: Sequence[int], detectors: Sequence[str]
+) -> list[Case]:
+    """Return all drives by detectors of these names, all of a seed before the next, so that a part of them compares."""
+    exposures = (AUTO,) if options.auto_exposure else tuple(map(exposure_name, cameras.exposures_ms))
+    lights = list(product(cameras.suns, exposures, options.headlights, cameras.models))
     found = []
-    for seed, mode in product(options.seeds, options.modes):
+    for seed, mode in product(seeds, options.modes):
         axes: list[tuple[str, ...]] = [()] if mode in UNLIT else list(lights)
         if mode in DETECTING:
             axes = [(*light, name) for light in lights for name in detectors]

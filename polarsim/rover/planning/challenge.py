@@ -12,14 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.casters import caster
+from polarsim.rover.perception.cells import by_cells, part_centres, true_surface
 from polarsim.rover.world.surface import World
 
 GEOMETRY, ROCKS, PRODUCTIVITY, LOCALISATION = 300.0, 300.0, 250.0, 150.0
 HEIGHT_M = 0.05
 FULL_RATE_1_S = 180 * 180 / (24 * 3600)  # cells a second for all points of productivity: its square in its mission time
 _RAYS = 4  # along a side of a cell
-_ABOVE_M = 1.0  # the highest rock, where rays begin
 
 
 @dataclass(frozen=True)
@@ -34,19 +33,10 @@ class Points:
 
 def true_cells(world: World, x: np.ndarray, y: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
     """(rows, columns) heights, m, and rock flags of a world's cells with centres at x (columns,) and y (rows,)."""
-    offsets = cell_m * ((np.arange(_RAYS) + 0.5) / _RAYS - 0.5)
-    across, along = ((values[:, None] + offsets).ravel() for values in (x, y))
-    gx, gy = np.meshgrid(across, along)
-    level = world.height_at(gx, gy)
-    top = float(max(world.vertices[:, 2].max(initial=-np.inf), level.max())) + _ABOVE_M
-    distance = np.full(gx.size, np.inf)
-    if len(world.triangles):
-        origins = np.stack([gx.ravel(), gy.ravel(), np.full(gx.size, top)], axis=1)
-        distance, _ = caster(world.vertices, world.triangles).nearest(origins, np.tile([0.0, 0, -1], (gx.size, 1)))
-    rock = top - np.reshape(distance, gx.shape)
-    shape = len(y), _RAYS, len(x), _RAYS
-    meets_rock = np.asarray((rock > level).reshape(shape).any(axis=(1, 3)))
-    return np.asarray(np.maximum(rock, level).reshape(shape).mean(axis=(1, 3))), meets_rock
+    gx, gy = np.meshgrid(*(part_centres(values, cell_m, _RAYS) for values in (x, y)))
+    ground, rock = true_surface(world, gx, gy)
+    meets_rock = by_cells(rock > ground, _RAYS).any(axis=(1, 3))
+    return np.asarray(by_cells(np.maximum(rock, ground), _RAYS).mean(axis=(1, 3))), np.asarray(meets_rock)
 
 
 def points(

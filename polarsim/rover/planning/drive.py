@@ -14,7 +14,8 @@ import numpy as np
 
 from polarsim.formats.npz import write_arrays
 from polarsim.render.hits import one_blas_thread
-from polarsim.rover.cameras.options import CameraSuiteOptions
+from polarsim.render.options import RenderOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions, Light
 from polarsim.rover.drive.control import Path as Route
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import Job, job_of, path_of
@@ -23,13 +24,14 @@ from polarsim.rover.drive.ride import Ride
 from polarsim.rover.drive.trace import Trace, write_trace
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Eyes
-from polarsim.rover.planning.cases import Light
-from polarsim.rover.planning.options import AutonomyOptions, Mode
+from polarsim.rover.perception.options import Mode, OnboardDetector
+from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pictures import write_pictures
-from polarsim.rover.planning.pilot import Pilot, pilot
+from polarsim.rover.planning.pilot import LOOK_HZ, Pilot, pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
+_AHEAD_M = 3.0  # from the start to the first terrain, and from the last one to the end
 _LOG_HZ = 20.0
 _GO_ON_S = 10.0
 _BEHIND_M = 1.5  # of ground behind the rover at the start: its rear wheels and some more
@@ -60,8 +62,8 @@ def job_for(
         Meshes, elevation model, soil or vehicle are missing or broken.
     """
     # The grid of an elevation model lies round the path, that of a strip round its terrains.
-    room = {"width_m": options.width_m, "margin_m": _BEHIND_M + (0.0 if world.dem else options.ahead_m)}
-    drive = drive.model_copy(update={"path_m": _line(world, drive, options)})
+    room = {"width_m": options.width_m, "margin_m": _BEHIND_M + (0.0 if world.dem else _AHEAD_M)}
+    drive = drive.model_copy(update={"path_m": _line(world, drive)})
     return job_of(meshes=meshes, world=world.model_copy(update=room), soil=soil, drive=drive, seed=seed)
 
 
@@ -69,37 +71,45 @@ def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
     """The same drive on the straight line that modes are compared on, logged as autonomy asks for."""
     drive = job.drive.model_copy(
         update={
-            "path_m": _line(job.rocks, job.drive, options),
+            "path_m": _line(job.rocks, job.drive),
             "speed_m_s": options.speed_m_s,
             "log_hz": _LOG_HZ,
-            "picture_hz": options.rate_hz,
+            "picture_hz": LOOK_HZ,
             "longest_s": options.longest_s,
         }
     )
     return replace(job, drive=drive)
 
 
-def _line(world: WorldOptions, drive: DriveOptions, options: AutonomyOptions) -> tuple[Point, Point]:
+def _line(world: WorldOptions, drive: DriveOptions) -> tuple[Point, Point]:
     """The straight line from the path's first point to its last."""
-    points = path_of(world, drive, options.ahead_m)
+    points = path_of(world, drive, _AHEAD_M)
     return points[0], points[-1]
 
 
 def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
     """The files of a drive: same drive, same bytes."""
-    grid = outcome.pilot.grid if outcome.pilot else HazardGrid(outcome.trace.world, options.map)
+    grid = outcome.pilot.grid if outcome.pilot else HazardGrid(outcome.trace.world)
     write_trace(folder, outcome.trace)
     write_arrays(
         folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
-        surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.map.hazard_m),
+        surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.planner.hazard_m),
     )  # fmt: skip
     write_pictures(folder / PICTURES, outcome.pilot.glances if outcome.pilot else [])
 
 
 def drive(
-    job: Job, mode: Mode, light: Light, options: AutonomyOptions, cameras: CameraSuiteOptions, threads: int = 1
+    job: Job,
+    mode: Mode,
+    light: Light,
+    options: AutonomyOptions,
+    cameras: CameraSuiteOptions,
+    *,
+    render: RenderOptions,
+    detector: OnboardDetector | None = None,
+    threads: int = 1,
 ) -> Outcome:
-    """Drive from the first point of a job's path to the last; pictures are rendered on so many threads.
+    """Drive from the first point of a job's path to the last; `threads` render the pictures.
 
     Raises
     ------
@@ -111,7 +121,10 @@ def drive(
     route = Route(np.array(job.drive.path_m, float))
     driver: Pilot | None = None
     if mode != "blind":
-        eyes = Eyes(job.world, job.vehicle, route, mode, light, options, cameras, job.seed, threads)
+        eyes = Eyes(
+            job.world, job.vehicle, route, mode, light, cameras, job.seed,
+            render=render, detector=detector, threads=threads,
+        )  # fmt: skip
         driver = pilot(route, eyes, options)
     ride = Ride(job, driver)
     if driver is not None:

@@ -99,7 +99,7 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
 
 def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> challenge.Points:
     """The challenge's points of a map over the corridor along a line (2, 2), from where the camera sees ground."""
-    height, rock = challenge.true_cells(world, grid.x, grid.y, grid.options.cell_m)
+    height, rock = challenge.true_cells(world, grid.x, grid.y, grid.cell_m)
     return challenge.points(grid.surface_of_cells(), grid.rock, height, rock, corridor(grid, line), seconds)
 
 
@@ -121,7 +121,7 @@ def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) ->
     blocked, tall = np.zeros(x.shape, bool), np.zeros(x.shape, bool)
     rocks = world.rocks_on_grid
     for rock in rocks[rocks["height_m"] > HIGH_M].to_dict("records"):
-        own = np.hypot(x - rock["x_m"], y - rock["y_m"]) < rock["radius_m"] + options.map.cell_m / 2
+        own = np.hypot(x - rock["x_m"], y - rock["y_m"]) < rock["radius_m"] + pilot.grid.cell_m / 2
         blocked |= own
         tall |= own & (rock["height_m"] >= options.planner.clearance_m)
     ground = field_of(pilot.grid, blocked, tall, np.ones(x.shape, bool))

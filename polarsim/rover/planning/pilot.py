@@ -15,7 +15,10 @@ from polarsim.rover.perception.observation import Eyes, Glance
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Field, Planner, field_of
 
-_AT_REST_M_S = 0.01
+LOOK_HZ = 1.0  # observations a second
+_LOOK_AHEAD_M = 0.7  # of the path's point that is steered for
+_BACK_M = 0.8  # by which the rover backs off without a path
+_TRIES = 8  # to back off, before the rover gives up
 _LOOKS_AT_REST = 2  # without a path, before the rover backs off: what one look got wrong another may put right
 _KEPT_M = 2.5  # of a plan that is still free: it is kept
 _SAME_PLACE_M = 1.5  # from an earlier stop: there the rover backs off farther than it did
@@ -52,10 +55,10 @@ class Pilot(Driver):
     def board(self, simulation: Simulation) -> None:
         """Take the wheel of a simulation: what is looked at is its world as it is."""
         self._simulation = simulation
-        self.grid = HazardGrid(simulation.world, self.options.map)
+        self.grid = HazardGrid(simulation.world)
         vehicle = simulation.vehicle
         self.planner = Planner(vehicle.wheel_centres[:, :2], self.options.planner)
-        self._wheelbase, self._every = vehicle.wheelbase, 1 / self.options.rate_hz
+        self._wheelbase, self._every = vehicle.wheelbase, 1 / LOOK_HZ
         self._next, self._at_rest, self._backed = 0.0, 0, 0
         self._next_shown = 0.0
         self._plan: np.ndarray | None = None
@@ -93,7 +96,7 @@ class Pilot(Driver):
     def field(self) -> Field:
         """Distances to what the map takes for hazards."""
         options = self.options
-        hazards = self.grid.hazards(options.map.hazard_m)
+        hazards = self.grid.hazards(options.planner.hazard_m)
         return field_of(self.grid, hazards, self.grid.hazards(options.planner.clearance_m), self.grid.seen)
 
     def _measure_way(self, x: float, y: float) -> None:
@@ -133,7 +136,7 @@ class Pilot(Driver):
             self.stops.append(Stop(now, x, y, heading))
         if self._at_rest > _LOOKS_AT_REST:
             self._at_rest, self._backed = 0, self._backed + 1
-            self.given_up = self._backed > self.options.planner.tries
+            self.given_up = self._backed > _TRIES
             if not self.given_up:
                 self._back_off(ground, x, y, heading)
 
@@ -153,7 +156,7 @@ class Pilot(Driver):
         stops_here = sum(math.hypot(stop.x - x, stop.y - y) < _SAME_PLACE_M for stop in self.stops)
         farther = min(max(stops_here, 1), _FARTHEST_BACK)
         for times in range(farther, 0, -1):
-            if self._free_arc_back(ground, x, y, heading, times * self.options.planner.back_m):
+            if self._free_arc_back(ground, x, y, heading, times * _BACK_M):
                 self._back_to = (x, y)
                 return
 
@@ -181,7 +184,7 @@ class Pilot(Driver):
         """Pure pursuit (Coulter, CMU-RI-TR-92-01): the arc through the plan's point at the look-ahead distance."""
         rest = plan[_nearest(plan, x, y) :, :2]
         away = np.hypot(*(rest - [x, y]).T)
-        farther = np.flatnonzero(away >= self.options.planner.look_ahead_m)
+        farther = np.flatnonzero(away >= _LOOK_AHEAD_M)
         target = rest[farther[0]] if len(farther) else rest[-1]
         dx, dy = target - [x, y]
         left = -math.sin(heading) * dx + math.cos(heading) * dy

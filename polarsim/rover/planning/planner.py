@@ -26,6 +26,9 @@ _WAYS = ((1, 0), (2, 1), (1, 1), (1, 2))  # of a quarter turn: straight steps th
 _REACH = 8  # cells within which a bend ends
 _ROUNDING_M = 1e-6
 _SAMPLE = 0.1  # m between places at which an edge is checked
+_WINDOW_M = 5.0  # paths reach this far ahead
+_SOFT_M = 0.25  # beyond the gap, over which nearness to hazards costs
+_UNSEEN_COST = 8.0  # m, of a metre over ground never seen
 _BEND_COST = 0.05  # m, of every bend
 _GREED = 2.5  # a metre nearer to the goal is worth so many of the path
 _TURNED_COST = 0.4  # m, of a radian away from the goal at the path's end
@@ -85,14 +88,14 @@ class Field:
 
 def field_of(grid: HazardGrid, hazards: np.ndarray, high: np.ndarray, seen: np.ndarray) -> Field:
     """From cells (rows, columns) that wheels avoid, that the body must not pass over, and that were seen."""
-    cell = grid.options.cell_m / FINE
+    cell = grid.cell_m / FINE
     blocked, tall, known = (np.kron(cells, np.ones((FINE, FINE), bool)) for cells in (hazards, high, seen))
     rim = math.ceil(_EDGE_M / cell)
     blocked[:rim], blocked[-rim:], blocked[:, :rim], blocked[:, -rim:] = True, True, True, True
     far = np.full(blocked.shape, np.inf)
     return Field(
-        float(grid.x[0] - grid.options.cell_m / 2),
-        float(grid.y[0] - grid.options.cell_m / 2),
+        float(grid.x[0] - grid.cell_m / 2),
+        float(grid.y[0] - grid.cell_m / 2),
         cell,
         _to_edges(blocked, cell),
         _to_edges(tall, cell) if tall.any() else far,
@@ -166,7 +169,7 @@ class Planner:
 
     def __init__(self, wheels: np.ndarray, options: PlannerOptions) -> None:
         self.wheels, self.options = np.asarray(wheels, float), options
-        ahead, aside = math.ceil(options.window_m / STEP), math.ceil(0.6 * options.window_m / STEP)
+        ahead, aside = math.ceil(_WINDOW_M / STEP), math.ceil(0.6 * _WINDOW_M / STEP)
         self._columns, self._rows = np.arange(-3, ahead + 1), np.arange(-aside, aside + 1)
         self._shape = (len(angles()), len(self._rows), len(self._columns))
 
@@ -240,15 +243,14 @@ class Planner:
         self, field: Field, places: np.ndarray, edge: Edge, near: np.ndarray, least: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Of an edge from every node, and whether it is free: `near` places (...) need more room than `least`."""
-        options = self.options
         clearance = self.clearance(field, places)
         room = clearance.min(axis=-1)
-        nearness = np.clip(1 - room / options.soft_m, 0, 1)
+        nearness = np.clip(1 - room / _SOFT_M, 0, 1)
         x, y = self._points(places[..., -1, :], self.wheels)
         unseen = field.at(field.unseen, x, y).mean(axis=-1)
         bend = _BEND_COST * (edge.start != edge.end)
         free = np.asarray((clearance > np.where(near, least, 0.0)).all(axis=-1))
-        return edge.length * (1 + nearness + options.unseen_cost * unseen) + bend, free
+        return edge.length * (1 + nearness + _UNSEEN_COST * unseen) + bend, free
 
     def _ends_unseen(self, field: Field, stand: Stand) -> np.ndarray:
         """Of every node (headings, rows, columns) whether more than half of the wheels stand on ground never seen."""

@@ -10,8 +10,10 @@ import pandas as pd
 
 from polarsim.detect.bootstrap import draws, interval
 from polarsim.formats import tables
+from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import ANY, AXES, UNLIT, matched, parsed
 from polarsim.rover.planning.drive import drive, job_for, write
 from polarsim.rover.planning.metrics import events, figures
@@ -41,6 +43,8 @@ def drive_case(
     drive_options: DriveOptions,
     options: AutonomyOptions,
     cameras: CameraSuiteOptions,
+    render: RenderOptions,
+    detector: OnboardDetector | None,
     threads: int = 1,
 ) -> None:
     """Drive a case, measure it and write its folder: the drive's files, its events, and then `figures.parquet`.
@@ -52,8 +56,9 @@ def drive_case(
     """
     own = parsed(case)
     job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=own.seed)
-    outcome = drive(job, own.mode, own.light, options, cameras, threads)
     vehicle = read_vehicle(drive_options.vehicle)
+    light = own.light(vehicle)
+    outcome = drive(job, own.mode, light, options, cameras, render=render, detector=detector, threads=threads)
     rocks = touches(outcome.trace, vehicle)
     write(folder, outcome, options)
     tables.write_parquet(folder / EVENTS, events(outcome, rocks))

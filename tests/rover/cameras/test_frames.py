@@ -6,6 +6,7 @@ import pytest
 from polarsim.errors import PolarsimError
 from polarsim.formats import png, yolo
 from polarsim.formats.tables import read_parquet
+from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras import frames
 from polarsim.rover.cameras.frames import read_truth, render_frames
 from polarsim.rover.cameras.layout import labels_folder, picture_folder
@@ -20,7 +21,7 @@ def written(tmp_path_factory, drive):
     folder = tmp_path_factory.mktemp("seed0")
     write_trace(folder, drive)
     chosen = options(views=(FRONT,), every=5, exposures_ms=(256, 1024))
-    return folder, chosen, render_frames(folder, driven.vehicle(), chosen, 0)
+    return folder, chosen, render_frames(folder, driven.vehicle(), chosen, 0, render=driven.RENDER)
 
 
 def test_every_frame_has_its_pictures_and_labels(written):
@@ -58,12 +59,12 @@ def test_truth_says_the_same_in_all_its_formats(written):
 def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(written, tmp_path, drive):
     folder, chosen, _ = written
     write_trace(tmp_path, drive)
-    render_frames(tmp_path, driven.vehicle(), chosen, 0)
+    render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER)
     lost = picture_folder(tmp_path, FRONT, "2", "hapke", 1024) / "00010.png"
     lost.unlink()
     kept = picture_folder(tmp_path, FRONT, "2", "hapke", 1024) / "00005.png"
     before = kept.stat().st_mtime_ns
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, threads=2) == 4
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, threads=2, render=driven.RENDER) == 4
     assert kept.stat().st_mtime_ns == before
     for path in sorted(folder.rglob("*")):
         if path.is_file():
@@ -73,19 +74,26 @@ def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(written, tmp_path, d
 def test_other_options_make_all_pictures_anew_and_more_exposures_only_what_is_missing(written, tmp_path, drive):
     write_trace(tmp_path, drive)
     chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 2
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 0
-    assert render_frames(tmp_path, driven.vehicle(), chosen.model_copy(update={"exposures_ms": (256, 512)}), 0) == 4
-    assert render_frames(tmp_path, driven.vehicle(), chosen.model_copy(update={"sun_elevation_deg": 5.0}), 0) == 2
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
+    more, lower = (
+        chosen.model_copy(update=some) for some in ({"exposures_ms": (256, 512)}, {"sun_elevation_deg": 5.0})
+    )
+    assert render_frames(tmp_path, driven.vehicle(), more, 0, render=driven.RENDER) == 4
+    assert render_frames(tmp_path, driven.vehicle(), lower, 0, render=driven.RENDER) == 2
+    noisy, twins_only = (RenderOptions(**some) for some in ({"noise": True}, {"bounce": 0.2, "rim": False}))
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=twins_only) == 2
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=noisy) == 2
 
 
 def test_other_code_makes_all_pictures_anew(tmp_path, drive, monkeypatch):
     write_trace(tmp_path, drive)
     chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 2
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
     monkeypatch.setattr(frames, "code_digest", lambda *modules: f"other {modules}")
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 2
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0) == 0
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
+    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
 
 
 def test_broken_labels_of_a_frame_are_made_anew(written):
@@ -102,4 +110,4 @@ def test_broken_labels_of_a_frame_are_made_anew(written):
 
 def test_a_folder_without_a_drive_is_refused_in_one_line(tmp_path):
     with pytest.raises(PolarsimError, match=r"ground\.npz"):
-        render_frames(tmp_path, driven.vehicle(), options(), 0)
+        render_frames(tmp_path, driven.vehicle(), options(), 0, render=driven.RENDER)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from polarsim.errors import ConfigError
 from polarsim.geometry.poses import Pose
@@ -21,7 +22,7 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from tests.rover import driven
 
 FORE = ("hazlight_fore_port", "hazlight_fore_starboard")
-SMALL = {"views": (FRONT,), "scale": 0.1, "finer": 2, "far_m": 10.0, "models": ("hapke",), "stars": "none"}
+SMALL = {"views": (FRONT,), "scale": 0.1, "finer": 2, "models": ("hapke",), "stars": "none"}
 
 
 def light(**changes):
@@ -127,10 +128,10 @@ def test_at_night_rocks_are_known_and_no_shadows(drive):
 
 
 def test_a_night_without_lights_is_refused():
-    with pytest.raises(ValueError, match=r"at night the rover sees by `lights` alone, and none is named"):
+    with pytest.raises(ValidationError, match="suns"):
         CameraSuiteOptions(suns=("night",))
 
 
 def test_an_unknown_light_is_refused(drive):
-    with pytest.raises(ConfigError, match="no light 'torch' on viper, there are navlight_left"):
+    with pytest.raises(ConfigError, match="torch"):
         CameraSuite(drive, driven.vehicle(), CameraSuiteOptions(lights=("torch",)))

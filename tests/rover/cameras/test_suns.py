@@ -35,10 +35,10 @@ def test_the_real_sun_near_the_pole_is_low_and_stands_where_it_does_that_day():
 
 
 def test_the_real_sun_by_night_is_refused():
-    with pytest.raises(RoverError, match=r"3\.1 degrees below the horizon at 2026-12-06"):
+    with pytest.raises(RoverError, match="2026-12-06"):
         suns_of(CameraSuiteOptions(suns=(), real_sun=real_sun(6)))
 
 
 def test_no_sun_is_refused():
-    with pytest.raises(RoverError, match="no Sun"):
+    with pytest.raises(RoverError, match=r"rover\.cameras\.suns"):
         suns_of(CameraSuiteOptions(suns=()))

@@ -18,6 +18,7 @@ from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import STATE, Ride, drive_to_end, run_drive
 from polarsim.rover.drive.state import OffGridError
 from polarsim.rover.drive.trace import read_trace
+from polarsim.rover.planning import drive as autonomous_drive
 from polarsim.rover.planning.drive import job_for
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.law import read_soil
@@ -156,7 +157,7 @@ def test_an_open_energy_balance_ends_a_drive_with_its_tables_written(tmp_path):
     assert read_trace(tmp_path).drive["ended"] == "energy"
 
 
-def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp_path):
+def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp_path, monkeypatch):
     """From a run's meshes to a picture: rocks in the shapes of the terrain's, hills around, no blank plane."""
     write_meshes(tmp_path / "meshes/Terrain03", 3)
     dem = DemOptions(
@@ -171,9 +172,10 @@ def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp
     seen = read_trace(tmp_path / "drive").world
     assert 0 < len(seen.rocks_on_grid) < len(seen.rocks)
     assert set(seen.rocks["terrain"]) == {3}
+    monkeypatch.setattr(autonomous_drive, "_AHEAD_M", 2.0)
     job = job_for(
         meshes=tmp_path / "meshes", world=world, soil=SoilOptions(), drive=options,
-        options=AutonomyOptions(ahead_m=2.0, width_m=4.0), seed=0,
+        options=AutonomyOptions(width_m=4.0), seed=0,
     )  # fmt: skip
     assert job.drive.path_m == ((3.0, 0.0), (-3.0, 0.0))
     require_on_grid(job.world, job.vehicle, route_of(job))

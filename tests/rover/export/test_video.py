@@ -115,9 +115,9 @@ def test_no_picture_makes_no_file(av, tmp_path):
 def test_a_drives_videos_are_made_once_and_again_where_detections_change(av, tmp_path):
     write_trace(tmp_path, driven.trace(seconds=1.0))
     options = CameraSuiteOptions(
-        views=(FRONT,), suns=("2",), models=("hapke",), exposures_ms=(512,), scale=0.1, finer=1, far_m=5.0
+        views=(FRONT,), suns=("2",), models=("hapke",), exposures_ms=(512,), scale=0.1, finer=1
     )
-    render_frames(tmp_path, driven.vehicle(), options, 0)
+    render_frames(tmp_path, driven.vehicle(), options, 0, render=driven.RENDER)
     assert make_videos(tmp_path, driven.vehicle(), options, 0) == 1
     assert make_videos(tmp_path, driven.vehicle(), options, 0) == 0
     path = tmp_path / "videos" / "front_end_cam_2_hapke_0512.webm"
@@ -131,8 +131,8 @@ def test_a_drives_videos_are_made_once_and_again_where_detections_change(av, tmp
 
 def test_threads_change_no_byte_of_videos(av, tmp_path):
     write_trace(tmp_path, driven.trace(seconds=1.0))
-    options = CameraSuiteOptions(views=(FRONT,), suns=("2",), scale=0.1, finer=1, far_m=5.0)
-    render_frames(tmp_path, driven.vehicle(), options, 0)
+    options = CameraSuiteOptions(views=(FRONT,), suns=("2",), scale=0.1, finer=1)
+    render_frames(tmp_path, driven.vehicle(), options, 0, render=driven.RENDER)
     made = []
     for threads in (1, 3):
         assert make_videos(tmp_path, driven.vehicle(), options, 0, threads) == 6

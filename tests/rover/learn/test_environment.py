@@ -14,6 +14,7 @@ import gymnasium
 from gymnasium.utils.env_checker import check_env
 
 from polarsim.errors import ConfigError, RoverError
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.learn.courses import MadeUpCourse, WorldCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
 from polarsim.rover.learn.observation import STATE
@@ -24,12 +25,15 @@ from polarsim.rover.world.practice import PracticeGround, practice_world
 
 GROUND = PracticeGround(length_m=7.0, width_m=5.0, cell_m=0.04, rocks=6, smallest_m=0.15)
 FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
-COARSE = AutonomyOptions(scale=0.1, suns=("1", "3"), longest_s=30)
+COARSE = AutonomyOptions(longest_s=30)
+CAMERAS = CameraSuiteOptions(scale=0.2, suns=("1", "3"), models=("hapke",), exposures_ms=(256,))
 AHEAD, STAY = np.float32([0.5, 0.0]), np.zeros(2, np.float32)
 
 
 def made(**options) -> TraverseEnvironment:
-    return TraverseEnvironment(**{"course": MadeUpCourse(GROUND, soil=FIRM), "options": COARSE} | options)
+    return TraverseEnvironment(
+        **{"course": MadeUpCourse(GROUND, soil=FIRM), "options": COARSE, "cameras": CAMERAS} | options
+    )
 
 
 def episode(environment, seed: int, steps: int, **lit) -> list:
@@ -45,7 +49,7 @@ def episode(environment, seed: int, steps: int, **lit) -> list:
 @pytest.mark.parametrize("image", [False, True])
 def test_gymnasium_finds_nothing_to_complain_about(image):
     environment = gymnasium.make(
-        "polarsim/Traverse-v0", image=image, course=MadeUpCourse(GROUND, soil=FIRM), options=COARSE,
+        "polarsim/Traverse-v0", image=image, course=MadeUpCourse(GROUND, soil=FIRM), options=COARSE, cameras=CAMERAS,
         render_mode="rgb_array", disable_env_checker=True,
     )  # fmt: skip
     with warnings.catch_warnings():
@@ -79,8 +83,8 @@ def test_the_light_is_drawn_by_the_seed_or_given():
     ("lit", "error", "key"),
     [
         ({"moon": 1}, RoverError, "moon"),
-        ({"sun": "7"}, RoverError, "suns"),
-        ({"exposure_ms": -3}, RoverError, "exposures_ms"),
+        ({"sun": "7"}, RoverError, "sun"),
+        ({"exposure_ms": -3}, RoverError, "exposure_ms"),
         ({"sun": "night", "lights": ("torch",)}, ConfigError, "torch"),
     ],
 )
@@ -179,7 +183,7 @@ def test_the_crop_turns_with_the_rover():
     grid.log_odds[np.abs(grid.y - y).argmin(), np.abs(grid.x - x).argmin()] = 4.0
     shown = environment.step(STAY)[0]["hazards"][0]
     inside = np.argwhere((shown > 240) & (shown < 255))
-    crop, cell = environment.task.crop, environment.options.map.cell_m
+    crop, cell = environment.task.crop, environment.map.cell_m
     assert len(inside) in (1, 2)  # nearest cells: a turned crop may show one twice
     row, column = inside.mean(axis=0)
     assert crop.ahead_m - cell * (row + 0.5) == pytest.approx(ahead, abs=cell)
@@ -192,7 +196,7 @@ def test_episodes_in_processes_are_those_of_one():
     name = "polarsim.rover.learn.environment:polarsim/Traverse-v0"
 
     def make():
-        return gymnasium.make(name, course=MadeUpCourse(GROUND, soil=FIRM), options=COARSE)
+        return gymnasium.make(name, course=MadeUpCourse(GROUND, soil=FIRM), options=COARSE, cameras=CAMERAS)
 
     alone = [episode(made(), seed, 3) for seed in (3, 4)]
     together = gymnasium.vector.AsyncVectorEnv([make, make], context="spawn")

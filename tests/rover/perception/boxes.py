@@ -4,21 +4,14 @@ import numpy as np
 import pandas as pd
 
 from polarsim.geometry.poses import Pose
-from polarsim.rover.cameras.options import OnboardOptions
 from polarsim.rover.perception.detections import detection_table
 from polarsim.rover.perception.sightings import Ride
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from tests.rover import driven
 
-OPTIONS = OnboardOptions(resamples=100)
-
-
+CONFIDENCE = 0.3
 MOUNT = mount_of(driven.vehicle().camera(FRONT))
-
-
 GROUND = -0.25
-
-
 CAMERA = MOUNT.at(Pose.identity())  # base_link is the world
 
 

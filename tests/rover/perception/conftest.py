@@ -5,7 +5,6 @@ from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
-from tests.rover.perception.boxes import OPTIONS
 
 
 @pytest.fixture(scope="session")
@@ -13,8 +12,7 @@ def drive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("seed3")
     write_trace(folder, driven.trace(seconds=8.0))
     options = CameraSuiteOptions(
-        views=(FRONT,), suns=("1", "2"), models=("hapke",), exposures_ms=(256,), scale=0.2, finer=1, far_m=5.0,
-        every=4, onboard=OPTIONS,
+        views=(FRONT,), suns=("1", "2"), models=("hapke",), exposures_ms=(256,), scale=0.2, finer=1, every=4,
     )  # fmt: skip
-    render_frames(folder, driven.vehicle(), options, 3)
+    render_frames(folder, driven.vehicle(), options, 3, render=driven.RENDER)
     return folder, options

@@ -5,28 +5,21 @@ import shutil
 import numpy as np
 import pytest
 
-from polarsim.detect.options import PredictionOptions
-from polarsim.errors import RoverError
+from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.formats.tables import read_parquet
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, picture_folder
 from polarsim.rover.perception.detections import detect_drive
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
-
-
-def test_no_detector_is_refused(drive):
-    folder, options = drive
-    with pytest.raises(RoverError, match="no weights"):
-        detect_drive(folder, driven.vehicle(), options, 3)
 
 
 def test_the_packaged_detectors_boxes_lie_in_the_pictures_and_nothing_is_seen_twice(drive, tmp_path, monkeypatch):
     made, options = drive
     folder = shutil.copytree(made, tmp_path / "drive")
     prediction = PredictionOptions(confidence=0.01, nms_iou=0.5, widths=(256,), device="cpu")
-    onboard = options.onboard.model_copy(update={"weights": "packaged", "prediction": prediction})
-    suite = options.model_copy(update={"onboard": onboard})
-    detect_drive(folder, driven.vehicle(), suite, 3)
+    onboard = OnboardDetector(weights=PACKAGED, prediction=prediction)
+    detect_drive(folder, driven.vehicle(), options, onboard, 3)
     for sun in options.suns:
         pictures = picture_folder(folder, FRONT, sun, "hapke", 256)
         found = read_parquet(pictures / "detections.parquet", DETECTION_COLUMNS)
@@ -37,18 +30,17 @@ def test_the_packaged_detectors_boxes_lie_in_the_pictures_and_nothing_is_seen_tw
         assert found["x0"].min() >= 0
         assert found["x1"].max() <= 387.2  # a fifth of the camera's 1936
     monkeypatch.setattr("polarsim.detect.detectors.load_detector", lambda *_: pytest.fail("looked again"))
-    detect_drive(folder, driven.vehicle(), suite, 3)
-    other = suite.onboard.prediction.model_copy(update={"precision": "bfloat16"})
-    changed = suite.model_copy(update={"onboard": suite.onboard.model_copy(update={"prediction": other})})
+    detect_drive(folder, driven.vehicle(), options, onboard, 3)
+    other = onboard.model_copy(update={"prediction": prediction.model_copy(update={"precision": "bfloat16"})})
     with pytest.raises(pytest.fail.Exception, match="looked again"):
-        detect_drive(folder, driven.vehicle(), changed, 3)
+        detect_drive(folder, driven.vehicle(), options, other, 3)
 
 
 def test_pictures_are_looked_at_no_wider_than_they_are(drive, tmp_path, monkeypatch):
     made, options = drive
     folder = shutil.copytree(made, tmp_path / "drive")
     prediction = PredictionOptions(widths=(256, 1792), gates_px=(64.0,), device="cpu")
-    onboard = options.onboard.model_copy(update={"weights": "packaged", "prediction": prediction})
+    onboard = OnboardDetector(weights=PACKAGED, prediction=prediction)
     looks = []
 
     def seen(loaded, pictures, sizes, nms_iou, full):
@@ -56,6 +48,6 @@ def test_pictures_are_looked_at_no_wider_than_they_are(drive, tmp_path, monkeypa
         return [np.zeros((0, 6))] * len(pictures)
 
     monkeypatch.setattr("polarsim.rover.perception.detections.detect", seen)
-    detect_drive(folder, driven.vehicle(), options.model_copy(update={"onboard": onboard}), 3)
+    detect_drive(folder, driven.vehicle(), options, onboard, 3)
     assert {tuple(widths) for widths, _ in looks} == {(256, 384)}  # of a fifth of the camera's 1936
     assert {width for _, pictures in looks for width in pictures} <= {384, 387}

@@ -7,26 +7,28 @@ import pytest
 
 from polarsim.detect import detectors
 from polarsim.detect.dataset import read_parts
-from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
+from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.errors import PolarsimError, RoverError
 from polarsim.formats import png, yolo
-from polarsim.rover.cameras.options import OnboardOptions
+from polarsim.rover.perception import fine_tuning
 from polarsim.rover.perception.fine_tuning import fine_tune, make_drive_dataset
 from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 
-ONBOARD = OnboardOptions()
-TRAINING = TrainingOptions(model="compact", epochs=1, batch=4, learning_rate=0.0003)
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    for name, value in {"_WINDOW_PX": 128, "_WIDEST_PX": 256, "_VAL_SHARE": 0.3}.items():
+        monkeypatch.setattr(fine_tuning, name, value)
 
 
 def options_of(*drives, **changes):
-    own = {"every": 1, "windows": 2, "window_px": 128, "widest_px": 256, "val_share": 0.3, "training": TRAINING}
-    return DriveTuningOptions(**own | {"drives": drives} | changes)
+    return DriveTuningOptions(**{"windows": 2, "epochs": 1, "drives": drives} | changes)
 
 
 def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_with_their_labels(drive, tmp_path):
     folder, _ = drive
-    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(folder), onboard=ONBOARD)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(folder))
     parts = read_parts(tmp_path / "dataset")
     names = [name for part in ("train", "val") for name in parts[part]]
     frames = {path.stem for path in (folder / FRONT / "1_hapke_0256").glob("*.png")}
@@ -47,7 +49,7 @@ def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_wi
 
 def test_pictures_of_two_drives_are_told_apart_whatever_their_folders_are_called(drive, tmp_path):
     other = shutil.copytree(drive[0], tmp_path / drive[0].name)
-    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], other), onboard=ONBOARD)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], other))
     parts = read_parts(tmp_path / "dataset")
     names = {name for part in ("train", "val") for name in parts[part]}
     assert len({name for name in names if name.startswith("drive1_")}) == len(names) / 2
@@ -57,16 +59,17 @@ def test_pictures_of_two_drives_are_told_apart_whatever_their_folders_are_called
 def test_pictures_of_any_exposure_are_taken(exposure, drive, tmp_path):
     other = shutil.copytree(drive[0], tmp_path / "other")
     (other / FRONT / "1_hapke_0256").rename(other / FRONT / f"1_lunar_lambert_{exposure}")
-    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(other, windows=1), onboard=ONBOARD)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(other, windows=1))
     names = [name for part in read_parts(tmp_path / "dataset").values() for name in part]
     assert any(f"_{exposure}_" in name for name in names)
 
 
 def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_before(drive, tmp_path):
-    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], windows=1), onboard=ONBOARD)
+    options = options_of(drive[0], windows=1)
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options)
     fine_tune(
         dataset=tmp_path / "dataset", start=PACKAGED, weights=tmp_path / "tuned.pt", curve=tmp_path / "tuned.csv",
-        options=options_of(drive[0]), prediction=PredictionOptions(), threads=1, work=tmp_path / "work",
+        options=options, prediction=PredictionOptions(), threads=1, work=tmp_path / "work",
     )  # fmt: skip
     before, after = detectors.read_detector(PACKAGED), detectors.read_detector(tmp_path / "tuned.pt")
     assert after.sizes == before.sizes != ()
@@ -78,19 +81,11 @@ def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_befor
 def test_a_drive_without_pictures_or_labels_is_named(drive, tmp_path):
     empty = tmp_path / "seed7"
     empty.mkdir()
-    with pytest.raises(RoverError, match="seed7: no pictures of front_end_cam"):
-        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(empty), onboard=ONBOARD)
+    with pytest.raises(RoverError) as error:
+        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(empty))
+    assert error.value.path == empty
     bare = shutil.copytree(drive[0], tmp_path / "bare")
     shutil.rmtree(bare / FRONT / "2_labels")
     with pytest.raises(PolarsimError, match="2_labels"):
-        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(bare), onboard=ONBOARD)
+        make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(bare))
     assert not (tmp_path / "dataset").exists()
-
-
-def test_a_detector_of_another_model_is_refused(tmp_path):
-    options = options_of(training=TrainingOptions(model="compact-l"))
-    with pytest.raises(RoverError, match=r"a compact, .* is compact-l"):
-        fine_tune(
-            dataset=tmp_path, start=PACKAGED, weights=tmp_path / "tuned.pt", curve=tmp_path / "tuned.csv",
-            options=options, prediction=PredictionOptions(), threads=1, work=tmp_path / "work",
-        )  # fmt: skip

@@ -7,15 +7,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, Look, by_part, of_parts, without_gaps
-from polarsim.rover.planning.options import MapOptions
+from polarsim.rover.perception.hazard_grid import (
+    DECAY_S,
+    MISS_LOG_ODDS,
+    MOST_LOG_ODDS,
+    PARTS,
+    HazardGrid,
+    Look,
+    by_part,
+    of_parts,
+    without_gaps,
+)  # fmt: skip
 from polarsim.rover.world.surface import bare_world
 
 WORLD = bare_world(np.zeros((16, 16)), 0.1, 0.0, 0.0)
 
 
 def grid() -> HazardGrid:
-    return HazardGrid(WORLD, MapOptions())
+    return HazardGrid(WORLD)
 
 
 def look(rock: float, weight: float = 1.0, height: float = 0.2, surface: float = np.nan) -> Look:
@@ -29,7 +38,7 @@ def test_log_odds_stay_within_their_bounds(looks):
     own = grid()
     for weight, rock in looks:
         own.add(look(rock, weight))
-    assert np.abs(own.log_odds).max() <= own.options.most_log_odds
+    assert np.abs(own.log_odds).max() <= MOST_LOG_ODDS
 
 
 @given(st.floats(0, 500))
@@ -37,7 +46,7 @@ def test_what_is_known_fades_to_one_over_e_in_the_stated_time(seconds):
     own = grid()
     own.add(look(2.0))
     own.fade(seconds)
-    np.testing.assert_allclose(own.log_odds, 2.0 * math.exp(-seconds / own.options.decay_s), rtol=1e-12)
+    np.testing.assert_allclose(own.log_odds, 2.0 * math.exp(-seconds / DECAY_S), rtol=1e-12)
 
 
 def test_looks_without_a_rock_outvote_one_with_it_and_heights_are_means():
@@ -49,7 +58,7 @@ def test_looks_without_a_rock_outvote_one_with_it_and_heights_are_means():
     assert not own.hazards(0.16).any()
     for _ in range(3):
         own.add(look(0.0))
-    np.testing.assert_allclose(own.log_odds, 2.0 - 3 * own.options.miss_log_odds)
+    np.testing.assert_allclose(own.log_odds, 2.0 - 3 * MISS_LOG_ODDS)
     assert not own.rock.any()
 
 

@@ -10,7 +10,6 @@ from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
 from polarsim.rover.perception.map_updates import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
 from polarsim.rover.perception.observation import has_texture
-from polarsim.rover.planning.options import MapOptions
 from polarsim.rover.world.surface import bare_world
 
 LENS = Lens(500.0, 500.0, 242.0, 152.0, width=484, height=304)
@@ -20,7 +19,7 @@ ALL_LIT = np.ones((LENS.height, LENS.width), bool)
 
 
 def grid() -> HazardGrid:
-    return HazardGrid(bare_world(np.full((41, 61), LEVEL), 0.1, -1.0, -2.0), MapOptions())
+    return HazardGrid(bare_world(np.full((41, 61), LEVEL), 0.1, -1.0, -2.0))
 
 
 def flat(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -34,8 +33,8 @@ def cell(own: HazardGrid, x: float, y: float) -> tuple[int, int]:
 def test_pixels_tell_rock_cells_their_heights_and_nothing_of_what_they_do_not_show():
     own = grid()
     row, column = cell(own, 1.5, 0.0)
-    part = own.options.cell_m / PARTS
-    left = own.x[column] - own.options.cell_m / 2 + part / 2
+    part = own.cell_m / PARTS
+    left = own.x[column] - own.cell_m / 2 + part / 2
     ground = [(left + part, own.y[row], LEVEL), (left + 2 * part, own.y[row], LEVEL)]
     side = [(left, own.y[row], LEVEL + z) for z in (0.02, 0.1, 0.2)]  # of one rock, steep
     top = (own.x[column - 1], own.y[row], LEVEL + 0.25)  # of the same, in the cell before
@@ -121,7 +120,7 @@ def test_a_picture_without_texture_has_nothing_to_match():
 def test_what_shows_at_a_parts_centre_outweighs_a_rocks_steep_side_at_its_edge():
     own = grid()
     row, column = cell(own, 1.5, 0.0)
-    part = own.options.cell_m / PARTS
+    part = own.cell_m / PARTS
     x, y = own.x[column] + part / 2, own.y[row] + part / 2
     side = [(x + 0.4 * part, y, LEVEL + z) for z in np.arange(0.01, 0.2, 0.01)]
     points = np.array([(x, y, LEVEL), *side])

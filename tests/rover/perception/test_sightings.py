@@ -5,20 +5,20 @@ import pandas as pd
 import pytest
 
 from polarsim.rover.perception import sightings
-from tests.rover.perception.boxes import OPTIONS, box_of, ride, table, truth_table
+from tests.rover.perception.boxes import CONFIDENCE, box_of, ride, table, truth_table
 
 
 def test_a_rock_counts_as_detected_from_the_stated_overlap_and_confidence_on():
     box = np.array([100, 100, 200, 200.0])
     truth = truth_table([(0, 7, box, 2, 0.2), (1, 7, box, 1.8, 0.2), (2, 7, box, 1.6, 0.2)])
     found = table([(0, box, 0.9), (1, box + np.array([60, 0, 60, 0]), 0.9), (2, box, 0.1)])
-    assert list(sightings.sightings(truth, found, OPTIONS)["detected"]) == [True, False, False]
+    assert list(sightings.sightings(truth, found, CONFIDENCE)["detected"]) == [True, False, False]
 
 
 def test_one_detection_serves_one_rock():
     box = np.array([100, 100, 200, 200.0])
     truth = truth_table([(0, 1, box, 2, 0.2), (0, 2, box + 5, 2, 0.2)])
-    assert sightings.sightings(truth, table([(0, box, 0.9)]), OPTIONS)["detected"].sum() == 1
+    assert sightings.sightings(truth, table([(0, box, 0.9)]), CONFIDENCE)["detected"].sum() == 1
 
 
 def test_recall_is_counted_by_height_and_distance():
@@ -31,7 +31,7 @@ def test_recall_is_counted_by_height_and_distance():
             "detected": [False, True, True],
         }
     )
-    found = sightings.recall_by_distance(seen, OPTIONS).set_index(["height_m", "from_m"])
+    found = sightings.recall_by_distance(seen).set_index(["height_m", "from_m"])
     assert tuple(found.loc[(0.05, 0.5), ["rocks", "detected"]]) == (2, 1)
     assert tuple(found.loc[(0.1, 0.5), ["rocks", "detected"]]) == (1, 1)
     assert found["rocks"].sum() == 5
@@ -62,14 +62,14 @@ def test_the_miss_distance_is_the_gap_to_the_nearest_rock_that_nobody_saw():
 def test_a_stop_is_false_where_three_frames_see_a_rock_that_is_not_there():
     ghost = [(n, box_of(3.0, 0.2, 0.3, 0.25, 0.2 * n), 0.9) for n in (1, 2, 3, 4, 6, 7)]
     none = truth_table([])
-    assert sightings.false_stops(none, table(ghost), ride(), OPTIONS) == 1
-    assert sightings.false_stops(none, table(ghost[:2]), ride(), OPTIONS) == 0
+    assert sightings.false_stops(none, table(ghost), ride(), CONFIDENCE) == 1
+    assert sightings.false_stops(none, table(ghost[:2]), ride(), CONFIDENCE) == 0
     real = truth_table([(n, 1, box, 2.0, 0.2) for n, box, _ in ghost])
-    assert sightings.false_stops(real, table(ghost), ride(), OPTIONS) == 0
+    assert sightings.false_stops(real, table(ghost), ride(), CONFIDENCE) == 0
     aside = [(n, box_of(4.0, 1.3, 0.2, 0.25, 0.2 * n), 0.9) for n in range(4)]
     flat = [(n, box_of(3.0, 0.2, 0.05, 0.02, 0.2 * n), 0.9) for n in range(4)]
-    assert sightings.false_stops(none, table(aside + flat), ride(), OPTIONS) == 0
+    assert sightings.false_stops(none, table(aside + flat), ride(), CONFIDENCE) == 0
 
 
 def test_the_stopping_distance_is_that_of_reaction_and_brake():
-    np.testing.assert_allclose(ride().stopping_m(OPTIONS), 0.17 + 0.2 * 1 + 0.2**2 / 0.6)
+    np.testing.assert_allclose(ride().stopping_m, 0.17 + 0.2 * 1 + 0.2**2 / 0.6)

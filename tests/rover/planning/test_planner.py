@@ -6,17 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.planning.options import AutonomyOptions, MapOptions, PlannerOptions
+from polarsim.rover.planning.options import AutonomyOptions, PlannerOptions
 from polarsim.rover.planning.pilot import Pilot, Stop
 from polarsim.rover.planning.planner import FINE, Planner, edges, field_of
 from polarsim.rover.world.surface import bare_world
 
 WHEELS = np.array([[0.642, 0.61], [0.642, -0.61], [-0.642, 0.61], [-0.642, -0.61]])
-GRID = HazardGrid(bare_world(np.zeros((81, 121)), 0.1, -2.0, -4.0), MapOptions())
+GRID = HazardGrid(bare_world(np.zeros((81, 121)), 0.1, -2.0, -4.0))
 PLANNER = Planner(WHEELS, PlannerOptions())
 GOAL = np.array([8.0, 0.0])
 X, Y = np.meshgrid(GRID.x, GRID.y)
-ROUNDED = (np.sqrt(2) - 1) * GRID.options.cell_m / FINE  # of distances: between cells of the field across corners
+ROUNDED = (np.sqrt(2) - 1) * GRID.cell_m / FINE  # of distances: between cells of the field across corners
 
 
 def blocked(*rocks: tuple[float, float]) -> np.ndarray:
@@ -52,7 +52,7 @@ def test_a_path_keeps_its_wheels_off_hazards_and_bends_no_more_than_allowed(rock
     wheels = np.array([[x + np.cos(a) * u - np.sin(a) * v, y + np.sin(a) * u + np.cos(a) * v]
                        for x, y, a in path[1:] for u, v in WHEELS])  # fmt: skip
     for x, y in zip(X[blocked(*rocks)], Y[blocked(*rocks)], strict=True):
-        beyond = np.maximum(np.abs(wheels - [x, y]) - GRID.options.cell_m / 2, 0)
+        beyond = np.maximum(np.abs(wheels - [x, y]) - GRID.cell_m / 2, 0)
         assert np.hypot(*beyond.T).min() > PLANNER.options.wheel_gap_m - ROUNDED
     turned = np.abs(np.diff(path[:, 2]))
     moved = np.hypot(*np.diff(path[:, :2], axis=0).T)
@@ -64,10 +64,7 @@ def test_distances_are_to_the_edges_of_hazards_and_rounded_down(rng):
     cells = blocked((3.0, 0.0), (4.0, 0.6))
     field = field_of(GRID, cells, cells, np.ones_like(cells))
     x, y = rng.uniform(2.0, 5.0, 2000), rng.uniform(-1.0, 1.6, 2000)
-    beyond = [
-        np.maximum(np.abs(at[:, None] - centres[cells]) - GRID.options.cell_m / 2, 0)
-        for at, centres in ((x, X), (y, Y))
-    ]
+    beyond = [np.maximum(np.abs(at[:, None] - centres[cells]) - GRID.cell_m / 2, 0) for at, centres in ((x, X), (y, Y))]
     true = np.hypot(*beyond).min(axis=1)
     for distances in (field.wheels, field.body):
         found = field.at(distances, x, y)

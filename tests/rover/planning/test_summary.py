@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.rover.planning.cases import AXES, Light, cases, parsed
+from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
+from polarsim.rover.planning.cases import AXES, cases, parsed
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.summary import effects_of, summary, with_derived
 from polarsim.schemas.rover import EVERY_AUTONOMY
+from tests.rover import driven
 
 NAMED = [*AXES, "seed", "metric", "unit", "value"]
 
@@ -34,18 +36,19 @@ EVERY = rows(
 
 
 def test_a_drive_is_made_for_every_value_of_what_it_depends_on_and_names_read_back():
-    options = AutonomyOptions(
-        modes=("truth", "stereo", "both"), suns=("1", "night"), exposures_ms=(64.0, "auto"), lights=("off", "on"),
-        models=("hapke", "principled"), seeds=(0, 3),
-    )  # fmt: skip
-    made = cases(options, ["packaged", "sun_mix-seed1"])
+    options = AutonomyOptions(modes=("truth", "stereo", "both"), headlights=("off", "on"))
+    cameras = CameraSuiteOptions(suns=("1", "3"), exposures_ms=(64.0, 12.5))
+    made = cases(options, cameras, (0, 3), ["packaged", "sun_mix-seed1"])
     assert len({case.name for case in made}) == len(made) == 2 * (1 + 16 + 16 * 2)
     assert [case.seed for case in made] == [0] * 49 + [3] * 49  # a table cut short has whole seeds
     assert [parsed(case.name) for case in made] == made
+    auto = cases(options.model_copy(update={"auto_exposure": True}), cameras, (0,), ["a"])
+    assert {case.exposure for case in auto} == {"any", "auto"}
     one = parsed("both_night_auto_on_principled_sun_mix-seed1_seed3")
     assert (one.mode, one.detector, one.seed) == ("both", "sun_mix-seed1", 3)
-    assert one.light == Light("night", "auto", True, "principled")
-    assert parsed("stereo_1_0064_off_hapke_seed0").light == Light("1", 64.0)
+    vehicle = driven.vehicle()
+    assert one.light(vehicle) == Light("night", "auto", lights_ahead(vehicle), "principled")
+    assert parsed("stereo_1_0064_off_hapke_seed0").light(vehicle) == Light("1", 64.0)
     assert parsed("truth_seed3").axes == {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
 
 
