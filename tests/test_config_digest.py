@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from polarsim.config import Config, parse_config
 
 CONFIGURATIONS = Path(__file__).parents[1] / "config"
-WHOLE = ("accuracy", "config", "covers", "full", "paper", "polar", "release", "rover", "rover_release")
+WHOLE = ("accuracy", "config", "covers", "full", "paper", "polar", "release", "rover_release")
 folders = st.text("abcXYZ019._-/ é", min_size=1, max_size=20).map(lambda text: f"/{text}")
 
 
