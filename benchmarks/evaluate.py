@@ -20,6 +20,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
+from polarsim import intervals
 from polarsim.detect import bootstrap, bootstrap_numba, metrics
 from polarsim.detect.breakdown import SIZES, breakdown, match_predictions
 from polarsim.detect.dataset import BOX_COLUMNS
@@ -70,7 +71,7 @@ def main(photos: int) -> None:
     ranked = matched.ranked[BOX_CLASSES[0]]
     unit = bootstrap.units_of(keys, "view")
     units = int(unit.max()) + 1
-    few, all_draws = (bootstrap.draws(units, number, 0) for number in (RESAMPLES // 10, RESAMPLES))
+    few, all_draws = (intervals.draws(units, number, 0) for number in (RESAMPLES // 10, RESAMPLES))
     bootstrap_numba.resampled_precision(ranked, 0, unit, few[:1])
     reference = 10 * cpu_seconds(lambda: bootstrap.resampled_precision(ranked, 0, unit, few))
     compiled = cpu_seconds(lambda: bootstrap_numba.resampled_precision(ranked, 0, unit, all_draws))

@@ -31,7 +31,7 @@ def test_the_renderer_is_no_part_of_the_meshes():
 
 FLOORS = (  # from the bottom up: a package or module sees the floors below and itself, never one beside it
     {"errors", "digest", "progress", "public", "randomness", "survey", "user_path"},
-    {"kernels", "photo", "schemas"},
+    {"intervals", "kernels", "photo", "schemas"},
     {"geometry", "grid", "tone"},
     {"formats"},
     {"run_files", "download"},

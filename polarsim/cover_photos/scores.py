@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from polarsim import intervals
 from polarsim.cover_photos.widths import truth_of
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
@@ -139,7 +140,7 @@ def cover_figures(
         drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
         each = [_precision(truth, table[table["kind"] == kind], keys, drawn) for table in predictions]
         whole, precision, best = (np.mean(values, axis=0) for values in zip(*each, strict=True))
-        low, high = bootstrap.interval(precision, len(keys))
+        low, high = intervals.interval(precision, len(keys))
         rows.append((kind, len(keys), sum(map(len, truth)), whole[0], low, high, whole.mean(), best))
     names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
     return pd.DataFrame(rows, columns=names)

@@ -1,4 +1,4 @@
-"""95 % intervals of figures, by drawing views (or photos) again with replacement (Efron, Ann. Statist. 7 (1979) 1).
+"""Units of the bootstrap of detectors, views or photos, and average precision of resamples; see `polarsim.intervals`.
 
 Photos of one view show the same rocks from the same position under other light: they are not independent, and intervals
 over photos come out too narrow. Views of one terrain show the same rocks too, from elsewhere; few terrains are tested,
@@ -15,10 +15,8 @@ import numpy as np
 from polarsim.detect.metrics import RECALLS, Ranked
 from polarsim.errors import DetectError, LabelError
 from polarsim.photo import PhotoKey
-from polarsim.randomness import generator
 
 Unit = Literal["view", "photo"]
-LEVELS = (0.025, 0.975)
 _CHUNK = 100_000  # numbers that are worked on at once: they stay in the cache
 
 
@@ -38,31 +36,6 @@ def units_of(keys: Sequence[str], unit: Unit) -> np.ndarray:
         raise DetectError(f"{error}, so its view is not known: draw photos instead") from error
     number = {view: n for n, view in enumerate(sorted(set(views)))}
     return np.array([number[view] for view in views], int)
-
-
-def draws(units: int, resamples: int, seed: int) -> np.ndarray:
-    """(resamples, units) how often each unit is drawn; the same for all figures, so their differences are paired."""
-    random = generator(seed, "detect", "bootstrap", units)
-    return random.multinomial(units, np.full(units, 1 / units), size=resamples).astype(float)
-
-
-def interval(values: np.ndarray, units: int) -> tuple[float, float]:
-    """Bounds of the central 95 % of resampled values; NaN for fewer than two units, which show no spread.
-
-    Resamples without a value, for lack of labels, are left out.
-    """
-    values = values[~np.isnan(values)]
-    if units < 2 or not len(values):
-        return float("nan"), float("nan")
-    low, high = np.quantile(values, LEVELS)
-    return float(low), float(high)
-
-
-def resampled_means(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """(resamples,) means of values (n,) whose units (n,) are drawn anew; NaN where none is drawn."""
-    count, total = (np.bincount(unit, weights, drawn.shape[1]) for weights in (np.ones(len(values)), values))
-    counts = drawn @ count
-    return np.divide(drawn @ total, counts, out=np.full(len(drawn), np.nan), where=counts > 0)
 
 
 def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:

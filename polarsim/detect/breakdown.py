@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from polarsim import intervals
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import values_by
@@ -133,7 +134,7 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
         [str(key) for key, is_in in zip(matched.keys, chosen, strict=True) if is_in], matched.unit
     )
     units = int(unit.max(initial=-1)) + 1
-    drawn = bootstrap.draws(units, resamples, seed)
+    drawn = intervals.draws(units, resamples, seed)
     values: list[np.ndarray] = []
     samples: list[np.ndarray] = []
     counts: list[int] = []
@@ -144,7 +145,7 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
         overlap, owner = matched.overlap[kind][counted], unit[matched.picture[kind][counted]]
         values.append(np.array([precision[0], precision.mean(), overlap.mean() if len(overlap) else np.nan]))
         again = resampled_precision(ranked, area, unit, drawn)
-        means = bootstrap.resampled_means(overlap, owner, drawn)
+        means = intervals.resampled_means(overlap, owner, drawn)
         samples.append(np.stack([again[:, 0], again.mean(axis=1), means], axis=1))
         counts.append(len(overlap))
     values.append(_mean(np.array(values)))
@@ -153,7 +154,7 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
     for kind, count, value, sample in zip((*BOX_CLASSES, ALL), (*counts, sum(counts)), values, samples, strict=True):
         row: dict[str, object] = {"kind": kind, **facts, "labels": count}
         for number, name in enumerate(MEASURES):
-            low, high = bootstrap.interval(sample[:, number], units)
+            low, high = intervals.interval(sample[:, number], units)
             row |= {name: float(value[number]), f"{name}_low": low, f"{name}_high": high}
         yield row
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
+from polarsim import intervals
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.breakdown import rank_by_kind
 from polarsim.detect.false_positives import false_positives_of_photos
@@ -76,7 +77,7 @@ class DomainEvaluation:
     def draws(self) -> tuple[np.ndarray, np.ndarray]:
         """Unit of each photo, and how often each unit is drawn: the same for all that have the same photos."""
         unit = bootstrap.units_of(self.keys, self.options.resampled)
-        return unit, bootstrap.draws(int(unit.max()) + 1, self.options.resamples, self.options.seed)
+        return unit, intervals.draws(int(unit.max()) + 1, self.options.resamples, self.options.seed)
 
 
 def ipd_change(
@@ -92,7 +93,7 @@ def ipd_change(
         return {"pairs": 0}
     unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
-    drawn = bootstrap.draws(units, options.resamples, options.seed)
+    drawn = intervals.draws(units, options.resamples, options.seed)
     gain, other_gain = ((pairs["first"] - pairs[name]).to_numpy(float) for name in ("second", "second_replaced"))
     row: dict[str, object] = {"pairs": len(pairs), "iou_photo": pairs["first"].mean()}
     row |= {"iou_twin": pairs["second"].mean(), "iou": pairs["second_replaced"].mean()}
@@ -102,11 +103,11 @@ def ipd_change(
 
 def change(name: str, twin: np.ndarray, replaced: np.ndarray, units: int) -> dict[str, float]:
     """Both figures, their difference and its interval, from values (1 + resamples,) under the same draws."""
-    low, high = bootstrap.interval(replaced[1:] - twin[1:], units)
+    low, high = intervals.interval(replaced[1:] - twin[1:], units)
     values = (float(twin[0]), float(replaced[0]), float(replaced[0] - twin[0]), low, high)
     return dict(zip((f"{name}{end}" for end in CHANGE_ENDS), values, strict=True))
 
 
 def _means(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
     """(1 + resamples,) mean of values (n,), and of those whose units are drawn."""
-    return np.concatenate([[values.mean()], bootstrap.resampled_means(values, unit, drawn)])
+    return np.concatenate([[values.mean()], intervals.resampled_means(values, unit, drawn)])

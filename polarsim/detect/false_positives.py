@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from polarsim import intervals
 from polarsim.detect import bootstrap
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import values_by
@@ -123,7 +124,7 @@ def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, res
     free, false_positives, area = rows[["free", "false_positives", "area"]].to_numpy(float).T
     owner = bootstrap.units_of(keys, unit)
     units = int(owner.max()) + 1
-    drawn = bootstrap.draws(units, resamples, seed)
+    drawn = intervals.draws(units, resamples, seed)
     terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
     row: dict[str, object] = {
         "region": region,
@@ -137,7 +138,7 @@ def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, res
     for name, values in zip(RATES, (false_positives, area), strict=True):
         totals = drawn @ np.bincount(owner, values, units)
         again = np.divide(totals, frees, out=np.full(len(totals), np.nan), where=frees > 0)
-        low, high = bootstrap.interval(again, units)
+        low, high = intervals.interval(again, units)
         value = float(values.sum() / free.sum()) if free.sum() else float("nan")
         row |= {name: value, f"{name}_low": low, f"{name}_high": high}
     return row

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from polarsim import intervals
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.grouping import rows_by, values_by
@@ -143,10 +144,10 @@ def instance_performance_difference(
     gain = (pairs["first"] - pairs["second"]).to_numpy(float)
     unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
-    drawn = bootstrap.draws(units, resamples, seed)
-    low, high = bootstrap.interval(bootstrap.resampled_means(gain, unit, drawn), units)
+    drawn = intervals.draws(units, resamples, seed)
+    low, high = intervals.interval(intervals.resampled_means(gain, unit, drawn), units)
     folded = 0.0 if low <= 0 <= high else min(abs(low), abs(high))  # of the mean's interval, where its sign is open
-    abs_low, abs_high = bootstrap.interval(bootstrap.resampled_means(np.abs(gain), unit, drawn), units)
+    abs_low, abs_high = intervals.interval(intervals.resampled_means(np.abs(gain), unit, drawn), units)
     return Difference(
         len(gain),
         units,

@@ -14,8 +14,8 @@ from polarsim.errors import LabelError
 from polarsim.formats import tables
 from polarsim.geometry.masks import confusion, iou
 from polarsim.geometry.polygons import paint
+from polarsim.intervals import draws, interval
 from polarsim.photo import PhotoKey
-from polarsim.randomness import generator
 from polarsim.run_files import class_masks
 from polarsim.schemas.covers import MASK_SCORES
 from polarsim.scoring.outlines import Polygons, read_polygon_files
@@ -23,7 +23,6 @@ from polarsim.scoring.outlines import Polygons, read_polygon_files
 ALL = "all"  # photos together
 SAND, PHOTO = "sand", "photo"
 REGIONS = {SAND: class_masks.IGNORED, PHOTO: class_masks.CLASSES.index("ground")}  # what people's background counts as
-_LEVELS = (0.025, 0.975)
 log = logging.getLogger("polarsim")
 
 
@@ -78,9 +77,8 @@ def _rows(region: str, counts: Mapping[str, np.ndarray], seed: int, resamples: i
     for key, own in counts.items():
         rows += _of_classes(region, key, 1, own, np.full((2, len(own)), np.nan))
     each = np.stack(list(counts.values()))
-    drawn = generator(seed, "masks", "bootstrap").multinomial(len(each), np.full(len(each), 1 / len(each)), resamples)
-    resampled = iou(np.tensordot(drawn, each, axes=1))
-    bounds = np.nanquantile(resampled, _LEVELS, axis=0) if len(each) > 1 else np.full((2, each.shape[1]), np.nan)
+    resampled = iou(np.tensordot(draws(len(each), resamples, seed, "masks", "bootstrap"), each, axes=1))
+    bounds = np.array([interval(values, len(each)) for values in resampled.T]).T
     return rows + _of_classes(region, ALL, len(each), each.sum(axis=0), bounds)
 
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from polarsim.detect import bootstrap, bootstrap_numba
 from polarsim.detect.metrics import precision_at_recalls, rank
 from polarsim.errors import DetectError
+from polarsim.intervals import draws
 
 AREAS = [(0.0, np.inf), (0.0, 60.0**2), (60.0**2, np.inf)]
 
@@ -27,14 +28,14 @@ def case(rng, pictures):
 def test_a_resample_is_the_average_precision_with_its_weights(rng, area, engine):
     ranked = rank(*case(rng, 20), areas=AREAS)
     unit = rng.integers(0, 5, 20)
-    drawn = bootstrap.draws(5, 30, seed=1)
+    drawn = draws(5, 30, seed=1)
     expected = [precision_at_recalls(ranked, area, weights[unit]).mean(axis=1) for weights in drawn]
     np.testing.assert_allclose(engine.resampled_precision(ranked, area, unit, drawn), expected, atol=1e-12)
 
 
 def test_chunks_change_nothing(rng, monkeypatch):
     ranked = rank(*case(rng, 10))
-    unit, drawn = np.arange(10), bootstrap.draws(10, 25, seed=0)
+    unit, drawn = np.arange(10), draws(10, 25, seed=0)
     whole = bootstrap.resampled_precision(ranked, 0, unit, drawn)
     monkeypatch.setattr(bootstrap, "_CHUNK", 200)
     np.testing.assert_allclose(bootstrap.resampled_precision(ranked, 0, unit, drawn), whole, rtol=1e-12)
@@ -46,20 +47,6 @@ def test_a_resample_without_labels_has_no_precision(engine):
     found = engine.resampled_precision(ranked, 0, np.array([0, 1]), np.array([[2.0, 0], [1, 1]]))
     assert np.isnan(found[0]).all()
     assert (found[1] == 0).all()
-
-
-def test_every_resample_draws_as_many_units_as_there_are():
-    drawn = bootstrap.draws(7, 100, seed=3)
-    assert (drawn.sum(axis=1) == 7).all()
-    np.testing.assert_array_equal(drawn, bootstrap.draws(7, 100, seed=3))
-
-
-def test_the_interval_of_a_mean_is_the_normal_one_for_many_units(rng):
-    values = rng.normal(5, 2, 400)
-    drawn = bootstrap.draws(400, 4000, seed=0)
-    low, high = bootstrap.interval(bootstrap.resampled_means(values, np.arange(400), drawn), 400)
-    half = 1.96 * values.std() / 20
-    np.testing.assert_allclose([low, high], [values.mean() - half, values.mean() + half], atol=0.1 * half)
 
 
 def test_photos_of_one_view_are_one_unit():
@@ -74,15 +61,11 @@ def test_names_that_are_no_keys_have_photos_only():
         bootstrap.units_of(["b", "a"], "view")
 
 
-def test_one_unit_shows_no_spread():
-    assert np.isnan(bootstrap.interval(np.array([0.5, 0.5]), 1)).all()
-
-
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(1, 6))
 def test_compiled_resamples_obey_the_reference(seed, pictures, units):
     rng = np.random.default_rng(seed)
     ranked = rank(*case(rng, pictures), areas=AREAS)
-    unit, drawn = rng.integers(0, units, pictures), bootstrap.draws(units, 20, seed % 97)
+    unit, drawn = rng.integers(0, units, pictures), draws(units, 20, seed % 97)
     for area in range(len(AREAS)):
         expected = bootstrap.resampled_precision(ranked, area, unit, drawn)
         found = bootstrap_numba.resampled_precision(ranked, area, unit, drawn)

@@ -11,15 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from polarsim.formats import tables
+from polarsim.intervals import student_interval
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.schemas.rover import DRIVES, EVERY_DRIVE
 
 WHOLE = "all"  # stands where a metric is the rover's, not a wheel's
-LEVEL = 0.95
 MOVING = 0.02  # m/s: rows of a rover that stands say nothing of slip
 
 
@@ -100,19 +99,11 @@ def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
     for key, group in pd.concat(parts).groupby(["control", "metric", "wheel", "unit"], sort=False):
         values = group["value"].to_numpy(float)
         values = values[np.isfinite(values)]
-        low, high = interval(values)
+        low, high = student_interval(values)
         ends = (values.min(), values.max()) if len(values) else (math.nan, math.nan)
         mean = float(values.mean()) if len(values) else math.nan
         rows.append((*key, len(values), mean, low, high, *ends))
     return pd.DataFrame(rows, columns=list(DRIVES.columns))
-
-
-def interval(values: np.ndarray) -> tuple[float, float]:
-    """Student's 95 % interval of the mean of (n,) values; NaN for fewer than two."""
-    if len(values) < 2:
-        return math.nan, math.nan
-    half = stats.t.ppf((1 + LEVEL) / 2, len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
-    return float(values.mean() - half), float(values.mean() + half)
 
 
 def _mean(values: pd.Series) -> float:

@@ -1,6 +1,6 @@
-"""What detectors are worth on board, over all drives: metrics with 95 % intervals.
+"""Metrics of detectors on board over all drives, with 95 % intervals.
 
-What is drawn again and again for the intervals are rides, a drive under a Sun: pictures of one ride are alike.
+The bootstrap draws rides, a drive under a Sun: pictures of one ride are alike.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import tables
+from polarsim.intervals import interval_of
 from polarsim.randomness import generator
 from polarsim.rover.perception.measure import SETTING, TABLES
 from polarsim.rover.perception.sightings import HEIGHTS_M, recall_by_distance
 from polarsim.schemas.rover import ONBOARD
 
-_RESAMPLES = 1000
 _RIDE = ["seed", "sun"]
 _GROUP = ["source", "model", "exposure_ms"]
 Statistic = Callable[[np.ndarray], float]  # of rides' numbers
@@ -54,8 +54,8 @@ def metrics(parts: Mapping[str, pd.DataFrame], seed: int = 0) -> pd.DataFrame:
         found = [*_recalls(own), *_stable(own), *_map(own), *_stops(own)]
         for metric, labels, by_ride, statistic, count in found:
             random = generator(seed, "rover", "onboard", *group, metric, *labels)
-            value, low, high = _interval(by_ride, statistic, _RESAMPLES, random)
-            rows.append((*group, metric, *labels, value, low, high, len(by_ride), count))
+            value = statistic(np.concatenate(by_ride)) if by_ride else np.nan
+            rows.append((*group, metric, *labels, value, *interval_of(by_ride, statistic, random), len(by_ride), count))
     return pd.DataFrame(rows, columns=list(ONBOARD.columns))
 
 
@@ -130,27 +130,6 @@ def _stops(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
         gaps = [gap[np.isfinite(gap)] for gap in gaps]
         found.append(("miss distance m", (height, *_NOWHERE), gaps, _least, float(sum(map(len, gaps)))))
     return found
-
-
-def _interval(
-    by_ride: list[np.ndarray], statistic: Statistic, resamples: int, random: np.random.Generator
-) -> tuple[float, float, float]:
-    """The statistic of all rides, and the 2.5 and 97.5 percentiles of it over rides drawn with replacement.
-
-    One ride says nothing about others: its interval is NaN.
-    """
-    if not by_ride:
-        return np.nan, np.nan, np.nan
-    value = statistic(np.concatenate(by_ride))
-    if len(by_ride) < 2:
-        return value, np.nan, np.nan
-    drawn = random.integers(len(by_ride), size=(resamples, len(by_ride)))
-    values = np.array([statistic(np.concatenate([by_ride[k] for k in draw])) for draw in drawn])
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return value, np.nan, np.nan
-    low, high = np.percentile(values, [2.5, 97.5])
-    return value, float(low), float(high)
 
 
 def _share(rows: np.ndarray) -> float:

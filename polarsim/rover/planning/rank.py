@@ -8,16 +8,15 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from polarsim.detect.bootstrap import draws, interval
 from polarsim.errors import RoverError
 from polarsim.formats import tables
+from polarsim.intervals import RESAMPLES, draws, interval
 from polarsim.photo import ROCK
 from polarsim.rover.planning.cases import DETECTING, matched
 from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
 
 ENOUGH = 5  # detectors: of fewer no order says anything, for even Kendall's p is 0.08 at best
 SURE = 0.05
-_RESAMPLES = 1000
 _ROCK_POINTS = 300
 # Which way is better: gap figures of detectors, and what drives are like.
 GAPS = {"ipd": -1, "map50": 1, "rock_f1": 1}
@@ -130,7 +129,7 @@ def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, figure: str) -> tu
     unit = "seed" if len(set(drives["seed"])) > 1 else "light"
     units = drives["seed"] if unit == "seed" else drives[["sun", "exposure", "lights"]].agg("_".join, axis=1)
     count = units.nunique()
-    drawn = np.concatenate([np.ones((1, count)), draws(count, _RESAMPLES, 0)])  # as it is, then resampled
+    drawn = np.concatenate([np.ones((1, count)), draws(count, RESAMPLES, 0)])  # as it is, then resampled
     after = DRIVES[figure] * _means(drives, units, figure, drawn)
     if gap == "rock_f1":
         before = _means(drives, units, "rock_points", drawn)

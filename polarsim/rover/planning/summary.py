@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.detect.bootstrap import draws, interval
 from polarsim.formats import tables
+from polarsim.intervals import RESAMPLES, draws, interval, resampled_means
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
@@ -30,7 +30,6 @@ OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the bl
 MAPS = {"geometric map", "rock map"}
 BOTH_MAPS = "both maps"
 AFFECTED = ("collisions", "success", "stops", BOTH_MAPS, "rock map", OVER_BLIND["energy"])
-_RESAMPLES = 1000
 
 
 def drive_case(
@@ -119,9 +118,8 @@ def summary(every: pd.DataFrame) -> pd.DataFrame:
 def mean_over_seeds(values: np.ndarray, seeds: np.ndarray) -> tuple[float, float, float]:
     """Mean of drives' values (n,), and its 95 % interval over seeds: drives of one share ground and start."""
     unit = np.unique(seeds, return_inverse=True)[1]
-    drawn = draws(unit.max() + 1, _RESAMPLES, 0)
-    means = (drawn @ np.bincount(unit, values)) / (drawn @ np.bincount(unit))
-    return float(values.mean()), *interval(means, unit.max() + 1)
+    drawn = draws(unit.max() + 1, RESAMPLES, 0)
+    return float(values.mean()), *interval(resampled_means(values, unit, drawn), unit.max() + 1)
 
 
 def effects_of(every: pd.DataFrame) -> pd.DataFrame:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rover.drive.table import drive_figures, drive_table, interval
+from polarsim.rover.drive.table import drive_figures, drive_table
 from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table
 from polarsim.rover.world.surface import bare_world
 from polarsim.schemas.rover import DRIVES
@@ -41,12 +41,6 @@ def test_slip_counts_on_soil_and_time_on_rocks_where_any_wheel_is():
     assert value(figures, "energy") == 20
     assert value(figures, "energy", "lr") == 5
     assert value(figures, "offset, RMS") == pytest.approx(10)
-
-
-def test_an_interval_is_students():
-    # t(0.975, 2) = 4.3027; s = 1, n = 3.
-    assert interval(np.array([1.0, 2.0, 3.0])) == pytest.approx((2 - 4.3027 / 3**0.5, 2 + 4.3027 / 3**0.5), abs=1e-4)
-    assert np.isnan(interval(np.array([1.0]))).all()
 
 
 def test_control_laws_stand_beside_each_other():
