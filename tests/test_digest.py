@@ -295,7 +295,7 @@ def test_packages_hold_nothing_but_names_of_their_modules():
 
 def test_a_figure_is_drawn_anew_by_its_own_rule_alone():
     """A figure's module is reached by the script that draws it, by no other figure's and by none that scores."""
-    shared = {"autonomy_names", "canvas", "cover_photos", "difference", "shots"}  # `shots`: two of a kind
+    shared = {"canvas", "cover_photos", "difference", "shots"}  # `shots`: two of a kind
     scripts = {path.stem: path for path in sorted(SCRIPTS.glob("*.py"))}
     reached = {name: digest._reached(digest._parsed(path)[1]) for name, path in scripts.items()}
     figures = sorted((Path(digest.__file__).parent / "report/figures").glob("[a-z]*.py"))

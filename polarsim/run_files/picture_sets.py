@@ -31,6 +31,11 @@ def exposure_title(name: str) -> str:
     return name if name == AUTO else f"{float(name):g} ms"
 
 
+def sun_title(name: str) -> str:
+    """Return a Sun's name as figures print it."""
+    return name if name == "night" else f"Sun {name}"
+
+
 @dataclass(frozen=True)
 class PictureSet:
     """Pictures of one view in one light."""

@@ -69,6 +69,8 @@ ONBOARD = Table(
     Columns("count", NUMBER, "count", "Number of objects that the metric was measured on"),
 )
 COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # what an event is
+MODES = ("truth", "detector", "stereo", "both", "blind")  # of a rover that finds its own way
+ANY, ALL = "any", "all"  # level of an axis that a drive does not depend on, and all levels together
 HIGH_M = 0.10  # a touch of a rock above is a collision
 AUTONOMY_EVENTS = Table(
     "rover/autonomy/<drive>/events.parquet",

@@ -97,8 +97,8 @@ def test_a_drive_of_other_code_is_driven_again(tmp_path, monkeypatch):
 
     def drive():
         run.run_all(
-            meshes=tmp_path / "meshes", folder=tmp_path / "drive", options=options, render=RenderOptions(), detector=None,
-            seed=0, pictures=False,
+            meshes=tmp_path / "meshes", folder=tmp_path / "drive", options=options,
+            render=RenderOptions(), detector=None, seed=0, pictures=False,
         )  # fmt: skip
         return len(driven_now)
 

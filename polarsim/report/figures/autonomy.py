@@ -14,10 +14,9 @@ import pandas as pd
 
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.autonomy_names import ALL, ANY, MODES, sun_title
 from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
-from polarsim.run_files.picture_sets import exposure_order, exposure_title
-from polarsim.schemas.rover import AUTONOMY, HIGH_M
+from polarsim.run_files.picture_sets import exposure_order, exposure_title, sun_title
+from polarsim.schemas.rover import ALL, ANY, AUTONOMY, HIGH_M, MODES
 
 PRINTED_PX = 1400
 SHOWN = {  # the first that the table has, as a panel's title says it

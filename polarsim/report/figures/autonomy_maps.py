@@ -12,10 +12,9 @@ import pandas as pd
 from polarsim.formats.files import read_json
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.autonomy_names import MODES, sun_title
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, heading, legend_line, page, picture
-from polarsim.run_files.picture_sets import exposure_title
-from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
+from polarsim.run_files.picture_sets import exposure_title, sun_title
+from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, MODES, STOP, TOUCH
 
 PICTURES = 2  # beside a map
 _ROW_PX = 375

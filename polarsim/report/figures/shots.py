@@ -11,9 +11,8 @@ from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEX_COLOURS, ROCK
-from polarsim.report.figures.autonomy_names import sun_title
 from polarsim.report.figures.canvas import FIGURE_WIDTH, heading, note, page, picture, rectangle
-from polarsim.run_files.picture_sets import PictureSet
+from polarsim.run_files.picture_sets import PictureSet, sun_title
 from polarsim.tone import to_8bit
 
 POSES, SHOTS = ["frame", "time_s"], 6

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 from polarsim.detect.options import PredictionOptions
 from polarsim.user_path import UserPath
 
-Mode = Literal["truth", "detector", "stereo", "both", "blind"]  # of a rover that finds its own way
+Mode = Literal["truth", "detector", "stereo", "both", "blind"]  # `formats.schemas.MODES`
 FINE_TUNED = "fine_tuned"  # name of the detector that other drives have made of the one on board
 
 

@@ -19,8 +19,8 @@ from polarsim.rover.perception.options import Mode
 from polarsim.rover.planning.options import ON, AutonomyOptions
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.run_files.picture_sets import AUTO, exposure_name
+from polarsim.schemas.rover import ANY
 
-ANY = "any"  # in the place of what a drive does not depend on
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
 UNLIT = ("truth", "blind")  # take no pictures
 DETECTING = ("detector", "both")

@@ -14,7 +14,7 @@ from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.planning.cases import ANY, AXES, UNLIT, matched, parsed
+from polarsim.rover.planning.cases import AXES, UNLIT, matched, parsed
 from polarsim.rover.planning.drive import drive, job_for, write
 from polarsim.rover.planning.metrics import events, figures
 from polarsim.rover.planning.options import AutonomyOptions
@@ -22,10 +22,9 @@ from polarsim.rover.planning.touches import touches
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
+from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
 
 EVENTS = "events.parquet"
-ALL = "all"  # over all levels of an axis
 OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the blind one's"}
 MAPS = {"geometric map", "rock map"}
 BOTH_MAPS = "both maps"

@@ -1,16 +1,18 @@
 """Tables of drives in which the rover decides: what drives there are, means over seeds, ratios to blind, effects."""
 
 from itertools import product
+from typing import get_args
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
+from polarsim.rover.perception.options import Mode
 from polarsim.rover.planning.cases import AXES, cases, parsed
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.summary import effects_of, summary, with_derived
-from polarsim.schemas.rover import EVERY_AUTONOMY
+from polarsim.schemas.rover import EVERY_AUTONOMY, MODES
 from tests.rover import driven
 
 NAMED = [*AXES, "seed", "metric", "unit", "value"]
@@ -50,6 +52,10 @@ def test_a_drive_is_made_for_every_value_of_what_it_depends_on_and_names_read_ba
     assert one.light(vehicle) == Light("night", "auto", lights_ahead(vehicle), "principled")
     assert parsed("stereo_1_0064_off_hapke_seed0").light(vehicle) == Light("1", 64.0)
     assert parsed("truth_seed3").axes == {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
+
+
+def test_tables_know_all_modes():
+    assert get_args(Mode) == MODES
 
 
 def test_a_ratio_is_to_the_blind_drive_of_the_same_seed_and_maps_add_up():
