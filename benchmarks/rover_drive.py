@@ -48,7 +48,7 @@ def ground(slope_deg: float = 0.0) -> World:
 
 
 def flat_drive(step: float, seconds: float = 8.0) -> None:
-    simulation = Simulation(ground(), VIPER, SOIL, SoilOptions(step_s=step, energy_bound=10), Start(-1.5))
+    simulation = Simulation(ground(), VIPER, SOIL, SoilOptions(step_s=step), Start(-1.5))
     for _ in range(200):
         simulation.advance(0.01)
     simulation.zero()

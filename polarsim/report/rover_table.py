@@ -1,4 +1,4 @@
-"""The rover's tables: drives together and one by one, the soil's checks, what a detector sees on board."""
+"""The rover's tables: drives together and one by one, metrics of the detector on board."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.schemas.rover import DRIVES, EVERY_DRIVE, ONBOARD
-from polarsim.schemas.soil import SOIL_CHECKS, SOIL_LIMIT, SOIL_MEASURED
 
 DRIVES_CAPTION = (
     "Drives, means over seeds, of each wheel and of all. Slip, sinkage and torque are means over time while the rover "
@@ -21,27 +20,17 @@ ONBOARD_CAPTION = (
     "What the front camera is worth on board; `truth` has all labels in the place of a detector, `visible` those "
     "that stand out in the picture, the most that any detector could reach. Exposure 0: all of them together."
 )
-SOIL_CAPTION = "Driven wheels against the limit of fine cells, small steps and stiff soil; normal of the contact."
-CHECKS_CAPTION = (
-    "The soil beside what others measured or published, in their units, and beside what must hold of any soil. "
-    "The soils ex1-silica-5, trec-grc3 and mgru3-tilt-bed were fitted to their source, others were not."
-)
 
 
 def tabulate_rover(
     *,
     drives: Path,
     each: Path,
-    soil: Path,
-    measured: Path,
-    checks: Path,
     stem: Path,
     each_stem: Path,
-    soil_stem: Path,
-    checks_stem: Path,
     origin: Mapping[str, str],
 ) -> None:
-    """Write the tables of all drives, of each drive, and of the soil's checks, each in four forms.
+    """Write the tables of all drives and of each drive, in four forms.
 
     Raises
     ------
@@ -52,9 +41,6 @@ def tabulate_rover(
     how = f"{_ends(wide)} Intervals: 95 %, Student's over seeds."
     _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, how)
     _write(each_stem, wide, EACH_CAPTION, origin)
-    _write(soil_stem, with_errors(read_parquet(soil, SOIL_LIMIT.columns)), SOIL_CAPTION, origin)
-    all_checks = with_slopes(read_parquet(checks, SOIL_CHECKS.columns), read_parquet(measured, SOIL_MEASURED.columns))
-    _write(checks_stem, all_checks, CHECKS_CAPTION, origin)
 
 
 def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) -> None:
@@ -81,34 +67,6 @@ def one_by_one(each: pd.DataFrame) -> pd.DataFrame:
     order = list(dict.fromkeys(named["metric"]))
     wide = named.pivot_table(index=["seed", "control", "ended"], columns="metric", values="value", dropna=False)
     return wide.reindex(columns=order).dropna(how="all").reset_index().rename_axis(columns=None)
-
-
-def with_errors(soil: pd.DataFrame) -> pd.DataFrame:
-    """How far wheels lie from the limit: sinkage and torque in per cent, pull in newtons (it passes through 0)."""
-    table = soil.copy()
-    for name in ("sinkage_mm", "torque_n_m"):
-        limit = table[name.replace("_mm", "_limit_mm").replace("_n_m", "_limit_n_m")]
-        table[f"{name.split('_')[0]}_error_percent"] = 100 * (table[name] / limit - 1)
-    table["pull_error_n"] = table["pull_n"] - table["pull_limit_n"]
-    return table
-
-
-def with_slopes(checks: pd.DataFrame, measured: pd.DataFrame) -> pd.DataFrame:
-    """NASA's slopes in the form of the other checks, before them, and how far the model lies from each."""
-    slopes = pd.DataFrame(
-        {
-            "source": "NASA, " + measured["rig"],
-            "quantity": "slope",
-            "unit": "degrees",
-            "soil": measured["soil"],
-            "condition": "slip",
-            "at": measured["slip"],
-            "expected": measured["slope_deg"],
-            "model": measured["model_deg"],
-        }
-    )
-    table = pd.concat([slopes, checks], ignore_index=True)
-    return table.assign(difference=table["model"] - table["expected"]).rename(columns={"source": "by"})
 
 
 def _ends(drives: pd.DataFrame) -> str:

@@ -11,13 +11,11 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from polarsim.schemas import covers, detect, evaluation, photos, report, rover, soil, stages
+from polarsim.schemas import covers, detect, evaluation, photos, report, rover, stages
 from polarsim.schemas.table import Table
 
 REPORT_TABLES = (Table("tables", "Origin", report.ORIGIN), *report.TABLES)
-STAGE_TABLES = tuple(
-    table for module in (photos, stages, detect, covers, evaluation, rover, soil) for table in module.TABLES
-)
+STAGE_TABLES = tuple(table for module in (photos, stages, detect, covers, evaluation, rover) for table in module.TABLES)
 _BLOCK = re.compile(r"(<!-- columns of (.+?) -->\n)(.*?)(<!-- end of columns -->)", re.DOTALL)
 
 

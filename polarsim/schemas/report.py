@@ -1,6 +1,6 @@
 """Tables of the report, below `tables/`; the columns `run`, `source` and `config` precede those of each table."""
 
-from polarsim.schemas import covers, detect, evaluation, rover, soil, stages
+from polarsim.schemas import covers, detect, evaluation, rover, stages
 from polarsim.schemas.photos import KIND
 from polarsim.schemas.table import INTEGER, NUMBER, TEXT, Columns, Table
 
@@ -211,10 +211,8 @@ ROVER_ONBOARD = Table(
 ROVER_AUTONOMY = _like("tables/rover_autonomy", "A kind of drive and metric", rover.AUTONOMY)
 ROVER_EFFECTS = _like("tables/rover_autonomy_effects", "A mode, axis, level and metric", rover.AUTONOMY_EFFECTS)
 ROVER_RANK = _like("tables/rover_rank", "A mode, metric of the gap and metric of drives", rover.AUTONOMY_RANK)
-SOIL_LIMIT = _like("tables/rover_soil", "A wheel, soil, cell and slip", soil.SOIL_LIMIT)
-SOIL_CHECKS = _like("tables/rover_soil_checks", "A quantity that others published or that must hold", soil.SOIL_CHECKS)
 TABLES = (
     DETECTION, BREAKDOWN, FALSE_POSITIVES, DIFFERENCES, IPD, IPD_ROCKS, STEREO, COVERS, MASKS, GAP, CAMERAS, ALIGNMENT,
     RENDER, ROCKS, MESHES, LABELS, RELIABILITY, EVALUATION, ROVER_DRIVES, ROVER_ONBOARD, ROVER_AUTONOMY, ROVER_EFFECTS,
-    ROVER_RANK, SOIL_LIMIT, SOIL_CHECKS,
+    ROVER_RANK,
 )  # fmt: skip

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,9 +15,3 @@ def lunar() -> Soil:
 @pytest.fixture
 def hit() -> Soil:
     return read_soil(SOILS, "hit-simulant")
-
-
-@pytest.fixture
-def stiff(lunar) -> Soil:
-    """Hardly any rebound and nothing damped, as in the limit."""
-    return replace(lunar, K_e=4e9, R=0.0)

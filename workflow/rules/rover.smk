@@ -230,27 +230,6 @@ rule write_urdf:
         "../scripts/write_urdf.py"
 
 
-rule check_soil:
-    """Wheels driven on the soil beside the limit that they must meet, and soils beside what others measured."""
-    input:
-        soils=str(ROVER.soil.table),
-    output:
-        limit="results/{run}/rover/soil_limit.parquet",
-        measured_slopes="results/{run}/rover/soil_measured.parquet",
-        checks="results/{run}/rover/soil_checks.parquet",
-    log:
-        "results/{run}/logs/rover/check_soil.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/check_soil.tsv"
-    resources:
-        mem_mb=growing(1000),
-        runtime=10,
-    params:
-        code=code_of("check_soil"),
-    script:
-        "../scripts/check_soil.py"
-
-
 rule summarise_drives:
     """Slip, sinkage, torque, energy, offset and rocks of every drive, and of all with intervals."""
     input:
@@ -292,26 +271,19 @@ rule summarise_onboard:
 
 
 rule tabulate_rover:
-    """Drives together and one by one, the soil against its limit and against what others measured."""
+    """Tabulate drives, together and one by one."""
     input:
         drives="results/{run}/rover/drives.parquet",
         each="results/{run}/rover/every_drive.parquet",
-        soil="results/{run}/rover/soil_limit.parquet",
-        measured="results/{run}/rover/soil_measured.parquet",
-        checks="results/{run}/rover/soil_checks.parquet",
     output:
         table=shown("results/{run}/tables/rover.csv", "Rover", picture="drives"),
         each_table=shown(
             "results/{run}/tables/rover_drives.csv", "Rover", caption="tables/rover", picture="every drive"
         ),
-        soil_table=shown("results/{run}/tables/rover_soil.csv", "Rover", picture="soil against its limit"),
-        checks_table=shown(
-            "results/{run}/tables/rover_soil_checks.csv", "Rover", picture="soil against what others published"
-        ),
         # written through table
         others=expand(
             "results/{{run}}/tables/{name}.{form}",
-            name=["rover", "rover_drives", "rover_soil", "rover_soil_checks"],
+            name=["rover", "rover_drives"],
             form=["md", "tex", "parquet"],
         ),
     log:
@@ -410,28 +382,3 @@ rule draw_front:
         code=code_of("draw_front"),
     script:
         "../scripts/draw_front.py"
-
-
-rule draw_soil:
-    """The soil's checks: wheels against their limit, soils against measured wheels."""
-    input:
-        limit="results/{run}/rover/soil_limit.parquet",
-        measured="results/{run}/rover/soil_measured.parquet",
-    output:
-        figure=shown(
-            "results/{run}/figures/rover_soil.png",
-            "Rover",
-            caption="tables/rover_soil",
-            picture="soil against its limit",
-        ),
-    log:
-        "results/{run}/logs/rover/draw_soil.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/draw_soil.tsv"
-    resources:
-        mem_mb=growing(500),
-        runtime=5,
-    params:
-        code=code_of("draw_soil"),
-    script:
-        "../scripts/draw_soil.py"

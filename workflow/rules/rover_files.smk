@@ -6,9 +6,9 @@ from polarsim.rover.vehicle.mounts import FRONT
 
 ROVER = CONFIG.rover
 RIDES = [str(seed) for seed in ROVER.seeds] if ROVER.run else []
-ROVER_TABLES = ["rover", "rover_drives", "rover_soil", "rover_soil_checks"]
+ROVER_TABLES = ["rover", "rover_drives"]
 ROVER_TABLES += ["rover_onboard"] if ROVER.onboard else []
-ROVER_FIGURES = ["rover_sequence", "rover_drive", "rover_soil"]
+ROVER_FIGURES = ["rover_sequence", "rover_drive"]
 ROVER_FIGURES += ["rover_front"] if ROVER.onboard else []
 DECIDING = CONFIG.deciding_detectors(Path(f"results/{RUN}"))
 AUTONOMY_CASES = {}

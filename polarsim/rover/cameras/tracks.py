@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.interpolate import RectBivariateSpline
 
-from polarsim.rover.soil.bulldozing_numba import settle
+from polarsim.rover.soil.bulldozing import settle
 from polarsim.rover.soil.nodes import LEVEL, ROCK, make_ground
 
 SETTLE_DEG = 36.0  # steeper soil slides, in pictures as under the wheels

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import llvmlite.binding as llvm
 import mujoco
@@ -15,12 +16,19 @@ import numba as nb
 import numpy as np
 
 from polarsim.kernels import njit
-from polarsim.rover.soil.bulldozing_numba import _bulldoze
-from polarsim.rover.soil.contact import SLOWEST_RIM
-from polarsim.rover.soil.contact_numba import _highest, _press, _work
+from polarsim.rover.soil.bulldozing import bulldoze_nodes
+from polarsim.rover.soil.contact import (
+    AREA,
+    CLEARANCE,
+    POWER,
+    SLIP_LENGTH,
+    SLOWEST_RIM,
+    highest_start,
+    press_nodes,
+    update_slips,
+)
 from polarsim.rover.soil.nodes import ORIGINAL, START
-from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS
-from polarsim.rover.soil.shapes_numba import window
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, window
 
 WHEELS = 4
 FIRST_DOF, DOFS = 6, 3  # behind the free body's; lift, steer, spin of each wheel
@@ -49,56 +57,84 @@ def _mujoco(name: str) -> nb.types.ExternalFunction:
 _step1, _step2 = _mujoco("mj_step1"), _mujoco("mj_step2")
 
 
-@njit()
-def advance(  # type: ignore[no-untyped-def]
-    model, data, steps, done, dt,
-    xpos, xmat, cvel, subtree_com, xfrc, qvel, qfrc_constraint, actuator_force, bodies, servo,
-    state, normals, owner, x0, y0, cell, shapes, slips, law, normal_of_terrain, clearance, shear_cap, slip_length,
-    weights, share, headroom, climb, sweeps, every,
-    forces, torques, readings, account, sensors, first, last,
-):  # fmt: skip
-    """`steps` steps from a state whose first half (`mj_step1`) is done; leaves one that is.
+class Physics(NamedTuple):
+    """MuJoCo's structures by address, and views of their arrays under MuJoCo's names."""
 
-    bodies : (4,) numbers of the wheels in MuJoCo; servo : gain of the drives, N m s/rad, their torque limit, damping of
-    lift, steer, spin; every : 0 leaves displaced soil alone; account : (SIZE,) is added to; sensors : (rocks WHEELS
-    SENSOR,) of contacts; first : (rocks, 2) step at which a tread and a flank touched a rock first, or -1; last :
-    (rocks,) step at which a wheel touched it last, or -1.
+    model: int
+    data: int
+    xpos: np.ndarray
+    xmat: np.ndarray
+    xquat: np.ndarray
+    cvel: np.ndarray
+    subtree_com: np.ndarray
+    xfrc_applied: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
+    qfrc_constraint: np.ndarray
+    actuator_force: np.ndarray
+    contacts: np.ndarray  # (rocks WHEELS SENSOR,) readings of the contact sensors
+    wheels: np.ndarray  # (WHEELS,) numbers of the wheels' bodies
+
+
+class Servos(NamedTuple):
+    """Of the vehicle's table, for the energy balance."""
+
+    gain: float  # N m s/rad, of the drives
+    torque_limit: float  # N m, of the drives
+    damping: np.ndarray  # (DOFS,) of lift (N s/m), steer and spin (N m s/rad)
+
+
+class Records(NamedTuple):
+    """Arrays in which steps are noted, changed in place."""
+
+    account: np.ndarray  # (SIZE,) J, is added to
+    first: np.ndarray  # (rocks, 2) step at which a tread and a flank touched a rock first, or -1
+    last: np.ndarray  # (rocks,) step at which a wheel touched a rock last, or -1
+
+
+@njit()
+def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, steps, done, dt):  # type: ignore[no-untyped-def]
+    """Take `steps` steps from a state whose first half (`mj_step1`) is done; leaves a state of which this holds too.
+
+    Parameters
+    ----------
+    physics, servos, records
+        `Physics`, `Servos`, `Records`.
+    ground, bodies, law, bulldozing, loads
+        `Ground`, `Bodies`, `ContactLaw`, `Spreading` and `Loads` of the soil.
+    done : int
+        Steps taken before.
+    dt : float
+        Time step, s.
     """
-    centres, rotations = np.empty((WHEELS, 3)), np.empty((WHEELS, 3, 3))
-    velocities, spins = np.empty((WHEELS, 3)), np.empty((WHEELS, 3))
-    before = np.empty_like(qvel)
-    tops, seen = np.empty(WHEELS), np.full((WHEELS, 6), np.inf)
+    before = np.empty_like(physics.qvel)
+    tops, looked_up = np.empty(WHEELS), np.full((WHEELS, 6), np.inf)
+    xpos, xmat, cvel = physics.xpos, physics.xmat, physics.cvel
     for step in range(steps):
         for wheel in range(WHEELS):
-            body = bodies[wheel]
+            body = physics.wheels[wheel]
             for axis in range(3):
-                centres[wheel, axis] = xpos[body, axis]
-                spins[wheel, axis] = cvel[body, axis]
+                bodies.centres[wheel, axis] = xpos[body, axis]
+                bodies.spins[wheel, axis] = cvel[body, axis]
                 for other in range(3):
-                    rotations[wheel, axis, other] = xmat[body, 3 * axis + other]
-            _velocity(xpos[body], cvel[body], subtree_com[1], velocities[wheel])
-        forces[:], torques[:], readings[:] = 0.0, 0.0, 0.0
-        _look(state, owner, x0, y0, cell, shapes, centres, rotations, clearance, tops, seen)
-        _work(slips, slip_length, shapes, rotations, velocities, spins, dt)
-        _press(
-            state, normals, owner, x0, y0, cell, shapes, centres, rotations, velocities, spins, slips,
-            tops, law, normal_of_terrain, clearance, shear_cap, dt, forces, torques, readings,
-        )  # fmt: skip
-        if every > 0 and (done + step + 1) % every == 0:
-            _bulldoze(
-                state, normals, owner, x0, y0, cell, shapes, centres, rotations,
-                weights, share, headroom, climb, sweeps,
-            )  # fmt: skip
-            seen[:] = np.inf
+                    bodies.rotations[wheel, axis, other] = xmat[body, 3 * axis + other]
+            _velocity(xpos[body], cvel[body], physics.subtree_com[1], bodies.velocities[wheel])
+        loads.forces[:], loads.torques[:], loads.readings[:] = 0.0, 0.0, 0.0
+        _update_tops(ground, bodies, tops, looked_up)
+        update_slips(bodies, SLIP_LENGTH, dt)
+        press_nodes(ground, bodies, tops, law, dt, loads)
+        if (done + step + 1) % bulldozing.every == 0:
+            bulldoze_nodes(ground, bodies, bulldozing)
+            looked_up[:] = np.inf
         for wheel in range(WHEELS):
             for axis in range(3):
-                xfrc[bodies[wheel], axis] = forces[wheel, axis]
-                xfrc[bodies[wheel], 3 + axis] = torques[wheel, axis]
-        before[:] = qvel
-        _step2(model, data)
-        _account(before, qvel, qfrc_constraint, actuator_force, readings, servo, dt, account)
-        _note_contacts(sensors, rotations, done + step, first, last)
-        _step1(model, data)
+                physics.xfrc_applied[physics.wheels[wheel], axis] = loads.forces[wheel, axis]
+                physics.xfrc_applied[physics.wheels[wheel], 3 + axis] = loads.torques[wheel, axis]
+        before[:] = physics.qvel
+        _step2(physics.model, physics.data)
+        _add_work(before, physics, loads.readings, servos, dt, records.account)
+        _note_contacts(physics.contacts, bodies.rotations, done + step, records.first, records.last)
+        _step1(physics.model, physics.data)
 
 
 @njit()
@@ -129,20 +165,19 @@ def _velocity(centre, cvel, com, velocity):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def describe(  # type: ignore[no-untyped-def]
-    xpos, xmat, cvel, subtree_com, qvel, qfrc_constraint, actuator_force, bodies,
-    qpos, xquat, forces, readings, state, x0, y0, cell, shapes, table,
-):  # fmt: skip
-    """Fill `table` (4, columns) with a wheel's part of a trace's row a row, contacts as if there were no rocks."""
+def describe(physics, ground, shapes, loads, table):  # type: ignore[no-untyped-def]
+    """Fill `table` (4, columns), a row a wheel, with its part of a trace's row; contacts with rocks are left out."""
+    xpos, xmat, qvel, state = physics.xpos, physics.xmat, physics.qvel, ground.state
     velocity = np.empty(3)
     for wheel in range(WHEELS):
-        row, body, first = table[wheel], bodies[wheel], FIRST_DOF + DOFS * wheel
+        row, body, first = table[wheel], physics.wheels[wheel], FIRST_DOF + DOFS * wheel
         radius = shapes[wheel, RADIUS]
-        row[0], row[1], row[2] = qpos[first + 1 + STEER], qpos[first + 1 + LIFT], qpos[first + 1 + SPIN]
+        angles = physics.qpos[first + 1 : first + 1 + DOFS]
+        row[0], row[1], row[2] = angles[STEER], angles[LIFT], angles[SPIN]
         row[3] = qvel[first + SPIN]
-        row[4:7], row[7:11] = xpos[body], xquat[body]
+        row[4:7], row[7:11] = xpos[body], physics.xquat[body]
         ax, ay = xmat[body, 1], xmat[body, 4]
-        _velocity(xpos[body], cvel[body], subtree_com[1], velocity)
+        _velocity(xpos[body], physics.cvel[body], physics.subtree_com[1], velocity)
         row[11] = _slip(qvel[first + SPIN] * radius, velocity[0] * ay - velocity[1] * ax)
         # Below the level from which sinkage counts, and below the original one. A mean over the rim's inner part: what
         # was pushed up along its edges is not what it sank from.
@@ -150,8 +185,8 @@ def describe(  # type: ignore[no-untyped-def]
         start = original = 0.0
         for part in range(5):
             across = (0.3 * part - 0.6) * shapes[wheel, HALF_WIDTH]
-            node_row = _nearest_node((xpos[body, 1] + across * ay - y0) / cell, len(state))
-            node_column = _nearest_node((xpos[body, 0] + across * ax - x0) / cell, state.shape[1])
+            node_row = _nearest_node((xpos[body, 1] + across * ay - ground.y0) / ground.cell, len(state))
+            node_column = _nearest_node((xpos[body, 0] + across * ax - ground.x0) / ground.cell, state.shape[1])
             if node_row < 0 or node_column < 0:
                 start = original = np.nan
                 break
@@ -159,9 +194,9 @@ def describe(  # type: ignore[no-untyped-def]
             original += state[node_row, node_column, ORIGINAL] / 5
         row[12], row[13] = start - lowest, original - lowest
         # What rocks bear passes through the suspension's constraint force; the soil's force is known.
-        row[14] = forces[wheel, 2] + qfrc_constraint[first + LIFT]
-        row[15] = actuator_force[WHEELS + wheel]
-        row[16] = 1.0 if readings[wheel, 3] > 0 else 0.0
+        row[14] = loads.forces[wheel, 2] + physics.qfrc_constraint[first + LIFT]
+        row[15] = physics.actuator_force[WHEELS + wheel]
+        row[16] = 1.0 if loads.readings[wheel, AREA] > 0 else 0.0
 
 
 @njit()
@@ -183,49 +218,49 @@ def _slip(rim, forward):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def _look(state, owner, x0, y0, cell, shapes, centres, rotations, clearance, tops, seen):  # type: ignore[no-untyped-def]
+def _update_tops(ground, bodies, tops, looked_up):  # type: ignore[no-untyped-def]
     """Keep `tops`: heights above which no wheel touches or lets go a node, so that most of its window can be left out.
 
-    Looked up anew once a wheel has moved by a cell from where it was `seen`, or its axle rotated by as much.
+    Computed anew once a wheel has moved by a cell from where it was `looked_up`, or its axle rotated by as much.
     """
-    rows, columns = owner.shape
+    shapes, centres, rotations = bodies.shapes, bodies.centres, bodies.rotations
     for wheel in range(len(shapes)):
         far = 0.0
         for axis in range(3):
-            rotated = abs(rotations[wheel, axis, 1] - seen[wheel, 3 + axis]) * shapes[wheel, RADIUS]
-            far = max(far, abs(centres[wheel, axis] - seen[wheel, axis]) * (axis < 2), rotated)
-        if far <= cell:
+            rotated = abs(rotations[wheel, axis, 1] - looked_up[wheel, 3 + axis]) * shapes[wheel, RADIUS]
+            far = max(far, abs(centres[wheel, axis] - looked_up[wheel, axis]) * (axis < 2), rotated)
+        if far <= ground.cell:
             continue
         for axis in range(3):
-            seen[wheel, axis], seen[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
-        nodes = window(shapes[wheel], centres[wheel], rotations[wheel], x0, y0, cell, rows, columns)
-        tops[wheel] = _highest(state, owner, nodes, 3) + clearance + LET_GO
+            looked_up[wheel, axis], looked_up[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
+        nodes = window(ground, shapes[wheel], centres[wheel], rotations[wheel])
+        tops[wheel] = highest_start(ground, nodes, 3) + CLEARANCE + LET_GO
 
 
 @njit()
-def _account(before, qvel, qfrc_constraint, actuator_force, readings, servo, dt, account):  # type: ignore[no-untyped-def]
+def _add_work(before, physics, readings, servos, dt, account):  # type: ignore[no-untyped-def]
     """Add a step's work.
 
     What MuJoCo integrates works over the mean of the speeds before and after the step, and drives and dampers act as at
     its end, as the integrator has it; what the soil takes is its own reckoning at its start. So the balance stays open
     by what the soil's forces gain from a step that is too long.
     """
-    gain, limit = servo[0], servo[1]
+    qvel, actuator_force = physics.qvel, physics.actuator_force
     for dof in range(len(qvel)):
-        account[ROCK] -= 0.5 * (before[dof] + qvel[dof]) * qfrc_constraint[dof] * dt
+        account[ROCK] -= 0.5 * (before[dof] + qvel[dof]) * physics.qfrc_constraint[dof] * dt
     for wheel in range(WHEELS):
         first = FIRST_DOF + DOFS * wheel
         steer, spin = first + STEER, first + SPIN
         torque = actuator_force[WHEELS + wheel]
-        if abs(torque) < limit:
-            torque -= gain * (qvel[spin] - before[spin])
+        if abs(torque) < servos.torque_limit:
+            torque -= servos.gain * (qvel[spin] - before[spin])
         driving = 0.5 * (before[spin] + qvel[spin]) * torque * dt
         work = driving + 0.5 * (before[steer] + qvel[steer]) * actuator_force[wheel] * dt
         account[MOTOR] += work
         account[MOTOR_OF + wheel] += work
         for joint in range(DOFS):
             dof = first + joint
-            account[DAMPER] += 0.5 * (before[dof] + qvel[dof]) * servo[2 + joint] * qvel[dof] * dt
-        account[SOIL] += readings[wheel, 2] * dt
-        account[SOIL_OF + wheel] += readings[wheel, 2] * dt
+            account[DAMPER] += 0.5 * (before[dof] + qvel[dof]) * servos.damping[joint] * qvel[dof] * dt
+        account[SOIL] += readings[wheel, POWER] * dt
+        account[SOIL_OF + wheel] += readings[wheel, POWER] * dt
         account[DRIVING] += abs(driving)

@@ -16,12 +16,12 @@ from polarsim.rover.drive.control import MODES, Command, steer
 from polarsim.rover.drive.mjcf import compile_model, import_mujoco
 from polarsim.rover.drive.state import EDGE, OffGridError, Start, State, heading_of
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS
-from polarsim.rover.soil.bulldozing import Bulldozing, taps
+from polarsim.rover.soil.bulldozing import EVERY_S, Bulldozing
+from polarsim.rover.soil.contact import Loads
 from polarsim.rover.soil.law import Soil
 from polarsim.rover.soil.nodes import make_ground
 from polarsim.rover.soil.options import SoilOptions
-from polarsim.rover.soil.shapes import Wheel
-from polarsim.rover.soil.shapes import reach as reach_of
+from polarsim.rover.soil.shapes import Bodies, Wheel
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.hulls import rock_parts, under_rocks
 from polarsim.rover.world.surface import World
@@ -65,17 +65,13 @@ class Simulation:
 
         self._kernels = mujoco_kernels
         self.world, self.vehicle, self.options = world, vehicle, options or SoilOptions()
-        if self.options.scale_by_gravity:
-            soil = soil.at_gravity(self.options.gravity_m_s2)
-        self.soil, self._law = soil, soil.law(self.options.slip_sinkage)
+        self.soil = soil.at_gravity(self.options.gravity_m_s2)
+        self._law = self.soil.law(self.options.slip_sinkage)
         energy.require_small_step(vehicle, self._law, self.options)
         parts = rock_parts(world)
         self.rocks = np.array(list(dict.fromkeys(part.rock for part in parts)), int)  # that can be met, by number
         self.rock_deviation_m = max((part.deviation_m for part in parts), default=0.0)  # of physics from meshes
         self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
-        # Rims alone: cells are too coarse to see a grouser.
-        rims = [Wheel(wheel.radius_m, wheel.width_m) for wheel in vehicle.wheels]
-        self._shapes = np.array([rim.numbers(world.cell) for rim in rims])
         self.model = compile_model(vehicle, parts, self.options.gravity_m_s2, self.options.step_s)
         self.data = self._mujoco.MjData(self.model)
         self._wire()
@@ -101,29 +97,29 @@ class Simulation:
     @property
     def account(self) -> energy.Account:
         """Where the energy went since `zero`."""
-        return energy.Account.of(self._account, self._mechanical() - self._energy_zero)
+        return energy.Account.of(self._records.account, self._mechanical() - self._energy_zero)
 
     def zero(self) -> None:
         """Count time and energy from here, once the rover has settled: from now on the balance is guarded."""
         self.guarded = True
         self.time_zero = self.steps
-        self._account[:] = 0.0
+        self._records.account[:] = 0.0
         self._energy_zero = self._mechanical()
-        self._first[:], self._last[:] = NO_CONTACT, NO_CONTACT
+        self._records.first[:], self._records.last[:] = NO_CONTACT, NO_CONTACT
 
     def wheel_contacts(self) -> pd.DataFrame:
         """Return the rocks that wheels touched since `zero`: `rock`, `part` (tread, flank), `time_s` when first.
 
         They are MuJoCo's contacts at each step: what wheels touch is what bears them.
         """
-        rows, parts = np.nonzero(self._first >= 0)
-        steps = self._first[rows, parts] - self.time_zero
+        rows, parts = np.nonzero(self._records.first >= 0)
+        steps = self._records.first[rows, parts] - self.time_zero
         found = {"rock": self.rocks[rows], "part": np.array(PARTS, object)[parts], "time_s": steps * self.dt}
         return pd.DataFrame(found).sort_values(["time_s", "rock"], ignore_index=True)
 
     def rocks_touched_since(self, steps: int) -> frozenset[int]:
         """Return the numbers of the rocks that a wheel touched at or after a step, counted as `steps` counts."""
-        return frozenset(self.rocks[self._last >= steps].tolist())
+        return frozenset(self.rocks[self._records.last >= steps].tolist())
 
     def apply(self, command: Command) -> None:
         """Command all wheels; steering follows at the rate that the vehicle can."""
@@ -140,13 +136,13 @@ class Simulation:
             The state is not finite, or the energy balance is open by more than its bound.
         """
         steps = max(round(seconds / self.dt), 1)
-        self._require_inside(self.data.xpos[self._bodies])
+        self._require_inside(self.data.xpos[self._physics.wheels])
         self._steer(steps * self.dt)
         self._run(steps)
         if not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
             raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
         if self.guarded:
-            energy.require_closed(self.account, self.options.energy_bound, self.time)
+            energy.require_closed(self.account, self.time)
 
     def state(self) -> State:
         """What can be known of this instant."""
@@ -160,7 +156,7 @@ class Simulation:
             acceleration=data.sensordata[:3].copy(),
             command=self.command,
             energy_open=self.account.open,
-            wheels=self._wheels(),
+            wheels=self._wheel_table(),
         )
 
     def save(self, path: str | Path, **more: np.ndarray) -> None:
@@ -175,17 +171,17 @@ class Simulation:
             physics=physics,
             ground=self.ground.state,
             owner=self.ground.owner,
-            forces=self._forces,
-            readings=self._readings,
+            forces=self._loads.forces,
+            readings=self._loads.readings,
             slips=self._slips,
             constraint=self.data.qfrc_constraint,
             actuator=self.data.actuator_force,
             sensor=self.data.sensordata,
-            account=self._account,
+            account=self._records.account,
             counts=np.array([self.steps, self.time_zero, self.guarded]),
             energy_zero=np.float64(self._energy_zero),
-            first=self._first,
-            last=self._last,
+            first=self._records.first,
+            last=self._records.last,
             friction=self.model.dof_frictionloss,
             command=np.array([command.speed_m_s, command.steer_rad, MODES.index(command.mode), command.crab_rad]),
             **more,
@@ -214,8 +210,9 @@ class Simulation:
         self._mujoco.mj_step1(self.model, self.data)
         self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
         self._slips[:] = saved["slips"]
-        self._first[:], self._last[:] = saved["first"], saved["last"]
-        self._forces[:], self._readings[:], self._account[:] = saved["forces"], saved["readings"], saved["account"]
+        loads, records = self._loads, self._records
+        records.first[:], records.last[:], records.account[:] = saved["first"], saved["last"], saved["account"]
+        loads.forces[:], loads.readings[:] = saved["forces"], saved["readings"]
         self.data.qfrc_constraint[:], self.data.actuator_force[:] = saved["constraint"], saved["actuator"]
         self.data.sensordata[:] = saved["sensor"]
         self.steps, self.time_zero = (int(count) for count in saved["counts"][:2])
@@ -235,51 +232,45 @@ class Simulation:
             raise OffGridError(error.reason) from error
 
     def _wire(self) -> None:
-        """Views of MuJoCo's memory and room for what the kernel writes."""
-        # MuJoCo's bindings have no public name for where its structures are; pyproject.toml pins the version.
-        self._addresses = self.model._address, self.data._address
-        data, vehicle = self.data, self.vehicle
-        named = [self.model.body(f"{code}_wheel").id for code in WHEELS]
-        self._bodies = np.array(named, np.int64)
+        """Views of MuJoCo's memory and arrays for the kernel's results."""
+        data, vehicle, kernels, count = self.data, self.vehicle, self._kernels, len(WHEELS)
         rims = {self.model.geom(f"{code}_rim").id: number for number, code in enumerate(WHEELS)}
         self._wheel_of_geom = [rims.get(geom, NO_WHEEL) for geom in range(self.model.ngeom)]
-        self._views = (
-            data.xpos, data.xmat, data.cvel, data.subtree_com, data.xfrc_applied, data.qvel, data.qfrc_constraint,
-            data.actuator_force, self._bodies,
-            np.array(
-                [
-                    vehicle.drive.gain_n_m_s_rad, vehicle.drive.torque_limit_n_m, vehicle.suspension.damping_n_s_m,
-                    vehicle.steering.damping_n_m_s_rad, vehicle.drive.damping_n_m_s_rad,
-                ]
-            ),
+        # MuJoCo's bindings have no public name for the addresses of their structures; pyproject.toml pins the version.
+        self._physics = kernels.Physics(
+            self.model._address, data._address, data.xpos, data.xmat, data.xquat, data.cvel, data.subtree_com,
+            data.xfrc_applied, data.qpos, data.qvel, data.qfrc_constraint, data.actuator_force,
+            data.sensordata[3:],  # after the accelerometer
+            np.array([self.model.body(f"{code}_wheel").id for code in WHEELS], np.int64),
         )  # fmt: skip
-        self._forces, self._torques, self._readings = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 4))
-        self._slips = np.zeros(4)  # at which the soil under each wheel was worked lately
-        self._account = np.zeros(self._kernels.SIZE)
+        damping = vehicle.suspension.damping_n_s_m, vehicle.steering.damping_n_m_s_rad, vehicle.drive.damping_n_m_s_rad
+        self._servos = kernels.Servos(
+            vehicle.drive.gain_n_m_s_rad, vehicle.drive.torque_limit_n_m, np.array(damping, float)
+        )
+        rims_of_soil = [Wheel(wheel.radius_m, wheel.width_m) for wheel in vehicle.wheels]
+        self._slips = np.zeros(count)  # recent slips of the wheels
+        self._wheels = Bodies(
+            np.array([rim.numbers() for rim in rims_of_soil]), np.zeros((count, 3)), np.zeros((count, 3, 3)),
+            np.zeros((count, 3)), np.zeros((count, 3)), self._slips,
+        )  # fmt: skip
+        self._loads = Loads.zeros(count)
+        rocks = len(self.rocks)
+        self._records = kernels.Records(
+            np.zeros(kernels.SIZE), np.full((rocks, 2), NO_CONTACT), np.full(rocks, NO_CONTACT)
+        )
+        self._bulldozing = Bulldozing(every=max(round(EVERY_S / self.dt), 1)).on(self.ground.cell)
         self._energy_zero = 0.0
-        self._first, self._last = np.full((len(self.rocks), 2), NO_CONTACT), np.full(len(self.rocks), NO_CONTACT)
-        self._contact_sensors = data.sensordata[3:]  # behind the accelerometer
-        self._reach = reach_of(self._shapes)
+        self._reach = max(rim.reach for rim in rims_of_soil)
         self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
         self._wheels_xy = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
         self._steer_limit = math.radians(vehicle.steering.limit_deg)
-        ground, options = self.ground, self.options.bulldozing
-        reach = self._reach + EDGE
+        ground, reach = self.ground, self._reach + EDGE
         self._inside = (ground.x0 + reach, ground.y0 + reach, ground.x[-1] - reach, ground.y[-1] - reach)
-        rule, moved = self.options.rule, options.rule(self.dt) if options else Bulldozing(every=0)
-        self._rules = (
-            self._law, rule.normal_of_terrain, rule.clearance, rule.shear_cap, rule.slip_length,
-            taps(moved, ground.cell), moved.share, moved.headroom,
-            ground.cell * math.tan(math.radians(moved.angle_deg)), moved.sweeps, moved.every,
-        )  # fmt: skip
 
     def _run(self, steps: int) -> None:
-        ground = self.ground
         self._kernels.advance(
-            *self._addresses, steps, self.steps, self.dt, *self._views,
-            ground.state, ground.normals, ground.owner, ground.x0, ground.y0, ground.cell, self._shapes,
-            self._slips, *self._rules, self._forces, self._torques, self._readings, self._account,
-            self._contact_sensors, self._first, self._last,
+            self._physics, self._servos, self.ground, self._wheels, self._law, self._bulldozing, self._loads,
+            self._records, steps, self.steps, self.dt,
         )  # fmt: skip
         self.steps += steps
 
@@ -336,15 +327,12 @@ class Simulation:
         """Kinetic and potential energy, of the springs as well, J."""
         return float(self.data.energy[0] + self.data.energy[1])
 
-    def _wheels(self) -> np.ndarray:
+    def _wheel_table(self) -> np.ndarray:
+        """(4, len(WHEEL_COLUMNS)) of this instant."""
         table = np.empty((len(WHEELS), len(WHEEL_COLUMNS)))
-        ground, data = self.ground, self.data
-        self._kernels.describe(
-            data.xpos, data.xmat, data.cvel, data.subtree_com, data.qvel, data.qfrc_constraint, data.actuator_force,
-            self._bodies, data.qpos, data.xquat, self._forces, self._readings,
-            ground.state, ground.x0, ground.y0, ground.cell, self._shapes, table,
-        )  # fmt: skip
-        on_rock = {self._wheel_of_geom[geom] for geoms in data.contact.geom.tolist() for geom in geoms} - {NO_WHEEL}
+        self._kernels.describe(self._physics, self.ground, self._wheels.shapes, self._loads, table)
+        geoms = self.data.contact.geom.ravel().tolist()
+        on_rock = {self._wheel_of_geom[geom] for geom in geoms} - {NO_WHEEL}
         table[list(on_rock), WHEEL_COLUMNS.index("contact")] += CONTACTS.index("rock")
         return table
 

@@ -1,1 +1,1 @@
-"""Ground that gives way under wheels: its law, contact and displaced soil by two engines, checks without a rover."""
+"""Ground that gives way: soils (`law`), grid (`nodes`), wheels (`shapes`), `contact`, displaced soil (`bulldozing`)."""

@@ -1,29 +1,44 @@
-"""Soil that a wheel displaces piles up beside and before it, and slides where it is too steep: the reference.
+"""Displaced soil piles up on both sides of a wheel and ahead of it, and slides where it is too steep; compiled.
 
-The rule of volume: of what is pressed down, a share moves aside and the rest compacts; sliding keeps volume. Chrono
-puts displaced soil on the one ring of nodes around a patch and slides at 55 degrees, which leaves a saw of single nodes
-along ruts; here it is spread over a few centimetres and slides at the angle at which loose sand rests.
+The rule of volume: of the pressed volume a share moves aside and the rest compacts; sliding keeps volume. Chrono puts
+displaced soil on the one ring of nodes around a patch and slides at 55 degrees, which leaves a saw of single nodes
+along ruts; here soil is spread over a few centimetres and slides at the angle at which loose sand rests. The reference
+in NumPy is `tests/reference/soil.py`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from polarsim.kernels import njit
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
-from polarsim.rover.soil.shapes import Bodies, half_extent, intersect
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, Bodies, clear, intersect, window
 
-TAPS = 5.0  # the spread is followed so many times as far as it is wide
-MOVED = 0.2  # of the excess height between two neighbours in one sweep; 0.25 is where sweeps start to swing
+TAPS = 5.0  # reach of the spread over its standard deviation
+MOVED = 0.2  # of the excess height between two neighbours in one sweep; from 0.25 on, sweeps oscillate
 SQRT2 = math.sqrt(2.0)
 DISTURBED = 1e-5  # m: ground that no wheel changed does not slide
+EVERY_S = 0.01  # between two moves of displaced soil in a drive
+
+
+class Spreading(NamedTuple):
+    """`Bulldozing` on a grid, for the kernels."""
+
+    weights: np.ndarray  # (2 r + 1,) of the spread along one axis
+    share: float
+    headroom: float
+    climb: float  # m between neighbours, above which soil slides
+    sweeps: int
+    every: int
 
 
 @dataclass(frozen=True)
 class Bulldozing:
-    """Where displaced soil goes."""
+    """Rules for displaced soil."""
 
     share: float = 0.5  # of the pressed volume that moves aside; the rest compacts
     spread: float = 0.03  # m, standard deviation of the distance that soil is pushed
@@ -32,121 +47,192 @@ class Bulldozing:
     sweeps: int = 3
     every: int = 10  # steps of the contact
 
-
-def taps(rule: Bulldozing, cell: float) -> np.ndarray:
-    """(2 r + 1,) weights of the spread along one axis."""
-    reach = max(math.ceil(TAPS * rule.spread / cell), 1)
-    return np.exp(-0.5 * (np.arange(-reach, reach + 1) * cell / rule.spread) ** 2)
+    def on(self, cell: float) -> Spreading:
+        """For a grid with cells of this side, m."""
+        reach = max(math.ceil(TAPS * self.spread / cell), 1)
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * cell / self.spread) ** 2)
+        climb = cell * math.tan(math.radians(self.angle_deg))
+        return Spreading(weights, self.share, self.headroom, climb, self.sweeps, self.every)
 
 
 def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
     """Move aside what the bodies pressed since the last call, then let it slide around them."""
-    weights = taps(rule, ground.cell)
-    climb = ground.cell * math.tan(math.radians(rule.angle_deg))
-    for body in range(len(bodies.numbers)):
-        inner = ground.window(bodies.centres[body], half_extent(bodies.numbers[body], bodies.rotations[body]))
-        pressed = _sources(ground, inner)
-        if pressed is None:
-            continue
-        outer = _wider(ground, pressed, len(weights) // 2)
-        _push(ground, bodies, body, outer, weights, rule)
-        for _ in range(rule.sweeps):
-            slide(ground, outer, climb)
+    if bodies.slips is None:  # unused here, but kernels take arrays
+        bodies = bodies._replace(slips=np.zeros(len(bodies.shapes)))
+    bulldoze_nodes(ground, bodies, rule.on(ground.cell))
 
 
 def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
-    """Let disturbed ground everywhere slide until it rests, for pictures: a wheel's own sweeps stop half-way.
+    """Let disturbed ground everywhere slide until it rests, for pictures: the sweeps during a drive stop half-way.
 
-    It rests when no sweep moves a level by more than `still_m`: a long slope creeps on at a rate far below its excess.
-    Soil slides across corners too, so no slope in any of eight directions stays steeper; between them the gradient is
-    up to 1 / cos(22.5 degrees) of the tangent.
+    The ground is at rest when no sweep moves a level by more than `still_m`: a long slope creeps on at a rate far below
+    its excess. Soil slides across corners too, so no slope in any of eight directions stays steeper; between them the
+    gradient is up to 1 / cos(22.5 degrees) of the tangent.
     """
-    everywhere = slice(0, ground.owner.shape[0]), slice(0, ground.owner.shape[1])
-    for _ in range(sweeps):
-        if slide(ground, everywhere, ground.cell * math.tan(math.radians(angle_deg)), corners=True) <= still_m:
-            return
+    _slide(ground.state, ground.owner, ground.cell * math.tan(math.radians(angle_deg)), sweeps, still_m, True)
 
 
-def slide(ground: Ground, part: tuple[slice, slice], climb: float, corners: bool = False) -> float:
-    """One sweep over a part of the grid: neighbours whose levels differ by more than `climb` exchange soil.
-
-    With `corners` nodes across a corner are neighbours too, sqrt(2) as far away. Returns the largest change of a level,
-    m.
-    """
-    state, owner = ground.state[part], ground.owner[part]
-    level = state[..., LEVEL]
-    disturbed = np.abs(level - state[..., ORIGINAL]) > DISTURBED
-    free = owner == FREE
-    change = np.zeros_like(level)
-    every, but_last, but_first = slice(None), slice(None, -1), slice(1, None)
-    pairs = [
-        ((every, but_last), (every, but_first), climb, MOVED),
-        ((but_last, every), (but_first, every), climb, MOVED),
-    ]
-    if corners:
-        pairs += [
-            ((but_last, but_last), (but_first, but_first), SQRT2 * climb, MOVED / 2),
-            ((but_last, but_first), (but_first, but_last), SQRT2 * climb, MOVED / 2),
-        ]
-    for one, two, rests, share in pairs:
-        step = level[two] - level[one]
-        may = free[one] & free[two] & (disturbed[one] | disturbed[two])
-        moved = np.where(may, share * np.sign(step) * np.maximum(np.abs(step) - rests, 0.0), 0.0)
-        change[one] += moved
-        change[two] -= moved
-    state[..., LEVEL] += change
-    state[..., START] += change
-    return float(np.abs(change).max())
+@njit()
+def bulldoze_nodes(ground, bodies, rule):  # type: ignore[no-untyped-def]
+    rows, columns = ground.owner.shape
+    by, cell = len(rule.weights) // 2, ground.cell
+    for body in range(len(bodies.shapes)):
+        shape, centre, rotation = bodies.shapes[body], bodies.centres[body], bodies.rotations[body]
+        nodes = _sources(ground.state, ground.owner, window(ground, shape, centre, rotation))
+        if nodes[0] >= nodes[1]:
+            continue
+        top, bottom = max(nodes[0] - by, 0), min(nodes[1] + by, rows)
+        left, right = max(nodes[2] - by, 0), min(nodes[3] + by, columns)
+        part, owners = ground.state[top:bottom, left:right], ground.owner[top:bottom, left:right]
+        slopes = ground.normals[top:bottom, left:right]
+        dx, dy = ground.x0 + cell * left - centre[0], ground.y0 + cell * top - centre[1]
+        _push(part, slopes, owners, shape, centre[2], rotation, dx, dy, cell, rule)
+        _slide(part, owners, rule.climb, rule.sweeps, 0.0, False)
 
 
-def _push(
-    ground: Ground, bodies: Bodies, body: int, part: tuple[slice, slice], weights: np.ndarray, rule: Bulldozing
-) -> None:
-    state, owner, normals = ground.state[part], ground.owner[part], ground.normals[part]
-    pressed = np.where(owner == ROCK, 0.0, state[..., FLOW] / normals[..., 2])
-    y, x = np.meshgrid(ground.y[part[0]], ground.x[part[1]], indexing="ij")
-    hits = intersect(
-        bodies.numbers[body], bodies.centres[body], bodies.rotations[body], x.ravel(), y.ravel(), ground.cell
-    )
-    surface = hits.level.reshape(owner.shape)
-    below = hits.hit.reshape(owner.shape) & (surface - state[..., LEVEL] < rule.headroom)
-    room = ((owner == FREE) & ~below).astype(float)
-    reached = _blur(room, weights)
-    sends = (pressed > 0) & (reached > 0)  # soil without room waits
-    sent = np.where(sends, rule.share * pressed / np.where(sends, reached, 1.0), 0.0)
-    gained = room * _blur(sent, weights)
-    state[..., LEVEL] += gained
-    state[..., START] += gained
-    state[sends, FLOW] = 0
+@njit()
+def _sources(state, owner, nodes):  # type: ignore[no-untyped-def]
+    """Bounds of the nodes of a window that were pressed; empty if none was."""
+    top, bottom, left, right = nodes[1], nodes[0], nodes[3], nodes[2]
+    for row in range(nodes[0], nodes[1]):
+        for column in range(nodes[2], nodes[3]):
+            if state[row, column, FLOW] > 0 and owner[row, column] != ROCK:
+                top, bottom = min(top, row), max(bottom, row + 1)
+                left, right = min(left, column), max(right, column + 1)
+    return top, bottom, left, right
 
 
-def _blur(field: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Sum over neighbours along columns, then along rows; nothing lies outside."""
+@njit()
+def _push(part, slopes, owners, shape, height, rotation, dx, dy, cell, rule):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
+    """Move pressed soil aside in a part of the grid whose first node is at (dx, dy) from the wheel's centre."""
+    ax, ay, az, headroom = rotation[0, 1], rotation[1, 1], rotation[2, 1], rule.headroom
+    rows, columns = owners.shape
+    room, pressed = np.zeros((rows, columns)), np.zeros((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            if owners[row, column] == ROCK:
+                continue
+            if part[row, column, FLOW] > 0:
+                pressed[row, column] = part[row, column, FLOW] / slopes[row, column, 2]
+            if owners[row, column] == FREE:
+                room[row, column] = 1.0
+                if clear(
+                    shape, rotation, dx + cell * column, dy + cell * row, height - headroom - part[row, column, LEVEL]
+                ):
+                    continue
+                met = intersect(ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx + cell * column, dy + cell * row, cell)
+                if met[0] > 0 and height + met[1] - part[row, column, LEVEL] < headroom:
+                    room[row, column] = 0.0
+    reached = _blur_at(pressed, room, rule.weights)
+    for row in range(rows):
+        for column in range(columns):
+            if pressed[row, column] > 0:
+                if reached[row, column] > 0:
+                    pressed[row, column] *= rule.share / reached[row, column]
+                    part[row, column, FLOW] = 0.0
+                else:
+                    pressed[row, column] = 0.0
+    gained = _blur(pressed, rule.weights)
+    for row in range(rows):
+        for column in range(columns):
+            if room[row, column] > 0:
+                part[row, column, LEVEL] += gained[row, column]
+                part[row, column, START] += gained[row, column]
+
+
+@njit()
+def _blur(field, weights):  # type: ignore[no-untyped-def]
+    rows, columns = field.shape
     reach = len(weights) // 2
-    for axis in (1, 0):
-        padded = np.pad(field, [(reach, reach) if axis == k else (0, 0) for k in (0, 1)])
-        length = field.shape[axis]
-        field = sum(
-            weight * np.take(padded, np.arange(at, at + length), axis=axis) for at, weight in enumerate(weights)
-        )
-    return field
+    along, total = np.zeros((rows, columns)), np.zeros((rows, columns))
+    top, bottom = rows, 0
+    for row in range(rows):
+        for column in range(columns):
+            if field[row, column] != 0:  # most nodes send nothing
+                top, bottom = min(top, row), row + 1
+                for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
+                    along[row, other] += weights[other - column + reach] * field[row, column]
+    for row in range(rows):
+        for other in range(max(row - reach, top), min(row + reach + 1, bottom)):
+            weight = weights[other - row + reach]
+            for column in range(columns):
+                total[row, column] += weight * along[other, column]
+    return total
 
 
-def _sources(ground: Ground, part: tuple[slice, slice]) -> tuple[slice, slice] | None:
-    """Bounds of the nodes of a window that were pressed."""
-    rows, columns = np.nonzero((ground.state[part][..., FLOW] > 0) & (ground.owner[part] != ROCK))
-    if not len(rows):
-        return None
-    top, left = part[0].start, part[1].start
-    return (
-        slice(top + int(rows.min()), top + int(rows.max()) + 1),
-        slice(left + int(columns.min()), left + int(columns.max()) + 1),
-    )
+@njit()
+def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
+    """`_blur` where `wanted` is above 0, which is at few nodes; 0 elsewhere."""
+    rows, columns = field.shape
+    reach = len(weights) // 2
+    total = np.zeros((rows, columns))
+    along = np.empty(rows)
+    for column in range(columns):
+        top, bottom = rows, 0
+        for row in range(rows):
+            if wanted[row, column] > 0:
+                top, bottom = min(top, row), max(bottom, row + 1)
+        if top >= bottom:
+            continue
+        for row in range(max(top - reach, 0), min(bottom + reach, rows)):
+            one = 0.0
+            for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
+                one += weights[column - other + reach] * field[row, other]
+            along[row] = one
+        for row in range(top, bottom):
+            if wanted[row, column] > 0:
+                for other in range(max(row - reach, 0), min(row + reach + 1, rows)):
+                    total[row, column] += weights[other - row + reach] * along[other]
+    return total
 
 
-def _wider(ground: Ground, part: tuple[slice, slice], by: int) -> tuple[slice, slice]:
-    rows, columns = (
-        slice(max(side.start - by, 0), min(side.stop + by, count))
-        for side, count in zip(part, ground.owner.shape, strict=True)
-    )
-    return rows, columns
+@njit()
+def _slide(part, owners, climb, sweeps, still, corners):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
+    """All sweeps, or until none moves a level by more than `still`, metres.
+
+    On copies that lie close together, for a node's state is spread over a cache line of its own.
+    """
+    rows, columns = owners.shape
+    level, start, original = np.empty((rows, columns)), np.empty((rows, columns)), np.empty((rows, columns))
+    for row in range(rows):
+        for column in range(columns):
+            level[row, column] = part[row, column, LEVEL]
+            start[row, column] = part[row, column, START]
+            original[row, column] = part[row, column, ORIGINAL]
+    change = np.zeros((rows, columns))
+    sides = 4 if corners else 2
+    for _ in range(sweeps):
+        most = 0.0
+        for row in range(rows):
+            for column in range(columns):
+                for side in range(sides):
+                    # To the right, below, below to the right, below to the left.
+                    to_row, to_column = row + min(side, 1), column + (1, 0, 1, -1)[side]
+                    if to_row == rows or to_column == columns or to_column < 0:
+                        continue
+                    one, two = level[row, column], level[to_row, to_column]
+                    excess = abs(two - one) - (climb if side < 2 else SQRT2 * climb)
+                    if (
+                        excess > 0  # first, for it is rare
+                        and owners[row, column] == FREE
+                        and owners[to_row, to_column] == FREE
+                        and (
+                            abs(one - original[row, column]) > DISTURBED
+                            or abs(two - original[to_row, to_column]) > DISTURBED
+                        )
+                    ):
+                        moved = (MOVED if side < 2 else MOVED / 2) * (excess if two > one else -excess)
+                        change[row, column] += moved
+                        change[to_row, to_column] -= moved
+        for row in range(rows):
+            for column in range(columns):
+                most = max(most, abs(change[row, column]))
+                level[row, column] += change[row, column]
+                start[row, column] += change[row, column]
+                change[row, column] = 0.0
+        if most <= still:
+            break
+    for row in range(rows):
+        for column in range(columns):
+            part[row, column, LEVEL] = level[row, column]
+            part[row, column, START] = start[row, column]

@@ -1,180 +1,209 @@
-"""Soil contact model, the reference: pressure after Bekker and Wong, shear after Janosi and Hanamoto, node by node.
+"""Soil contact: pressure after Bekker and Wong, shear after Janosi and Hanamoto, node by node, compiled.
 
 After Krenn and Hirzinger (2008, 2011) and Chrono's `SCMTerrain` (Serban, Taves and Zhou, J. Comput. Nonlinear Dyn.
-2023, doi 10.1115/1.4056851), with these differences: the force stands on the wheel's surface, not on the ground's,
-unless asked for; shear displacement is a vector, so a standing wheel does not creep, and starts anew once its node has
-been clear; only the elastic branches are damped, for damping of plastic flow would bear load that soil does not.
+2023, doi 10.1115/1.4056851), with these differences: the force acts normal to the wheel's surface, not to the ground's;
+shear displacement is a vector, so a wheel at rest does not creep, and restarts once its node has been clear; only the
+elastic branches are damped, for damping of plastic flow would bear load that soil does not. The reference in NumPy is
+`tests/reference/soil.py`.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from polarsim.kernels import njit
 from polarsim.rover.soil.law import ContactLaw
-from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, PLASTIC, ROCK, SHEAR_X, SHEAR_Z, START, YIELD, Ground
-from polarsim.rover.soil.shapes import INVERSE_WIDTH, KIND, RADIUS, WHEEL, Bodies, half_extent, intersect
+from polarsim.rover.soil.nodes import (
+    FLOW,
+    FREE,
+    LEVEL,
+    ORIGINAL,
+    PLASTIC,
+    ROCK,
+    SHEAR_X,
+    SHEAR_Y,
+    SHEAR_Z,
+    START,
+    YIELD,
+    Ground,
+)
+from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, Bodies, dot, intersect, low_window
 
 STEEPEST = 0.25  # vertical part of a surface's normal: a wheel's flank is at most four times as large as its cell
-SLOWEST_RIM = 1e-3  # m/s, a wheel that turns more slowly has no slip to speak of
-READINGS = ("sinkage", "depth", "power", "area")
+SLOWEST_RIM = 1e-3  # m/s, the slip of a slower wheel counts as 0
+CLEARANCE = 0.003  # m above the soil at which a node forgets its shear
+SHEAR_CAP = 6.0  # of K: maximum shear displacement that is stored
+# m of the rim's travel over which a change of slip takes effect, about the length of the contact: slip digs by carrying
+# soil away. A wheel that has turned on the spot by a millimetre is at slip 1 but has dug nothing.
+SLIP_LENGTH = 0.1
+DEPTH, DEPTH_ORIGINAL, POWER, AREA = range(4)  # readings
 
 
-@dataclass(frozen=True)
-class Rule:
-    """How the law is applied."""
-
-    normal_of_terrain: bool = False  # as Chrono: forces on the ground's normal instead of the wheel's
-    clearance: float = 0.003  # m above the soil at which a node forgets its shear
-    shear_cap: float = 6.0  # of K: shear displacement that is remembered at most
-    slip_length: float = 0.1  # m of the rim's travel in which the soil comes to know a slip; 0: at once
-
-
-@dataclass(frozen=True)
-class Wrenches:
-    """On the bodies from the soil."""
+class Loads(NamedTuple):
+    """Forces of the soil on the wheels, changed in place by the kernel."""
 
     forces: np.ndarray  # (k, 3) N
     torques: np.ndarray  # (k, 3) N m about the centres
-    readings: np.ndarray  # (k, 4): depth below the start level and below the original ground, m; power taken, W; area
+    readings: np.ndarray  # (k, 4): depth below the start level and below the original one, m; power taken, W; area, m2
+
+    @classmethod
+    def zeros(cls, count: int) -> Loads:
+        return cls(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 4)))
 
 
-def press(ground: Ground, bodies: Bodies, law: ContactLaw, rule: Rule, dt: float) -> Wrenches:
-    """One step of the contact of all bodies, in their order; changes `ground`."""
-    count = len(bodies.numbers)
-    forces, torques, readings = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, len(READINGS)))
-    slips = worked_slips(bodies, rule, dt)
-    for body in range(count):
-        exponent = law.n + law.n_slip * float(slips[body])
-        forces[body], torques[body], readings[body] = _press_one(ground, bodies, body, law, exponent, rule, dt)
-    return Wrenches(forces, torques, readings)
+def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
+    """One step of the contact of all wheels, in their order; changes `ground` and `bodies.slips`."""
+    count = len(bodies.shapes)
+    length = 0.0 if bodies.slips is None else SLIP_LENGTH
+    if bodies.slips is None:
+        bodies = bodies._replace(slips=np.zeros(count))
+    loads = Loads.zeros(count)
+    update_slips(bodies, length, dt)
+    press_nodes(ground, bodies, np.full(count, np.inf), law, dt, loads)
+    return loads
 
 
-def worked_slips(bodies: Bodies, rule: Rule, dt: float) -> np.ndarray:
-    """(k,) slips that count for sinkage, after a step more; changes `bodies.slips`.
+@njit()
+def highest_start(ground, nodes, margin):  # type: ignore[no-untyped-def]
+    """Highest level from which sinkage counts in a window and a margin of nodes round it."""
+    owner = ground.owner
+    top, rows, columns = -np.inf, owner.shape[0], owner.shape[1]
+    for row in range(max(nodes[0] - margin, 0), min(nodes[1] + margin, rows)):
+        for column in range(max(nodes[2] - margin, 0), min(nodes[3] + margin, columns)):
+            if owner[row, column] != ROCK:
+                top = max(top, ground.state[row, column, START])
+    return top
 
-    Slip digs by carrying soil away, which takes some travel: a wheel that has turned on the spot by a millimetre is at
-    slip 1 but has dug nothing. So a slip comes to tell over about the length of the contact. Steady slip digs at once.
+
+@njit()
+def update_slips(bodies, length, dt):  # type: ignore[no-untyped-def]
+    """Update the slips that count for sinkage: running means over `length` metres of travel, in place.
+
+    Slip is 0 to 1; 0 for a wheel that is towed, braked or at rest.
     """
-    count = len(bodies.numbers)
-    slips, length = (np.zeros(count), 0.0) if bodies.slips is None else (bodies.slips, rule.slip_length)
-    for body in range(count):
-        state = bodies.numbers[body], bodies.rotations[body], bodies.velocities[body], bodies.spins[body]
-        rim, forward = _speeds(*state)
+    slips = bodies.slips
+    for body in range(len(bodies.shapes)):
+        rotation, velocity = bodies.rotations[body], bodies.velocities[body]
+        ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
+        rim, level = dot(bodies.spins[body], ax, ay, az) * bodies.shapes[body, RADIUS], math.hypot(ax, ay)
+        forward = (velocity[0] * ay - velocity[1] * ax) / level if level > 0 else 0.0
+        slip = 0.0
+        if abs(rim) >= SLOWEST_RIM and level > 0:
+            slip = min(max(1 - forward / rim, 0.0), 1.0)
         kept = math.exp(-max(abs(rim), abs(forward)) * dt / length) if length > 0 else 0.0
-        slips[body] = kept * slips[body] + (1 - kept) * slip_of(*state)
-    return slips
+        slips[body] = kept * slips[body] + (1 - kept) * slip
 
 
-def _speeds(numbers: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> tuple[float, float]:
-    """Of the rim, and of the wheel itself ahead over level ground, m/s."""
-    axle = rotation[:, 1]
-    level = float(np.hypot(axle[0], axle[1]))
-    forward = float(velocity[0] * axle[1] - velocity[1] * axle[0]) / level if level > 0 else 0.0
-    return float(spin @ axle) * float(numbers[RADIUS]), forward
+@njit(error_model="numpy")
+def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
+    """Press all wheels on the ground, nodes above `tops` (k,) left out; `loads` are added to.
 
-
-def slip_of(numbers: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> float:
-    """How much a driven wheel's rim outruns it, 0 to 1; 0 for a wheel that is towed, braked or at rest."""
-    rim, forward = _speeds(numbers, rotation, velocity, spin)
-    if numbers[KIND] != WHEEL or abs(rim) < SLOWEST_RIM or rotation[:2, 1].tolist() == [0.0, 0.0]:
-        return 0.0
-    return min(max(1 - forward / rim, 0.0), 1.0)
-
-
-def _press_one(
-    ground: Ground, bodies: Bodies, body: int, law: ContactLaw, exponent: float, rule: Rule, dt: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    numbers, centre, rotation = bodies.numbers[body], bodies.centres[body], bodies.rotations[body]
-    rows, columns = ground.window(centre, half_extent(numbers, rotation))
-    owner = ground.owner[rows, columns]
-    y, x = np.meshgrid(ground.y[rows], ground.x[columns], indexing="ij")
-    hits = intersect(numbers, centre, rotation, x.ravel(), y.ravel(), ground.cell)
-    shape = owner.shape
-    usable = owner != ROCK
-    hit, surface = hits.hit.reshape(shape) & usable, hits.level.reshape(shape)
-    state, slope = ground.state[rows, columns], ground.normals[rows, columns]
-    s = slope[..., 2] * (state[..., START] - surface)
-    tried = law.K_e * (s - state[..., PLASTIC])
-    touched = hit & (tried > 0)
-    left = ~touched & usable & (owner == body)
-    state[left, LEVEL] = state[left, START] - state[left, PLASTIC] / slope[left, 2]
-    clear = left & (~hit | (surface - state[..., LEVEL] > rule.clearance))
-    state[clear, SHEAR_X : SHEAR_Z + 1] = 0
-    owner[clear] = FREE
-    other = touched & (owner != body)  # a second wheel does not find the shear of the first
-    state[other, SHEAR_X : SHEAR_Z + 1] = 0
-    owner[touched] = body
-
-    arms = np.stack([x - centre[0], y - centre[1], surface - centre[2]], axis=-1)[touched]
-    velocity = bodies.velocities[body] + np.cross(bodies.spins[body], arms)
-    normal = (slope if rule.normal_of_terrain else hits.normal.reshape(*shape, 3))[touched]
-    v_n = (velocity * normal).sum(axis=-1)
-    nodes = state[touched]
-    stiffness = law.K_c * numbers[INVERSE_WIDTH] + law.K_phi
-    sigma = _pressure(nodes, s[touched], tried[touched], v_n, law, stiffness, exponent)
-    slip = velocity - v_n[:, None] * normal
-    tau, direction = _shear(nodes, sigma, normal, slope[touched], slip, law, rule, dt)
-    nodes[:, LEVEL] = surface[touched]
-    state[touched] = nodes
-
-    # The cell is a square seen from above; the surface on which the stress stands is larger by its slope.
-    area = ground.cell**2 / np.maximum(normal[:, 2], STEEPEST) * hits.weight.reshape(shape)[touched]
-    loads = (sigma[:, None] * normal - tau[:, None] * direction) * area[:, None]
-    readings = np.array(
-        [
-            (s[touched] / slope[touched, 2]).max(initial=0.0),
-            (nodes[:, ORIGINAL] - surface[touched]).max(initial=0.0),
-            -(loads * velocity).sum(),
-            area.sum(),
-        ]
-    )
-    return loads.sum(axis=0), np.cross(arms, loads).sum(axis=0), readings
-
-
-def _pressure(
-    nodes: np.ndarray,
-    s: np.ndarray,
-    tried: np.ndarray,
-    v_n: np.ndarray,
-    law: ContactLaw,
-    stiffness: float,
-    exponent: float,
-) -> np.ndarray:
-    """Elastic up to the pressure borne before, then Bekker's curve; the depth that stays is written to the nodes."""
-    plastic = tried > nodes[:, YIELD]
-    # Slip that rises lowers the curve, but soil that bore a pressure does not give way below it: else a wheel that
-    # starts to turn, at slip 1 for a moment, would fall.
-    curve = np.minimum(tried, np.maximum(stiffness * s**exponent, nodes[:, YIELD]))
-    nodes[:, YIELD] = np.where(plastic, curve, nodes[:, YIELD])
-    kept = np.where(plastic, s - curve / law.K_e, nodes[:, PLASTIC])
-    nodes[:, FLOW] += np.maximum(kept - nodes[:, PLASTIC], 0.0)
-    nodes[:, PLASTIC] = kept
-    return np.where(plastic, curve, np.maximum(tried - law.R * v_n, 0.0))
-
-
-def _shear(
-    nodes: np.ndarray,
-    sigma: np.ndarray,
-    normal: np.ndarray,
-    level: np.ndarray,
-    slip: np.ndarray,
-    law: ContactLaw,
-    rule: Rule,
-    dt: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Shear stress and, in the contact's surface, the direction in which the soil is dragged."""
-    # A node remembers how far its soil was dragged along the ground as it lay before.
-    j = nodes[:, SHEAR_X : SHEAR_Z + 1] + (slip - (slip * level).sum(axis=-1)[:, None] * level) * dt
-    length = np.sqrt((j**2).sum(axis=-1))
-    capped = np.minimum(length, rule.shear_cap * law.K)
-    nodes[:, SHEAR_X : SHEAR_Z + 1] = j * (capped / np.where(length > 0, length, 1.0))[:, None]
-    tau = (law.c + sigma * law.tan_phi) * (1 - np.exp(-capped / law.K))
-    laid = j - (j * normal).sum(axis=-1)[:, None] * normal
-    size = np.sqrt((laid**2).sum(axis=-1))
-    direction = laid / np.where(size > 0, size, 1.0)[:, None]
-    # Soil that is let go does not swing back: the same damping as in the elastic branch of pressure.
-    rate = (slip * direction).sum(axis=-1)
-    return np.where(rate < 0, np.maximum(tau + law.R * rate, 0.0), tau), direction
+    Nodes are read and written one number at a time: a view of each would cost more than its physics.
+    """
+    state, normals, owner, cell = ground.state, ground.normals, ground.owner, ground.cell
+    velocities, forces, torques, readings = bodies.velocities, loads.forces, loads.torques, loads.readings
+    for body in range(len(bodies.shapes)):
+        shape, centre, rotation = bodies.shapes[body], bodies.centres[body], bodies.rotations[body]
+        ax, ay, az, radius, half = rotation[0, 1], rotation[1, 1], rotation[2, 1], shape[RADIUS], shape[HALF_WIDTH]
+        height, tip2 = centre[2], radius**2
+        wx, wy, wz = bodies.spins[body, 0], bodies.spins[body, 1], bodies.spins[body, 2]
+        exponent = law.n + law.n_slip * bodies.slips[body]
+        stiffness = law.K_c * shape[INVERSE_WIDTH] + law.K_phi
+        first_row, last_row, first, last = low_window(ground, shape, centre, rotation, tops[body])
+        force_x = force_y = force_z = torque_x = torque_y = torque_z = power = total = 0.0
+        sunk, deep = readings[body, DEPTH], readings[body, DEPTH_ORIGINAL]
+        for row in range(first_row, last_row):
+            dy = ground.y0 + cell * row - centre[1]
+            for column in range(first, last):
+                held = owner[row, column] == body
+                if owner[row, column] == ROCK:
+                    continue
+                dx, start = ground.x0 + cell * column - centre[0], state[row, column, START]
+                depth = height - start
+                # Nodes that are certainly below the wheel's surface are skipped.
+                along = dx * ax + dy * ay - depth * az
+                if not held and depth > 0 and dx * dx + dy * dy + depth * depth - along * along > tip2:
+                    continue
+                weight, h, nx, ny, nz = intersect(ax, ay, az, radius, half, dx, dy, cell)
+                lx, ly, lz = normals[row, column, 0], normals[row, column, 1], normals[row, column, 2]
+                plastic, surface = state[row, column, PLASTIC], height + h
+                s = lz * (start - surface)
+                tried = law.K_e * (s - plastic)
+                if not (weight > 0 and tried > 0):
+                    if held:
+                        left = start - plastic / lz
+                        state[row, column, LEVEL] = left
+                        if weight == 0 or surface - left > CLEARANCE:
+                            state[row, column, SHEAR_X] = 0.0
+                            state[row, column, SHEAR_Y] = 0.0
+                            state[row, column, SHEAR_Z] = 0.0
+                            owner[row, column] = FREE
+                    continue
+                jx = jy = jz = 0.0
+                if held:
+                    jx, jy, jz = state[row, column, SHEAR_X], state[row, column, SHEAR_Y], state[row, column, SHEAR_Z]
+                else:
+                    owner[row, column] = body
+                vx = velocities[body, 0] + (wy * h - wz * dy)
+                vy = velocities[body, 1] + (wz * dx - wx * h)
+                vz = velocities[body, 2] + (wx * dy - wy * dx)
+                v_n = vx * nx + vy * ny + vz * nz
+                # Pressure: elastic up to what was borne before, then Bekker's curve.
+                if tried > state[row, column, YIELD]:
+                    sigma = min(tried, max(stiffness * s**exponent, state[row, column, YIELD]))
+                    state[row, column, YIELD] = sigma
+                    kept = s - sigma / law.K_e
+                    state[row, column, FLOW] += max(kept - plastic, 0.0)
+                    state[row, column, PLASTIC] = kept
+                else:
+                    sigma = max(tried - law.R * v_n, 0.0)
+                # Shear.
+                sx, sy, sz = vx - v_n * nx, vy - v_n * ny, vz - v_n * nz
+                up = lx * sx + ly * sy + lz * sz
+                jx += (sx - up * lx) * dt
+                jy += (sy - up * ly) * dt
+                jz += (sz - up * lz) * dt
+                length = math.sqrt(jx**2 + jy**2 + jz**2)
+                capped = min(length, SHEAR_CAP * law.K)
+                kept = capped / length if length > 0 else capped
+                state[row, column, SHEAR_X] = jx * kept
+                state[row, column, SHEAR_Y] = jy * kept
+                state[row, column, SHEAR_Z] = jz * kept
+                tau = (law.c + sigma * law.tan_phi) * (1 - math.exp(-capped / law.K))
+                off = jx * nx + jy * ny + jz * nz
+                tx, ty, tz = jx - off * nx, jy - off * ny, jz - off * nz
+                size = math.sqrt(tx**2 + ty**2 + tz**2)
+                if size > 0:
+                    tx, ty, tz = tx / size, ty / size, tz / size
+                rate = sx * tx + sy * ty + sz * tz
+                if rate < 0:
+                    tau = max(tau + law.R * rate, 0.0)
+                state[row, column, LEVEL] = surface
+                # Force.
+                area = cell**2 / max(nz, STEEPEST) * weight
+                fx, fy, fz = (
+                    (sigma * nx - tau * tx) * area,
+                    (sigma * ny - tau * ty) * area,
+                    (sigma * nz - tau * tz) * area,
+                )
+                force_x += fx
+                force_y += fy
+                force_z += fz
+                torque_x += dy * fz - h * fy
+                torque_y += h * fx - dx * fz
+                torque_z += dx * fy - dy * fx
+                sunk, deep = max(sunk, s / lz), max(deep, state[row, column, ORIGINAL] - surface)
+                power -= fx * vx + fy * vy + fz * vz
+                total += area
+        forces[body, 0] += force_x
+        forces[body, 1] += force_y
+        forces[body, 2] += force_z
+        torques[body, 0] += torque_x
+        torques[body, 1] += torque_y
+        torques[body, 2] += torque_z
+        readings[body, DEPTH], readings[body, DEPTH_ORIGINAL] = sunk, deep
+        readings[body, POWER] += power
+        readings[body, AREA] += total

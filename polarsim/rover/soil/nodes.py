@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ FIELDS = 9
 FREE, ROCK = -1, -2  # owner of a node that no wheel shears, and of one that lies under a rock
 
 
-@dataclass
-class Ground:
+class Ground(NamedTuple):
     """Nodes at (x0 + column cell, y0 + row cell); the arrays are changed in place by the contact.
 
     `original` is the level before any wheel, `start` that from which sinkage counts (soil that was pushed there raises
@@ -53,15 +52,6 @@ class Ground:
     def volume(self) -> float:
         """Soil above where the surface was, less what is missing below it, m3."""
         return -float(self.rut.sum()) * self.cell**2
-
-    def window(self, centre: np.ndarray, half: np.ndarray) -> tuple[slice, slice]:
-        """Rows and columns of the nodes within `half` (2,), metres along x and y, of a position (3,)."""
-        first = np.floor((centre[:2] - half - (self.x0, self.y0)) / self.cell).astype(int)
-        last = np.ceil((centre[:2] + half - (self.x0, self.y0)) / self.cell).astype(int) + 1
-        rows, columns = self.owner.shape
-        return slice(max(first[1], 0), min(max(last[1], 0), rows)), slice(
-            max(first[0], 0), min(max(last[0], 0), columns)
-        )
 
     def require_inside(self, centres: np.ndarray, reach: float) -> None:
         """Refuse bodies that reach beyond the grid, where nothing would bear them."""

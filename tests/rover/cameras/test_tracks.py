@@ -6,9 +6,6 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from polarsim.rover.cameras.tracks import TILE, Lattice, WheelTracks, spline_weights, tile_faces
-from polarsim.rover.soil import bulldozing
-from polarsim.rover.soil.bulldozing_numba import settle as fast_settle
-from polarsim.rover.soil.nodes import LEVEL, make_ground
 from tests.rover.ruts import CELL, hills, rutted, tracks
 
 
@@ -142,16 +139,6 @@ def test_no_wall_of_a_rut_is_steeper_than_sand_lies():
     assert (
         np.degrees(np.arccos(up)) < 46
     )  # the angle along one axis; sliding along both leaves corners 1.4 times so steep
-
-
-def test_compiled_settling_obeys_the_reference(rng):
-    level = np.cumsum(rng.normal(0, 0.01, (40, 50)), axis=1)
-    grounds = [make_ground(np.zeros((40, 50)), CELL) for _ in range(2)]
-    for ground in grounds:
-        ground.state[..., LEVEL] = level
-    bulldozing.settle(grounds[0])
-    fast_settle(grounds[1])
-    np.testing.assert_allclose(grounds[1].level, grounds[0].level, atol=1e-12)
 
 
 def test_tiles_face_up():

@@ -12,18 +12,19 @@ pytest.importorskip("gymnasium", reason="gymnasium is not installed")
 
 from polarsim.errors import RoverError
 from polarsim.rover.drive.energy import Account, EnergyError, require_closed
-from polarsim.rover.drive.mujoco_kernels import DOFS, FIRST_DOF, WHEELS, describe
+from polarsim.rover.drive.mujoco_kernels import DOFS, FIRST_DOF, WHEELS, Physics, describe
 from polarsim.rover.learn.courses import MadeUpCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
 from polarsim.rover.learn.observation import STATE
-from polarsim.rover.soil.nodes import FIELDS, ORIGINAL, START
+from polarsim.rover.soil.contact import Loads
+from polarsim.rover.soil.nodes import make_ground
 from polarsim.rover.soil.options import SoilOptions
-from polarsim.rover.soil.shapes import Wheel
-from polarsim.rover.soil.shapes_numba import window
+from polarsim.rover.soil.shapes import Wheel, window
 from polarsim.rover.world.practice import PracticeGround
 
-ROWS, COLUMNS, CELL = 7, 9, 0.1
-SHAPE = Wheel(0.25, 0.2).numbers(CELL)
+ROWS, COLUMNS = 7, 9
+GRID = make_ground(np.arange(1.0, ROWS * COLUMNS + 1).reshape(ROWS, COLUMNS), 0.1, -0.3, -0.2)
+SHAPE = Wheel(0.25, 0.2).numbers()
 GROUND = PracticeGround(length_m=5.0, width_m=4.0, cell_m=0.04, rocks=0)
 FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
 any_number = st.floats(allow_nan=True, allow_infinity=True)
@@ -33,7 +34,7 @@ any_number = st.floats(allow_nan=True, allow_infinity=True)
 def test_the_window_of_a_body_lies_within_the_grid_wherever_the_body_is(x, y, tilt):
     rotation = np.eye(3)
     rotation[0, 1] = tilt
-    found = window(SHAPE, np.array([x, y, 0.0]), rotation, -0.3, -0.2, CELL, ROWS, COLUMNS)
+    found = window(GRID, SHAPE, np.array([x, y, 0.0]), rotation)
     assert 0 <= found[0] <= found[1] <= ROWS
     assert 0 <= found[2] <= found[3] <= COLUMNS
 
@@ -42,18 +43,17 @@ def test_the_window_of_a_body_lies_within_the_grid_wherever_the_body_is(x, y, ti
 def test_a_wheel_is_described_wherever_it_is(x, y, axle):
     """In plain Python, where an index out of range is an error; beyond the grid the nearest nodes count."""
     dofs = FIRST_DOF + DOFS * WHEELS
-    xpos, xmat = np.full((WHEELS, 3), [x, y, 0.2]), np.tile(np.eye(3).ravel(), (WHEELS, 1))
+    xmat = np.tile(np.eye(3).ravel(), (WHEELS, 1))
     xmat[:, 1] = axle
-    state = np.zeros((ROWS, COLUMNS, FIELDS))
-    state[..., START] = np.arange(1, ROWS * COLUMNS + 1).reshape(ROWS, COLUMNS)
-    state[..., ORIGINAL] = state[..., START]
+    physics = Physics(
+        model=0, data=0, xpos=np.full((WHEELS, 3), [x, y, 0.2]), xmat=xmat, xquat=np.zeros((WHEELS, 4)),
+        cvel=np.zeros((WHEELS, 6)), subtree_com=np.zeros((2, 3)), xfrc_applied=np.zeros((WHEELS, 6)),
+        qpos=np.zeros(dofs + 1), qvel=np.zeros(dofs), qfrc_constraint=np.zeros(dofs),
+        actuator_force=np.zeros(2 * WHEELS), contacts=np.zeros(0), wheels=np.arange(WHEELS),
+    )  # fmt: skip
     table = np.zeros((WHEELS, 17))
     with np.errstate(all="ignore"):
-        describe.py_func(
-            xpos, xmat, np.zeros((WHEELS, 6)), np.zeros((2, 3)), np.zeros(dofs), np.zeros(dofs), np.zeros(2 * WHEELS),
-            np.arange(WHEELS), np.zeros(dofs + 1), np.zeros((WHEELS, 4)), np.zeros((WHEELS, 3)),
-            np.zeros((WHEELS, 4)), state, -0.3, -0.2, CELL, np.tile(SHAPE, (WHEELS, 1)), table,
-        )  # fmt: skip
+        describe.py_func(physics, GRID, np.tile(SHAPE, (WHEELS, 1)), Loads.zeros(WHEELS), table)
     sinkage = table[:, 12]  # a node's number less the height of the wheel's lowest point
     if np.isnan([x, y]).any():
         assert np.isnan(sinkage).all()
@@ -65,7 +65,7 @@ def test_a_wheel_is_described_wherever_it_is(x, y, axle):
 def test_an_energy_balance_that_is_no_number_is_open(missing):
     account = Account(missing, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * 4, (0.0,) * 4)
     with pytest.raises(EnergyError):
-        require_closed(account, 0.02, 1.0)
+        require_closed(account, 1.0)
 
 
 @pytest.fixture

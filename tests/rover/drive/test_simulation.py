@@ -152,13 +152,13 @@ def test_a_step_too_large_for_the_stiffness_is_refused(soil):
 
 
 def test_energy_from_nowhere_ends_a_run(soil):
-    simulation = Simulation(flat(), VIPER, soil, SoilOptions(energy_bound=0.01))
+    simulation = Simulation(flat(), VIPER, soil)
     run(simulation, 0.5)
     simulation.zero()
     run(simulation, 2.0, Command(0.2))
     simulation.data.qvel[0] += 1.0  # a push that no motor gave
     simulation._mujoco.mj_step1(simulation.model, simulation.data)
-    with pytest.raises(EnergyError, match=r"% of the energy is missing, 1 % may be"):
+    with pytest.raises(EnergyError, match="of the energy"):
         run(simulation, 0.1)
 
 

@@ -9,13 +9,9 @@ from hypothesis import strategies as st
 
 from polarsim.errors import FormatError, RoverError
 from polarsim.rover.soil.law import read_soil, read_soils
-from polarsim.rover.soil.limit import steady_wheel
-from polarsim.rover.soil.shapes import Wheel
-
-SOILS = Path(__file__).parents[3] / "config" / "soils.csv"
-
-
-WHEEL_A, WHEEL_B = Wheel(0.25, 0.20), Wheel(0.15735, 0.165)
+from tests.reference.soil_limit import steady_wheel
+from tests.reference.soil_rig import WHEEL_A
+from tests.rover.conftest import SOILS
 
 
 def table_with(tmp_path: Path, line: str) -> Path:
@@ -31,23 +27,24 @@ def test_every_soil_has_a_source_and_a_gravity():
 
 
 def test_an_unnamed_set_is_refused():
-    with pytest.raises(RoverError, match=r"soils\.csv: no soil 'mud', there are "):
+    with pytest.raises(RoverError) as error:
         read_soil(SOILS, "mud")
+    assert error.value.path == SOILS
 
 
 @pytest.mark.parametrize(
-    ("line", "reason"),
+    ("line", "key"),
     [
-        (",1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "without a name"),
-        ("mud,1e6,0,1,0,0,30,0.01,2e8,0,9.81,", "has no source"),
-        ("mud,1e6,0,1,0,0,30,0.01,2e8,0,,somebody", "gravity is nan, a number was expected"),
-        ("mud,-1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "K_phi is -1e\\+06"),
-        ("mud,1e6,0,1,0,0,95,0.01,2e8,0,9.81,somebody", "phi_deg is 95"),
-        ("mud,1e6,0,1,0,0,30,0,2e8,0,9.81,somebody", "K is 0"),
+        (",1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "name"),
+        ("mud,1e6,0,1,0,0,30,0.01,2e8,0,9.81,", "source"),
+        ("mud,1e6,0,1,0,0,30,0.01,2e8,0,,somebody", "gravity"),
+        ("mud,-1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "K_phi"),
+        ("mud,1e6,0,1,0,0,95,0.01,2e8,0,9.81,somebody", "phi_deg"),
+        ("mud,1e6,0,1,0,0,30,0,2e8,0,9.81,somebody", "K"),
     ],
 )
-def test_a_set_that_is_no_soil_is_refused_with_its_reason(tmp_path, line, reason):
-    with pytest.raises(RoverError, match=reason):
+def test_a_set_that_is_no_soil_is_refused_with_its_key(tmp_path, line, key):
+    with pytest.raises(RoverError, match=key):
         read_soils(table_with(tmp_path, line))
 
 

@@ -28,7 +28,7 @@ class Steady:
     torque: float  # N m
 
 
-def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float, normal_of_terrain: bool = False) -> Steady:
+def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float) -> Steady:
     """Sinkage at which the soil bears `load` newtons, and what the wheel then pulls; K_e is taken as infinite.
 
     Parameters
@@ -40,23 +40,21 @@ def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float, normal
         raise RoverError(f"slip {slip:g}, a wheel that moves has less than 1")
 
     def excess(sinkage: float) -> float:
-        return _bear(wheel, law, sinkage, slip, normal_of_terrain)[0] - load
+        return _bear(wheel, law, sinkage, slip)[0] - load
 
     deepest = wheel.radius * 0.999
     if excess(deepest) < 0:
         raise RoverError(f"the soil does not bear {load:g} N at slip {slip:g}: the wheel sinks to its axle")
     sinkage = brentq(excess, 1e-7, deepest, xtol=1e-9)
-    _, pull, torque = _bear(wheel, law, sinkage, slip, normal_of_terrain)
+    _, pull, torque = _bear(wheel, law, sinkage, slip)
     return Steady(sinkage, pull, torque)
 
 
-def _bear(
-    wheel: Wheel, law: ContactLaw, sinkage: float, slip: float, normal_of_terrain: bool
-) -> tuple[float, float, float]:
+def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float) -> tuple[float, float, float]:
     """Vertical force, pull and torque; angles count from the lowest point, positive ahead.
 
     A rim that drives drags the soil by its slip's part along the ground: with w the rim's speed and v = (1 - slip) w
-    the wheel's, that is (w - v cos) cos on the wheel's own surface, and w cos - v where the surface is taken as level.
+    the wheel's, which is (w - v cos) cos on the wheel's surface.
     """
     R = wheel.radius
     ahead = math.acos(1 - sinkage / R)
@@ -65,20 +63,16 @@ def _bear(
     theta, weight = 0.5 * ahead * NODES + 0.5 * ahead, 0.5 * ahead * WEIGHTS
     sigma = stiffness * (R * (np.cos(theta) - math.cos(ahead))) ** exponent
     # Over the time since the node was met, R cos(theta) dtheta / v.
-    one, two, three = (ahead_k - k for ahead_k, k in zip(_powers(np.array(ahead)), _powers(theta), strict=True))
-    j = R * (two / (1 - slip) - one if normal_of_terrain else two / (1 - slip) - three)
+    two, three = (ahead_k - k for ahead_k, k in zip(_powers(np.array(ahead)), _powers(theta), strict=True))
+    j = R * (two / (1 - slip) - three)
     tau = np.sign(j) * (law.c + sigma * law.tan_phi) * (1 - np.exp(-np.abs(j) / law.K))
     area = wheel.width * R * weight  # of the rim
-    if normal_of_terrain:
-        area = area * np.cos(theta)  # of the ground below it
-        each = sigma, tau, R * (tau * np.cos(theta) + sigma * np.sin(theta))
-    else:
-        each = sigma * np.cos(theta) + tau * np.sin(theta), tau * np.cos(theta) - sigma * np.sin(theta), R * tau
+    each = sigma * np.cos(theta) + tau * np.sin(theta), tau * np.cos(theta) - sigma * np.sin(theta), R * tau
     bears, pulls, torque = (float((part * area).sum()) for part in each)
     return bears, pulls, torque
 
 
-def _powers(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Integrals of cos, cos^2 and cos^3."""
+def _powers(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Integrals of cos^2 and cos^3."""
     sine = np.sin(theta)
-    return sine, 0.5 * theta + 0.25 * np.sin(2 * theta), sine - sine**3 / 3
+    return 0.5 * theta + 0.25 * np.sin(2 * theta), sine - sine**3 / 3

@@ -1,0 +1,152 @@
+"""Single wheels on beds of soil: led at one slip, locked on a slope, or placed by the caller."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from polarsim.errors import RoverError
+from polarsim.rover.soil.bulldozing import Bulldozing, bulldoze
+from polarsim.rover.soil.contact import Loads, press
+from polarsim.rover.soil.law import ContactLaw
+from polarsim.rover.soil.nodes import Ground, flat_ground
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, Bodies, Wheel
+
+# VIPER's wheel with a quarter of the rover on the Moon, and a small laboratory wheel.
+WHEEL_A, WHEEL_B = Wheel(0.25, 0.20), Wheel(0.15735, 0.165)
+LOAD_A, LOAD_B = 174.15, 80.0  # N
+
+
+@dataclass(frozen=True)
+class Rig:
+    """How a wheel is led: speed of its rim, a carriage of some mass with a damper that holds back its height."""
+
+    rim_speed: float = 0.1  # m/s
+    dt: float = 1e-3  # s
+    mass: float = 20.0  # kg, of wheel and carriage; the load is set apart
+    damper: float = 1500.0  # N s/m
+    run_in: float = 0.24  # m driven before anything is averaged
+    run: float = 0.06  # m over which it is
+    margin: float = 0.06  # m of ground beside the wheel
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a wheel did at one slip, averaged over the end of its run."""
+
+    slip: float
+    sinkage: float  # m
+    pull: float  # N
+    torque: float  # N m
+    ground: Ground = field(repr=False)
+
+
+def drive(
+    wheel: Wheel,
+    law: ContactLaw,
+    load: float,
+    slip: float,
+    cell: float,
+    rig: Rig,
+    bulldozing: Bulldozing | None = None,
+) -> Driven:
+    """Drive over fresh level ground at one slip; forward is +x, and the wheel starts on the surface.
+
+    With `bulldozing` soil moves aside while it drives, and the wheel is lifted off at the end for what is under it.
+    """
+    if not slip < 1:
+        raise RoverError(f"slip {slip:g}, a wheel that moves has less than 1")
+    length = rig.run_in + rig.run + 2 * wheel.reach + 2 * rig.margin
+    ground = flat_ground(length, 2 * (wheel.width / 2 + rig.margin), cell)
+    speed, spin = (1 - slip) * rig.rim_speed, rig.rim_speed / wheel.radius
+    steps = math.ceil((rig.run_in + rig.run) / (speed * rig.dt))
+    centre = np.array([wheel.reach + rig.margin, 0.0, wheel.radius])
+    rolled, sinking = 0.0, 0.0
+    numbers = wheel.numbers()[None]
+    seen = np.zeros((steps, 3))
+    for step in range(steps):
+        velocity = np.array([speed, 0.0, sinking])
+        bodies = Bodies(numbers, centre[None], _rolled(rolled)[None], velocity[None], np.array([[0.0, spin, 0.0]]))
+        loads = press(ground, bodies, law, rig.dt)
+        if bulldozing and (step + 1) % bulldozing.every == 0:
+            bulldoze(ground, bodies, bulldozing)
+        force = loads.forces[0]
+        seen[step] = -(centre[2] - wheel.radius), force[0], -loads.torques[0, 1]
+        # The damper is taken at the end of the step, so that it cannot overshoot.
+        sinking = (sinking + rig.dt * (force[2] - load) / rig.mass) / (1 + rig.dt * rig.damper / rig.mass)
+        centre = centre + rig.dt * np.array([speed, 0.0, sinking])
+        rolled += rig.dt * spin
+    if bulldozing:
+        lifted = bodies._replace(centres=centre[None] + [0.0, 0.0, wheel.reach])
+        press(ground, lifted, law, rig.dt)  # what gave way elastically comes back
+        bulldoze(ground, lifted, bulldozing)
+    kept = seen[steps - math.floor(rig.run / (speed * rig.dt)) :]
+    sinkage, pull, torque = kept.mean(axis=0)
+    return Driven(slip, sinkage, pull, torque, ground)
+
+
+def _rolled(angle: float) -> np.ndarray:
+    """A wheel's frame after it rolled forward by an angle, about +y."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+
+
+@dataclass(frozen=True)
+class Parked:
+    """A wheel that stands on a slope with its brake on."""
+
+    time: np.ndarray  # (n,) s
+    slid: np.ndarray  # (n,) m downhill
+    sinkage: np.ndarray  # (n,) m
+
+    def creep(self, begin: float, end: float) -> float:
+        """How far it slid between two times, metres."""
+        return float(np.interp(end, self.time, self.slid) - np.interp(begin, self.time, self.slid))
+
+
+def park(
+    wheel: Wheel,
+    law: ContactLaw,
+    mass: float,
+    gravity: float,
+    slope_deg: float,
+    cell: float,
+    seconds: float,
+    dt: float = 1e-3,
+) -> Parked:
+    """Let a locked wheel down on a slope and watch it; free along the slope and across it, nothing damps but the soil.
+
+    The grid lies along the slope and gravity is rotated, which is the same.
+    """
+    ground = flat_ground(4 * wheel.reach, wheel.width + 0.12, cell)
+    pull = mass * gravity * np.array([math.sin(math.radians(slope_deg)), 0.0, -math.cos(math.radians(slope_deg))])
+    centre, velocity, still = np.array([2 * wheel.reach, 0.0, wheel.radius]), np.zeros(3), np.zeros((1, 3))
+    numbers, start = wheel.numbers()[None], 2 * wheel.reach
+    steps = round(seconds / dt)
+    slid, sinkage = np.zeros(steps), np.zeros(steps)
+    for step in range(steps):
+        bodies = Bodies(numbers, centre[None], np.eye(3)[None], velocity[None], still)
+        force = press(ground, bodies, law, dt).forces[0]
+        velocity = velocity + dt * (force + pull) / mass
+        centre = centre + dt * velocity
+        slid[step], sinkage[step] = centre[0] - start, wheel.radius - centre[2]
+    return Parked(dt * np.arange(1, steps + 1), slid, sinkage)
+
+
+class SoilBin:
+    """Ground and the law by which it gives way; `steps` counts the steps so far."""
+
+    def __init__(self, ground: Ground, law: ContactLaw, bulldozing: Bulldozing | None = None) -> None:
+        self.ground, self.law, self.bulldozing, self.steps = ground, law, bulldozing, 0
+
+    def step(self, bodies: Bodies, dt: float) -> Loads:
+        """Forces on the bodies where they are now; the ground gives way."""
+        reach = np.hypot(bodies.shapes[:, RADIUS], bodies.shapes[:, HALF_WIDTH]).max()
+        self.ground.require_inside(bodies.centres, float(reach))
+        loads = press(self.ground, bodies, self.law, dt)
+        self.steps += 1
+        if self.bulldozing is not None and self.steps % self.bulldozing.every == 0:
+            bulldoze(self.ground, bodies, self.bulldozing)
+        return loads
