@@ -111,7 +111,7 @@ def mitsuba(mesh: TerrainMesh, options: RenderOptions, threads: int) -> dict[str
     scenes = []
     for lit in sorted({lit_by(key) for key in grid_keys()}):
         first, *others = (lamps[lamp] for lamp in lit)
-        scene = mitsuba_scene(surfaces, rig.sandbox_from_left, lens, first, options.principled)
+        scene = mitsuba_scene(surfaces, rig.sandbox_from_left, lens, first, options.parameters("principled"))
         scenes.append(mi.load_dict(scene | {f"lamp{number}": emitter(lamp) for number, lamp in enumerate(others)}))
     pictures = [np.array(mi.render(scene, spp=options.samples)) for scene in scenes]
     wall, cpu = time.perf_counter(), time.process_time()

@@ -16,10 +16,18 @@ def test_no_assignment_leaves_the_defaults():
 
 
 def test_assignments_reach_any_depth_and_the_last_one_wins():
-    found = render_options(["samples=9", "samples=4", "blur_px=0.6", "principled.roughness=0.5", "gain={hapke: 150}"])
-    expected = {"samples": 4, "blur_px": 0.6, "principled": {"roughness": 0.5}, "gain": {"hapke": 150}}
+    found = render_options(
+        ["samples=9", "samples=4", "blur_px=0.6", "materials.default.principled.roughness=0.5", "gain={hapke: 150}"]
+    )
+    expected = {
+        "samples": 4,
+        "blur_px": 0.6,
+        "materials": {"default": {"principled": {"roughness": 0.5}}},
+        "gain": {"hapke": 150},
+    }
     assert found == RenderOptions.model_validate(expected)
-    assert render_options(["hapke.w=0.3", "hapke.b=0.2", "hapke.c=0.1"]).hapke.b == 0.2
+    given = [f"materials.default.hapke.{key}" for key in ("w=0.3", "b=0.2", "c=0.1")]
+    assert render_options(given).parameters("hapke").b == 0.2
 
 
 @pytest.mark.parametrize(
@@ -31,7 +39,7 @@ def test_assignments_reach_any_depth_and_the_last_one_wins():
         ("blurr_px=1", "blurr_px:"),
         ("blur_px=wide", "blur_px:"),
         ("gain={", "gain:"),
-        ("principled.shine=1", "principled.shine:"),
+        ("materials.default.principled.shine=1", "materials.default.principled.shine:"),
         ("pixel_filter=gaussian", "pixel_filter:"),
     ],
 )

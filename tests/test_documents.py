@@ -138,6 +138,8 @@ def outputs(run: str) -> list[re.Pattern]:
 
 
 def check_python(arguments: list[str]) -> None:
+    if arguments[0] == "-m" and arguments[1].startswith("benchmarks."):
+        arguments = [f"{arguments[1].replace('.', '/')}.py", *arguments[2:]]
     if arguments[0] == "-m":
         assert arguments[1] == "pytest"
         assert (CHECKOUT / arguments[2]).exists()

@@ -88,7 +88,10 @@ WRONG = [
     ({"run": 3}, "run"),
     ({"render": 5}, "render"),
     ({"render": {"models": "hapke"}}, "render.models"),
-    ({"render": {"hapke": {"w": "x"}}}, "render.hapke.w"),
+    (
+        {"render": {"materials": {"default": {"principled": {"roughness": "x"}}}}},
+        "render.materials.default.principled.roughness",
+    ),
     ({"render": {"materials_from_photos": "maybe"}}, "render.materials_from_photos"),
     ({"detect": {"training": {"pretrained": 3}}}, "detect.training.pretrained"),
     ({"detect": {"mixes": {"a": {"b": "x"}}}}, "detect.mixes.a.b"),

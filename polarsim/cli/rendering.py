@@ -11,10 +11,10 @@ import typer
 from polarsim.arguments import PLOTS, refuse_existing_folder, sun_above_horizon, writes_file, writes_folder
 from polarsim.cli.application import commands_of
 from polarsim.photo import USUAL_EXPOSURE_MS
+from polarsim.render.models import Model
 from polarsim.reporting import reporting
 
 command = commands_of("Rendering")
-Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
 
 
 @command()

@@ -158,10 +158,8 @@ def _phase(cos_g: np.ndarray, b: float, c: float) -> np.ndarray:
 
 
 def _chandrasekhar(x: np.ndarray, p: HapkeParameters) -> np.ndarray:
-    """Hapke's approximations of the H function."""
+    """Hapke's approximation of 2002 of the H function."""
     gamma = math.sqrt(1 - p.w)
-    if p.h_function == 1981:
-        return (1 + 2 * x) / (1 + 2 * gamma * x)
     r0 = (1 - gamma) / (1 + gamma)
     x = np.maximum(x, x.dtype.type(_TINY))
     return 1 / (1 - p.w * x * (r0 + (1 - 2 * r0 * x) / 2 * np.log((1 + x) / x)))

@@ -64,12 +64,12 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
     return values
 
 
-def _numbers(p: HapkeParameters) -> tuple[np.float32 | bool, ...]:
+def _numbers(p: HapkeParameters) -> tuple[np.float32, ...]:
     """What `_hapke` needs of its parameters."""
     porosity, gamma = brdf.porosity_factor(p), math.sqrt(1 - p.w)
     tan_bar = math.tan(math.radians(p.theta_bar_deg)) if math.radians(p.theta_bar_deg) > brdf.SMOOTH else 0.0
-    numbers = (p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity, gamma, (1 - gamma) / (1 + gamma))
-    return (*(_f(number) for number in numbers), p.h_function == 1981)
+    numbers = (p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity, (1 - gamma) / (1 + gamma))
+    return tuple(_f(number) for number in numbers)
 
 
 @intrinsic
@@ -158,9 +158,7 @@ def _angle(across, along):  # type: ignore[no-untyped-def]
 
 
 @_helper
-def _chandrasekhar(x, w, gamma, r0, of_1981):  # type: ignore[no-untyped-def]
-    if of_1981:
-        return (_1 + _2 * x) / (_1 + _2 * gamma * x)
+def _chandrasekhar(x, w, r0):  # type: ignore[no-untyped-def]
     x = max(x, _TINY)
     return _1 / (_1 - w * x * (r0 + (_1 - _2 * r0 * x) / _2 * _log((_1 + x) / x)))
 
@@ -218,8 +216,7 @@ def _roughness(  # type: ignore[no-untyped-def]
 
 @_loop
 def _hapke(  # type: ignore[no-untyped-def]
-    normal, to_lamp, to_viewer, w, b, c, b_s0, h_s, b_c0, h_c, tan_bar, porosity, gamma, r0, of_1981, by_phase, factor,
-    values,
+    normal, to_lamp, to_viewer, w, b, c, b_s0, h_s, b_c0, h_c, tan_bar, porosity, r0, by_phase, factor, values
 ):  # fmt: skip
     """`brdf.hapke` times a factor; `by_phase`: rays are told apart as in `brdf.hapke_chrono`."""
     lobes = (_1 - b * b) / _2
@@ -241,8 +238,8 @@ def _hapke(  # type: ignore[no-untyped-def]
         back, forward = _1 + b * b - _2 * b * cos_g, _1 + b * b + _2 * b * cos_g
         single = lobes * ((_1 + c) / (back * np.sqrt(back)) + (_1 - c) / (forward * np.sqrt(forward)))
         single = single * (_1 + b_s0 / (_1 + tan_half / h_s))
-        multiple = _chandrasekhar(eff_i / porosity, w, gamma, r0, of_1981)
-        multiple = multiple * _chandrasekhar(eff_e / porosity, w, gamma, r0, of_1981) - _1
+        multiple = _chandrasekhar(eff_i / porosity, w, r0)
+        multiple = multiple * _chandrasekhar(eff_e / porosity, w, r0) - _1
         value = scale * eff_i / (eff_i + eff_e) * (single + multiple) * shading
         if b_c0 > _0:
             value = value * (_1 + b_c0 * _coherent(tan_half / h_c))

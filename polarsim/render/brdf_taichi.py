@@ -60,7 +60,7 @@ def _hapke_numbers(p: HapkeParameters) -> tuple[float, ...]:
     u = 1.209 * p.filling ** (2 / 3)
     porosity = -math.log1p(-u) / u if u > 0 else 1.0
     tan_bar = math.tan(math.radians(p.theta_bar_deg))
-    return p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity, float(p.h_function)
+    return p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity
 
 
 @ti.func
@@ -150,14 +150,11 @@ def _log1p(x):
 
 
 @ti.func
-def _chandrasekhar(x, w, h_function):
+def _chandrasekhar(x, w):
     gamma = ti.sqrt(1 - w)
-    value = (1 + 2 * x) / (1 + 2 * gamma * x)
-    if h_function > 2000:
-        r0 = (1 - gamma) / (1 + gamma)
-        y = ti.max(x, 1e-12)
-        value = 1 / (1 - w * y * (r0 + (1 - 2 * r0 * y) / 2 * _log1p(1 / y)))
-    return value
+    r0 = (1 - gamma) / (1 + gamma)
+    y = ti.max(x, 1e-12)
+    return 1 / (1 - w * y * (r0 + (1 - 2 * r0 * y) / 2 * _log1p(1 / y)))
 
 
 @ti.func
@@ -215,7 +212,7 @@ def _roughness(tan_bar, normal, lamp, viewer, cos_i, cos_e, viewer_steeper):
 def _hapke(
     normal: VECTORS, lamp: VECTORS, viewer: VECTORS, out: VALUES,
     w: ti.f32, b: ti.f32, c: ti.f32, b_s0: ti.f32, h_s: ti.f32, b_c0: ti.f32, h_c: ti.f32,
-    tan_bar: ti.f32, porosity: ti.f32, h_function: ti.f32, by_phase: ti.i32, factor: ti.f32,
+    tan_bar: ti.f32, porosity: ti.f32, by_phase: ti.i32, factor: ti.f32,
 ):  # fmt: skip
     for n in out:
         cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
@@ -228,7 +225,7 @@ def _hapke(
                 rough = _roughness(tan_bar, normal[n], lamp[n], viewer[n], cos_i, cos_e, viewer_steeper)
             tan_half = _tan_half_phase(lamp[n], viewer[n])
             single = _phase(lamp[n].dot(viewer[n]), b, c) * (1 + b_s0 / (1 + tan_half / h_s))
-            multiple = _chandrasekhar(rough[0] / porosity, w, h_function)
-            multiple = multiple * _chandrasekhar(rough[1] / porosity, w, h_function) - 1
+            multiple = _chandrasekhar(rough[0] / porosity, w)
+            multiple = multiple * _chandrasekhar(rough[1] / porosity, w) - 1
             value = porosity * w / (4 * _PI) * rough[0] / (rough[0] + rough[1]) * (single + multiple) * rough[2]
             out[n] = factor * value * (1 + b_c0 * _coherent(tan_half / h_c))

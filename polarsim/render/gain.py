@@ -116,10 +116,10 @@ def with_fit(options: RenderOptions, fitted: FittedMaterials) -> tuple[RenderOpt
         changed |= {"falloff": fitted.falloff, "vignetting": fitted.vignetting}
     known = [model for model in MODELS if model in fitted.models]
     for model in known:
-        changed[model] = fitted.models[model].parameters
         changed["gain"] = {model: main_gain(fitted.models[model])} | dict(changed["gain"])  # type: ignore[call-overload]
     try:
         options = RenderOptions.model_validate(options.model_dump() | changed)
+        options = options.with_default(**{model: fitted.models[model].parameters for model in known})
     except ValueError as error:
         raise FormatError(f"fitted materials: {str(error).splitlines()[0]}") from error
     return options, {model: fitted.models[model].albedo for model in known}

@@ -38,7 +38,7 @@ def parameters_of(model: Model, soil: str | None = None) -> Parameters:
         raise RenderError(f"set {soil!r}: {model} has no parameter sets, hapke and hapke_chrono have")
     if soil not in HAPKE_SETS:
         raise RenderError(f"set {soil!r}, expected {', '.join(HAPKE_SETS)}")
-    return HAPKE_SETS[soil] if model == "hapke" else HapkeChronoParameters(soil=HAPKE_SETS[soil])
+    return HAPKE_SETS[soil] if model == "hapke" else HapkeChronoParameters(soil=soil)
 
 
 def reflectance_at(

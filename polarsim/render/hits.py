@@ -23,6 +23,7 @@ from polarsim.render import hit_kernels
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import Surfaces
 
+_FILTER_SD_PX = 0.5  # of the Gaussian pixel filter: half a pixel, as far as a box filter of the same area
 STRIP = 64  # rows cast at once: bounds memory, and is the unit that threads share
 NO_NORMAL = 1e-12  # square of the length of smooth normals that cancel out
 LEAST_SLOPE = 1e-3  # smooth normals that face the viewer less than this give way to the flat ones
@@ -128,7 +129,7 @@ def sample_offsets(options: SensorOptions) -> tuple[Offset, ...]:
     side = isqrt(options.samples)
     if options.pixel_filter == "gaussian":
         levels = ndtri((np.arange(options.samples) + 0.5) / options.samples)
-        levels *= options.filter_sd_px / np.sqrt((levels**2).mean())
+        levels *= _FILTER_SD_PX / np.sqrt((levels**2).mean())
         return _rotated(levels, side)
     if side <= 2:
         cells = [(cell + 0.5) / side - 0.5 for cell in range(side)]

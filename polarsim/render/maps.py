@@ -20,7 +20,7 @@ from polarsim.render.hits import Hits, between_deg, cast_strip, for_strips
 from polarsim.render.lamps import Lamp, lit_by
 from polarsim.render.lighting import lit_share
 from polarsim.render.options import RenderOptions
-from polarsim.render.shadows import shading_of
+from polarsim.render.shadows import SHADOW_BELOW, shading_of
 from polarsim.render.surfaces import Surfaces
 
 MM, CENTIDEGREES, SHARES = 1000.0, 100.0, 10_000.0
@@ -115,7 +115,7 @@ def _under(surfaces: Surfaces, hits: Hits, lamp: Lamp, options: RenderOptions) -
         "incidence_deg": between_deg(hits.normal, to_lamp),
         "phase_deg": between_deg(hits.to_viewer, to_lamp),
         "lit": share,
-        "shading": shading_of(surfaces, hits, lamp, share < options.shadow_below, options.lamp_samples),
+        "shading": shading_of(surfaces, hits, lamp, share < SHADOW_BELOW, options.lamp_samples),
     }
 
 

@@ -20,7 +20,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import disc_share, lighting, lit_share
 from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, RenderOptions
-from polarsim.render.shadows import ground_shadows
+from polarsim.render.shadows import SHADOW_BELOW, ground_shadows
 from polarsim.render.surfaces import Surfaces
 
 _SEEN: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # share of the light that a normal (n, 3) faces
@@ -218,10 +218,10 @@ def identify(
         if not lamps[name].radius_m:
             dark = ~lit[name].take(hits.pixel)
         elif shares and name in shares:
-            dark = shares[name] < options.shadow_below
+            dark = shares[name] < SHADOW_BELOW
         else:
             flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
-            dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < options.shadow_below
+            dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < SHADOW_BELOW
         picture[hits.pixel] = ground_shadows(surfaces, hits, surface_ids, lamps[name], dark, options.lamp_samples)
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self, get_args
+from typing import Any, Literal, Self
 
 from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.geometry.rays import Device, RayEngine
+from polarsim.render.models import CHRONO as CHRONO
+from polarsim.render.models import MODELS as MODELS
+from polarsim.render.models import Model as Model
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.survey import SURELY_WALL, is_surveyed
 
-Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
-MODELS: tuple[Model, ...] = get_args(Model)
 MapName = Literal["depth", "depth_float", "normal", "angles", "shading", "lit"]
-CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct light only, as in the paper's pictures
 
 
 class HapkeParameters(BaseModel, extra="forbid", frozen=True):
@@ -37,7 +37,6 @@ class HapkeParameters(BaseModel, extra="forbid", frozen=True):
         description="The macroscopic roughness has this mean slope, degrees; rougher sand is darker under low light.",
     )
     filling: float = Field(0, ge=0, lt=0.75, description="The porosity term has this filling factor phi; 0 sets K = 1.")
-    h_function: Literal[1981, 2002] = Field(2002, description="Chandrasekhar's H function is approximated in this way.")
 
 
 # Lunar sets of Sato et al. 2014 (JGR Planets 119, 1775) at 566 and 643 nm, of Chrono's lunar demos, and of a laboratory
@@ -63,11 +62,6 @@ HapkeSet = Literal[
     "sato_tranquility_643",
     "curtis_apollo11_rough",
 ]
-
-
-def hapke_parameters(chosen: HapkeSet | HapkeParameters) -> HapkeParameters:
-    """The parameters of a set that is named, or as they were given."""
-    return HAPKE_SETS[chosen] if isinstance(chosen, str) else chosen
 
 
 class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
@@ -109,15 +103,13 @@ class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
 class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
     """Chrono::Sensor's Hapke shader of 2025 has these; by its slip, i <= g tells rough slopes apart, not i <= e."""
 
-    soil: HapkeSet | HapkeParameters = Field(
-        "chrono_lunar", description="A parameter set is named, or the parameters are given."
-    )
-    k_d: float = Field(0.7, ge=0, le=1, description="The whole is multiplied by this diffuse colour.")
+    soil: HapkeSet = Field("chrono_lunar", description="Parameter set of the Hapke model.")
+    k_d: float = Field(0.7, ge=0, le=1, description="Diffuse colour, a factor of the reflectance.")
 
     @property
     def hapke(self) -> HapkeParameters:
         """Without coherent backscatter, which that shader leaves out."""
-        return hapke_parameters(self.soil).model_copy(update={"b_c0": 0.0})
+        return HAPKE_SETS[self.soil].model_copy(update={"b_c0": 0.0})
 
 
 class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
@@ -167,13 +159,13 @@ Parameters = (
 )
 
 
-_OWN = "The thing has these parameters in this model; none: those of the run."
+_OWN = "Parameters of this model; none: those of the material that this one refines."
 
 
 class Material(BaseModel, extra="forbid", frozen=True):
-    """A material says what a thing is made of; parameters that are left out are those of the run's models."""
+    """Reflectance of a thing. Keys that are left out come from the kind of the thing, then from `default`."""
 
-    albedo: PositiveFloat = Field(1, description="The reflectance is multiplied by this factor.")
+    albedo: PositiveFloat | None = Field(None, description="Factor of the reflectance; none: as above, in the end 1.")
     hapke: HapkeSet | HapkeParameters | None = Field(
         None, description="A parameter set is named, or the parameters are given."
     )
@@ -184,7 +176,17 @@ class Material(BaseModel, extra="forbid", frozen=True):
     principled_chrono: PrincipledChronoParameters | None = Field(None, description=_OWN)
 
 
-_THINGS = ("ground", "rocks", "walls", "body")
+DEFAULT = "default"  # material of all things
+_THINGS = (DEFAULT, "ground", "rocks", "walls", "body")
+# Of models that no material names.
+_PARAMETERS: dict[Model, Parameters] = {
+    "hapke": HAPKE_SETS["chrono_lunar"],
+    "principled": PrincipledParameters(),
+    "lambert": LambertParameters(),
+    "lunar_lambert": LunarLambertParameters(),
+    "hapke_chrono": HapkeChronoParameters(),
+    "principled_chrono": PrincipledChronoParameters(),
+}
 
 
 class FittingOptions(BaseModel, extra="forbid", frozen=True):
@@ -202,13 +204,6 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
         description="Photos of this azimuth check the fit, and parameters are fitted without them; no: all photos "
         "are fitted.",
     )
-    step_px: int = Field(
-        2,
-        ge=1,
-        le=16,
-        description="Every so many-th pixel of a row and of a column counts on the ground; all pixels count on rocks.",
-    )
-    border_px: int = Field(3, ge=1, description="Pixels so near to the edge of a thing or of a shadow are left out.")
 
 
 class RenderOptions(SensorOptions):
@@ -232,19 +227,10 @@ class RenderOptions(SensorOptions):
         " are points are made there from ray to sum.",
     )
 
-    hapke: HapkeSet | HapkeParameters = Field(
-        "chrono_lunar", description="A parameter set is named, or the parameters are given."
-    )
-    principled: PrincipledParameters = PrincipledParameters()
-    lambert: LambertParameters = LambertParameters()
-    lunar_lambert: LunarLambertParameters = LunarLambertParameters()
-    hapke_chrono: HapkeChronoParameters = HapkeChronoParameters()
-    principled_chrono: PrincipledChronoParameters = PrincipledChronoParameters()
-
     materials: dict[str, Material] = Field(
         default_factory=dict,
-        description="These are the materials of `ground`, of all `rocks`, of one rock by its number, of "
-        "`walls`, and of a rover's `body`, or of one part of it: `body0`, `body1`.",
+        description="Materials by thing: `default` (all things), `ground`, `rocks`, one rock by its number, `walls`, "
+        "a rover's `body`, or one part of it: `body0`, `body1`.",
     )
     materials_from_photos: bool = Field(
         False,
@@ -270,9 +256,6 @@ class RenderOptions(SensorOptions):
         description="Only every n-th pixel of a row probes a lamp's disc at centre and rim, and pixels between two "
         "that agree look at its centre alone; 1: every pixel probes it. 8 takes half the time and moves"
         " few pixels.",
-    )
-    shadow_below: float = Field(
-        0.5, gt=0, le=1, description="A pixel counts as shadow where it sees less than this share of a lamp's disc."
     )
     bounce: float = Field(
         0.01,
@@ -377,12 +360,20 @@ class RenderOptions(SensorOptions):
         return "taichi" in (self.engine, self.rays)
 
     def parameters(self, model: Model, *things: str) -> Parameters:
-        """The parameters of a model; of a thing, named from its own name to that of its kind, where it has some."""
-        own = (getattr(self.materials[thing], model) for thing in things if thing in self.materials)
-        found: Parameters | str = next((given for given in own if given is not None), getattr(self, model))
+        """Return the parameters of a model for a thing, named from its own name to that of its kind."""
+        found: Parameters | str = self._first(model, things, _PARAMETERS[model])
         return HAPKE_SETS[found] if isinstance(found, str) else found
 
     def albedo_factor(self, *things: str) -> float:
-        """Factor of a thing's reflectance, under its names as above."""
-        own = (self.materials[thing] for thing in things if thing in self.materials)
-        return next((given.albedo for given in own if "albedo" in given.model_fields_set), 1.0)
+        """Return the factor of a thing's reflectance, by its names as above."""
+        return float(self._first("albedo", things, 1.0))
+
+    def with_default(self, **parameters: object) -> Self:
+        """Return these options with parameters of models in the default material, checked."""
+        default = self.materials.get(DEFAULT, Material()).model_dump() | parameters
+        return self.model_validate(self.model_dump() | {"materials": {**self.materials, DEFAULT: default}})
+
+    def _first(self, key: str, things: tuple[str, ...], otherwise: Any) -> Any:
+        """Return the first value of a key that the materials of these things, or the default one, have."""
+        own = (getattr(self.materials[thing], key) for thing in (*things, DEFAULT) if thing in self.materials)
+        return next((given for given in own if given is not None), otherwise)

@@ -33,9 +33,9 @@ def expose(
     """
     signal = radiance * np.float32(light)
     if noise is not None:
-        per_grey_value = np.float32(options.electrons_per_grey_value)
-        electrons = per_grey_value * np.minimum(signal, np.float32(2 * WHITE_LEVEL))
-        spread = np.sqrt(electrons + np.float32(options.read_noise_electrons**2)) / per_grey_value
+        per_dn = np.float32(options.electrons_per_dn)
+        electrons = per_dn * np.minimum(signal, np.float32(2 * WHITE_LEVEL))
+        spread = np.sqrt(electrons + np.float32(options.read_noise_electrons**2)) / per_dn
         signal = signal + spread * noise.standard_normal(signal.shape, np.float32)
     signal += np.float32(BLACK_LEVEL + 0.5)  # truncation then rounds
     return np.clip(signal, 0, WHITE_LEVEL + 0.5, out=signal).astype(np.uint16)

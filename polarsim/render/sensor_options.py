@@ -19,9 +19,6 @@ class SensorOptions(BaseModel, extra="forbid", frozen=True):
         "box",
         description="Rays are spread evenly over the pixel, or as a Gaussian about its centre, which reaches over.",
     )
-    filter_sd_px: float = Field(
-        0.5, gt=0, le=1.5, description="The Gaussian pixel filter has this standard deviation, px."
-    )
 
     blur_px: float = Field(
         0,
@@ -46,7 +43,7 @@ class SensorOptions(BaseModel, extra="forbid", frozen=True):
     )
 
     noise: bool = Field(False, description="Twins have shot and read noise; noisy ones take 1.5 times the space.")
-    electrons_per_grey_value: float = Field(
+    electrons_per_dn: float = Field(
         ELECTRONS_PER_DN, gt=0, description="So many photo-electrons make a grey value: the more, the less shot noise."
     )
     read_noise_electrons: float = Field(

@@ -20,6 +20,7 @@ _RELIEF_REACH = (
 # cast by the ground or a wall.
 NOTHING, LIT, BY_RELIEF, BY_WALL, FACES_AWAY = 0, 1, 2, 3, 4
 NOBODY = -1  # in the place of an id
+SHADOW_BELOW = 0.5  # visible share of a lamp's disc below which a pixel counts as shadow: the middle of a penumbra
 _OPEN = 0  # nothing was found in the way
 
 

@@ -18,7 +18,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
-from polarsim.render.options import MODELS, Model, RenderOptions
+from polarsim.render.options import Model, RenderOptions
 from polarsim.run_files.rigs import lens_content, lens_of
 
 
@@ -46,7 +46,7 @@ class Shot:
 
 
 # Options that a sidecar says as `parameters`, `gain_per_ms` and `sources`.
-_SAID_APART = {*MODELS, "models", "gain", "maps", "fitting", "materials_from_photos"}
+_SAID_APART = {"models", "gain", "maps", "fitting", "materials_from_photos"}
 
 
 @dataclass(frozen=True)
@@ -114,9 +114,8 @@ def read_sidecar(path: str | Path) -> Sidecar:
                 float(content["exposure_ms"]),
                 model,
             )
-            options = RenderOptions(
-                **content["options"], **{model: content["parameters"]}, models=(model,), gain={model: gain}
-            )
+            options = RenderOptions(**content["options"], models=(model,), gain={model: gain})
+            options = options.with_default(**{model: content["parameters"]})
             seed = tuple(content["noise_seed"])
             return Sidecar(shot, int(content["terrain"]), options, gain, dict(content["sources"]), seed)
         except (AttributeError, KeyError, TypeError, ValueError) as error:

@@ -173,16 +173,19 @@ def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> Ren
 
     return RenderOptions(
         models=(model,),
-        hapke=HapkeParameters(
-            w=draw(ranges.hapke_w),
-            b=draw(_HAPKE_B),
-            c=draw(_HAPKE_C),
-            b_s0=draw((0, 2)),
-            h_s=draw((0.03, 0.1)),
-            theta_bar_deg=draw(_HAPKE_THETA_DEG),
-        ),
-        principled=PrincipledParameters(roughness=draw(ranges.roughness), specular=draw(ranges.specular)),
-        materials={"rocks": Material()},
+        materials={
+            "default": Material(
+                hapke=HapkeParameters(
+                    w=draw(ranges.hapke_w),
+                    b=draw(_HAPKE_B),
+                    c=draw(_HAPKE_C),
+                    b_s0=draw((0, 2)),
+                    h_s=draw((0.03, 0.1)),
+                    theta_bar_deg=draw(_HAPKE_THETA_DEG),
+                ),
+                principled=PrincipledParameters(roughness=draw(ranges.roughness), specular=draw(ranges.specular)),
+            )
+        },
         rim=walled,
         rim_albedo=draw(_WALL_ALBEDO),
         rim_height_m=draw(_WALL_HEIGHT_M),
@@ -192,7 +195,7 @@ def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> Ren
         blur_px=draw(ranges.blur_px),
         lens_flare=draw(ranges.lens_flare),
         noise=ranges.noise,
-        electrons_per_grey_value=draw(ranges.electrons_per_grey_value),
+        electrons_per_dn=draw(ranges.electrons_per_dn),
         min_rock_px=max(1, round(60 * ranges.scale**2)),
         min_shadow_px=max(1, round(120 * ranges.scale**2)),
         min_shadow_width_px=max(1, round(3 * ranges.scale)),

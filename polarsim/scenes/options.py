@@ -75,7 +75,7 @@ class SceneRanges:
     blur_px: Range = (0.0, 1.0)
     lens_flare: Range = (0.0, 0.003)  # share of a lamp's light that the lens scatters over the image
     noise: bool = True  # shot and read noise
-    electrons_per_grey_value: Range = (3, 20)
+    electrons_per_dn: Range = (3, 20)
     exposure: Range = (0.15, 1.0)  # 90th percentile of the sand's light over white
     gamma: Range = (1.0, 2.0)  # of the curve from 12 to 8 bits
     strokes: int = 30  # maximum number of boxes drawn into half of the images and erased again, as on cover photos

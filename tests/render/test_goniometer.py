@@ -61,7 +61,7 @@ def test_a_diagram_of_every_set_is_drawn(tmp_path):
 
 
 def test_the_curves_of_a_run_are_those_of_its_parameters(tmp_path):
-    options = RenderOptions(lambert={"albedo": 0.35})
+    options = RenderOptions(materials={"default": {"lambert": {"albedo": 0.35}}})
     write_reflectance(curves=tmp_path / "curves.csv", options=options)
     table = read_csv(tmp_path / "curves.csv")
     assert set(table["model"]) == set(MODELS)

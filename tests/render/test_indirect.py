@@ -12,7 +12,7 @@ from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.indirect import scattered
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.olat import render_view
-from polarsim.render.options import CHRONO, LambertParameters, RenderOptions
+from polarsim.render.options import CHRONO, LambertParameters, Material, RenderOptions
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.surfaces import Surfaces, surfaces_of
 from polarsim.run_files.instances import BACKGROUND, GROUND
@@ -44,7 +44,7 @@ def shadow(above, lens):
 @pytest.mark.parametrize("bounces", [1, 2, 4])
 def test_in_an_integrating_sphere_each_bounce_returns_the_albedo_of_the_last(lens, bounces):
     lambert = LambertParameters(albedo=ALBEDO)
-    options = TRACED.model_copy(update={"bounces": bounces, "bounce_rays": 32, "lambert": lambert})
+    options = TRACED.model_copy(update={"bounces": bounces, "bounce_rays": 32}).with_default(lambert=lambert)
     pose = looking(np.array([0.3, 0.2, 0.1]), 0.5, 0.2)
     view = traced(sphere(), pose, lens.scaled(0.5), options, lamp=Lamp(np.zeros(3)))
     direct = ALBEDO / np.pi * REFERENCE_DISTANCE**2 / RADIUS**2
@@ -105,7 +105,7 @@ def test_walls_of_their_own_albedo_are_lit_by_it_and_the_sand_is_as_before(block
         for model, changes in (
             ("hapke", {}),
             ("hapke", {"rim_albedo": 0.6}),
-            ("lambert", {"lambert": LambertParameters(albedo=0.6)}),
+            ("lambert", {"materials": {"default": Material(lambert=LambertParameters(albedo=0.6))}}),
         )
     )
     np.testing.assert_allclose(plain[wall], as_lambert[wall], rtol=1e-5)
@@ -121,13 +121,13 @@ def test_even_light_from_all_sides_on_an_open_plane_is_the_same_traced_or_not(bl
     options = options.model_copy(update={"bounces": 2})
     view = traced(bare, above, lens, options, lamp=below)
     seen = plain > 0
-    np.testing.assert_allclose(plain[seen], 0.2 * options.lambert.albedo / np.pi, rtol=1e-5)
+    np.testing.assert_allclose(plain[seen], 0.2 * options.parameters("lambert").albedo / np.pi, rtol=1e-5)
     assert view.whole["lambert", "lamp"][seen].mean() == pytest.approx(float(plain[seen].mean()), rel=0.01)
 
 
 def test_inside_a_closed_sphere_even_light_comes_from_the_last_surface_alone(lens):
     lambert = LambertParameters(albedo=ALBEDO)
-    options = TRACED.model_copy(update={"ambient": 0.2, "bounces": 2, "bounce_rays": 32, "lambert": lambert})
+    options = TRACED.model_copy(update={"ambient": 0.2, "bounces": 2, "bounce_rays": 32}).with_default(lambert=lambert)
     outside = Lamp(np.array([0.0, 0.0, 3 * RADIUS]))
     view = traced(sphere(), looking(np.zeros(3), 0.5, 0.2), lens.scaled(0.5), options, lamp=outside)
     expected = 0.2 / np.pi * ALBEDO**3

@@ -10,7 +10,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
-from polarsim.render.options import LambertParameters, PrincipledParameters, RenderOptions
+from polarsim.render.options import PrincipledParameters, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files.scene import TerrainMesh
 from tests.support.mitsuba_scene import bsdf, mitsuba_scene, render, variant
@@ -28,7 +28,7 @@ OPTIONS = RenderOptions(
     falloff=True,
     samples=4,
     rim_half_width_m=1.9,
-    lambert=LambertParameters(albedo=0.4),
+    materials={"default": {"lambert": {"albedo": 0.4}}},
     bounce_rays=64,
     bounce_scale=1,
 )

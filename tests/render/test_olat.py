@@ -36,7 +36,7 @@ def test_a_lambert_plane_under_a_near_lamp_is_as_bright_as_calculated(surfaces, 
     p = hits.point[ground].astype(float)
     to_lamp = np.array([0.3, -0.2, 6.0]) - p
     d = np.linalg.norm(to_lamp, axis=1)
-    expected = plain.lambert.albedo / np.pi * to_lamp[:, 2] / d * REFERENCE_DISTANCE**2 / d**2
+    expected = plain.parameters("lambert").albedo / np.pi * to_lamp[:, 2] / d * REFERENCE_DISTANCE**2 / d**2
     seen = image[hits.pixel[ground]]
     shaded = seen == 0
     assert shaded.mean() < 0.05  # the block's short shadow
@@ -46,7 +46,7 @@ def test_a_lambert_plane_under_a_near_lamp_is_as_bright_as_calculated(surfaces, 
 def test_without_falloff_distance_does_not_matter(surfaces, above, lens, plain):
     options = plain.model_copy(update={"falloff": False})
     near, far = (olat_image(surfaces, above, lens, Lamp(np.array([0, 0, z])), options)[70, 100] for z in (5.0, 500.0))
-    assert near == pytest.approx(options.lambert.albedo / np.pi, rel=1e-5)
+    assert near == pytest.approx(options.parameters("lambert").albedo / np.pi, rel=1e-5)
     assert far == pytest.approx(near, rel=1e-5)
 
 
@@ -120,7 +120,7 @@ def test_bounce_reaches_shadows(surfaces, above, lens, plain):
     lamp = Lamp(np.array([3.0, 0.0, 1.0]))
     image = olat_image(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}))
     column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
-    assert image[row, column] == pytest.approx(0.1 * plain.lambert.albedo / np.pi, rel=1e-5)
+    assert image[row, column] == pytest.approx(0.1 * plain.parameters("lambert").albedo / np.pi, rel=1e-5)
 
 
 @pytest.mark.parametrize("model", CHRONO)

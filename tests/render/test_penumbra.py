@@ -72,13 +72,13 @@ def test_threads_do_not_change_a_penumbra(surfaces, camera, lens, plain):
     np.testing.assert_array_equal(*images)
 
 
-def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, plain, ids_of):
+def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, plain, ids_of, monkeypatch):
     maps = maps_of(surfaces, Camera(above, lens), {"lamp": LAMP}, plain)
     ground, share = maps.ids == GROUND, maps.by_lamp["lamp"].lit
     sizes = []
     for below in (0.05, 0.5, 1.0):
-        options = plain.model_copy(update={"shadow_below": below})
-        ids = ids_of(surfaces, above, lens, {"lamp": LAMP}, options=options)["lamp"]
+        monkeypatch.setattr("polarsim.render.olat.SHADOW_BELOW", below)
+        ids = ids_of(surfaces, above, lens, {"lamp": LAMP})["lamp"]
         np.testing.assert_array_equal(ids[ground] == SHADOW_IDS + 1, share[ground] < below)
         sizes.append((ids == SHADOW_IDS + 1).sum())
     assert sizes[0] < 0.99 * sizes[1] < 0.97 * sizes[2]

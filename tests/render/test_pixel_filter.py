@@ -23,8 +23,8 @@ def offsets(samples, **options):
     return np.array(sample_offsets(SensorOptions.model_construct(samples=samples, **options)))
 
 
-def gaussian(samples, sd_px=0.5):
-    return offsets(samples, pixel_filter="gaussian", filter_sd_px=sd_px)
+def gaussian(samples):
+    return offsets(samples, pixel_filter="gaussian")
 
 
 def test_one_ray_goes_through_the_centre_and_four_through_the_centres_of_the_quarters():
@@ -43,12 +43,12 @@ def test_a_box_has_one_sample_in_each_cell_and_in_each_fine_row_and_column(side)
 
 
 @pytest.mark.parametrize("samples", [4, 9, 16])
-@given(sd_px=st.floats(0.05, 1.5), angle=st.floats(0, np.pi))
-def test_a_gaussian_has_its_width_in_every_direction(samples, sd_px, angle):
-    points = gaussian(samples, sd_px)
+@given(angle=st.floats(0, np.pi))
+def test_a_gaussian_has_its_width_in_every_direction(samples, angle):
+    points = gaussian(samples)
     along = points @ [np.cos(angle), np.sin(angle)]
     assert along.mean() == pytest.approx(0, abs=1e-12)
-    assert along.std() == pytest.approx(sd_px)
+    assert along.std() == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("samples", [4, 16, 400, 10_000])
@@ -60,7 +60,7 @@ def test_with_many_samples_an_edge_comes_near_the_normal_distribution(samples):
 
 
 def test_a_gaussian_of_one_sample_is_refused():
-    with pytest.raises(ValidationError, match="needs samples"):
+    with pytest.raises(ValidationError):
         SensorOptions(pixel_filter="gaussian")
 
 
@@ -68,8 +68,7 @@ def test_a_gaussian_of_one_sample_is_refused():
     ("options", "sd_px"),
     [
         ({"samples": 16}, SD_OF_BOX),
-        ({"samples": 9, "pixel_filter": "gaussian", "filter_sd_px": 0.5}, 0.5),
-        ({"samples": 16, "pixel_filter": "gaussian", "filter_sd_px": 0.8}, 0.8),
+        ({"samples": 9, "pixel_filter": "gaussian"}, 0.5),
     ],
 )
 def test_a_rendered_edge_is_as_wide_as_the_filter(blocks, options, sd_px):
@@ -80,7 +79,7 @@ def test_a_rendered_edge_is_as_wide_as_the_filter(blocks, options, sd_px):
     chosen = RenderOptions(rim=False, bounce=0, **options)
     lamp = {"lamp": Lamp(np.array([0.0, 0, 1e4]))}
     image = render_view(surfaces_of(blocks(), chosen), Camera(pose, lens), lamp, ["lambert"], None, chosen).olat_images
-    profile = image["lambert", "lamp"] / (chosen.lambert.albedo / np.pi)
+    profile = image["lambert", "lamp"] / (chosen.parameters("lambert").albedo / np.pi)
     x = (np.arange(200) + 0.5 - 100) * height / 220
     y = (np.arange(140)[:, None] + 0.5 - 70) * height / 220
     in_sandbox = cos * x + sin * y, sin * x - cos * y

@@ -35,18 +35,18 @@ def test_noise_follows_shot_and_read_noise(rng):
     assert photo.std() == pytest.approx(np.sqrt(8 * 1000 + 49) / 8, rel=0.02)  # 8 electrons a grey value, 7 read
 
 
-@pytest.mark.parametrize(("per_grey_value", "read"), [(8.0, 7.0), (2.0, 4.0), (20.0, 60.0)])
-def test_the_photon_transfer_curve_tells_gain_and_read_noise(rng, per_grey_value, read):
+@pytest.mark.parametrize(("per_dn", "read"), [(8.0, 7.0), (2.0, 4.0), (20.0, 60.0)])
+def test_the_photon_transfer_curve_tells_gain_and_read_noise(rng, per_dn, read):
     """The variance of grey values is their mean over the gain, plus read noise, plus rounding's 1/12."""
-    options = OPTIONS.model_copy(update={"electrons_per_grey_value": per_grey_value, "read_noise_electrons": read})
+    options = OPTIONS.model_copy(update={"electrons_per_dn": per_dn, "read_noise_electrons": read})
     signals = np.linspace(0, 2000, 9, dtype=np.float32)
     photos = [expose(np.full((300, 300), signal), 1, options, rng).astype(float) for signal in signals]
     means = np.array([photo.mean() - BLACK_LEVEL for photo in photos])
     variances = np.array([photo.var() for photo in photos])
     np.testing.assert_allclose(means, signals, atol=0.5)
-    np.testing.assert_allclose(variances, signals / per_grey_value + (read / per_grey_value) ** 2 + 1 / 12, rtol=0.03)
+    np.testing.assert_allclose(variances, signals / per_dn + (read / per_dn) ** 2 + 1 / 12, rtol=0.03)
     slope, _ = np.polyfit(means, variances, 1, w=1 / (1 + variances))
-    assert 1 / slope == pytest.approx(per_grey_value, rel=0.02)
+    assert 1 / slope == pytest.approx(per_dn, rel=0.02)
 
 
 def test_without_light_and_read_noise_nothing_varies(rng):

@@ -191,7 +191,7 @@ def test_rocks_shade_no_other_ground_than_pictures_of_ids_say(surfaces, hits, id
     assert filled_in.sum() < 0.03 * by_rock.sum()
 
 
-def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits):
+def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits, monkeypatch):
     disc = replace(LOW, radius_m=0.25)
     towards = disc.light_at(hits.point, falloff=False)[0]
     first_row = hits.pixel // LENS.width // STRIP * STRIP
@@ -202,8 +202,8 @@ def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits):
         by = found if by is None else {number: by[number] | found[number] for number in by}
     sizes = []
     for below in (0.2, 0.5, 1.0):
-        options = OPTIONS.model_copy(update={"shadow_below": below})
-        maps = maps_of(surfaces, Camera(CAMERA, LENS), {"sun": disc}, options).by_lamp["sun"]
+        monkeypatch.setattr("polarsim.render.maps.SHADOW_BELOW", below)
+        maps = maps_of(surfaces, Camera(CAMERA, LENS), {"sun": disc}, OPTIONS).by_lamp["sun"]
         share, shading = (picture.reshape(-1)[hits.pixel] for picture in (maps.lit, maps.shading))
         np.testing.assert_array_equal(shading == LIT, share >= below)
         thing = named(shading)

@@ -20,7 +20,9 @@ from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.instances import ROCK_IDS
 
 KEYS = [PhotoKey.parse(f"01_A_{name}_0256") for name in ("off_30_L", "on_30_L", "on_180_R", "off_no_L")]
-OPTIONS = RenderOptions(rim=False, hapke="sato_mare_643", lamp_radius_m=0.05, gain={"hapke": 40.0})
+OPTIONS = RenderOptions(
+    rim=False, materials={"default": {"hapke": "sato_mare_643"}}, lamp_radius_m=0.05, gain={"hapke": 40.0}
+)
 
 
 def make(folders, out="twins", options=OPTIONS):

@@ -22,6 +22,8 @@ from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
 _LEAST_COSINE = 0.06  # surfaces lit at a lower cosine are left out: small errors of their normals tell most there
 _RIM_M = 0.15  # what walls so much nearer and higher might hide or shade is left out
+STEP_PX = 2  # of the ground every second pixel of a row and of a column is a sample, of rocks every pixel
+BORDER_PX = 3  # pixels this near to the edge of a thing or of a shadow are left out: their light is mixed
 _NOISE = 0.2  # relative noise (sd) of a pixel that still tells something
 
 
@@ -108,7 +110,7 @@ def samples_of_view(
     names : sequence of str
         All lamps; samples number them.
     """
-    lens, size, fit = camera.lens, camera.lens.shape, options.fitting
+    lens, size = camera.lens, camera.lens.shape
     surfaces.prepare(shadows=False)
     ids = np.zeros(size, np.int32)
     lit = {name: np.zeros(size, bool) for name in photos}
@@ -120,7 +122,7 @@ def samples_of_view(
         ids[rows].reshape(-1)[hits.pixel] = surfaces.id_of_face.take(hits.face)
         pixel = hits.pixel + rows.start * lens.width
         row, column = np.divmod(pixel, lens.width)
-        on_grid = (row % fit.step_px == 0) & (column % fit.step_px == 0)
+        on_grid = (row % STEP_PX == 0) & (column % STEP_PX == 0)
         on_grid |= ids[rows].reshape(-1)[hits.pixel] >= ROCK_IDS  # rocks are small
         on_grid &= clear_of_rim(hits.point, camera.centre, surfaces, options)
         for name in photos:
@@ -148,7 +150,7 @@ def samples_of_view(
             found[name, rows.start] = at, samples
 
     for_strips(lens.height, threads, work)
-    window = 2 * fit.border_px + 1
+    window = 2 * BORDER_PX + 1
     inside = (ndimage.minimum_filter(ids, window) == ndimage.maximum_filter(ids, window)) & (ids >= GROUND)
     parts = []
     for name, start in sorted(found, key=lambda key: (names.index(key[0]), key[1])):

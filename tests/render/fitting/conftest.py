@@ -10,6 +10,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
 from polarsim.render import brdf
+from polarsim.render.fitting import samples as sampling
 from polarsim.render.fitting.exposures import merged
 from polarsim.render.fitting.fit import LAMPS
 from polarsim.render.fitting.samples import Samples, samples_of_view
@@ -90,12 +91,20 @@ def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, points:
     return Samples.joined(parts)
 
 
+@pytest.fixture(scope="package", autouse=True)
+def small_pictures():
+    """Sample every pixel up to the edges: these pictures are small."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sampling, "STEP_PX", 1)
+        patch.setattr(sampling, "BORDER_PX", 1)
+        yield
+
+
 @pytest.fixture(scope="package")
-def studio() -> Studio:
+def studio(small_pictures) -> Studio:
     options = RenderOptions(
-        models=("lambert",), rim=False, bounce=0, falloff=True, skirt_m=0,
-        fitting=FittingOptions(step_px=1, border_px=1, parameters={}),
-    )  # fmt: skip
+        models=("lambert",), rim=False, bounce=0, falloff=True, skirt_m=0, fitting=FittingOptions(parameters={})
+    )
     mesh = sandbox()
     albedo = pattern(mesh)
     return Studio(mesh, albedo, options, shoot(mesh, albedo, options))

@@ -92,11 +92,11 @@ def test_parameters_come_back_whatever_the_albedo(engine):
     mesh = sandbox()
     options = RenderOptions(
         models=("hapke",), rim=False, bounce=0, falloff=True, skirt_m=0,
-        fitting=FittingOptions(step_px=1, border_px=1, parameters={"hapke": ("theta_bar_deg",)}),
+        fitting=FittingOptions(parameters={"hapke": ("theta_bar_deg",)}),
     )  # fmt: skip
     samples = shoot(mesh, pattern(mesh), options)
     start = options.parameters("hapke")
-    wrong = options.model_copy(update={"hapke": start.model_copy(update={"theta_bar_deg": 12.0})})
+    wrong = options.with_default(hapke=start.model_copy(update={"theta_bar_deg": 12.0}))
     parameters = fit(samples, mesh, ["hapke"], engine, wrong).models["hapke"].parameters
     assert parameters["theta_bar_deg"] == pytest.approx(23.4, abs=1.5)
     assert parameters["w"] == start.w

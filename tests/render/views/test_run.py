@@ -167,7 +167,7 @@ def test_an_instance_map_that_changed_is_made_again_with_all_its_pictures(tmp_pa
 def test_only_what_changed_is_made_again(tmp_path, views_of, tone):
     render = {"models": ["lambert", "hapke"], "rim": False}
     render_views(views_of(render=render), tmp_path, tone=tone)
-    brighter = render | {"lambert": {"albedo": 0.4}, "models": ["lambert"]}
+    brighter = render | {"materials": {"default": {"lambert": {"albedo": 0.4}}}, "models": ["lambert"]}
     assert render_views(views_of(render=brighter), tmp_path, tone=tone) == (1, 1)
     assert render_views(views_of(render=brighter, exposures_ms=[64, 128]), tmp_path, tone=tone) == (2, 1)
     more = brighter | {"models": ["lambert", "lunar_lambert"]}

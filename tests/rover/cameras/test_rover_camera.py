@@ -21,21 +21,20 @@ LINE = Path(np.array([[5.5, 0.0], [1.0, 0.0]]))
 CHANGES = {
     "blur_px": (1.5, {}), "bloom": (0.1, {}), "bloom_px": (9.0, {"bloom": 0.1}), "veiling_glare": (0.05, {}),
     "lens_flare": (0.02, {}), "vignetting": (True, {}), "samples": (4, {}),
-    "pixel_filter": ("gaussian", {"samples": 4}), "filter_sd_px": (1.0, {"samples": 4, "pixel_filter": "gaussian"}),
-    "noise": (True, {}), "electrons_per_grey_value": (2.0, {"noise": True}),
+    "pixel_filter": ("gaussian", {"samples": 4}),
+    "noise": (True, {}), "electrons_per_dn": (2.0, {"noise": True}),
     "read_noise_electrons": (200.0, {"noise": True}), "seed": (5, {"noise": True}),
-    "hapke": ("sato_mare_643", {}), "materials": ({"ground": {"albedo": 0.5}}, {}), "gain": ({"hapke": 1.0}, {}),
+    "materials": ({"ground": {"albedo": 0.5}}, {}), "gain": ({"hapke": 1.0}, {}),
     "ambient": (0.3, {}), "bounces": (1, {}), "bounce_rays": (4, {"bounces": 1}), "bounce_scale": (2, {"bounces": 1}),
 }  # fmt: skip
 OTHERS = {
     "models", "maps", "calibration_photos", "materials_from_photos", "fitting",  # of a run's photos and twins
     "engine", "rays", "device",  # change no picture
     *ROVER_RENDER,  # constants of the rover
-    "principled", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono",  # of other models than this one
     "rim", "rim_half_width_m", "rim_height_m", "rim_albedo",  # drives have no sandbox
     "lamp_radius_m",  # the Sun has its own
     "skirt_m",  # acts on rocks with open feet; here all reach below the ground
-    "shadow_below", "min_rock_px", "min_shadow_px", "min_shadow_width_px", "min_part_px", "min_visible_share",  # labels
+    "min_rock_px", "min_shadow_px", "min_shadow_width_px", "min_part_px", "min_visible_share",  # labels
 }  # fmt: skip
 
 
