@@ -29,10 +29,6 @@ class AnalogOptions(BaseModel, extra="forbid", frozen=True):
         "times the triangles.",
     )
 
-    lamp_radius_mm: float = Field(
-        45, ge=0, le=300, description="A lamp is a bright disc of this radius, mm; a larger one makes softer shadows."
-    )
-
     range_noise_mm: float = Field(
         2.0,
         ge=0,
@@ -51,12 +47,4 @@ class AnalogOptions(BaseModel, extra="forbid", frozen=True):
         le=1,
         description="This share of the scan points at depth edges hangs between what is near and what is far, as "
         "mixed pixels do.",
-    )
-
-    full_well_electrons: float = Field(33000, gt=0, description="A pixel is full, and so white, at so many electrons.")
-    read_noise_electrons: float = Field(
-        7.0, ge=0, description="Reading a pixel adds noise of this standard deviation, electrons."
-    )
-    electrons_per_dn: float = Field(
-        8.0, gt=0, description="One grey value is made by so many electrons; fewer make noisier photos."
     )

@@ -17,7 +17,7 @@ from polarsim.analog.light import Lamp, direct, visibility
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
 from polarsim.analog.sandbox import GROUND_OBJECT
-from polarsim.analog.sensor import expose, fixed_pattern, lamp_glare, through_lens
+from polarsim.analog.sensor import ELECTRONS_PER_DN, expose, fixed_pattern, lamp_glare, through_lens
 from polarsim.analog.stations import ROVER, Stations
 from polarsim.analog.terrain import Terrain
 from polarsim.analog.truth import AlbedoMap
@@ -34,6 +34,7 @@ from polarsim.survey import ROVER_LIGHT_SHARE
 # 30 % below).
 ELECTRONS = 20000.0
 LAMP_OUTPUT = {"30": 1.0, "180": 6.0, "270": 1.0, "350": 3.2, ROVER: ROVER_LIGHT_SHARE}
+_LAMP_RADIUS = 0.045  # metres, of a lamp's bright disc
 _HALL_DN_PER_S = 1.2  # sand's brightness in the dark hall
 _GLARE = 0.002  # radiance at the centre of a lamp's ghosts
 _SAND_ALBEDO = 0.19
@@ -78,7 +79,7 @@ def take_photos(
 ) -> pd.DataFrame:
     """Write the photos and the seed labels; the true labels of all photos. `albedo` collects what they show."""
     at = sorted({key.position for key in keys})
-    lamps = {position: _lamps(made.stations, position, options) for position in at}
+    lamps = {position: _lamps(made.stations, position) for position in at}
     bounces = gather_bounce(
         made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain), threads
     )
@@ -95,13 +96,13 @@ def take_photos(
     return _label_table(rows)
 
 
-def _lamps(stations: Stations, position: str, options: AnalogOptions) -> dict[str, Lamp]:
+def _lamps(stations: Stations, position: str) -> dict[str, Lamp]:
     """The lamps of a position by azimuth, and its rover light."""
     left = stations.sandbox_from_left[position]
     lamps = {}
     for name, lamp_position in stations.lamps_at(position).items():
         target = left.apply(np.array([0, 0.0, 4.0])) if name == ROVER else np.zeros(3)
-        lamps[name] = Lamp(lamp_position, target, options.lamp_radius_mm / 1000, LAMP_OUTPUT[name])
+        lamps[name] = Lamp(lamp_position, target, _LAMP_RADIUS, LAMP_OUTPUT[name])
     return lamps
 
 
@@ -128,7 +129,7 @@ def _olat_images(
     albedo.add(view)
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
-    hall = _HALL_DN_PER_S * options.electrons_per_dn / 1000 / ELECTRONS / _SAND_ALBEDO
+    hall = _HALL_DN_PER_S * ELECTRONS_PER_DN / 1000 / ELECTRONS / _SAND_ALBEDO
     indirect = bounces.at(scene, view, [AMBIENT, *(_bounce_name(name, position) for name in lamps)])
     images[AMBIENT] = through_lens(hall * indirect[AMBIENT])
     for name, lamp in lamps.items():
@@ -151,7 +152,7 @@ def _shoot(
 
     def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
         rng = generator(options.seed, "sensor", key)
-        photo = expose(olat_images.lit(key), key.exposure_ms, ELECTRONS, options, rng, pattern)
+        photo = expose(olat_images.lit(key), key.exposure_ms, ELECTRONS, rng, pattern)
         png.write(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
         sand = photo[::_SPARSE, ::_SPARSE][olat_images.sand].astype(np.int32) - BLACK_LEVEL
         well_exposed = float(((sand > _LEAST_DN) & (sand < _MOST_DN)).mean())

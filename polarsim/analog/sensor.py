@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.analog.light import Lamp
-from polarsim.analog.options import AnalogOptions
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _BLUR_PX = 0.6  # sd of the lens's point spread
 _VIGNETTING = 0.30  # light lost in the corners
 _VEIL, _HALO = 0.002, 0.007  # shares of the light that the lens spreads over everything, and widely about its position
+# A sensor like Sony's IMX249, whose 33,000 electrons fill 12 bits. The analog has its own values: stages that assume
+# those of `polarsim.photo` may be wrong about it.
+ELECTRONS_PER_DN = 8.0
+_READ_NOISE_ELECTRONS = 7.0  # standard deviation
+_FULL_WELL_ELECTRONS = 33000.0
 _PIXEL_GAIN = 0.006  # sd of the pixels' sensitivity
 
 
@@ -75,9 +79,8 @@ def _blob(out: np.ndarray, centre: np.ndarray, size: float, strength: float, pow
 
 
 def expose(
-    image: np.ndarray, exposure_ms: float, electrons: float, options: AnalogOptions, rng: np.random.Generator,
-    pixel_gain: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+    image: np.ndarray, exposure_ms: float, electrons: float, rng: np.random.Generator, pixel_gain: np.ndarray
+) -> np.ndarray:
     """(h, w) uint16 photo of a linear image.
 
     Parameters
@@ -89,9 +92,9 @@ def expose(
     """
     signal = image * pixel_gain * np.float32(electrons * exposure_ms)
     noise = rng.standard_normal(image.shape, dtype=np.float32)
-    noise *= np.sqrt(np.maximum(signal, 0) + np.float32(options.read_noise_electrons**2))
-    collected = np.minimum(signal + noise, np.float32(options.full_well_electrons))
-    values = collected / np.float32(options.electrons_per_dn) + np.float32(BLACK_LEVEL)
+    noise *= np.sqrt(np.maximum(signal, 0) + np.float32(_READ_NOISE_ELECTRONS**2))
+    collected = np.minimum(signal + noise, np.float32(_FULL_WELL_ELECTRONS))
+    values = collected / np.float32(ELECTRONS_PER_DN) + np.float32(BLACK_LEVEL)
     return np.clip(np.rint(values), 0, WHITE_LEVEL).astype(np.uint16)
 
 

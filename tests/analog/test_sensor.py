@@ -2,18 +2,16 @@ import numpy as np
 import pytest
 
 from polarsim.analog.light import Lamp
-from polarsim.analog.options import AnalogOptions
 from polarsim.analog.sensor import expose, lamp_glare, through_lens
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
-OPTIONS = AnalogOptions()
 FLAT = np.ones((300, 300), np.float32)
 
 
 def shoot(level, exposure_ms, seed=1):
-    return expose(level * FLAT, exposure_ms, 1.0, OPTIONS, np.random.default_rng(seed), FLAT)
+    return expose(level * FLAT, exposure_ms, 1.0, np.random.default_rng(seed), FLAT)
 
 
 def test_a_dark_photo_lies_at_the_black_level_with_the_read_noise():
