@@ -1,10 +1,10 @@
 """`rays.Caster` on Intel's Embree 4: float32 inside, millions of rays a second.
 
-Open3D's `RaycastingScene`, Embree too, casts the camera rays of a 2.4-megapixel view of 940,000 triangles as fast (0.33 s
-on one thread), but takes 2.8 times as long for the shadow rays to a lamp (0.43 instead of 0.15 s, five lamps a view): it
-has no start of its own for each ray, so that origins are moved, and no packets. Its distances differ in the last bit for
-171,125 of 1.8 million rays. It also lacks masks and parts that move. The analog and `scoring.surface` use it for closest
-points and signed distances, which Embree's own interface has not.
+Open3D's `RaycastingScene`, Embree too, casts the camera rays of a 2.4-megapixel view of 940,000 triangles as fast
+(0.33 s on one thread), but takes 2.8 times as long for the shadow rays to a lamp (0.43 instead of 0.15 s, five lamps a
+view): no ray has a start of its own, so origins are moved. Its distances differ in the last bit for 171,125 of
+1.8 million rays. It also lacks masks and parts that move. The analog and `scoring.surface` use Open3D for closest
+points and signed distances, which this interface lacks.
 
 Scenes that change little from picture to picture need not be built again, such as the ground under a rover's wheels:
 of triangles in `MovableScene` the tree of a part is built anew where it moved, and one over all parts.
