@@ -1,4 +1,4 @@
-"""What a user may vary of the analog sandbox. The defaults are what is known or assumed of NASA's."""
+"""Options of the analog sandbox. The defaults are known or assumed of NASA's sandbox."""
 
 from __future__ import annotations
 
@@ -6,45 +6,25 @@ from pydantic import BaseModel, Field
 
 
 class AnalogOptions(BaseModel, extra="forbid", frozen=True):
-    """Sandbox, scanner, photographer and annotator follow these options; the same ones and seed make the same bytes."""
+    """Options of sandbox and scanner; equal options make equal bytes."""
 
-    seed: int = Field(
-        1,
-        description="Everything random is drawn from this seed: another one makes other terrains, drawings and noise.",
-    )
-    photos: bool = Field(True, description="Photos, seeds and true labels are made; false leaves scans only.")
+    seed: int = Field(1, description="Seed of terrains, drawings and noise.")
+    photos: bool = Field(True, description="Make photos, seeds and true labels; false: scans only.")
 
     ground_step_mm: float = Field(
-        5.0,
-        ge=2,
-        le=20,
-        description="The sand's relief is made on a grid of this step, mm; a finer one takes longer and shows "
-        "smaller ripples.",
+        5.0, ge=2, le=20, description="Step of the sand's height grid, mm: finer takes longer and has smaller ripples."
     )
     rock_detail: int = Field(
         5,
         ge=3,
         le=6,
-        description="Rocks are carved from an icosahedron that is subdivided so many times; each time has four "
-        "times the triangles.",
+        description="Subdivisions of the icosahedron that a rock is carved from; each has 4 times the faces.",
     )
 
-    range_noise_mm: float = Field(
-        2.0,
-        ge=0,
-        le=50,
-        description="Distances of the scanner have noise of this standard deviation along the ray, mm.",
-    )
+    range_noise_mm: float = Field(2.0, ge=0, le=50, description="Standard deviation of the scanner's ranges, mm.")
     scan_step_deg: float = Field(
-        0.072,
-        gt=0.02,
-        le=1,
-        description="The scanner measures at every so many degrees; a smaller step makes more points.",
+        0.072, gt=0.02, le=1, description="Angular step of the scanner, degrees: smaller makes more points."
     )
     mixed_pixels: float = Field(
-        0.5,
-        ge=0,
-        le=1,
-        description="This share of the scan points at depth edges hangs between what is near and what is far, as "
-        "mixed pixels do.",
+        0.5, ge=0, le=1, description="Share of the scan points at depth edges that are mixed pixels."
     )

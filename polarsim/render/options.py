@@ -1,7 +1,8 @@
-"""What the configuration says about rendering."""
+"""Options of rendering."""
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
@@ -17,26 +18,28 @@ MapName = Literal["depth", "depth_float", "normal", "angles", "shading", "lit"]
 
 
 class HapkeParameters(BaseModel, extra="forbid", frozen=True):
-    """The model is Hapke's of 2012, with macroscopic roughness; the letters are the literature's."""
+    """Hapke's model of 2012 with macroscopic roughness; symbols of the literature."""
 
-    w: float = Field(
-        ge=0, le=1, description="Grains scatter this share of the light that they meet (single-scattering albedo)."
-    )
-    b: float = Field(
-        ge=0, lt=1, description="The phase function's lobes have this width; a larger one makes them narrower."
-    )
-    c: float = Field(ge=-1, le=1, description="The lobes are weighted by this; above 0 light is scattered backwards.")
-    b_s0: float = Field(0, ge=0, description="The shadow-hiding opposition effect has this amplitude.")
-    h_s: float = Field(1, gt=0, description="The opposition effect has this angular width, tan(g/2).")
-    b_c0: float = Field(0, ge=0, description="The coherent-backscatter opposition effect has this amplitude.")
-    h_c: float = Field(1, gt=0, description="The opposition effect has this angular width, tan(g/2).")
+    w: float = Field(ge=0, le=1, description="Single-scattering albedo: higher is brighter.")
+    b: float = Field(ge=0, lt=1, description="Asymmetry of the phase function: higher makes its lobes narrower.")
+    c: float = Field(ge=-1, le=1, description="Weight of the two lobes: above 0 light is scattered backwards.")
+    b_s0: float = Field(0, ge=0, description="Amplitude of the shadow-hiding opposition effect.")
+    h_s: float = Field(1, gt=0, description="Angular width of the shadow-hiding opposition effect, tan(g/2).")
+    b_c0: float = Field(0, ge=0, description="Amplitude of the coherent-backscatter opposition effect.")
+    h_c: float = Field(1, gt=0, description="Angular width of the coherent-backscatter opposition effect, tan(g/2).")
     theta_bar_deg: float = Field(
         0,
         ge=0,
         lt=60,
-        description="The macroscopic roughness has this mean slope, degrees; rougher sand is darker under low light.",
+        description="Mean slope of the macroscopic roughness, degrees: higher is darker under low light.",
     )
-    filling: float = Field(0, ge=0, lt=0.75, description="The porosity term has this filling factor phi; 0 sets K = 1.")
+    filling: float = Field(0, ge=0, lt=0.75, description="Filling factor of the porosity term; 0 sets K = 1.")
+
+    @property
+    def porosity(self) -> float:
+        """K of Hapke, Icarus 195 (2008) 918."""
+        u = 1.209 * self.filling ** (2 / 3)
+        return -math.log1p(-u) / u if u > 0 else 1.0
 
 
 # Lunar sets of Sato et al. 2014 (JGR Planets 119, 1775) at 566 and 643 nm, of Chrono's lunar demos, and of a laboratory
@@ -65,87 +68,77 @@ HapkeSet = Literal[
 
 
 class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
-    """The model has Burley's diffuse lobe and a GGX mirror lobe, as Mitsuba 3 defines them."""
+    """Burley's diffuse lobe and a GGX specular lobe, as Mitsuba 3 defines them."""
 
-    base_color: float = Field(0.2, ge=0, le=1, description="The diffuse lobe has this albedo; more is brighter.")
-    roughness: float = Field(
-        0.8, ge=0, le=1, description="The square of this is the alpha of the GGX highlight; at 1 it is wide and faint."
-    )
+    base_color: float = Field(0.2, ge=0, le=1, description="Albedo of the diffuse lobe: higher is brighter.")
+    roughness: float = Field(0.8, ge=0, le=1, description="Square root of the alpha of GGX: higher is wider, fainter.")
     specular: float = Field(
-        0.5,
-        ge=0,
-        le=1,
-        description="The dielectric mirror lobe has this strength; 0.5 is that of a refractive index of 1.5.",
+        0.5, ge=0, le=1, description="Strength of the specular lobe; 0.5 is a refractive index of 1.5."
     )
-    metallic: float = Field(
-        0, ge=0, le=1, description="This share of the surface reflects as metal does, without a diffuse lobe."
-    )
+    metallic: float = Field(0, ge=0, le=1, description="Share of the surface that reflects as metal.")
+
+    @property
+    def alpha2(self) -> float:
+        """Square of the alpha of GGX."""
+        return max(0.001, self.roughness * self.roughness) ** 2
+
+    @property
+    def eta(self) -> float:
+        """Refractive index."""
+        return 2 / (1 - math.sqrt(0.08 * self.specular)) - 1
 
 
 class LambertParameters(BaseModel, extra="forbid", frozen=True):
-    """The model is Lambert's: the surface looks as bright from all sides."""
+    """Lambert's model: the same radiance in all directions."""
 
-    albedo: float = Field(0.2, ge=0, le=1, description="The surface scatters this share of light back.")
+    albedo: float = Field(0.2, ge=0, le=1, description="Share of light that is scattered back.")
 
 
 class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
-    """The model is McEwen's mix of Lommel-Seeliger and Lambert."""
+    """McEwen's mix of Lommel-Seeliger and Lambert."""
 
-    albedo: float = Field(
-        0.12, ge=0, le=0.6, description="The surface has this albedo, lit and seen from above; more is brighter."
-    )
+    albedo: float = Field(0.12, ge=0, le=0.6, description="Albedo at normal incidence and emergence.")
     weight: Literal["mcewen"] | float = Field(
-        "mcewen",
-        description="Lommel-Seeliger has this share L, the rest is Lambert; mcewen: the share follows the phase angle.",
+        "mcewen", description="Share L of Lommel-Seeliger, the rest is Lambert; mcewen: by the phase angle."
     )
 
 
 class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
-    """Chrono::Sensor's Hapke shader of 2025 has these; by its slip, i <= g tells rough slopes apart, not i <= e."""
+    """Hapke shader of Chrono::Sensor, 2025, which chooses the branch of the roughness by i <= g instead of i <= e."""
 
     soil: HapkeSet = Field("chrono_lunar", description="Parameter set of the Hapke model.")
     k_d: float = Field(0.7, ge=0, le=1, description="Diffuse colour, a factor of the reflectance.")
 
     @property
     def hapke(self) -> HapkeParameters:
-        """Without coherent backscatter, which that shader leaves out."""
+        """Without coherent backscatter, which that shader omits."""
         return HAPKE_SETS[self.soil].model_copy(update={"b_c0": 0.0})
 
 
 class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
-    """Parameters are those of Chrono::Sensor's Principled shader of 2025; f_r is its factor over pi."""
+    """Principled shader of Chrono::Sensor, 2025; f_r is its factor over pi."""
 
-    k_d: float = Field(0.7, ge=0, le=1, description="The diffuse lobe has this albedo; more is brighter.")
-    k_s: float = Field(
-        1.0,
-        ge=0,
-        le=1,
-        description="The highlight has this specular colour, which counts in the specular workflow alone; "
-        "more is brighter.",
-    )
-    roughness: float = Field(
-        0.8, ge=0.001, le=1, description="This is the alpha of the GGX highlight itself; more is wider and weaker."
-    )
-    metallic: float = Field(
-        0, ge=0, le=1, description="This share of the surface is metal, which counts in the metallic workflow alone."
-    )
+    k_d: float = Field(0.7, ge=0, le=1, description="Albedo of the diffuse lobe: higher is brighter.")
+    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour, used in the specular workflow.")
+    roughness: float = Field(0.8, ge=0.001, le=1, description="Alpha of GGX: higher is wider and fainter.")
+    metallic: float = Field(0, ge=0, le=1, description="Share of metal, used in the metallic workflow.")
     workflow: Literal["specular", "metallic"] = Field(
-        "specular", description="The mirror-like share is set by k_s (specular) or by metallic."
+        "specular", description="Parameter that sets the specular share: k_s (specular) or metallic."
     )
 
     @property
     def albedo(self) -> float:
-        """Of what is not mirrored."""
+        """Albedo of the part that is not specular."""
         return self.k_d if self.workflow == "specular" else self.k_d * (1 - self.metallic)
 
     @property
     def mirrored(self) -> float:
-        """Share of the light that is mirrored at normal incidence."""
+        """Specular share at normal incidence."""
         return 0.08 * self.k_s if self.workflow == "specular" else self.metallic * self.k_d + (1 - self.metallic) * 0.04
 
     @property
     def grazing(self) -> float:
-        """Share of the rest that is mirrored too at grazing incidence."""
+        """Share of the rest that is specular at grazing incidence."""
         return 1.0 if self.workflow == "specular" else 0.0
 
 
@@ -159,16 +152,14 @@ Parameters = (
 )
 
 
-_OWN = "Parameters of this model; none: those of the material that this one refines."
+_OWN = "Parameters of this reflectance model."
 
 
 class Material(BaseModel, extra="forbid", frozen=True):
-    """Reflectance of a thing. Keys that are left out come from the kind of the thing, then from `default`."""
+    """Reflectance of a thing. Missing keys come from the material of its kind, then from `default`."""
 
-    albedo: PositiveFloat | None = Field(None, description="Factor of the reflectance; none: as above, in the end 1.")
-    hapke: HapkeSet | HapkeParameters | None = Field(
-        None, description="A parameter set is named, or the parameters are given."
-    )
+    albedo: PositiveFloat | None = Field(None, description="Factor of the reflectance.")
+    hapke: HapkeSet | HapkeParameters | None = Field(None, description="Name of a parameter set, or the parameters.")
     principled: PrincipledParameters | None = Field(None, description=_OWN)
     lambert: LambertParameters | None = Field(None, description=_OWN)
     lunar_lambert: LunarLambertParameters | None = Field(None, description=_OWN)
@@ -190,41 +181,32 @@ _PARAMETERS: dict[Model, Parameters] = {
 
 
 class FittingOptions(BaseModel, extra="forbid", frozen=True):
-    """Materials are fitted to a terrain's photos."""
+    """Fit of materials to a terrain's photos."""
 
     parameters: dict[Model, tuple[str, ...]] = Field(
         {
             "principled": ("roughness", "specular"),
             "hapke": ("w", "b", "c", "b_s0", "h_s", "theta_bar_deg"),
         },
-        description="These parameters of each model are fitted; a model left out keeps its own.",
+        description="Fitted parameters by model; other models keep theirs.",
     )
     held_out: Literal["no", "30", "180", "270", "350"] = Field(
-        "30",
-        description="Photos of this azimuth check the fit, and parameters are fitted without them; no: all photos "
-        "are fitted.",
+        "30", description="Azimuth whose photos validate the fit; no: all photos are fitted."
     )
 
 
 class RenderOptions(SensorOptions):
-    """These options say how twins and their rendered ground-truth labels are made."""
+    """Options of twins and of their rendered ground-truth labels."""
 
-    models: tuple[Model, ...] = Field(
-        ("principled", "hapke"), description="Twins are made in these reflectance models."
-    )
+    models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models of the twins.")
     engine: Literal["numba", "numpy", "taichi"] = Field(
-        "numba",
-        description="Reflectance is evaluated by this, in float32: numba is the fastest on a CPU, taichi is for GPUs,"
-        " numpy defines the result.",
+        "numba", description="Engine of reflectance: numba (CPU), taichi (GPU), numpy (reference)."
     )
     rays: RayEngine = Field(
-        "embree",
-        description="Rays are cast by this; taichi is for GPUs, numpy, the only one in float64, for tiny scenes.",
+        "embree", description="Engine of rays: embree (CPU), taichi (GPU), numpy (reference, tiny scenes only)."
     )
     device: Device = Field(
-        "cpu",
-        description="Taichi runs on this, for `engine` and `rays`. Where both are taichi, OLAT images of lamps that"
-        " are points are made there from ray to sum.",
+        "cpu", description="Device of Taichi. With both engines taichi, views of point lamps stay on it."
     )
 
     materials: dict[str, Material] = Field(
@@ -234,108 +216,53 @@ class RenderOptions(SensorOptions):
     )
     materials_from_photos: bool = Field(
         False,
-        description="Albedo, the models' parameters and the lamps' brightness are fitted to the terrain's "
-        "photos; where there are none, materials are constant. Fits go before `falloff`, "
-        "`vignetting` and the models' parameters; a given `gain` goes before theirs.",
+        description="Fit albedo, parameters and brightness of lamps to the photos; overrides `falloff`, `vignetting` "
+        "and `materials.default`.",
     )
     fitting: FittingOptions = FittingOptions()
 
-    falloff: bool = Field(
-        False, description="Lamps weaken with the square of the distance. Off: real spots light the sand more evenly."
-    )
-    lamp_radius_m: float = Field(
-        0,
-        ge=0,
-        description="Sun lamps are discs of this radius, metres; 0: they are points, whose shadows have sharp edges.",
-    )
-    lamp_samples: int = Field(16, ge=1, description="Where a lamp's disc is seen in part, so many rays are cast to it.")
+    falloff: bool = Field(False, description="Inverse-square falloff of lamps. Real spots light the sand more evenly.")
+    lamp_radius_m: float = Field(0, ge=0, description="Radius of the Sun lamps, metres; 0: points with sharp shadows.")
+    lamp_samples: int = Field(16, ge=1, description="Rays to a lamp that is visible in part: more have less grain.")
     lamp_probe_px: int = Field(
         1,
         ge=1,
         le=32,
-        description="Only every n-th pixel of a row probes a lamp's disc at centre and rim, and pixels between two "
-        "that agree look at its centre alone; 1: every pixel probes it. 8 takes half the time and moves"
-        " few pixels.",
+        description="Step between pixels that probe a whole lamp: 8 halves the time and changes few pixels.",
     )
     bounce: float = Field(
         0.01,
         ge=0,
         le=1,
-        description="Light that walls return from above has this irradiance, over a lamp's irradiance 4 m "
-        "away; 0: there is none. It counts while `bounces` is 0; more bounces trace this light "
-        "instead. Chrono's models have none.",
+        description="Irradiance from the walls above, over that of a lamp 4 m away; used with `bounces: 0`.",
     )
-    ambient: float = Field(
-        0,
-        ge=0,
-        le=1,
-        description="Even light from all sides has this irradiance, over a lamp's irradiance 4 m away. "
-        "Nothing shades it while `bounces` is 0; else surfaces do, but for the last one of a "
-        "path. Chrono's models have none.",
-    )
-    bounces: int = Field(
-        0,
-        ge=0,
-        le=8,
-        description="Light is traced over so many reflections between its lamp and the surface that is seen; 0: "
-        "over none, `bounce` stands for them. Chrono's models have none.",
-    )
-    bounce_rays: int = Field(
-        128, ge=1, description="So many random paths are traced from a pixel; more take longer and have less noise."
-    )
-    bounce_scale: int = Field(
-        4,
-        ge=1,
-        le=16,
-        description="Paths start at every so many-th pixel of a row and of a column; pixels between take the light of "
-        "alike neighbours. 1: at every pixel, unsmoothed.",
-    )
-    skirt_m: float = Field(
-        0.05,
-        ge=0,
-        description="Open feet of rock meshes are drawn out downwards so far, metres: no light beneath them.",
-    )
-    rim: bool = Field(
-        True,
-        description="The sandbox has walls, which cast shadows and are seen; not on terrain 13, another box, whose "
-        "walls nobody stated.",
-    )
-    rim_half_width_m: float = Field(2.05, gt=0, description="The sandbox is twice this wide inside, metres.")
+    ambient: float = Field(0, ge=0, le=1, description="Irradiance from all directions, over that of a lamp 4 m away.")
+    bounces: int = Field(0, ge=0, le=8, description="Maximum number of traced reflections between lamp and surface.")
+    bounce_rays: int = Field(128, ge=1, description="Random paths per pixel: more take longer and have less noise.")
+    bounce_scale: int = Field(4, ge=1, le=16, description="Step between pixels at which paths start; 1: every pixel.")
+    skirt_m: float = Field(0.05, ge=0, description="Length by which open rock meshes are extended downwards, metres.")
+    rim: bool = Field(True, description="Walls of the sandbox cast shadows and are visible, except on terrain 13.")
+    rim_half_width_m: float = Field(2.05, gt=0, description="Half of the inner width of the sandbox, metres.")
     # Low rather than high: shade that no photo has would take away shadows that are there.
-    rim_height_m: float = Field(SURELY_WALL, gt=0, description="Walls end so high above the median ground, metres.")
+    rim_height_m: float = Field(SURELY_WALL, gt=0, description="Height of the walls above the median ground, metres.")
     rim_albedo: float | None = Field(
-        None,
-        ge=0,
-        le=1,
-        description="Walls are plain diffuse with this albedo (cloth: 0.5); none: they are as the ground.",
+        None, ge=0, le=1, description="Albedo of diffuse walls (cloth: 0.5); none: the material of the ground."
     )
 
     gain: dict[Model, PositiveFloat] = Field(
-        default_factory=dict,
-        description="A unit of radiance makes so many grey values per ms; a model left out is calibrated.",
+        default_factory=dict, description="DN per ms and unit radiance, by model; other models are calibrated."
     )
-    calibration_photos: int = Field(
-        6, ge=0, description="A gain is calibrated on so many photos; 0: built-in gains are taken."
-    )
-    seed: int = Field(0, ge=0, description="Noise and traced light are drawn from this seed.")
+    calibration_photos: int = Field(6, ge=0, description="Number of photos that calibrate a gain; 0: built-in gains.")
+    seed: int = Field(0, ge=0, description="Seed of noise and traced light.")
 
-    maps: tuple[MapName, ...] = Field(
-        (),
-        description="These pictures are written beside twins, in renders/maps: depth (mm), depth_float (m), normal,"
-        " angles (incidence, emergence, phase), shading (lit, or what hides the lamp), lit (share of "
-        "the lamp that is seen).",
-    )
-    min_rock_px: int = Field(30, ge=1, description="Rocks with fewer visible pixels get no box.")
-    min_shadow_px: int = Field(60, ge=1, description="Shadows with fewer visible pixels get no box.")
+    maps: tuple[MapName, ...] = Field((), description="Maps written to renders/maps, by view or exposure bracket.")
+    min_rock_px: int = Field(30, ge=1, description="Minimum number of visible pixels of a labelled rock.")
+    min_shadow_px: int = Field(60, ge=1, description="Minimum number of visible pixels of a labelled shadow.")
     min_shadow_width_px: int = Field(
-        3,
-        ge=1,
-        description="Parts of a shadow thinner than this, lines along a rock's foot, do not widen its box. 1: all do.",
+        3, ge=1, description="Minimum width of the parts of a shadow that extend its box, px."
     )
-    min_part_px: int = Field(20, ge=1, description="Connected parts of a shadow below this do not widen its box.")
-    min_visible_share: float = Field(
-        0, ge=0, le=1, description="Rocks of which others leave less than this share to be seen get no box."
-    )
+    min_part_px: int = Field(20, ge=1, description="Minimum pixels of a connected part that extends a shadow's box.")
+    min_visible_share: float = Field(0, ge=0, le=1, description="Minimum visible share of a labelled rock.")
 
     @field_validator("materials")
     @classmethod
@@ -352,7 +279,7 @@ class RenderOptions(SensorOptions):
         return self
 
     def of(self, terrain: int) -> Self:
-        """These options, without walls where nobody stated those of a terrain."""
+        """Return these options, without walls for terrains whose walls were not surveyed."""
         return self if is_surveyed(terrain) else self.model_copy(update={"rim": False})
 
     @property

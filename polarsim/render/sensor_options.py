@@ -1,4 +1,4 @@
-"""What the configuration says about the camera: pixel filter, lens faults, noise. The defaults add nothing."""
+"""Options of the camera: pixel filter, lens faults, noise. The defaults add none."""
 
 from __future__ import annotations
 
@@ -10,44 +10,29 @@ from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS
 
 
 class SensorOptions(BaseModel, extra="forbid", frozen=True):
-    """From the scene's light to grey values. Black level (16) and clipping (12 bits) are those of the data set."""
+    """From radiance to DN. Black level (16) and clipping (12 bits) are those of the data set."""
 
-    samples: Literal[1, 4, 9, 16] = Field(
-        1, description="So many rays are cast a pixel; more smooth edges and take longer."
-    )
+    samples: Literal[1, 4, 9, 16] = Field(1, description="Rays per pixel: more smooth edges and take longer.")
     pixel_filter: Literal["box", "gaussian"] = Field(
-        "box",
-        description="Rays are spread evenly over the pixel, or as a Gaussian about its centre, which reaches over.",
+        "box", description="Distribution of the rays: even over the pixel, or Gaussian about its centre."
     )
 
-    blur_px: float = Field(
-        0,
-        ge=0,
-        le=50,
-        description="The lens blurs a point to a Gaussian of this standard deviation, px; 0: it is sharp.",
-    )
-    bloom: float = Field(0, ge=0, le=1, description="The lens scatters this share of a point's light into a halo.")
-    bloom_px: float = Field(60, gt=0, description="The halo of `bloom` is a Gaussian of this standard deviation, px.")
-    veiling_glare: float = Field(
-        0, ge=0, le=1, description="The lens spreads this share of the picture's light evenly over it."
-    )
+    blur_px: float = Field(0, ge=0, le=50, description="Standard deviation of the lens's Gaussian point spread, px.")
+    bloom: float = Field(0, ge=0, le=1, description="Share of light that the lens scatters into a halo.")
+    bloom_px: float = Field(60, gt=0, description="Standard deviation of the Gaussian halo of `bloom`, px.")
+    veiling_glare: float = Field(0, ge=0, le=1, description="Share of light that the lens spreads over the picture.")
     lens_flare: float = Field(
         0,
         ge=0,
         le=1,
-        description="The lens scatters this share of a lamp's light over the picture, as one over the square of the"
-        " angle from the lamp; only of lamps that the camera sees, or would see if it had a wider view.",
+        description="Share of a visible lamp's light that the lens scatters, by its inverse square angle.",
     )
-    vignetting: bool = Field(
-        False, description="Pictures darken by the fourth power of the cosine to the optical axis."
-    )
+    vignetting: bool = Field(False, description="Darken by the fourth power of the cosine to the optical axis.")
 
-    noise: bool = Field(False, description="Twins have shot and read noise; noisy ones take 1.5 times the space.")
-    electrons_per_dn: float = Field(
-        ELECTRONS_PER_DN, gt=0, description="So many photo-electrons make a grey value: the more, the less shot noise."
-    )
+    noise: bool = Field(False, description="Shot and read noise. Noisy twins take 1.5 times the space.")
+    electrons_per_dn: float = Field(ELECTRONS_PER_DN, gt=0, description="Electrons per DN: more have less shot noise.")
     read_noise_electrons: float = Field(
-        READ_NOISE_ELECTRONS, ge=0, description="Reading a pixel adds noise of this standard deviation, electrons."
+        READ_NOISE_ELECTRONS, ge=0, description="Standard deviation of the read noise, electrons."
     )
 
     @model_validator(mode="after")

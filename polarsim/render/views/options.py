@@ -1,4 +1,4 @@
-"""What a file of views says, checked before anything is rendered."""
+"""Options of a file of views, validated before rendering."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from polarsim.render.options import RenderOptions
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 from polarsim.user_path import UserPath
 
-Name = Annotated[  # no _: it stands between the parts of file names
-    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$", description="Files of its pictures have this name in theirs.")
+Name = Annotated[  # without _, which separates the parts of file names
+    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$", description="Name in the files of the pictures.")
 ]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
+Elevation = Annotated[float, Field(gt=0, le=90)]
 FAINTEST_MAG = 7.0  # Hp, of the table of stars
 
 
@@ -37,113 +38,84 @@ AnyPart = TypeVar("AnyPart", bound=Section)
 
 
 class TerrainPart(Section):
-    """A terrain is given by its meshes and by where they lie in the scene."""
+    """A terrain and its pose in the scene."""
 
-    meshes: UserPath = Field(description="The terrain's meshes lie in this folder, `results/<run>/meshes/TerrainNN`.")
-    terrain: int = Field(ge=1, le=99, description="The terrain has this number in its files' names.")
-    offset_m: Point = Field((0, 0, 0), description="The terrain's origin lies here in the scene, metres.")
-    heading_deg: Finite = Field(0, description="The terrain's +X points here in the scene, degrees from +X towards +Y.")
+    meshes: UserPath = Field(description="Folder of the terrain's meshes, `results/<run>/meshes/TerrainNN`.")
+    terrain: int = Field(ge=1, le=99, description="Number of the terrain in the names of its files.")
+    offset_m: Point = Field((0, 0, 0), description="Position of the terrain's origin in the scene, metres.")
+    heading_deg: Finite = Field(0, description="Direction of the terrain's +X in the scene, degrees from +X to +Y.")
 
 
 class SceneSection(Section):
-    """A scene has terrains side by side."""
+    """Terrains side by side."""
 
     name: Name
-    terrains: tuple[TerrainPart, ...] = Field(
-        min_length=1, description="These terrains make the scene, each at its position."
-    )
+    terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains of the scene.")
 
 
 class RigLens(Section):
-    """Pictures are taken through the calibrated rig's lenses."""
+    """Lenses of the calibrated rig."""
 
-    kind: Literal["rig"] = Field("rig", description="This lens is one of the calibrated rig.")
-    localised: UserPath | None = Field(
-        None, description="The lenses of this PosX.json are used; none: the real rig's stated ones are."
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _by_its_new_name(cls, values: object) -> object:
-        if isinstance(values, dict) and "placed" in values:
-            raise ValueError("placed is now localised")
-        return values
+    kind: Literal["rig"] = Field("rig", description="Lens of the calibrated rig.")
+    localised: UserPath | None = Field(None, description="PosX.json with the lenses; none: those of NASA's rig.")
 
 
 class PinholeLens(Section):
-    """The lens has no distortion."""
+    """A lens without distortion."""
 
-    kind: Literal["pinhole"] = Field(description="This lens is a pinhole.")
-    hfov_deg: float = Field(
-        gt=0,
-        lt=170,
-        description="The lens has this horizontal field of view, degrees; a wider one shows more and smaller.",
-    )
-    width_px: PositiveInt = Field(WIDTH, le=16384, description="Pictures have this width, px.")
-    height_px: PositiveInt = Field(HEIGHT, le=16384, description="Pictures have this height, px.")
-    baseline_m: PositiveFloat = Field(
-        0.3, description="With `stereo` the right camera stands this far from the left one, metres."
-    )
+    kind: Literal["pinhole"] = Field(description="Pinhole camera without distortion.")
+    hfov_deg: float = Field(gt=0, lt=170, description="Horizontal field of view, degrees.")
+    width_px: PositiveInt = Field(WIDTH, le=16384, description="Width of the pictures, px.")
+    height_px: PositiveInt = Field(HEIGHT, le=16384, description="Height of the pictures, px.")
+    baseline_m: PositiveFloat = Field(0.3, description="Distance of the right camera from the left one, metres.")
 
 
 class PointCameras(Section):
-    """One camera stands at a point."""
+    """One camera at a point."""
 
-    kind: Literal["point"] = Field(description="One camera stands at a point.")
+    kind: Literal["point"] = Field(description="One camera at a point.")
     name: Name = "point"
-    position_m: Point = Field(description="The camera's centre stands here, metres.")
-    look_at_m: Point = Field(description="The optical axis goes through this point, metres.")
-    roll_deg: Finite = Field(0, description="The camera is rolled by so much, its right side down, degrees.")
+    position_m: Point = Field(description="Centre of the camera, metres.")
+    look_at_m: Point = Field(description="Point on the optical axis, metres.")
+    roll_deg: Finite = Field(0, description="Roll about the optical axis, right side down, degrees.")
 
 
 class OrbitCameras(Section):
-    """Cameras stand on a circle, all looking at one point."""
+    """Cameras on a circle, directed at one point."""
 
-    kind: Literal["orbit"] = Field(description="Cameras stand on a circle.")
+    kind: Literal["orbit"] = Field(description="Cameras on a circle.")
     name: Name = "orbit"
-    centre_m: Point = Field(
-        (0, 0, 0), description="All cameras look at this point, which the circle lies around, metres."
-    )
-    radius_m: PositiveFloat = Field(description="The circle has this radius, metres.")
-    height_m: Finite = Field(description="The circle lies this high above the centre, metres.")
-    number: PositiveInt = Field(description="There are so many cameras.")
-    from_deg: Finite = Field(0, description="The first camera stands at this azimuth, degrees from +X towards +Y.")
-    over_deg: Finite = Field(360, description="The cameras divide this angle evenly, degrees; 360 is a full circle.")
+    centre_m: Point = Field((0, 0, 0), description="Centre of the circle and target of all cameras, metres.")
+    radius_m: PositiveFloat = Field(description="Radius of the circle, metres.")
+    height_m: Finite = Field(description="Height of the circle above the centre, metres.")
+    number: PositiveInt = Field(description="Number of cameras to place.")
+    from_deg: Finite = Field(0, description="Azimuth of the first camera, degrees from +X to +Y.")
+    over_deg: Finite = Field(360, description="Angle that the cameras divide evenly, degrees.")
 
 
 class PathCameras(Section):
-    """A camera drives or flies along a smooth curve and takes evenly spaced frames."""
+    """Evenly spaced frames along a smooth curve."""
 
-    kind: Literal["path"] = Field(description="A camera moves along a curve.")
+    kind: Literal["path"] = Field(description="A camera that moves along a curve.")
     name: Name = "path"
-    waypoints_m: tuple[Point, ...] = Field(min_length=2, description="The curve goes through these points, metres.")
-    number: int = Field(
-        ge=2, description="There are so many frames, those at the first and the last waypoint included."
-    )
-    look_at_m: Point | None = Field(
-        None, description="All frames look at this point, metres; none: they look ahead along the path."
-    )
-    pitch_deg: float = Field(
-        0, ge=-90, le=90, description="The camera looks down from the path's heading by so much, degrees."
-    )
+    waypoints_m: tuple[Point, ...] = Field(min_length=2, description="Points of the curve, metres.")
+    number: int = Field(ge=2, description="Number of frames, first and last waypoint included.")
+    look_at_m: Point | None = Field(None, description="Target of all frames, metres; none: ahead along the curve.")
+    pitch_deg: float = Field(0, ge=-90, le=90, description="Downward angle from the heading of the path, degrees.")
 
 
 class RandomCameras(Section):
-    """Cameras stand anywhere in a box and look at points anywhere in another one."""
+    """Cameras at random points of a box, directed at random points of another box."""
 
-    kind: Literal["random"] = Field(description="Cameras stand anywhere in a box.")
+    kind: Literal["random"] = Field(description="Cameras at random points.")
     name: Name = "random"
-    number: PositiveInt = Field(description="There are so many cameras.")
-    low_m: Point = Field(description="This is the low corner of the box of camera centres, metres.")
-    high_m: Point = Field(description="This is the high corner of the box, metres.")
-    look_at_low_m: Point = Field(
-        (-1, -1, 0), description="This is the low corner of the box of points that cameras look at, metres."
-    )
-    look_at_high_m: Point = Field((1, 1, 0), description="This is the high corner of that box, metres.")
-    clearance_m: float = Field(
-        0.2, ge=0, description="A camera stands at least this high above what lies beneath it, metres."
-    )
-    seed: int = Field(0, ge=0, description="Cameras are drawn with this seed.")
+    number: PositiveInt = Field(description="Number of cameras to place.")
+    low_m: Point = Field(description="Low corner of the box of camera centres, metres.")
+    high_m: Point = Field(description="High corner of the box of camera centres, metres.")
+    look_at_low_m: Point = Field((-1, -1, 0), description="Low corner of the box of targets, metres.")
+    look_at_high_m: Point = Field((1, 1, 0), description="High corner of the box of targets, metres.")
+    clearance_m: float = Field(0.2, ge=0, description="Minimum height of a camera above the surface below it, metres.")
+    seed: int = Field(0, ge=0, description="Seed of the cameras.")
 
     @model_validator(mode="after")
     def _boxes(self) -> RandomCameras:
@@ -156,142 +128,98 @@ def _utc(moment: datetime) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-class NearLamps(Section):
-    """Lamps stand as in POLAR's hall; lists of azimuths and elevations make a lamp of every pair."""
+class SkyGrid(Section):
+    """Lights at every pair of an azimuth and an elevation."""
 
-    kind: Literal["lamp"] = Field(description="The light is a lamp at a finite distance.")
+    azimuth_deg: tuple[Finite, ...] = Field(min_length=1, description="Azimuths of the light, degrees from +X to +Y.")
+    elevation_deg: tuple[Elevation, ...] = Field(min_length=1, description="Elevations of the light, degrees.")
+
+
+class NearLamps(SkyGrid):
+    """Lamps at a finite distance, as in POLAR's hall."""
+
+    kind: Literal["lamp"] = Field(description="Lamps at a finite distance.")
     name: Name = "lamp"
-    azimuth_deg: tuple[Finite, ...] = Field(
-        min_length=1, description="The light stands at each of these azimuths, from +X towards +Y, degrees."
-    )
-    elevation_deg: tuple[Annotated[float, Field(gt=0, le=90)], ...] = Field(
-        min_length=1, description="The light stands so high above the horizon, degrees."
-    )
-    distance_m: PositiveFloat = Field(description="The lamp stands so far from `centre_m`, metres.")
-    centre_m: Point = Field((0, 0, 0), description="Azimuth, elevation and distance count from this point, metres.")
-    intensity: PositiveFloat = Field(
-        1, description="The light has this radiant intensity over that of POLAR's Sun lamp."
-    )
-    radius_m: float = Field(
-        0,
-        ge=0,
-        description="The lamp's disc has this radius, metres; 0: it is a point, whose shadows have sharp edges.",
-    )
+    distance_m: PositiveFloat = Field(description="Distance of the lamp from `centre_m`, metres.")
+    centre_m: Point = Field((0, 0, 0), description="Origin of azimuth, elevation and distance, metres.")
+    intensity: PositiveFloat = Field(1, description="Radiant intensity over that of POLAR's Sun lamp.")
+    radius_m: float = Field(0, ge=0, description="Radius of the lamp's disc, metres; 0: a point with sharp shadows.")
 
 
-class Suns(Section):
-    """The Sun is 0.53 degrees wide; lists of azimuths and elevations make one of every pair."""
+class Suns(SkyGrid):
+    """Suns of 0.53 degrees."""
 
-    kind: Literal["sun"] = Field(description="The light is a Sun in a given direction.")
+    kind: Literal["sun"] = Field(description="Suns in given directions.")
     name: Name = "sun"
-    azimuth_deg: tuple[Finite, ...] = Field(
-        min_length=1, description="The light stands at each of these azimuths, from +X towards +Y, degrees."
-    )
-    elevation_deg: tuple[Annotated[float, Field(gt=0, le=90)], ...] = Field(
-        min_length=1, description="The light stands so high above the horizon, degrees."
-    )
-    intensity: PositiveFloat = Field(
-        1, description="The Sun has this irradiance over that of POLAR's Sun lamp 4 m away."
-    )
+    intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
 
 
 class LunarSuns(Section):
-    """The real Sun stands over a site on the Moon at moments of time."""
+    """The Sun over a site on the Moon at moments of time."""
 
-    kind: Literal["lunar_sun"] = Field(description="The light is the Sun over a site on the Moon.")
+    kind: Literal["lunar_sun"] = Field(description="The Sun over a site on the Moon.")
     name: Name = "moon"
-    latitude_deg: float = Field(
-        ge=-90, le=90, description="The site has this selenographic latitude, degrees; north is positive."
-    )
-    longitude_deg: float = Field(
-        ge=-180, le=360, description="The site has this selenographic longitude, degrees; east is positive."
-    )
-    start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(
-        description="This is the moment, or the first of several, UTC."
-    )
-    number: PositiveInt = Field(1, description="There are so many moments, of which those of night are left out.")
-    every_h: PositiveFloat = Field(24, description="Two moments lie this far apart, hours.")
-    north_deg: Finite = Field(
-        90, description="North lies in this direction, degrees from +X towards +Y; at 90 east is +X."
-    )
-    intensity: PositiveFloat = Field(
-        1, description="The Sun has this irradiance over that of POLAR's Sun lamp 4 m away."
-    )
+    latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the site, degrees north.")
+    longitude_deg: float = Field(ge=-180, le=360, description="Selenographic longitude of the site, degrees east.")
+    start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="Time of the first moment, UTC.")
+    number: PositiveInt = Field(1, description="Number of moments; those of night are omitted.")
+    every_h: PositiveFloat = Field(24, description="Time between two moments, hours.")
+    north_deg: Finite = Field(90, description="Direction of north, degrees from +X to +Y; at 90 east is +X.")
+    intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
 
 
 class RoverLight(Section):
-    """A point of light moves with the camera."""
+    """A point of light that moves with the camera."""
 
-    states: tuple[bool, ...] = Field(
-        (False,), min_length=1, description="The light is off, on, or both; each state makes its pictures."
-    )
-    intensity: PositiveFloat = Field(
-        ROVER_LIGHT_SHARE, description="The light has this radiant intensity over that of POLAR's Sun lamp."
-    )
+    states: tuple[bool, ...] = Field((False,), min_length=1, description="States that are rendered: off, on, or both.")
+    intensity: PositiveFloat = Field(ROVER_LIGHT_SHARE, description="Radiant intensity over that of POLAR's Sun lamp.")
     from_camera_m: Point = Field(
         tuple(ROVER_LIGHT_FROM_LEFT.tolist()),
-        description="The light stands at this position in the (left) camera's frame, metres: right, down, forward.",
+        description="Position in the frame of the (left) camera, metres: right, down, forward.",
     )
 
 
 class AutoExposure(Section):
-    """An exposure `auto` is found so."""
+    """Rule of the exposure `auto`."""
 
-    percentile: float = Field(95, gt=0, le=100, description="This percentile of the lit pixels gets the grey value.")
-    grey: int = Field(
-        3000,
-        gt=16,
-        le=4095,
-        description="The pixel of `percentile` gets this grey value of 12 bits, black level 16 included; a "
-        "higher one exposes longer.",
-    )
-    shortest_ms: PositiveFloat = Field(1, description="Exposures stay at or above this, ms.")
-    longest_ms: PositiveFloat = Field(8192, description="Exposures stay at or below this, ms.")
+    percentile: float = Field(95, gt=0, le=100, description="Percentile of the lit pixels that gets the grey value.")
+    grey: int = Field(3000, gt=16, le=4095, description="Grey value of that percentile, black level 16 included.")
+    shortest_ms: PositiveFloat = Field(1, description="Minimum exposure time, ms.")
+    longest_ms: PositiveFloat = Field(8192, description="Maximum exposure time, ms.")
 
 
 class StarField(Section):
-    """Pixels that see no surface show the stars of the Hipparcos catalogue."""
+    """Stars of the Hipparcos catalogue where no surface is visible."""
 
     intensity: float = Field(
-        1, ge=0, description="Stars have this flux over that of real ones; at 1 sunlit exposures show hardly one."
+        1, ge=0, description="Flux over that of the real stars, which sunlit exposures hardly show."
     )
-    faintest_mag: float = Field(
-        FAINTEST_MAG,
-        le=FAINTEST_MAG,
-        ge=-1,
-        description="The faintest stars have this magnitude Hp, which is near the visual one; a larger one "
-        "shows more stars.",
-    )
+    faintest_mag: float = Field(FAINTEST_MAG, le=FAINTEST_MAG, ge=-1, description="Maximum magnitude Hp of the stars.")
 
 
 class Views(Section):
-    """A file of views says what to render, in metres of the sandbox frame: +X to azimuth 0, +Y to 90, +Z up."""
+    """Scenes, cameras and lights in metres of the sandbox frame: +X to azimuth 0, +Y to 90, +Z up."""
 
-    scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Each of these scenes is seen by all cameras.")
-    lens: RigLens | PinholeLens = Field(RigLens(), discriminator="kind", description="All cameras have this lens.")
-    stereo: bool = Field(False, description="Every camera is the left one of a pair, the right one takes pictures too.")
+    scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes; all cameras are used in each.")
+    lens: RigLens | PinholeLens = Field(RigLens(), discriminator="kind", description="Lens of all cameras.")
+    stereo: bool = Field(False, description="Add a right camera to every camera.")
     cameras: tuple[
         Annotated[PointCameras | OrbitCameras | PathCameras | RandomCameras, Field(discriminator="kind")], ...
-    ] = Field(min_length=1, description="Pictures are taken by each of these cameras.")
+    ] = Field(min_length=1, description="Cameras of all scenes.")
     lights: tuple[Annotated[NearLamps | Suns | LunarSuns, Field(discriminator="kind")], ...] = Field(
-        min_length=1, description="Each picture is lit by one of these lamps."
+        min_length=1, description="Lights; each picture has one."
     )
-    rover_light: RoverLight = Field(RoverLight(), description="The light on the rover shines besides the lamp.")
+    rover_light: RoverLight = Field(RoverLight(), description="Light on the rover, in addition to the lamp.")
     exposures_ms: tuple[PositiveFloat | Literal["auto"], ...] = Field(
-        ("auto",),
-        min_length=1,
-        description="Pictures are taken with each of these exposure times, ms; auto: with one that suits the light.",
+        ("auto",), min_length=1, description="Exposure times, ms; auto: by `auto_exposure`."
     )
-    auto_exposure: AutoExposure = Field(AutoExposure(), description="This section says how auto exposures are found.")
+    auto_exposure: AutoExposure = Field(AutoExposure(), description="Rule of the exposure `auto`.")
     combine: Literal["product", "zip"] = Field(
-        "product",
-        description="Cameras and lights are combined so. product: every camera under every light; zip: the "
-        "first camera under the first light, and so on. Either comes in all states of the rover "
-        "light, models and exposures.",
+        "product", description="Every camera under every light (product), or the n-th under the n-th (zip)."
     )
-    stars: StarField | None = Field(None, description="These stars are in the background; none: it is black.")
+    stars: StarField | None = Field(None, description="Stars in the background; none: black.")
     render: RenderOptions = Field(
-        RenderOptions(), description="These options are those of a run's configuration; all `models` are rendered."
+        RenderOptions(), description="Options as in a run's configuration; all `models` are rendered."
     )
 
     @model_validator(mode="after")
@@ -309,7 +237,7 @@ class Views(Section):
 
 
 def read_views(path: str | Path) -> Views:
-    """Read a file of views. Relative paths count from its folder, or the nearest one above where they are.
+    """Read a file of views. Relative paths start at its folder, or at the nearest folder above where they exist.
 
     Raises
     ------
@@ -328,7 +256,7 @@ def read_views(path: str | Path) -> Views:
 
 
 def _found(part: AnyPart, name: str, file: str | Path) -> AnyPart:
-    """The part with its path of a name as it is from here."""
+    """Return the part with one of its paths made relative to the working folder."""
     return part.model_copy(update={name: found_from(getattr(part, name), file)})
 
 

@@ -63,7 +63,6 @@ def test_meshes_are_found_from_the_files_folder_or_one_above_wherever_it_is_read
         ({"exposures_ms": [64, 64]}, "exposures_ms: 64.0 comes twice"),
         ({"scenes": VIEWS["scenes"] * 2}, "scenes: name 'one' comes twice"),
         ({"render": {"modles": ["hapke"]}}, "render.modles: unknown key"),
-        ({"lens": {"kind": "rig", "placed": "PosA.json"}}, "lens.*placed is now localised"),
     ],
 )
 def test_a_wrong_key_or_value_is_named_in_one_line(tmp_path, change, told):
