@@ -71,7 +71,7 @@ def lunar_lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type
 def principled(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
     """Burley, SIGGRAPH 2012 course; mirror lobe of Walter et al., EGSR 2007, separable; exact Fresnel."""
     base, rough, metallic = parameters.base_color, parameters.roughness, parameters.metallic
-    alpha2 = max(0.001, rough * rough) ** 2
+    alpha2 = parameters.alpha2
     half = to_lamp + to_viewer
     length2 = _dot(half, half)
     cos_d = 0.5 * np.sqrt(length2)
@@ -81,8 +81,7 @@ def principled(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: i
     in_plane = half - (cos_i + cos_e) * normal  # |in_plane|^2 is sin^2 of the half angle, free of cancellation
     cos2_h, sin2_h = (cos_i + cos_e) ** 2 / length2, _dot(in_plane, in_plane) / length2
     density = alpha2 / (np.pi * (cos2_h * alpha2 + sin2_h) ** 2)
-    eta = 2 / (1 - math.sqrt(0.08 * parameters.specular)) - 1
-    fresnel = (1 - metallic) * _dielectric(cos_d, eta) + metallic * (base + (1 - base) * _fifth(1 - cos_d))
+    fresnel = (1 - metallic) * _dielectric(cos_d, parameters.eta) + metallic * (base + (1 - base) * _fifth(1 - cos_d))
     # G1(c) / c = 2 / (c + sqrt(c^2 + alpha^2 (1 - c^2))): finite at grazing angles
     masking_i = 2 / (cos_i + np.sqrt(cos_i**2 + alpha2 * (1 - cos_i**2)))
     masking_e = 2 / (cos_e + np.sqrt(cos_e**2 + alpha2 * (1 - cos_e**2)))
@@ -127,7 +126,7 @@ def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper=Non
     """
     p = parameters
     lamp_steeper = cos_i >= cos_e if lamp_steeper is None else lamp_steeper  # i <= e
-    porosity = porosity_factor(p)
+    porosity = p.porosity
     tan_half = _tan_half_phase(to_lamp, to_viewer)
     cos_g = _dot(to_lamp, to_viewer)
     theta_bar = math.radians(p.theta_bar_deg)
@@ -143,12 +142,6 @@ def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper=Non
     if p.b_c0:
         value = value * (1 + p.b_c0 * _coherent(tan_half / p.h_c))
     return value
-
-
-def porosity_factor(p: HapkeParameters) -> float:
-    """K of Hapke, Icarus 195 (2008) 918."""
-    u = 1.209 * p.filling ** (2 / 3)
-    return -math.log1p(-u) / u if u > 0 else 1.0
 
 
 def _phase(cos_g: np.ndarray, b: float, c: float) -> np.ndarray:

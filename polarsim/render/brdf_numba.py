@@ -47,14 +47,13 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
         _hapke(*vectors, *_numbers(parameters.hapke), True, _f(parameters.k_d), values)
     elif isinstance(parameters, PrincipledParameters):
         p = parameters
-        eta = 2 / (1 - math.sqrt(0.08 * p.specular)) - 1
         _principled(
             *vectors,
             _f((1 - p.metallic) * p.base_color / np.pi),
             _f(2 * p.roughness),
-            _f(max(0.001, p.roughness * p.roughness) ** 2),
-            _f(eta),
-            _f(eta * eta),
+            _f(p.alpha2),
+            _f(p.eta),
+            _f(p.eta * p.eta),
             _f(p.metallic),
             _f(1 - p.metallic),
             _f(p.base_color),
@@ -68,9 +67,9 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
 
 def _numbers(p: HapkeParameters) -> tuple[np.float32, ...]:
     """What `_hapke` needs of its parameters."""
-    porosity, gamma = brdf.porosity_factor(p), math.sqrt(1 - p.w)
+    gamma = math.sqrt(1 - p.w)
     tan_bar = math.tan(math.radians(p.theta_bar_deg)) if math.radians(p.theta_bar_deg) > brdf.SMOOTH else 0.0
-    numbers = (p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity, (1 - gamma) / (1 + gamma))
+    numbers = (p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, p.porosity, (1 - gamma) / (1 + gamma))
     return tuple(_f(number) for number in numbers)
 
 

@@ -46,9 +46,8 @@ def evaluate(parameters: Parameters, normal, to_lamp, to_viewer, value) -> None:
         p = parameters
         _principled_chrono(*vectors, value, p.roughness, p.albedo, p.mirrored, p.grazing)
     elif isinstance(parameters, PrincipledParameters):
-        alpha2 = max(0.001, parameters.roughness**2) ** 2
-        eta = 2 / (1 - math.sqrt(0.08 * parameters.specular)) - 1
-        _principled(*vectors, value, parameters.base_color, parameters.roughness, parameters.metallic, alpha2, eta)
+        p = parameters
+        _principled(*vectors, value, p.base_color, p.roughness, p.metallic, p.alpha2, p.eta)
     elif isinstance(parameters, LambertParameters):
         _lunar_lambert(*vectors, value, parameters.albedo, 0.0)
     else:
@@ -57,10 +56,8 @@ def evaluate(parameters: Parameters, normal, to_lamp, to_viewer, value) -> None:
 
 
 def _hapke_numbers(p: HapkeParameters) -> tuple[float, ...]:
-    u = 1.209 * p.filling ** (2 / 3)
-    porosity = -math.log1p(-u) / u if u > 0 else 1.0
     tan_bar = math.tan(math.radians(p.theta_bar_deg))
-    return p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, porosity
+    return p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, p.porosity
 
 
 @ti.func

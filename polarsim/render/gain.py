@@ -25,7 +25,7 @@ from polarsim.survey import SURVEYED_LEFT, lamp_position
 log = logging.getLogger("polarsim.render")
 
 _USABLE = (40, 3500)  # grey values above black that neither noise nor clipping moves
-_LIT = 0.25  # of the median radiance under the lamp: darker pixels lie in shadow or half-shadow
+_LIT = 0.25  # of the median radiance: darker pixels are in shadow or penumbra
 _FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: NASA's advice against the box's rim
 _STEP = 3  # every third row and column is enough for a median
 
@@ -38,6 +38,17 @@ def default_gain(model: Model, options: RenderOptions) -> float:
     value = brdf.reflectance(options.parameters(model), np.array([[0.0, 0.0, 1.0]]), to_lamp, to_viewer)
     radiance = float(value[0] * irradiance[0] * to_lamp[0, 2])
     return CENTRE_GREY_PER_MS / radiance if radiance > 0 else CENTRE_GREY_PER_MS
+
+
+def gain_of(model: Model, options: RenderOptions) -> float:
+    """Return the gain of the options, else the built-in one: DN per ms and unit radiance."""
+    return options.gain.get(model) or default_gain(model, options)
+
+
+def lit_pixels(radiance: np.ndarray) -> np.ndarray:
+    """(...) bool: pixels that reach a quarter of the median of those that get light; the others are in shadow."""
+    positive = radiance[radiance > 0]
+    return radiance > _LIT * np.median(positive) if len(positive) else np.zeros(radiance.shape, bool)
 
 
 def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> np.ndarray:
@@ -54,9 +65,7 @@ def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> 
     top, bottom, left, right = np.round(np.array(_FRAME) * [height, height, width, width]).astype(int)
     part = (slice(top, bottom, _STEP), slice(left, right, _STEP))
     grey, light = photo[part].astype(float) - BLACK_LEVEL, radiance[part].astype(float)
-    if not (light > 0).any():
-        return np.zeros(0)
-    usable = (grey > _USABLE[0]) & (grey < _USABLE[1]) & (light > _LIT * np.median(light[light > 0]))
+    usable = (grey > _USABLE[0]) & (grey < _USABLE[1]) & lit_pixels(light)
     return grey[usable] / (exposure_ms * light[usable])
 
 

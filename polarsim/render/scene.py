@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.render.gain import default_gain
+from polarsim.render.gain import gain_of
 from polarsim.render.maps import Maps, maps_of
 from polarsim.render.olat import render_view
 from polarsim.render.optics import through_lens
@@ -80,7 +80,7 @@ class Scene:
 
     def gain(self, model: Model) -> float:
         """Grey values per ms and unit radiance."""
-        return self.options.gain.get(model, default_gain(model, self.options))
+        return gain_of(model, self.options)
 
     def sidecar(self, shot: Shot) -> dict[str, Any]:
         """All that made a picture, for JSON: see `render.sidecar`."""

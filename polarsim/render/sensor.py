@@ -24,14 +24,14 @@ def noise_of(options: RenderOptions, *picture: object) -> np.random.Generator | 
 
 
 def expose(
-    radiance: np.ndarray, light: float, options: SensorOptions, noise: np.random.Generator | None = None
+    radiance: np.ndarray, dn_per_radiance: float, options: SensorOptions, noise: np.random.Generator | None = None
 ) -> np.ndarray:
-    """(h, w) uint16 photo of radiance (h, w): black level + light * radiance, with noise if given, rounded, clipped.
+    """(h, w) uint16 photo of radiance (h, w): black level + `dn_per_radiance` * radiance, noise if given, 12 bits.
 
-    `light` is exposure times gain: grey values for a radiance of 1. The noise is normal, its variance in electrons that
-    of their count and of the reading: the photon transfer curve (Janesick, Photon Transfer, SPIE 2007).
+    `dn_per_radiance` is exposure time times gain. The noise is normal, its variance in electrons that of their count
+    and of the reading: the photon transfer curve (Janesick, Photon Transfer, SPIE 2007).
     """
-    signal = radiance * np.float32(light)
+    signal = radiance * np.float32(dn_per_radiance)
     if noise is not None:
         per_dn = np.float32(options.electrons_per_dn)
         electrons = per_dn * np.minimum(signal, np.float32(2 * WHITE_LEVEL))

@@ -12,6 +12,7 @@ import numpy as np
 from polarsim.formats import coco, png
 from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
+from polarsim.render.gain import lit_pixels
 from polarsim.render.ground_truth import annotations_of, hidden_parts, whole_rocks
 from polarsim.render.lamps import ROVER
 from polarsim.render.olat import render_view
@@ -26,7 +27,6 @@ from polarsim.render.views.stars import Sky, sky_images, sky_of
 log = logging.getLogger("polarsim.render")
 _IMAGES = 24  # that are shaded at once: bounds memory
 Labels = dict[str, list[coco.Annotation]]  # by the name of their instance map
-_LIT = 0.25  # of the median radiance: darker pixels lie in shadow or half-shadow
 
 
 def render_views(
@@ -163,9 +163,8 @@ def auto_exposure(radiance: np.ndarray, gain: float, options: AutoExposure) -> f
 
     Of a picture without light it is the longest. `gain`: grey values per ms and unit radiance.
     """
-    positive = radiance[radiance > 0]
-    if not len(positive):
+    lit = radiance[lit_pixels(radiance)]
+    if not len(lit):
         return options.longest_ms
-    lit = positive[positive > _LIT * np.median(positive)]
     exposure = (options.grey - BLACK_LEVEL) / (gain * float(np.percentile(lit, options.percentile)))
     return float(f"{np.clip(exposure, options.shortest_ms, options.longest_ms):.6g}")
