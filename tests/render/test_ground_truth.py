@@ -91,11 +91,6 @@ def test_a_terrain_without_rocks_has_ground_and_no_boxes(blocks, above, lens, pl
     assert boxes_of(ids["sun"], plain) == []
 
 
-def test_threads_do_not_change_an_id(surfaces, camera, lens, ids_of):
-    one, two = (ids_of(surfaces, camera, lens, {"sun": SUN}, threads)["sun"] for threads in (1, 2))
-    np.testing.assert_array_equal(one, two)
-
-
 def test_rays_that_lit_the_twin_need_not_be_cast_again_for_its_shadows(blocks, camera, lens, plain):
     surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
     hits = cast_strip(surfaces, Camera(camera, lens), slice(0, lens.height))

@@ -67,7 +67,7 @@ def test_halo_and_veiling_glare_have_their_shares_of_a_point():
 
 
 def test_more_than_all_light_cannot_be_spread():
-    with pytest.raises(ValidationError, match="above 1"):
+    with pytest.raises(ValidationError):
         SensorOptions(bloom=0.7, veiling_glare=0.4)
 
 

@@ -3,14 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.formats import obj, png
+from polarsim.formats import png
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
 from polarsim.render.maps import write_maps
 from polarsim.render.scene import Scene, Shot
-from polarsim.render.sidecar import read_sidecar, write_sidecar
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 from .conftest import HEIGHT, PLAIN
@@ -79,22 +78,3 @@ def test_maps_in_files_keep_millimetres_and_hundredths_of_degrees(tmp_path, scen
     np.testing.assert_allclose(normal[seen] / 65535 * 2 - 1, maps.normal[seen], atol=2e-5)
     assert (depth[~seen] == 65535).all()
     np.testing.assert_array_equal(png.read(tmp_path / "maps" / "ids.png"), maps.ids)
-
-
-def test_the_sidecar_alone_tells_where_mesh_points_are_seen(tmp_path, scene, shot, folders):
-    write_sidecar(tmp_path / "shot.json", scene.sidecar(shot))
-    told = read_sidecar(tmp_path / "shot.json")
-    lens, pose = told.shot.camera.lens, told.shot.camera.world_from_camera
-    rock = obj.read(folders / "meshes" / obj.rock_name(1, 1))
-    top = rock.vertices[rock.vertices[:, 2] > HEIGHT - 1e-6]
-    inside = 0.9 * top + 0.1 * top.mean(axis=0)
-    column, row = np.floor(lens.project(pose.inverse().apply(inside))).astype(int).T
-    assert (scene.maps(shot).ids[row, column] == ROCK_IDS + 1).all()
-    assert told.shot.lamps["mine"].position.tolist() == [0, 3, 1]
-    assert set(told.sources) == {obj.ground_name(1), obj.rock_name(1, 1)}
-
-
-def test_threads_do_not_change_maps(scene, shot):
-    one, two = scene.maps(shot), scene.maps(shot, threads=2)
-    np.testing.assert_array_equal(one.depth_m, two.depth_m)
-    np.testing.assert_array_equal(one.ids, two.ids)

@@ -211,11 +211,3 @@ def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits, monkeyp
         sizes.append((shading != LIT).sum())
     assert sizes[0] < sizes[1] < sizes[2]
     assert ((share > 0.2) & (share < 0.8)).sum() > 500
-
-
-def test_threads_do_not_change_them(surfaces):
-    one, two = (
-        maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS, threads).by_lamp["sun"] for threads in (1, 2)
-    )
-    np.testing.assert_array_equal(one.shading, two.shading)
-    np.testing.assert_array_equal(one.lit, two.lit)

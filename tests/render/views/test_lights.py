@@ -45,11 +45,11 @@ def test_moments_of_lunar_night_are_left_out(views_of, caplog):
     lights = lights_of(views_of(lights=[month]))
     assert 13 <= len(lights) <= 16  # half of a lunar day is night
     assert all(light.elevation_deg > -0.27 for light in lights)
-    assert "left out, the Sun is" in caplog.text
+    assert len(caplog.records) == 30 - len(lights)
 
 
 def test_views_of_lunar_night_alone_are_refused(views_of):
-    with pytest.raises(ConfigError, match="the Sun is down at all moments"):
+    with pytest.raises(ConfigError):
         lights_of(views_of(lights=[{**LUNAR, "start_utc": "2026-06-10T00:00:00Z"}]))
 
 

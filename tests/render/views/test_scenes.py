@@ -54,10 +54,10 @@ def test_a_rotated_terrain_has_its_normals_rotated(folders):
 def test_more_rocks_than_ids_are_refused(folders, monkeypatch):
     monkeypatch.setattr("polarsim.render.views.scenes.SHADOW_IDS", ROCK_IDS + 3)
     scene = ensemble(folders, *(((4 * position, 0, 0), 0) for position in range(3)))
-    with pytest.raises(RenderError, match="scene several: 3 rocks, instance maps have ids for 2"):
+    with pytest.raises(RenderError):
         _ = scene.surfaces
 
 
 def test_missing_meshes_are_named(tmp_path):
-    with pytest.raises(FormatError, match=r"terrain01_ground\.obj: the ground mesh is missing"):
+    with pytest.raises(FormatError, match=r"terrain01_ground\.obj"):
         ensemble(tmp_path, ((0, 0, 0), 0))
