@@ -61,7 +61,7 @@ fuzz: setup ## 10,000 damaged files for every reader, an hour
 lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
 	$(BIN)/mypy
 
 docs: setup ## the manual as a site, build/site/index.html

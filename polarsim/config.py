@@ -384,7 +384,7 @@ def read_config(path: str | Path) -> Config:
 
 
 def render_options(assignments: Sequence[str]) -> RenderOptions:
-    """Options of the renderer from texts `key=value`, such as `samples=4` or `materials.default.principled.roughness=0.5`; last wins.
+    """Return render options from texts `key=value`, such as `materials.default.principled.roughness=0.5`; the last wins.
 
     Values are YAML, so `gain={hapke: 150}` is possible.
 

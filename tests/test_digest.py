@@ -210,7 +210,7 @@ def test_every_module_is_reached():
     """By a script or rule, by the command line, or by who imports the environment for learners."""
     starts = {"polarsim.__main__", "polarsim.cli", "polarsim.render", "polarsim.schemas.__main__"}
     starts |= {"polarsim.rover.learn.environment"}
-    for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parents[1] / "Snakefile"]:
+    for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parent / "Snakefile"]:
         starts |= imports_by_text(path.read_text())
     assert {name for name in all_imports() if file_of(name).name != "__init__.py"} - digest._reached(starts) == set()
 

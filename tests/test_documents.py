@@ -121,7 +121,9 @@ def check_snakemake(arguments: list[str]) -> None:
 
 @cache
 def rules() -> set[str]:
-    texts = [path.read_text() for path in (CHECKOUT / "Snakefile", *(CHECKOUT / "workflow/rules").glob("*.smk"))]
+    texts = [
+        path.read_text() for path in (CHECKOUT / "workflow/Snakefile", *(CHECKOUT / "workflow/rules").glob("*.smk"))
+    ]
     return {
         name
         for text in texts

@@ -108,7 +108,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 def _stages(folder: Path) -> set[str]:
     """Return the names of rules without outputs in the Snakefile and its rule files."""
-    files = [folder / "Snakefile", *(folder / "workflow/rules").glob("*.smk")]
+    files = [folder / "workflow/Snakefile", *(folder / "workflow/rules").glob("*.smk")]
     found = [match for file in files for match in _RULE.findall(file.read_text(encoding="utf-8"))]
     return {name for name, body in found if not re.search(r"^\s+output:", body, re.MULTILINE)}
 

@@ -39,6 +39,7 @@ SOURCE = CONFIG.data_source
 RUN, TERRAINS, MODELS, ORIGIN = PATHS.run, PATHS.terrains, PATHS.models, PATHS.origin
 DOMAINS, TRAINED, SPLITS, SEEDS, OTHERS = PATHS.domains, PATHS.trained, PATHS.splits, PATHS.seeds, PATHS.others
 options = PATHS.options
+SCRIPTS = Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).parent / "scripts"
 # Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
 MAX_TERRAINS_SHOWN = 4  # one by one in Snakemake's report: each takes some 12 MB of it
@@ -85,4 +86,4 @@ def shown(path, category, caption=None, **labels):
 @functools.cache
 def code_of(script):
     """Digest of a rule's script and of the library behind it: Snakemake tracks the script, not what it imports."""
-    return script_digest(Path(workflow.basedir) / "workflow/scripts" / f"{script}.py")
+    return script_digest(SCRIPTS / f"{script}.py")

@@ -15,7 +15,7 @@ from polarsim.detect.tone import to_8_bits
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, USUAL_EXPOSURE_MS, WHITE_LEVEL
-from polarsim.render.gain import default_gain
+from polarsim.render.gain import gain_of
 from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import imaged, through_lens
 from polarsim.render.options import Material, Model, RenderOptions
@@ -168,7 +168,7 @@ class RoverCamera:
         return self.expose(radiance, model, exposure_ms, *name), float(exposure_ms)
 
     def _gain(self, model: Model) -> float:
-        return self.render_options.gain.get(model, default_gain(model, self.render_options))
+        return gain_of(model, self.render_options)
 
 
 def _resolved(render: RenderOptions, models: Sequence[Model], body: Body) -> RenderOptions:
