@@ -143,7 +143,7 @@ class Suite:
 
     def left(self) -> list[str]:
         """What is still at work."""
-        return [f"process {pid}" for pid in processes.marked(self.folder)]
+        return [f"process {one.pid}" for one in processes.marked(self.folder)]
 
     def disturb(self, kind: str) -> str:
         """Disturb a run from the beginning once, end it by the same command, compare; what was done.
@@ -181,10 +181,11 @@ class Suite:
     def hit(self, kind: str, process: subprocess.Popen[bytes]) -> bool:
         """Whether there was what to hit."""
         marked = processes.marked(self.folder)
-        snakemake = [pid for pid in processes.children(process.pid) if pid in marked]
-        scripts = [pid for pid in marked if processes.runs_script(pid)]
-        there = {"kill snakemake": snakemake, "kill job": scripts}.get(kind, [process.pid])
-        processes.send(there[:1], signal.SIGKILL if kind.startswith("kill") else signal.Signals[kind])
+        snakemake = [one for one in marked if one.ppid() == process.pid]
+        scripts = [one for one in marked if any("/.snakemake/scripts/" in word for word in one.cmdline())]
+        there = {"kill snakemake": snakemake, "kill job": scripts}.get(kind, [process])
+        for one in there[:1]:
+            one.send_signal(signal.SIGKILL if kind.startswith("kill") else signal.Signals[kind])
         return bool(there)
 
     def fill_up(self) -> str:

@@ -1,7 +1,4 @@
-"""Who works in a folder: its owner by a lock, its jobs by a mark in their environment, other Snakemakes by their call.
-
-The mark finds jobs that outlived the Snakemake that started them: no parent leads to them and no lock is theirs.
-"""
+"""Processes of a run: the lock of its folder, and jobs that outlived a run that was killed."""
 
 from __future__ import annotations
 
@@ -9,28 +6,29 @@ import ctypes
 import fcntl
 import os
 import signal
-import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import psutil
+
 from polarsim.errors import PolarsimError
 
-MARK = "POLARSIM_RUN"  # in the environment of all that works for the run of a folder, with the folder as value
-OWNER = ".snakemake/polarsim_run.pid"
-_PROC = Path("/proc")
-_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36  # linux/prctl.h
-_GRACE_S, _KILLED_S = 3.0, 10.0
+MARK = "POLARSIM_RUN"  # environment variable of all processes of a run, with the folder as value
+OWNER = ".snakemake/polarsim_run.pid"  # contains a pid while a run is active, and after it was killed
+_LOCKS = ".snakemake/locks"  # of Snakemake
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_GRACE_S = 3.0  # between SIGTERM and SIGKILL
 
 
 @contextmanager
-def owned(folder: Path) -> Iterator[None]:
-    """Own a folder: nobody else does, and a process that dies owns nothing.
+def owned(folder: Path) -> Iterator[bool]:
+    """Lock a folder for one run; yield whether the last run of the folder was killed.
 
     Raises
     ------
     PolarsimError
-        Another process owns the folder; its pid is named.
+        Another run has locked the folder, or a Snakemake that was not started by `polarsim run`.
     """
     path = folder / OWNER
     with path.open("a+") as file:
@@ -38,129 +36,47 @@ def owned(folder: Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             file.seek(0)
-            raise PolarsimError(f"polarsim run is at work here (pid {file.read().strip()})", path=folder) from error
-        if workers := unmarked_snakemakes(folder):
-            pids = ", ".join(map(str, workers))
-            raise PolarsimError(f"snakemake is at work here (pid {pids}): await it, or end it", path=folder)
+            raise PolarsimError(f"polarsim run is active here (pid {file.read().strip()})", path=folder) from error
+        file.seek(0)
+        killed = bool(file.read().strip())
+        if is_locked(folder) and not killed:
+            reason = "Snakemake has locked this folder; wait until it ends, or remove the lock: snakemake --unlock"
+            raise PolarsimError(reason, path=folder)
         file.truncate(0)
         file.write(f"{os.getpid()}\n")
         file.flush()
-        yield
+        yield killed
+        if not is_locked(folder):
+            file.truncate(0)
 
 
-def marked(folder: Path) -> list[int]:
-    """Processes that work for the run of a folder, as far as this user may see them."""
-    mark = f"{MARK}={folder}".encode()
-    return [pid for pid in _others() if mark in _read(pid, "environ").split(b"\0")]
-
-
-def unmarked_snakemakes(folder: Path) -> list[int]:
-    """Snakemakes, and jobs of theirs, that somebody started without `polarsim run` in a folder that they locked."""
-    if not any((folder / ".snakemake/locks").glob("*.lock")):
-        return []
-    found = []
-    for pid in _others():
-        words = _words(pid)
-        ours = runs_script(pid) or any(Path(word).name == "snakemake" for word in words)
-        if ours and Path(words[0]).name.startswith(("python", "snakemake")) and _cwd(pid) == folder:
-            found.append(pid)
-    return sorted(set(found) - set(marked(folder)))
-
-
-def runs_script(pid: int) -> bool:
-    """Whether a process runs the script of a job; not, if it is gone."""
-    return any("/.snakemake/scripts/" in word for word in _words(pid))
-
-
-def end(folder: Path) -> int:
-    """End all that works for the run of a folder, first gently; how many processes that were."""
-    found = marked(folder)
-    send(found, signal.SIGTERM)
-    if not _gone(folder, _GRACE_S):
-        send(marked(folder), signal.SIGKILL)
-        _gone(folder, _KILLED_S)
-    return len(found)
-
-
-def adopt_orphans() -> None:
-    """Become the parent of what this process's children leave behind."""
-    _prctl(_PR_SET_CHILD_SUBREAPER, 1)
+def is_locked(folder: Path) -> bool:
+    """Return whether a Snakemake has locked a folder, or was killed there."""
+    return any((folder / _LOCKS).glob("*.lock"))
 
 
 def die_with_parent() -> None:
-    """Have this process killed when its parent ends, however that ends."""
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def children(parent: int) -> list[int]:
-    """Children of a process, adopted ones too."""
-    return [pid for pid in _others() if _parent(pid) == parent]
-
-
-def _gone(folder: Path, seconds: float) -> bool:
-    until = time.monotonic() + seconds
-    while marked(folder):
-        if time.monotonic() > until:
-            return False
-        time.sleep(0.05)
-    return True
-
-
-def send(pids: Iterable[int], number: int) -> None:
-    """Send a signal to those of these processes that are still there."""
-    for pid in pids:
-        with suppress(ProcessLookupError, PermissionError):
-            os.kill(pid, number)
-
-
-def end_adopted(own: int) -> None:
-    """Kill what a killed process left to this one: all children but the one that it started."""
-    for pid in children(os.getpid()):
-        if pid != own:
-            send([pid], signal.SIGKILL)
-            with suppress(ChildProcessError):
-                os.waitpid(pid, os.WNOHANG)
-
-
-def _others() -> Iterator[int]:
-    """All processes but this one and those above it."""
-    above = set()
-    pid = os.getpid()
-    while pid > 0 and pid not in above:
-        above.add(pid)
-        pid = _parent(pid)
-    for path in _PROC.iterdir():
-        if path.name.isdigit() and int(path.name) not in above:
-            yield int(path.name)
-
-
-def _words(pid: int) -> list[str]:
-    """The first words of a process's command: interpreter, options, script."""
-    return [word.decode(errors="replace") for word in _read(pid, "cmdline").split(b"\0")[:3]]
-
-
-def _parent(pid: int) -> int:
-    """The parent of a process; 0 where it is gone or has none."""
-    stat = _read(pid, "stat").rpartition(b")")[2].split()
-    return int(stat[1]) if len(stat) > 1 else 0
-
-
-def _read(pid: int, name: str) -> bytes:
-    """A file of a process; empty where it is gone or another user's."""
-    try:
-        return (_PROC / str(pid) / name).read_bytes()
-    except OSError:
-        return b""
-
-
-def _cwd(pid: int) -> Path | None:
-    try:
-        return (_PROC / str(pid) / "cwd").readlink()
-    except OSError:
-        return None
-
-
-def _prctl(option: int, value: int) -> None:
-    """No such call, as on other systems than Linux, is no error: jobs are found by their mark at the next start."""
+    """Have Linux kill this process when its parent ends; on other systems, the next run ends it."""
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+def marked(folder: Path) -> list[psutil.Process]:
+    """Return the processes on this machine that work for the run of a folder, without this one and its parents."""
+    own = {process.pid for process in (psutil.Process(), *psutil.Process().parents())}
+    found = [process for process in psutil.process_iter(["environ"]) if process.pid not in own]
+    return [process for process in found if (process.info["environ"] or {}).get(MARK) == str(folder)]
+
+
+def end(folder: Path) -> int:
+    """End all processes that work for the run of a folder; return their number."""
+    found = marked(folder)
+    for process in found:
+        with suppress(psutil.NoSuchProcess):
+            process.terminate()
+    _, alive = psutil.wait_procs(found, timeout=_GRACE_S)
+    for process in alive:
+        with suppress(psutil.NoSuchProcess):
+            process.kill()
+    psutil.wait_procs(alive, timeout=_GRACE_S)
+    return len(found)

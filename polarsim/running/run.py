@@ -1,8 +1,9 @@
-"""Run the workflow so that the same command goes on, whatever stopped it: checks, Snakemake, a summary.
+"""Run the workflow: checks, Snakemake, a summary. The same command resumes a run that was stopped.
 
-Snakemake does the work. Around it stand the checks that must come before it, an end that leaves no process behind, and
-what Snakemake forgets: a job that was made anew for another option and was stopped has lost its output, and where
-nothing but later files asked for that output, Snakemake calls the run complete with the files of the former option.
+Snakemake schedules, retries and resumes jobs. This module adds checks before the start, an end that leaves no process
+behind, and one thing that Snakemake does not remember: a job that was repeated with another option and was stopped has
+lost its output. If only intermediate files depend on that output, Snakemake considers the run complete, with files of
+the former option.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,7 +36,8 @@ _FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
 _LATENCY = ("--latency-wait", "10")
 _REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # two at work in one folder, half-written files
 _DRY = {"-n", "--dry-run", "--dryrun"}
-_GRACE_S = 30.0  # for Snakemake to cancel what it submitted to a cluster
+_GRACE_S = 30.0  # for Snakemake to cancel the jobs that it submitted to a cluster
+_POLL_S = 0.2  # between looks for a signal
 
 
 @dataclass(frozen=True)
@@ -93,85 +96,69 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
     refuse_unknown(folder, config.run, targets, call.configured())
     if _DRY.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
-    root = Path(config.source.root)
-    made = (Path("results") / config.run, *([root] if config.data_source.is_generated else []))
-    places = (*made[:1], *([root] if config.data_source.has_photos else []))
+    results, data = Path("results") / config.run, config.data_source
+    made = (results, *([config.source.root] if data.is_generated else []))
     for place in (Path("results"), *made, Path(".snakemake")):
         disk.refuse_unwritable(place)
     (folder / ".snakemake").mkdir(exist_ok=True)
-    with processes.owned(folder):
-        _tidy(folder, made, (*places, Path("config")))
-        whole = not targets
-        needed = disk.needed_bytes(config, whole, places) if min_free_bytes is None else min_free_bytes
+    with processes.owned(folder) as killed:
+        if killed:
+            _tidy(folder, results)
+        needed = disk.needed_bytes(config, not targets, made) if min_free_bytes is None else min_free_bytes
         for place in made:
             disk.refuse_full(place, needed)
-        code = _run_owned(folder, call, made)
+        code = _run_owned(folder, call, results)
     if code == 0:  # the workflow stores it when it starts jobs: here for a run that was complete before
-        store_config(config, made[0])
+        store_config(config, results)
     return code
 
 
-def _tidy(folder: Path, made: Sequence[Path], places: Sequence[Path]) -> None:
-    """End jobs that outlived their run, remove what they were writing, pull back stamps of tomorrow.
-
-    Files go from places that the run makes alone (`made`), never from a user's raw data.
-    """
+def _tidy(folder: Path, results: Path) -> None:
+    """End the jobs of a run that was killed, and remove their unfinished files."""
     if count := cluster.end_submitted(folder):
-        _say(f"{count} jobs of an earlier run of this folder were still with SLURM: cancelled")
+        _say(f"{count} jobs of an earlier run were still with SLURM: cancelled")
     if count := processes.end(folder):
-        _say(f"{count} processes of an earlier run of this folder were still at work: ended")
-    if count := disk.remove_leftovers(made):
-        _say(f"{count} files that killed jobs were writing: removed")
-    if count := disk.pull_back_stamps(places, folder):
-        _say(f"{count} files were stamped in the future: they have the present time now")
+        _say(f"{count} processes of an earlier run were still active: ended")
+    disk.remove_leftovers(results)
 
 
-def _run_owned(folder: Path, call: Call, made: Sequence[Path]) -> int:
-    before = logs_in(folder)
+def _run_owned(folder: Path, call: Call, results: Path) -> int:
     lost = _lost_outputs(folder, call)
-    if any((folder / ".snakemake/locks").glob("*.lock")):  # nobody alive owns it, `owned` has looked
-        _say("the lock of a run that was killed: removed")
-        if code := subprocess.run(_snakemake(*call.words(), "--unlock"), check=False).returncode:
-            return min(1, code)
-    before |= logs_in(folder)
-    forced = ["--forcerun", *lost] if lost else []
-    code, stopped = _supervise(folder, _snakemake(*call.words(), *forced))
-    disk.remove_leftovers(made)
+    if processes.is_locked(folder):  # by a run that was killed: `owned` raises otherwise
+        subprocess.run(_snakemake(*call.words(), "--unlock"), capture_output=True, check=False)
+    before = logs_in(folder)
+    code, stopped = _supervise(folder, _snakemake(*call.words(), *(["--forcerun", *lost] if lost else [])))
+    disk.remove_leftovers(results)
     jobs = [job for log in sorted(logs_in(folder) - before) for job in jobs_of(folder, log)]
     _remember(folder, lost, jobs)
-    _report(folder, made[0], call, jobs, code, stopped)
+    _report(folder, results, call, jobs, code, stopped)
     return STOPPED if stopped else min(1, abs(code))
 
 
 def _supervise(folder: Path, words: Sequence[str]) -> tuple[int, bool]:
-    """Run Snakemake to its end or to ours: its exit code, and whether somebody stopped it. Nothing of it stays.
+    """Run Snakemake in its own process group; return its exit code and whether a signal stopped it.
 
-    It has a session of its own, so that Ctrl-C reaches this process alone, which ends all in order; it is killed when
-    this process is. Jobs whose parent was killed come to this process, which ends them before they are tried again.
+    Any of `_STOPS` becomes SIGINT for the group, as Ctrl-C in a terminal. At the end the whole group is killed.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*_STOPS, signal.SIGCHLD})
-
-    def start() -> None:  # in the child
-        processes.die_with_parent()
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
+    caught: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: caught.append(number)) for number in _STOPS}
     try:
-        processes.adopt_orphans()
         environment = {**os.environ, processes.MARK: str(folder)}
-        child = subprocess.Popen(words, env=environment, start_new_session=True, preexec_fn=start)
-        stopped, until = False, float("inf")
+        child = subprocess.Popen(words, env=environment, start_new_session=True, preexec_fn=processes.die_with_parent)
+        until = float("inf")
         while child.poll() is None and time.monotonic() < until:
-            caught = signal.sigtimedwait({*_STOPS, signal.SIGCHLD}, 1.0)
-            if caught and caught.si_signo in _STOPS and not stopped:
-                stopped, until = True, time.monotonic() + _GRACE_S
-                _say("stopping; the same command goes on from here")
-                child.send_signal(signal.SIGINT)
-                processes.send(set(processes.marked(folder)) - {child.pid}, signal.SIGTERM)
-            processes.end_adopted(child.pid)
-        processes.end(folder)
-        return child.wait(), stopped
+            if caught and until == float("inf"):
+                until = time.monotonic() + _GRACE_S
+                _say("stopping; the same command resumes the run")
+                os.killpg(child.pid, signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                child.wait(_POLL_S)
+        with suppress(ProcessLookupError):
+            os.killpg(child.pid, signal.SIGKILL)
+        return child.wait(), bool(caught)
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _snakemake(*words: str) -> list[str]:

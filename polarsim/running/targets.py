@@ -73,13 +73,12 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
         A target is no stage, a file of another run, or a file that no rule makes.
     """
     names = [word for word in targets if "/" not in word and "." not in word]
-    if set(names) - _stages(folder):
-        known = _listed_rules(configured)
-        for name in names:
-            if known and name not in known:
-                near = get_close_matches(name, known, n=1)
-                hint = f"did you mean {near[0]}? " if near else ""
-                raise CallError(f"{name!r} is no target; {hint}Stages: {', '.join(known)}")
+    stages, known = _rules(folder)
+    for name in names:
+        if name not in known:
+            near = get_close_matches(name, sorted(known), n=1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise CallError(f"{name!r} is no target; {hint}Stages: {', '.join(stages)}")
     for file in targets:
         parts = Path(file).parts
         if file in names or (folder / file).exists():
@@ -106,24 +105,16 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     return namespace
 
 
-def _stages(folder: Path) -> set[str]:
-    """Return the names of rules without outputs in the Snakefile and its rule files."""
-    files = [folder / "workflow/Snakefile", *(folder / "workflow/rules").glob("*.smk")]
-    found = [match for file in files for match in _RULE.findall(file.read_text(encoding="utf-8"))]
-    return {name for name, body in found if not re.search(r"^\s+output:", body, re.MULTILINE)}
-
-
-def _listed_rules(call: Sequence[str]) -> list[str]:
-    """Return the rules that Snakemake takes for targets; none where it cannot read the workflow."""
-    done = _snakemake("--list-target-rules", *call)
-    return [line.split(" ")[0] for line in done.stdout.splitlines() if re.match(r"\w+( |$)", line)]
+def _rules(folder: Path) -> tuple[list[str], set[str]]:
+    """Return the names of the rules without outputs, which are the stages, and of all rules."""
+    files = [folder / "Snakefile", folder / "workflow/Snakefile", *(folder / "workflow/rules").glob("*.smk")]
+    found = [match for file in files if file.exists() for match in _RULE.findall(file.read_text(encoding="utf-8"))]
+    stages = [name for name, body in found if not re.search(r"^\s+output:", body, re.MULTILINE)]
+    return sorted(stages), {name for name, _ in found}
 
 
 def _is_made(file: str, call: Sequence[str]) -> bool:
-    """Return whether a rule makes a file; errors of another kind are left to the run."""
-    done = _snakemake(file, "--summary", *call)
+    """Return whether a rule makes a file; other errors are reported by the run."""
+    words = [sys.executable, "-m", "snakemake", file, "--summary", *call]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
     return done.returncode == 0 or "MissingRuleException" not in done.stdout + done.stderr
-
-
-def _snakemake(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "snakemake", *words], capture_output=True, text=True, check=False)

@@ -38,7 +38,7 @@ def test_what_a_run_submitted_is_cancelled_and_nothing_else(tmp_path, queue):
 def test_jobs_that_do_not_end_are_named(tmp_path, queue, monkeypatch):
     (tmp_path / "bin/scancel").write_text("#!/bin/sh\n")
     monkeypatch.setattr(cluster, "_GONE_S", 0.0)
-    with pytest.raises(PolarsimError, match=r"does not end jobs of an earlier run: 6 7"):
+    with pytest.raises(PolarsimError, match="6 7"):
         cluster.end_submitted(tmp_path)
 
 
