@@ -15,7 +15,6 @@ import hashlib
 import operator
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
-from math import log2
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -25,8 +24,7 @@ from polarsim.config import Config
 from polarsim.cover_photos.options import CARVED
 from polarsim.detect.options import PACKAGED, VIEWS, PredictionOptions, TrainingOptions
 from polarsim.formats.release import cover_photos, label_files, label_folder, mesh_files, polygon_folder
-from polarsim.grid import selected_grid
-from polarsim.photo import USUAL_EXPOSURE_MS, PhotoKey, positions
+from polarsim.photo import positions
 from polarsim.schemas.covers import FINE_TUNED, RENDERED
 
 TABLES_OF_DETECTORS = ("detection", "differences", "detection_breakdown", "false_positives", "ipd")
@@ -141,18 +139,6 @@ class RunPaths:
             return []
         terrains = [terrain for terrain in self.config.terrains if cover_photos(self.config.annotated_root, terrain)]
         return [folder for terrain in terrains if (folder := self._annotated(polygon_folder, terrain))]
-
-    def shown_photo(self, wildcards: Wildcards) -> str:
-        """Return the key of the photo that stands for a position in the report.
-
-        Sun azimuth 30 if the position has it, rover light off, left camera, exposure near 256 ms.
-        """
-
-        def rank(key: PhotoKey) -> tuple[bool, str, str, float]:
-            return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS))
-
-        grid = selected_grid(int(wildcards.terrain), [wildcards.position], self.config.grid)
-        return str(min(grid, key=rank))
 
     @property
     def materials_of_terrain(self) -> str | list[str]:

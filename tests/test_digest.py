@@ -313,7 +313,7 @@ def test_an_edit_of_a_figure_changes_the_digest_of_its_script_and_of_no_scoring_
     parsed, figure = digest._module, "polarsim.report.figures.contact"
     monkeypatch.setattr(digest, "_module", lambda name: ("edited", parsed(name)[1]) if name == figure else parsed(name))
     after = {name: digest.script_digest(path) for name, path in scripts.items()}
-    assert {name for name in scripts if before[name] != after[name]} == {"draw_contact"}
+    assert {name for name in scripts if before[name] != after[name]} == {"draw_photos"}
 
 
 def test_scripts_read_what_their_rules_declare_and_build_no_path_of_results():

@@ -87,7 +87,7 @@ BREAKDOWN = Table(
     METRICS,
 )
 CURVES = Table(
-    "detect/curves.parquet",
+    "detect/<split>/seed<seed>/curves.parquet",
     "A point of a precision-recall curve",
     SIDES,
     KIND,
@@ -149,7 +149,7 @@ IPD_ROCKS = Table(
     PERFORMANCES,
 )
 INSTANCES = Table(
-    "detect/instances.parquet",
+    "detect/<split>/seed<seed>/instances.parquet",
     "A detector, domain and label",
     SIDES,
     KEY_NAME,

@@ -7,6 +7,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import label_table, write_parquet
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import HEIGHT, WIDTH
+from polarsim.run_files.inventory import Inventory, write_inventory
 from tests.workflow.conftest import SMALL
 from tests.workflow.figures import find_picture, resized
 
@@ -20,8 +21,11 @@ def test_a_sheet_shows_its_photos_whatever_is_in_the_working_folder(checkout, sn
         png.write(checkout / f"data/{key}.png", resized(coarse, WIDTH)[:HEIGHT].astype(np.uint16))
     acquired = checkout / "results/small/acquire/Terrain01/photos.parquet"
     write_parquet(acquired, pd.DataFrame([{"key": str(key), "path": f"data/{key}.png"} for key in keys]))
-    write_parquet(checkout / "results/small/labels/tables/Terrain01.parquet", label_table([]))
-    call = (SHEET, "--configfile", "config/small.yaml", "--rerun-triggers", "mtime", "--allowed-rules", "draw_contact")
+    write_inventory(acquired.with_name("inventory.json"), Inventory(1, "analog"))
+    for stage in ("labels", "renders"):
+        write_parquet(checkout / f"results/small/{stage}/tables/Terrain01.parquet", label_table([]))
+    (checkout / "results/small/renders/hapke/Terrain01").mkdir(parents=True)
+    call = (SHEET, "--configfile", "config/small.yaml", "--rerun-triggers", "mtime", "--allowed-rules", "draw_photos")
     png.write(checkout / "03_A_on_350_R_0256_hapke.png", np.zeros((8, 8), np.uint8))  # as `polarsim show` writes it
     png.write(checkout / f"{keys[0]}.png", np.zeros((HEIGHT, WIDTH), np.uint16))  # one that a photo's name has
     done = snakemake(checkout, *call)

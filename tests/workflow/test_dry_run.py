@@ -43,10 +43,10 @@ def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
         "locate_cameras",
         "propagate_labels",
         "render_twins",
-        "draw_contact",
+        "draw_photos",
         "gather_evaluation",
     } <= set(jobs)
-    scored = {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
+    scored = {"score_labels", "tabulate_labels", "draw_label_scores"} & set(jobs)
     assert len(scored) == 3
     assert ("train_detector" in jobs) == (name not in ("full", "release"))  # the release has no photos
 
@@ -151,7 +151,7 @@ def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = planned(done)
     assert "score_rocks" in jobs
-    assert not {"score_labels", "tabulate_labels", "draw_reliability"} & set(jobs)
+    assert not {"score_labels", "tabulate_labels", "draw_label_scores"} & set(jobs)
 
 
 def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_detectors_alone(dry_run):

@@ -77,7 +77,7 @@ def shown(path, category, caption=None, **labels):
     Of `results/{run}/figures/meshes_Terrain{terrain}.png` that is `figures/meshes.rst`. The report contains whole
     pictures, so that of a large run has none of single terrains: `results.html` links them.
     """
-    if "{terrain}" in path and len(TERRAINS) > MAX_TERRAINS_SHOWN:
+    if "_Terrain" in path and len(TERRAINS) > MAX_TERRAINS_SHOWN:
         return path
     own = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
     return report(path, caption=f"../report/{caption or own}.rst", category=category, labels=labels or None)

@@ -1,5 +1,7 @@
 """Stage 8: tables that papers quote, the figures of the report, and one page of results."""
 
+from polarsim.photo import positions
+
 
 rule geometry:
     """Tables of cameras, alignments, rocks and meshes with their evaluation: no labels, no twins."""
@@ -216,24 +218,40 @@ rule draw_detectors:
 
 
 rule draw_finds:
-    """What one detector finds in photo and twins, as in the paper's figures 4 and 5, and the rocks that differ most."""
+    """What each detector finds in photo and twins, as in the paper's figures 4 and 5, and the rocks that differ most."""
     input:
         instances=PATHS.first_training("instances.parquet"),
         ipd=PATHS.first_training("ipd.parquet"),
-        predictions=[PATHS.first_training(f"predictions/{{trained}}_on_{domain}.parquet") for domain in DOMAINS],
+        predictions=[
+            PATHS.first_training(f"predictions/{trained}_on_{domain}.parquet")
+            for trained in DOMAINS
+            for domain in DOMAINS
+        ],
         labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
         pictures=PATHS.photos_and_twins(),
     output:
-        seen=shown(
-            "results/{run}/figures/seen_{trained}.png", "Detection", picture="photo and twins, detector of {trained}"
-        ),
-        gap_rocks=shown(
-            "results/{run}/figures/gap_rocks_{trained}.png", "Detection", picture="rocks, detector of {trained}"
-        ),
+        seen=[
+            shown(
+                f"results/{{run}}/figures/seen_{trained}.png",
+                "Detection",
+                "figures/seen",
+                picture=f"photo and twins, detector of {trained}",
+            )
+            for trained in DOMAINS
+        ],
+        gap_rocks=[
+            shown(
+                f"results/{{run}}/figures/gap_rocks_{trained}.png",
+                "Detection",
+                "figures/gap_rocks",
+                picture=f"rocks, detector of {trained}",
+            )
+            for trained in DOMAINS
+        ],
     log:
-        "results/{run}/logs/report/draw_finds_{trained}.log",
+        "results/{run}/logs/report/draw_finds.log",
     benchmark:
-        "results/{run}/benchmarks/report/draw_finds_{trained}.tsv"
+        "results/{run}/benchmarks/report/draw_finds.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
@@ -270,8 +288,14 @@ rule tabulate_stereo:
         "../scripts/tabulate_stereo.py"
 
 
-rule draw_comparison:
-    """One photo of a position beside its twins, labels drawn in."""
+# Terrain 13 has positions of its own: the same rule with other outputs, for the number of outputs is fixed.
+USUAL_POSITIONS, MANY_POSITIONS = (
+    [position for position in positions(terrain) if position in CONFIG.positions] for terrain in (1, 13)
+)
+
+
+rule draw_photos:
+    """One photo of every position beside its twins, and all exposure brackets of a station on a sheet, for review."""
     input:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
@@ -279,25 +303,71 @@ rule draw_comparison:
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
         rendered="results/{run}/renders/tables/Terrain{terrain}.parquet",
     output:
-        figure=shown(
-            "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png",
-            "Photos and twins",
-            terrain="{terrain}",
-            position="{position}",
-        ),
+        comparisons=[
+            shown(
+                f"results/{{run}}/figures/comparison_Terrain{{terrain}}_Pos{position}.png",
+                "Photos and twins",
+                terrain="{terrain}",
+                position=position,
+            )
+            for position in USUAL_POSITIONS
+        ],
+        contacts=[
+            shown(
+                f"results/{{run}}/figures/contact_Terrain{{terrain}}_Pos{position}.png",
+                "Contact sheets",
+                terrain="{terrain}",
+                position=position,
+            )
+            for position in USUAL_POSITIONS
+        ],
     log:
-        "results/{run}/logs/report/draw_comparison_{terrain}_{position}.log",
+        "results/{run}/logs/report/draw_photos_{terrain}.log",
     benchmark:
-        "results/{run}/benchmarks/report/draw_comparison_{terrain}_{position}.tsv"
+        "results/{run}/benchmarks/report/draw_photos_{terrain}.tsv"
+    wildcard_constraints:
+        terrain=one_of(TERRAINS, but=["13"]),
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
-        key=PATHS.shown_photo,
+        positions=USUAL_POSITIONS,
+        grid=options("grid"),
         models=MODELS,
-        code=code_of("draw_comparison"),
+        stand_ins=PATHS.stand_ins,
+        code=code_of("draw_photos"),
     script:
-        "../scripts/draw_comparison.py"
+        "../scripts/draw_photos.py"
+
+
+use rule draw_photos as draw_photos_of_terrain_13 with:
+    output:
+        comparisons=[
+            shown(
+                f"results/{{run}}/figures/comparison_Terrain{{terrain}}_Pos{position}.png",
+                "Photos and twins",
+                terrain="{terrain}",
+                position=position,
+            )
+            for position in MANY_POSITIONS
+        ],
+        contacts=[
+            shown(
+                f"results/{{run}}/figures/contact_Terrain{{terrain}}_Pos{position}.png",
+                "Contact sheets",
+                terrain="{terrain}",
+                position=position,
+            )
+            for position in MANY_POSITIONS
+        ],
+    wildcard_constraints:
+        terrain="13",
+    params:
+        positions=MANY_POSITIONS,
+        grid=options("grid"),
+        models=MODELS,
+        stand_ins=PATHS.stand_ins,
+        code=code_of("draw_photos"),
 
 
 rule draw_reflectance:
@@ -321,38 +391,18 @@ rule draw_reflectance:
         "../scripts/draw_reflectance.py"
 
 
-rule draw_contact:
-    """All exposure brackets of a station on one sheet, their labels drawn in, for review."""
-    input:
-        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
-        labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
-        twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=PATHS.stand_ins),
-    output:
-        figure=shown(
-            "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png",
-            "Contact sheets",
-            terrain="{terrain}",
-            position="{position}",
-        ),
-    log:
-        "results/{run}/logs/report/draw_contact_{terrain}_{position}.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_contact_{terrain}_{position}.tsv"
-    resources:
-        mem_mb=growing(1000),
-        runtime=5,
-    params:
-        grid=options("grid"),
-        code=code_of("draw_contact"),
-    script:
-        "../scripts/draw_contact.py"
-
-
-rule draw_terrain:
-    """A terrain's meshes from above and aslant, and the cuboids that cut its rocks out."""
+rule draw_geometry:
+    """A terrain's meshes from above and aslant, the cuboids that cut its rocks out, their distance from the true surface,
+    and arrows in a photo of every position, from the boxes that people drew to those of the projected meshes."""
     input:
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+        twins=f"results/{{run}}/renders/{PATHS.stand_ins[0]}/Terrain{{terrain}}" if PATHS.stand_ins else [],
+        offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet" if SOURCE.is_generated else [],
     output:
         meshes_figure=shown(
             "results/{run}/figures/meshes_Terrain{terrain}.png", "Meshes", terrain="{terrain}", picture="meshes"
@@ -360,104 +410,60 @@ rule draw_terrain:
         crops_figure=shown(
             "results/{run}/figures/crops_Terrain{terrain}.png", "Meshes", terrain="{terrain}", picture="cuboids"
         ),
-    log:
-        "results/{run}/logs/report/draw_terrain_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_terrain_{terrain}.tsv"
-    resources:
-        mem_mb=growing(1500),
-        runtime=5,
-    params:
-        code=code_of("draw_terrain"),
-    script:
-        "../scripts/draw_terrain.py"
-
-
-rule draw_offsets:
-    """Our meshes coloured by their distance from the true surface."""
-    input:
-        offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
-    output:
-        figure=shown(
-            "results/{run}/figures/offsets_Terrain{terrain}.png",
-            "Meshes",
-            terrain="{terrain}",
-            picture="distance to truth",
+        residuals_figure=shown("results/{run}/figures/residuals_Terrain{terrain}.png", "Cameras", terrain="{terrain}"),
+        offsets_figure=(
+            shown(
+                "results/{run}/figures/offsets_Terrain{terrain}.png",
+                "Meshes",
+                terrain="{terrain}",
+                picture="distance to truth",
+            )
+            if SOURCE.is_generated
+            else []
         ),
     log:
-        "results/{run}/logs/report/draw_offsets_{terrain}.log",
+        "results/{run}/logs/report/draw_geometry_{terrain}.log",
     benchmark:
-        "results/{run}/benchmarks/report/draw_offsets_{terrain}.tsv"
-    resources:
-        mem_mb=growing(500),
-        runtime=5,
-    params:
-        code=code_of("draw_offsets"),
-    script:
-        "../scripts/draw_offsets.py"
-
-
-rule draw_residuals:
-    """Arrows in a photo of every position, from the boxes that people drew to those of the projected meshes."""
-    input:
-        photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
-        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
-        seeds="results/{run}/acquire/Terrain{terrain}/seeds",
-        cameras="results/{run}/cameras/Terrain{terrain}",
-        meshes="results/{run}/meshes/Terrain{terrain}",
-        twins=f"results/{{run}}/renders/{PATHS.stand_ins[0]}/Terrain{{terrain}}" if PATHS.stand_ins else [],
-    output:
-        figure=shown("results/{run}/figures/residuals_Terrain{terrain}.png", "Cameras", terrain="{terrain}"),
-    log:
-        "results/{run}/logs/report/draw_residuals_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_residuals_{terrain}.tsv"
+        "results/{run}/benchmarks/report/draw_geometry_{terrain}.tsv"
     resources:
         mem_mb=growing(1500),
         runtime=5,
     params:
-        code=code_of("draw_residuals"),
+        code=code_of("draw_geometry"),
     script:
-        "../scripts/draw_residuals.py"
+        "../scripts/draw_geometry.py"
 
 
-rule draw_label_errors:
-    """How far the edges of our boxes lie from the true or hand-annotated ones."""
+rule draw_label_scores:
+    """How far the edges of our boxes lie from the true or hand-annotated ones, and how often labels are right, against
+    how sure they say they are."""
     input:
-        pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
+        pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=PATHS.scored_terrains),
+        reliability="results/{run}/tables/reliability.parquet",
     output:
-        figure=shown("results/{run}/figures/label_errors_Terrain{terrain}.png", "Labels", terrain="{terrain}"),
+        label_errors=[
+            shown(
+                f"results/{{run}}/figures/label_errors_Terrain{terrain}.png",
+                "Labels",
+                "figures/label_errors",
+                terrain=terrain,
+            )
+            for terrain in PATHS.scored_terrains
+        ],
+        reliability_figure=shown("results/{run}/figures/reliability.png", "Labels", terrain="all", picture="confidence"),
     log:
-        "results/{run}/logs/report/draw_label_errors_{terrain}.log",
+        "results/{run}/logs/report/draw_label_scores.log",
     benchmark:
-        "results/{run}/benchmarks/report/draw_label_errors_{terrain}.tsv"
+        "results/{run}/benchmarks/report/draw_label_scores.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
-        code=code_of("draw_label_errors"),
-    script:
-        "../scripts/draw_label_errors.py"
-
-
-rule draw_reliability:
-    """How often labels are right, against how sure they say they are."""
-    input:
-        reliability="results/{run}/tables/reliability.parquet",
-    output:
-        figure=shown("results/{run}/figures/reliability.png", "Labels", terrain="all", picture="confidence"),
-    log:
-        "results/{run}/logs/report/draw_reliability.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_reliability.tsv"
-    resources:
-        mem_mb=growing(500),
-        runtime=5,
-    params:
+        terrains=PATHS.scored_terrains,
         origin=ORIGIN,
-        code=code_of("draw_reliability"),
+        code=code_of("draw_label_scores"),
     script:
-        "../scripts/draw_reliability.py"
+        "../scripts/draw_label_scores.py"
 
 
 if PATHS.has_errata:

@@ -1,4 +1,4 @@
-"""Draw what one detector finds in photo and twins."""
+"""Draw what each detector finds in photo and twins."""
 
 from pathlib import Path
 
@@ -8,14 +8,14 @@ from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     draw_finds(
-        trained=snakemake.wildcards.trained,
+        domains=snakemake.params.domains,
         photo_domain=snakemake.params.photo_domain,
         pictures=paths(snakemake.input.pictures),
         instances=Path(snakemake.input.instances),
         ipd=Path(snakemake.input.ipd),
-        predictions=dict(zip(snakemake.params.domains, paths(snakemake.input.predictions), strict=True)),
+        predictions=paths(snakemake.input.predictions),
         labels=dict(zip(snakemake.params.domains, paths(snakemake.input.labels), strict=True)),
-        seen=Path(snakemake.output.seen),
-        gap_rocks=Path(snakemake.output.gap_rocks),
+        seen=paths(snakemake.output.seen),
+        gap_rocks=paths(snakemake.output.gap_rocks),
         origin=snakemake.params.origin,
     )

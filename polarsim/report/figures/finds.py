@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -39,36 +39,41 @@ class RockShown:
 
 def draw_finds(
     *,
-    trained: str,
+    domains: Sequence[str],
     photo_domain: str,
     pictures: Iterable[Path],
     instances: Path,
     ipd: Path,
-    predictions: Mapping[str, Path],
+    predictions: Sequence[Path],
     labels: Mapping[str, Path],
-    seen: Path,
-    gap_rocks: Path,
+    seen: Sequence[Path],
+    gap_rocks: Sequence[Path],
     origin: dict[str, str],
 ) -> None:
-    """Write both figures; the least confidence of a prediction is that of the IPD.
+    """Write both figures of the detector of each domain; the minimum confidence of a prediction is that of the IPD.
 
     Parameters
     ----------
+    predictions
+        Of each detector in each domain, the domains of a detector in turn.
     photo_domain, pictures
         Tables of photos, the domain that they are of, and folders of twins: see `picture_finder`.
     """
     confidence = read_parquet(ipd, ["confidence"])["confidence"]
-    finds = read_finds(
-        trained,
-        origin["source"],
-        instances=instances,
-        predictions=predictions,
-        labels=labels,
-        picture_of=picture_finder(photo_domain, pictures),
-        confidence=float(confidence.iloc[0]) if len(confidence) else 0.0,
-    )
-    draw_seen(finds, seen)
-    draw_gap_rocks(finds, gap_rocks)
+    picture_of = picture_finder(photo_domain, pictures)
+    for number, trained in enumerate(domains):
+        own = predictions[number * len(domains) : (number + 1) * len(domains)]
+        finds = read_finds(
+            trained,
+            origin["source"],
+            instances=instances,
+            predictions=dict(zip(domains, own, strict=True)),
+            labels=labels,
+            picture_of=picture_of,
+            confidence=float(confidence.iloc[0]) if len(confidence) else 0.0,
+        )
+        draw_seen(finds, seen[number])
+        draw_gap_rocks(finds, gap_rocks[number])
 
 
 def draw_gap_rocks(finds: Finds, figure: Path, width: int = FIGURE_WIDTH) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, heading, legend_line, note, page
+from polarsim.report.figures.reliability import draw_reliability
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
@@ -22,6 +23,21 @@ REACH = 20  # pixels to both sides that the histograms show
 COPIED = (EXPOSURES, LIGHT)  # left out of the printed medians where other tasks are there: mostly zeros
 _SHARES = (0, 0.01, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1)  # that are written at the axis
 _GOOD = 1.4826  # robust sd over median absolute deviation
+
+
+def draw_label_scores(
+    *,
+    terrains: Sequence[int],
+    pairs: Sequence[Path],
+    reliability: Path,
+    label_errors: Sequence[Path],
+    reliability_figure: Path,
+    origin: dict[str, str],
+) -> None:
+    """Draw the edge errors of each terrain and the reliability diagram, see `draw_label_errors`, `draw_reliability`."""
+    for terrain, path, figure in zip(terrains, pairs, label_errors, strict=True):
+        draw_label_errors(terrain=terrain, pairs=path, figure=figure)
+    draw_reliability(reliability=reliability, figure=reliability_figure, origin=origin)
 
 
 def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:

@@ -1,0 +1,23 @@
+"""Draw the photos, twins and labels of one terrain."""
+
+from pathlib import Path
+
+from polarsim.grid import GridOptions
+from polarsim.job_files import paths
+from polarsim.report.figures.photos import draw_photos
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    draw_photos(
+        terrain=int(snakemake.wildcards.terrain),
+        positions=snakemake.params.positions,
+        grid=GridOptions(**snakemake.params.grid),
+        photos=Path(snakemake.input.photos),
+        inventory=Path(snakemake.input.inventory),
+        twins=dict(zip(snakemake.params.models, paths(snakemake.input.twins), strict=True)),
+        stand_ins=snakemake.params.stand_ins,
+        labels=Path(snakemake.input.labels),
+        rendered=Path(snakemake.input.rendered),
+        comparisons=paths(snakemake.output.comparisons),
+        contacts=paths(snakemake.output.contacts),
+    )
