@@ -19,6 +19,7 @@ from polarsim.publish.card import card
 from polarsim.publish.catalogue import MAPS, Catalogue, Origin, Picture
 from polarsim.publish.detection_sets import shown
 
+NAMESPACE = "urn:local:polarsim"  # of all identifiers: only NASA assigns names below urn:nasa:pds
 FRAMES = (
     "Frames: sandbox, origin at the terrain's centre on the ground, X to Sun azimuth 0, Y to 90, Z up; camera, x "
     "right, y down, z forward; metres. Pixels count from the picture's corner, their centres lie at integer + 0.5."
@@ -55,7 +56,7 @@ class Archive:
 
     def __init__(self, catalogue: Catalogue, bundle: Bundle) -> None:
         self.catalogue, self.bundle = catalogue, bundle
-        self.lid = f"urn:nasa:pds:polarsim_{_lid(catalogue.name)}"
+        self.lid = f"{NAMESPACE}:{_lid(catalogue.name)}"
         self.collections: list[Collection] = []
 
     def collection(self, name: str, kind: str, title: str) -> Collection:

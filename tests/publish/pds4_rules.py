@@ -118,7 +118,11 @@ def broken_rules(label: bytes) -> Iterator[str]:
 def _broken_identity(root: ElementTree.Element) -> Iterator[str]:
     kind, area = root.tag.removeprefix(PDS), root.find(f"{PDS}Identification_Area")
     lid = area.findtext(f"{PDS}logical_identifier")
-    if not re.fullmatch(r"urn:nasa:pds(:[a-z0-9._-]+)+", lid) or lid.count(":") != _COLONS.get(kind, 5):
+    if (
+        lid.startswith("urn:nasa:")
+        or not re.fullmatch(r"urn(:[a-z0-9._-]+)+", lid)
+        or lid.count(":") != _COLONS.get(kind, 5)
+    ):
         yield f"logical_identifier {lid}"
     if area.findtext(f"{PDS}product_class") != kind:
         yield "product_class is another"

@@ -45,7 +45,8 @@ def test_labels_keep_the_rules_of_the_schema(published):
     [
         (b"Citation_Information>", b"Citation>", "Identification_Area holds"),
         (b"bundle_has_data_collection", b"bundle_has_dust", "reference_type is 'bundle_has_dust'"),
-        (b"urn:nasa:pds:polarsim_tiny<", b"urn:nasa:pds:polarsim_tiny:more<", "logical_identifier"),
+        (b"urn:local:polarsim:tiny<", b"urn:local:polarsim:tiny:more<", "logical_identifier"),
+        (b"urn:local:polarsim:tiny<", b"urn:nasa:pds:tiny<", "logical_identifier"),
         (b"<version_id>1.0</version_id>", b"", "Identification_Area holds"),
     ],
 )

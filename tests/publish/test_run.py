@@ -21,7 +21,7 @@ from polarsim.publish import bundle as bundles
 from polarsim.publish import run as running
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.catalogue import read_catalogue
-from polarsim.publish.options import FORM_NAMES, PublishOptions
+from polarsim.publish.options import PublishOptions
 from polarsim.publish.run import FORMS, publish, publish_run, summary
 from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
 from tests.publish.tiny import KEYS, content, make_run
@@ -283,10 +283,6 @@ def test_the_command_publishes_and_says_where(run, tmp_path, polarsim):
     wrong = polarsim("publish", "none", tmp_path / "other", "--format", "yolo", "--results", run.parent)
     assert wrong.returncode == 1
     assert len(wrong.stderr.strip().splitlines()) == 1
-
-
-def test_the_configuration_knows_all_forms():
-    assert set(FORM_NAMES) == set(FORMS)
 
 
 @pytest.mark.parametrize("options", [{"forms": ["csv"]}, {"subset": "colour=red"}, {"max_size": "much"}])

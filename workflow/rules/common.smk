@@ -9,7 +9,6 @@ from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.paths import TABLES_OF_DETECTORS, CoverPaths, GapPaths, RunPaths, growing
-from polarsim.publish.options import FORM_NAMES
 from polarsim.running.configuration import base_of, check_config, store_config
 from polarsim.running.inputs import check_paths
 
@@ -60,7 +59,7 @@ wildcard_constraints:
     evaluated=one_of(DOMAINS),
     split=one_of(SPLITS),
     seed=r"\d+",
-    form=one_of(FORM_NAMES),
+    form="[a-z0-9-]+",
     component=one_of(GAP.rendered),
     fold=one_of([*COVERS.folds, *COVERS.not_tested]),
     cover_trained=one_of(COVERS.trainings),
