@@ -1,6 +1,7 @@
-"""From 12-bit values to eight bits for display: linear above black, then the display's gamma.
+"""From linear light to eight bits: linear above black up to a white level, then gamma.
 
-Pictures that detectors are trained on, published ones included, have the curve of `detect.tone`.
+Displayed pictures (figures, previews, exports to labelling tools) have the white level of `white_of`; the pictures that
+detectors are trained on, published ones included, that of `detect.tone`.
 """
 
 from __future__ import annotations
@@ -12,15 +13,26 @@ import numpy as np
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 GAMMA = 2.2
-WHITE_PERCENTILE = 99.7  # of the pixels; brighter ones are shown white
+WHITE_PERCENTILE = 99.7  # of displayed pixels; brighter ones are shown white
 DARKEST_WHITE = 40  # DN above black: a photo of nothing stays black instead of becoming noise
 
 
+def encoded(light: np.ndarray, white: float, gamma: float = GAMMA) -> np.ndarray:
+    """Return light above black, DN, as uint8; `white` DN and more become 255."""
+    share = np.clip(light / white, 0, 1)
+    return np.asarray(np.rint(255 * (share if gamma == 1 else share ** (1 / gamma))), np.uint8)
+
+
+def white_level(light: np.ndarray, percentile: float, darkest: float) -> float:
+    """Return the percentile of light above black, DN, not below `darkest` and not above what a photo can hold."""
+    return float(min(WHITE_LEVEL - BLACK_LEVEL, max(float(np.percentile(light, percentile)), darkest)))
+
+
 def white_of(pixels: np.ndarray) -> float:
-    """DN above black that is shown as white."""
+    """Return the light, DN above black, that a displayed picture shows as white."""
     if pixels.dtype == np.uint8:
         return 255.0
-    return float(np.clip(np.percentile(pixels, WHITE_PERCENTILE) - BLACK_LEVEL, DARKEST_WHITE, WHITE_LEVEL))
+    return white_level(pixels.astype(float) - BLACK_LEVEL, WHITE_PERCENTILE, DARKEST_WHITE)
 
 
 def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
@@ -40,6 +52,4 @@ def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _curve(white: float) -> np.ndarray:
     """uint8 of every uint16 value."""
-    values = np.arange(np.iinfo(np.uint16).max + 1, dtype=float)
-    share = np.clip((values - BLACK_LEVEL) / white, 0, 1)
-    return np.asarray(np.round(255 * share ** (1 / GAMMA)), np.uint8)
+    return encoded(np.arange(np.iinfo(np.uint16).max + 1, dtype=float) - BLACK_LEVEL, white)

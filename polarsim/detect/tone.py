@@ -6,7 +6,7 @@ import numpy as np
 
 from polarsim.geometry.images import resize_longer_side
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
-from polarsim.tone import GAMMA
+from polarsim.tone import encoded, white_level
 
 _WHITE_PERCENTILE = 99.5  # of the picture's light that becomes white: a few glints may clip
 _LEAST_WHITE = 64  # DN above black: noise of a dark picture stays dark
@@ -28,10 +28,7 @@ def bits_in_use(pixels: np.ndarray, kind: np.dtype) -> int:
 def to_8_bits(pixels: np.ndarray) -> np.ndarray:
     """Return a uint8 picture of linear 12-bit pixels (h, w): stretched to the picture's white, then gamma."""
     light = np.clip(pixels.astype(np.float32) - BLACK_LEVEL, 0, None)
-    white = float(np.clip(np.percentile(light, _WHITE_PERCENTILE), _LEAST_WHITE, WHITE_LEVEL - BLACK_LEVEL))
-    bright = np.clip(light / white, 0, 1)
-    bright **= 1 / GAMMA
-    return np.rint(_WHITE * bright).astype(np.uint8)
+    return encoded(light, white_level(light, _WHITE_PERCENTILE, _LEAST_WHITE))
 
 
 def brightened(picture: np.ndarray) -> np.ndarray:
