@@ -18,16 +18,6 @@ from polarsim.schemas.photos import LABELS, PHOTOS
 
 MOST_CELLS = 1 << 27  # of a table in memory: a gigabyte; packed they may take a few bytes
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
-FORMER_NAMES = {  # of columns, in tables of versions before 0.2
-    "scan_translation_mm": "scan_shift_mm",
-    "region": "place",
-    "detector": "judge",
-    "component": "ingredient",
-    "metric": "figure",
-    "false_positives": "alarms",
-    "annotated": "drawn",
-    "small_component_faces": "crumb_faces",
-}
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
@@ -78,12 +68,10 @@ def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
 
 
 def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path) -> pd.DataFrame:
-    """The table, if it has all columns; one that has a column by its former name is said to be old."""
+    """Return the table, if it has all columns."""
     for name in columns:
         if name not in table.columns:
-            old = FORMER_NAMES.get(name)
-            hint = f"; it has {old!r}, the former name: make this table anew" if old in table.columns else ""
-            raise FormatError(f"column {name!r} is missing{hint}", path=path)
+            raise FormatError(f"column {name!r} is missing", path=path)
     return table
 
 

@@ -106,8 +106,8 @@ def read_localised(path: str | Path) -> LocalisedRig:
             matrix = np.array(content["sandbox_from_left"], float)
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(f"no sandbox_from_left of 4 x 4 numbers, {error}") from error
-        metrics = content.get("metrics", content.get("quality", {}))  # the name in versions before 0.2
-        return LocalisedRig(_rig(content), Pose.from_matrix(matrix), content.get("method", ""), metrics)
+        method, metrics = content.get("method", ""), content.get("metrics", {})
+        return LocalisedRig(_rig(content), Pose.from_matrix(matrix), method, metrics)
 
 
 def localised_files(folder: str | Path) -> dict[str, Path]:

@@ -71,11 +71,3 @@ def test_a_rotation_that_is_none_is_refused(tmp_path, rotation):
     path.write_text(json.dumps(content))
     with pytest.raises(FormatError, match=r"PosA\.json: the rotation matrix"):
         read_localised(path)
-
-
-def test_a_localised_rig_of_an_older_version_is_read_the_same(tmp_path):
-    path = tmp_path / "PosA.json"
-    write_localised(path, LOCALISED)
-    new = read_localised(path)
-    path.write_text(path.read_text().replace('"metrics"', '"quality"'))
-    assert new.metrics == read_localised(path).metrics == LOCALISED.metrics != {}
