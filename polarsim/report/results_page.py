@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -27,42 +28,50 @@ _FORMS = (".csv", ".parquet", ".md", ".tex")
 PARTS = ("train", "val", "test")
 
 
-def write_results_page(
-    *,
-    tables: Mapping[str, Path],
-    figures: Mapping[str, Path],
-    strip: Path | None,
-    phases: Sequence[Path],
-    datasets: Mapping[tuple[str, str], Path],
-    photos: Path | None,
-    page: Path,
-    origin: Mapping[str, str],
-    terrains: Sequence[int],
-    positions: Sequence[str],
-    models: Sequence[str],
-    photo_domain: str,
-    others: Mapping[str, str],
-) -> None:
-    """Write `page`, the first one that a reader opens: what the run is, five metrics, pictures, all tables and figures.
+@dataclass(frozen=True)
+class PageFiles:
+    """Files of a run that its page shows.
 
-    Pictures inside are small; each leads to the full one, which lies beside the page, as tables do.
-
-    Parameters
+    Attributes
     ----------
     tables
-        Markdown form of the run's tables by name; the template leaves out what a run has not.
+        Markdown form of the run's tables by name; the template leaves out those that a run lacks.
     figures
         PNG by name; those of one detector as `seen_<domain>` and `gap_rocks_<domain>`.
     strip
         Folder of one photo's strip, see `figures.strip`.
     phases
-        What the figure of the opposition effect shows, `figures/opposition.json`; none where there are no photos.
+        Text of the figure of the opposition effect, `figures/opposition.json`; none where there are no photos.
     datasets
         Data set of each split and domain.
     photos
         Table of all photos of the run.
-    others
-        Further pages beside this one, by file name, and what they are.
+    """
+
+    tables: Mapping[str, Path]
+    figures: Mapping[str, Path]
+    strip: Path | None
+    phases: Sequence[Path]
+    datasets: Mapping[tuple[str, str], Path]
+    photos: Path | None
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What a run is, from its configuration; `others`: further pages by file name, and their titles."""
+
+    origin: Mapping[str, str]
+    terrains: Sequence[int]
+    positions: Sequence[str]
+    models: Sequence[str]
+    photo_domain: str
+    others: Mapping[str, str]
+
+
+def write_results_page(*, files: PageFiles, run: RunFacts, page: Path) -> None:
+    """Write `page`, the first one that a reader opens: what the run is, five metrics, pictures, all tables and figures.
+
+    Pictures inside are small; each leads to the full one, which lies beside the page, as tables do.
 
     Raises
     ------
@@ -70,41 +79,37 @@ def write_results_page(
         A file is missing or broken.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    run = _Run(tables, figures, origin["source"], page.parent)
-    forms = {name: path.with_suffix(".csv") for name, path in tables.items()}
+    source = run.origin["source"]
+    shown = _Shown(files.tables, files.figures, source, page.parent)
+    forms = {name: path.with_suffix(".csv") for name, path in files.tables.items()}
     text = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
-        origin=origin,
-        facts=_facts(photos, datasets, terrains, positions, models),
-        headlines=headlines(forms, photo_domain, origin["source"]),
-        strip=run.strip(strip) if strip else None,
-        others=others,
-        pictures=_html(markdown(picture_counts(datasets, origin["source"]), "Pictures of every domain.")),
-        comparison=next((name for name in figures if name.startswith("comparison_")), ""),
-        opposition="".join(map(_opposition, phases)),
-        has=tables.__contains__,
-        table=run.table,
-        figure=run.figure,
-        figures=run.figures_of_detectors,
-        all_tables=run.all_tables(),
-        all_figures=run.all_figures(),
+        origin=run.origin,
+        facts=_facts(files, run),
+        headlines=headlines(forms, run.photo_domain, source),
+        strip=shown.strip(files.strip) if files.strip else None,
+        others=run.others,
+        pictures=_html(markdown(picture_counts(files.datasets, source), "Pictures of every domain.")),
+        comparison=next((name for name in files.figures if name.startswith("comparison_")), ""),
+        opposition="".join(map(_opposition, files.phases)),
+        has=files.tables.__contains__,
+        table=shown.table,
+        figure=shown.figure,
+        figures=shown.figures_of_detectors,
+        all_tables=shown.all_tables(),
+        all_figures=shown.all_figures(),
     )
     write_text(page, text)
 
 
-def _facts(
-    photos: Path | None,
-    datasets: Mapping[tuple[str, str], Path],
-    terrains: Sequence[int],
-    positions: Sequence[str],
-    models: Sequence[str],
-) -> dict[str, str]:
+def _facts(files: PageFiles, run: RunFacts) -> dict[str, str]:
     """What this run is, by name."""
-    count = 0 if photos is None else len(read_parquet(photos, ["key"]))
+    count = 0 if files.photos is None else len(read_parquet(files.photos, ["key"]))
+    terrains = ", ".join(f"{terrain:02d}" for terrain in run.terrains)
     return {
-        "terrains": ", ".join(f"{terrain:02d}" for terrain in terrains) + f" (positions {', '.join(positions)})",
+        "terrains": f"{terrains} (positions {', '.join(run.positions)})",
         "photos": f"{count:,}" if count else "none",
-        "twins": ", ".join(models),
-        "detectors": ", ".join(dict.fromkeys(domain for _, domain in datasets)) or "none",
+        "twins": ", ".join(run.models),
+        "detectors": ", ".join(dict.fromkeys(domain for _, domain in files.datasets)) or "none",
         "polarsim": __version__,
     }
 
@@ -119,7 +124,7 @@ def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.
     return pd.DataFrame(rows)
 
 
-class _Run:
+class _Shown:
     """Tables and figures as the template asks for them; what a run has not is nothing."""
 
     def __init__(self, tables: Mapping[str, Path], figures: Mapping[str, Path], source: str, folder: Path) -> None:

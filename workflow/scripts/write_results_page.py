@@ -3,22 +3,26 @@
 from pathlib import Path
 
 from polarsim.job_files import optional_path, paths
-from polarsim.report.results_page import write_results_page
+from polarsim.report.results_page import PageFiles, RunFacts, write_results_page
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     write_results_page(
-        tables={path.stem: path for path in paths(snakemake.input.tables)},
-        figures={path.stem: path for path in paths(snakemake.input.figures)},
-        strip=optional_path(snakemake.input.strip),
-        phases=paths(snakemake.input.phases),
-        datasets=dict(zip(snakemake.params.datasets, paths(snakemake.input.datasets), strict=True)),
-        photos=optional_path(snakemake.input.photos),
+        files=PageFiles(
+            tables={path.stem: path for path in paths(snakemake.input.tables)},
+            figures={path.stem: path for path in paths(snakemake.input.figures)},
+            strip=optional_path(snakemake.input.strip),
+            phases=paths(snakemake.input.phases),
+            datasets=dict(zip(snakemake.params.datasets, paths(snakemake.input.datasets), strict=True)),
+            photos=optional_path(snakemake.input.photos),
+        ),
+        run=RunFacts(
+            origin=snakemake.params.origin,
+            terrains=snakemake.params.terrains,
+            positions=snakemake.params.positions,
+            models=snakemake.params.models,
+            photo_domain=snakemake.params.photo_domain,
+            others=snakemake.params.others,
+        ),
         page=Path(snakemake.output.page),
-        origin=snakemake.params.origin,
-        terrains=snakemake.params.terrains,
-        positions=snakemake.params.positions,
-        models=snakemake.params.models,
-        photo_domain=snakemake.params.photo_domain,
-        others=snakemake.params.others,
     )
