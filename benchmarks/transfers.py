@@ -7,9 +7,8 @@ raw files taken in, cameras located, meshes adopted, labels propagated, all with
 folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
 azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
 
-`--fit` prints the coefficients of `polarsim/labels/annotator.py`, `polarsim/labels/rover_light.py` and
-`polarsim/labels/label.py`, fitted to all terrains given, and scores each terrain with the annotator model that
-the others taught.
+`--fit` prints the coefficients of `polarsim/labels/label.py`, fitted to all terrains given, and scores each terrain
+with an annotator model fitted to the others; `python -m polarsim.labels.fit_annotator` fits the one that polarsim uses.
 
 `--ceilings` scores what no method can beat instead: boxes at the mean of infinitely many drawings of a rock, present
 as other people's drawings have it, or as the truth has it.
@@ -25,7 +24,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import minimize
 
 from polarsim.acquire.index import index_terrain
 from polarsim.acquire.options import SourceOptions
@@ -36,20 +34,30 @@ from polarsim.errors import FormatError
 from polarsim.formats import release, yolo
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.boxes import area, clip, iou, match
-from polarsim.labels import annotator as annotator_model
-from polarsim.labels import rover_light
+from polarsim.labels.annotator import Annotator
 from polarsim.labels.association import Known, Track, gather
+from polarsim.labels.fit_annotator import (
+    Samples,
+    TerrainFiles,
+    fit_annotator,
+    fit_logistic,
+    read_published,
+    rover_light_samples,
+    shadow_edge_samples,
+)
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import COEFFICIENTS, USUAL_PX
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import move_rocks
-from polarsim.labels.propagate import PositionLabels, propagate_labels
-from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, choose_seeds, read_drawings, shadow_starts
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, CameraSide, PhotoKey
+from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.seeds import Annotated, DrawingKey, Seeds
+from polarsim.labels.visibility import NO_SUN_START_MS
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.score import Counts, count_boxes
+from polarsim.survey import wall_height
 
 POSITIONS = "ABC"
 EDGES = ["x0", "y0", "x1", "y1"]
@@ -140,7 +148,9 @@ class Run:
         pose, pitch_sd_deg = likely
         rigs.write_localised(path, rigs.LocalisedRig(rig.rig, pose, rigs.SURVEYED, {rigs.PITCH_SD: pitch_sd_deg}))
 
-    def labels(self, keys: Sequence[PhotoKey], options: LabelsOptions, out: Path) -> pd.DataFrame:
+    def labels(
+        self, keys: Sequence[PhotoKey], options: LabelsOptions, out: Path, annotator: Annotator | None = None
+    ) -> pd.DataFrame:
         """The label table of some photos; it and the boxes are written to a folder."""
         self.localise()
         propagate_labels(
@@ -154,6 +164,7 @@ class Run:
             boxes=out / "boxes",
             table=out / "labels.parquet",
             options=options,
+            annotator=annotator,
         )
         return read_parquet(out / "labels.parquet")
 
@@ -195,11 +206,18 @@ def task_of(key: PhotoKey) -> str:
     return "other exposures" if key.light == "off" else "light on"
 
 
-def score_run(run: Run, truth: Truth, task: str | None, options: LabelsOptions, scores: Scores) -> None:
+def score_run(
+    run: Run,
+    truth: Truth,
+    task: str | None,
+    options: LabelsOptions,
+    scores: Scores,
+    annotator: Annotator | None,
+) -> None:
     """Every file that is no seed, of the photos that `truth` holds."""
     run.localise()
     wanted = {key: annotated for key, annotated in truth.items() if key not in run.seeds}
-    table = run.labels(sorted(wanted), options, run.folder)
+    table = run.labels(sorted(wanted), options, run.folder, annotator)
     rows = dict(iter(table.groupby("key")))
     for key, annotated in wanted.items():
         scores.add(task or task_of(key), key, annotated, rows.get(str(key), table[:0]))
@@ -234,58 +252,6 @@ def with_seeds(run: Run, azimuths: tuple[Azimuth, ...], seeded: str) -> Run:
 
 
 @dataclass(frozen=True)
-class CastPairs:
-    """Shadows as cast and as annotated by the same rock: terms (n, 4, t), boxes (n, 4) each."""
-
-    terms: np.ndarray
-    cast: np.ndarray
-    annotated: np.ndarray
-
-
-def cast_pairs(run: Run, options: LabelsOptions) -> CastPairs:
-    """Every annotated shadow of the seeds beside the one that geometry alone gives."""
-    run.localise()
-    plain = options.model_copy(update={"annotator_shadows": (0.0,) * len(annotator_model.TERMS)})
-    localised = rigs.read_all_localised(run.folder / "cameras")
-    drawings = read_drawings(run.folder / "seeds", run.terrain)
-    seeds = choose_seeds(drawings, {}, shadow_starts(drawings, plain.shadow_start(run.terrain)))
-    suns = lamps.read_suns(run.folder / "cameras", localised)
-    known = gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, plain)
-    rows = []
-    for position in known.seeds:
-        own = PositionLabels(known, position, plain)
-        for azimuth in SUNS:
-            labels = own.labels("L", "off", azimuth)
-            rocks = {label.rock: label.box for label in labels if label.kind == ROCK}
-            cast = own.shadows.cast("L", "off", azimuth, rocks)
-            for label in labels:
-                if label.kind == SHADOW and label.rock in cast:
-                    shown = own.rocks.projected("L", label.rock)
-                    rock, box = rocks[label.rock], cast[label.rock].box
-                    terms = annotator_model.terms(
-                        box, rock, shown.box if shown else rock, own.rocks.px_per_m("L", label.rock)
-                    )
-                    rows.append((terms, box, label.box))
-    terms, cast_boxes, annotated = (np.array(column) for column in zip(*rows, strict=True))
-    return CastPairs(terms, cast_boxes, annotated)
-
-
-def fitted(pairs: Iterable[CastPairs], rounds: int = 20, scale: float = 1.5) -> tuple[float, ...]:
-    """Coefficients of the annotator model' terms by iterated least squares with Cauchy weights."""
-    known = list(pairs)
-    terms = np.concatenate([one.terms for one in known]).reshape(-1, len(annotator_model.TERMS))
-    moved = np.concatenate([(one.annotated - one.cast) * annotator_model.OUTWARD.sum(axis=1) for one in known]).reshape(
-        -1
-    )
-    found = np.zeros(terms.shape[1])
-    for _ in range(rounds):
-        error = moved - terms @ found
-        weight = 1 / (1 + (error / (scale * 1.4826 * np.median(np.abs(error)))) ** 2)
-        found = np.linalg.lstsq(terms * weight[:, None] ** 0.5, moved * weight**0.5, rcond=None)[0]
-    return tuple(found.round(4).tolist())
-
-
-@dataclass(frozen=True)
 class Drawing:
     """One position's rocks for one file: boxes (n, 4) as endless drawings would have them, and which ones it shows."""
 
@@ -299,7 +265,7 @@ class Drawing:
         return np.array([len(asked & set(track.rows)) for track in self.tracks], int)
 
 
-def both_cameras(run: Run, truth: Truth, options: LabelsOptions) -> Known:
+def both_cameras(run: Run, truth: Truth) -> Known:
     """What the drawings of both cameras under Sun lamps tell together: of each the file with most rocks."""
     run.localise()
     localised = rigs.read_all_localised(run.folder / "cameras")
@@ -309,7 +275,7 @@ def both_cameras(run: Run, truth: Truth, options: LabelsOptions) -> Known:
         if key.light == "off" and key.azimuth in SUNS:
             seeds.setdefault(key.position, {})[key.camera, key.azimuth] = Annotated(truth[key][ROCK], None)
     suns = lamps.read_suns(run.folder / "cameras", localised)
-    return gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, options)
+    return gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, wall_height(run.terrain))
 
 
 def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:
@@ -340,7 +306,7 @@ def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: Labe
 
 def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Scores) -> None:
     """Perfect boxes of every annotated file, chosen in several ways."""
-    known = both_cameras(run, truth, options)
+    known = both_cameras(run, truth)
     for key, annotated in truth.items():
         if key.position not in known.tracks:
             continue
@@ -349,7 +315,7 @@ def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Score
         chosen = {"presence known": best.shown}
         if key.azimuth == "no":
             task = task_of(key)
-            seen = best.shown & (key.light == "off" or key.exposure_ms >= options.no_sun_start_ms)
+            seen = best.shown & (key.light == "off" or key.exposure_ms >= NO_SUN_START_MS)
             chosen["presence known from the usual exposure on"] = seen
             chosen["in half of the Left drawings"] = best.under(("L", azimuth) for azimuth in SUNS) >= 2
         elif key.camera == "R":
@@ -373,53 +339,6 @@ def as_labels(boxes: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(boxes, columns=EDGES).assign(kind=ROCK)
 
 
-@dataclass(frozen=True)
-class RoverLit:
-    """Rocks in photos without a Sun lamp: terms (n, t) of `rover_light`, and in which share (n,) of the files."""
-
-    terms: np.ndarray
-    hit: np.ndarray
-
-
-def rover_lit(run: Run, truth: Truth, options: LabelsOptions) -> RoverLit:
-    """Every rock that people drew under Sun lamps, in every exposure bracket that only the rover light shines on."""
-    run.localise()
-    drawings = read_drawings(run.folder / "seeds", run.terrain)
-    localised = rigs.read_all_localised(run.folder / "cameras")
-    suns = lamps.read_suns(run.folder / "cameras", localised)
-    seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(run.terrain)))
-    known = gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, options)
-    brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
-    for key, annotated in truth.items():
-        if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= options.no_sun_start_ms:
-            brackets.setdefault((key.position, key.camera), []).append(annotated[ROCK])
-    terms, hit = [np.zeros((0, len(rover_light.TERMS)))], [np.zeros(0)]
-    for (position, camera), files in brackets.items():
-        rocks = PositionRocks(known, position, options)
-        boxes = rocks.fused(camera)
-        found = [np.isin(np.arange(len(boxes)), match(iou(annotated, boxes))[1]) for annotated in files]
-        terms.append(np.array([rocks.rover_light_terms(camera, row) for row in range(len(boxes))]))
-        hit.append(np.mean(found, axis=0))
-    return RoverLit(np.concatenate(terms), np.concatenate(hit))
-
-
-def fitted_rover_light(parts: Iterable[RoverLit]) -> tuple[float, ...]:
-    """Coefficients of `rover_light`."""
-    known = list(parts)
-    terms, hit = np.concatenate([one.terms for one in known]), np.concatenate([one.hit for one in known])
-    return logistic(terms, hit)
-
-
-def logistic(terms: np.ndarray, hit: np.ndarray) -> tuple[float, ...]:
-    """Coefficients of terms (n, t) for shares of hits (n,): logistic regression, held near 0 by a unit Gaussian."""
-
-    def loss(x: np.ndarray) -> float:
-        score = terms @ x
-        return float(np.logaddexp(0, score).sum() - score @ hit + 0.5 * (x**2).sum())
-
-    return tuple(minimize(loss, np.zeros(terms.shape[1])).x.round(2).tolist())
-
-
 def fit_confidence(labels: pd.DataFrame) -> None:
     """Print logistic regressions of hits on share and size, by kind and source."""
     labels = labels[~(labels["no_lamp"] & (labels["kind"] == ROCK) & (labels["source"] == "fused"))]  # `rover_light`
@@ -428,7 +347,7 @@ def fit_confidence(labels: pd.DataFrame) -> None:
         share = shares_right(own, kind, source) if not by_rover else np.ones(len(own))
         hit = own["hit"].to_numpy(float)
         terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / USUAL_PX)], axis=1)
-        found = logistic(terms, hit)
+        found = fit_logistic(Samples(terms, hit))
         name = f"{kind!r}, {source!r}{', rover light' if by_rover else ''}"
         print(f"    ({name}): {found},  # {len(own)} labels, {hit.mean():.3f} right")
 
@@ -463,23 +382,24 @@ def main() -> None:
             score_ceilings(run, read_truth(args.release, terrain), options, scores)
         scores.show()
         return
-    pairs = {terrain: cast_pairs(run, options) for terrain, run in runs.items()} if args.fit else {}
-    lit = {terrain: rover_lit(runs[terrain], read_truth(args.release, terrain), options) for terrain in pairs}
+    edges, rover_light = {}, {}
+    for terrain, run in runs.items() if args.fit else ():
+        run.localise()
+        files = TerrainFiles(terrain, run.folder / "seeds", run.folder / "cameras", run.folder / "meshes")
+        edges[terrain] = shadow_edge_samples(files, options)
+        rover_light[terrain] = rover_light_samples(files, read_published(args.release, terrain), options)
     for terrain, run in runs.items():
-        own = options
+        annotator = None
         if args.fit:  # what the others taught
-            habit = fitted(pairs[other] for other in pairs if other != terrain)
-            by_rover = fitted_rover_light(lit[other] for other in lit if other != terrain)
-            own = options.model_copy(update={"annotator_shadows": habit, "annotator_rover_light": by_rover})
+            others = [other for other in runs if other != terrain]
+            annotator = fit_annotator([edges[other] for other in others], [rover_light[other] for other in others])
         truth = read_truth(args.release, terrain)
         print(f"terrain {terrain:02d}: {len(truth)} files", flush=True)
-        score_run(run, truth, None, own, scores)
+        score_run(run, truth, None, options, scores, annotator)
         for part, wanted, task in () if args.quick else partial_runs(run, truth):
-            score_run(part, wanted, task, own, scores)
+            score_run(part, wanted, task, options, scores, annotator)
     scores.show()
     if args.fit:
-        print("COEFFICIENTS", dict(zip(annotator_model.TERMS, fitted(pairs.values()), strict=True)))
-        print("COEFFICIENTS", dict(zip(rover_light.TERMS, fitted_rover_light(lit.values()), strict=True)))
         fit_confidence(pd.concat(scores.labels, ignore_index=True))
 
 

@@ -70,7 +70,11 @@ def _module(name: str) -> tuple[str, tuple[str, ...]]:
     path = _file(name)
     if path is None:
         raise ModuleNotFoundError(name)
-    return _parsed(path)
+    code, imported = _parsed(path)
+    data = path.with_suffix(".json")  # coefficients of a module are a file of its name
+    if data.is_file():
+        code += hashlib.sha256(data.read_bytes()).hexdigest()
+    return code, imported
 
 
 def _parsed(path: Path) -> tuple[str, tuple[str, ...]]:

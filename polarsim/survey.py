@@ -81,6 +81,15 @@ def is_surveyed(terrain: int) -> bool:
     return terrain not in SMALL_BOXES
 
 
+def wall_height(terrain: int, *, surely: bool = False) -> float:
+    """Height of the walls above a terrain's sand, metres; 0 where nobody stated it.
+
+    With `surely`, the height that every wall has.
+    """
+    stated = SURELY_WALL if surely else WALL_HEIGHT
+    return stated if is_surveyed(terrain) else 0.0
+
+
 def terrain_folder(terrain: int) -> str:
     """Folder name of a terrain, `Terrain01_LargeOnly`; names that nobody knows are `Terrain02_Unnamed`."""
     return f"Terrain{terrain:02d}_{TERRAIN_NAMES.get(terrain, 'Unnamed')}"

@@ -188,7 +188,7 @@ def test_every_start_of_snakemake_reads_the_configuration_without_heavy_librarie
 
 
 @pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan")])
-@pytest.mark.parametrize("key", ["labels.min_rock_px", "rocks.rock_cell_mm", "detect.mixes.mixed.analog"])
+@pytest.mark.parametrize("key", ["labels.min_rock_side_px", "rocks.rock_cell_mm", "detect.mixes.mixed.analog"])
 def test_a_number_that_is_not_finite_is_an_error_with_its_key(key, value):
     content = value
     for name in reversed(key.split(".")):

@@ -207,9 +207,9 @@ def reached_by_text(script: Path) -> set[str]:
 
 
 def test_every_module_is_reached():
-    """By a script or rule, by the command line, or by who imports the environment for learners."""
+    """By a script or rule, by the command line, by who imports the environment for learners, or by a fitting command."""
     starts = {"polarsim.__main__", "polarsim.cli", "polarsim.render", "polarsim.schemas.__main__"}
-    starts |= {"polarsim.rover.learn.environment"}
+    starts |= {"polarsim.rover.learn.environment", "polarsim.labels.fit_annotator"}
     for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parent / "Snakefile"]:
         starts |= imports_by_text(path.read_text())
     assert {name for name in all_imports() if file_of(name).name != "__init__.py"} - digest._reached(starts) == set()

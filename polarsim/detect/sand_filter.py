@@ -15,7 +15,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig, localised_files, read_all_localised
 from polarsim.run_files.scene import mesh_files, terrain_in
-from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, is_surveyed
+from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, wall_height
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Sand:
         rig = sandbox.rigs.get(photo.position) if sandbox else None
         if sandbox is None or rig is None or rig.unproven or not len(found):
             return found
-        half, wall = half_width(photo.terrain), SURELY_WALL if is_surveyed(photo.terrain) else 0.0
+        half, wall = half_width(photo.terrain), wall_height(photo.terrain, surely=True)
         return found[on_sand(found, rig.camera(photo.camera), sandbox.level_m, half, wall)]
 
 

@@ -17,7 +17,6 @@ from scipy.optimize import linear_sum_assignment
 from polarsim.geometry.boxes import MATCH_GATE_PX, centres, iou, match
 from polarsim.geometry.camera import Camera
 from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
-from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import ground_depth, move_rocks, project_rock
 from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, cameras_first
 from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, Azimuth, CameraSide
@@ -175,14 +174,14 @@ def gather(
     localised: dict[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
     seeds: Seeds,
-    options: LabelsOptions,
+    wall_height: float,
 ) -> Known:
     """Give every annotated rock its id: that of the mesh that projects there, or the number of a stand-in.
 
     Meshes projected through an unproven pose meet other rocks. A position with such a pose keeps to its image: its
     rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
     """
-    world, bare = build_worlds(terrain, localised, suns, options)
+    world, bare = build_worlds(terrain, localised, suns, wall_height)
     located = {position: rig for position, rig in localised.items() if not rig.unproven}
     known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK)
     apart: dict[str, Known] = {}

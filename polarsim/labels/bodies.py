@@ -11,7 +11,6 @@ import numpy as np
 from polarsim.geometry.casters import caster
 from polarsim.geometry.outlines import TRIM, TRIM_SHARE
 from polarsim.geometry.rays import Caster, Joined
-from polarsim.labels.options import LabelsOptions
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
@@ -81,7 +80,8 @@ class World:
     rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, and `NO_ROCK` at -1 for rays that meet none
     ground_level: float  # median height of the ground
     ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
-    walls: Caster | None  # of the sandbox, around the ground
+    wall_height: float  # of the walls around the ground, metres; 0: there are none
+    walls: Caster | None
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) position of the Sun lamp
 
     @property
@@ -147,7 +147,7 @@ def _half_angle(towards: np.ndarray, radius: float) -> float:
 
 
 def build_worlds(
-    terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray], options: LabelsOptions
+    terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray], wall_height: float
 ) -> tuple[World, World]:
     """The terrain, and its bare ground for positions of unproven pose: their photos show rocks elsewhere.
 
@@ -155,7 +155,7 @@ def build_worlds(
     """
 
     def built(terrain: TerrainMesh) -> World:
-        return build_world(terrain, TRIM, suns, options.wall_height_m)
+        return build_world(terrain, TRIM, suns, wall_height)
 
     world = built(terrain)
     return world, built(terrain.ground()) if any(rig.unproven for rig in localised.values()) else world
@@ -205,6 +205,7 @@ def build_world(
         np.append(rock_of_face[of_rock], NO_ROCK),
         level,
         bounds,
+        wall_height,
         wall_caster(bounds, level, wall_height),
         suns,
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from polarsim.geometry.boxes import area, clip, iou
 from polarsim.geometry.camera import Camera
-from polarsim.labels import rover_light
+from polarsim.labels.annotator import PRESENCE, Annotator, read_annotator, rover_light_terms
 from polarsim.labels.association import SAME_ROCK_IOU, Known
 from polarsim.labels.label import Label, label_of
 from polarsim.labels.options import LabelsOptions
@@ -21,11 +21,14 @@ from polarsim.labels.visibility import lit_share
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
 # Fitted to the published labels: what they give elsewhere, `benchmarks/transfers.py` tells.
-PRESENCE = 0.6  # share of the azimuths with seeds whose lamps light a rock that must show it, for labels elsewhere
+ANNOTATED_SHARE = (
+    0.6  # share of the azimuths with seeds whose lamps light a rock that must show it, for labels elsewhere
+)
 SAME_LAMP_WEIGHT = 2.0  # in a fused box, of what was annotated in the other camera under the same lamp; else 1
 MESH_WEIGHT = 1.0  # of a mesh in a fused box, for edges that agree with the annotated ones; an annotated box has 1
 ROCK_MARGIN_PX = 1.0  # people draw rocks this much larger on every side
 UNANNOTATED_LAMP = 0.2  # of a drawing without the rock: what a lamp under which nobody drew counts as, in confidences
+MIN_SEEN = 0.2  # least visible share of the projection of a rock that has a label
 LIT = 0.1  # least share of a rock that a lamp must light for people to see it
 LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
 IN_VIEW = 0.5  # least share of a rock that a photo shows, to expect a drawing of it there
@@ -38,11 +41,11 @@ EDGE_PX, EDGE_SHARE = 2.2, 0.027
 class PositionRocks:
     """Rocks of one position; what photos share is computed once."""
 
-    def __init__(self, known: Known, position: str, options: LabelsOptions) -> None:
+    def __init__(self, known: Known, position: str, options: LabelsOptions, annotator: Annotator | None = None) -> None:
         self.in_image = position in known.apart  # nobody knows where its cameras stood
         self._known, self._position = known.of(position), position
         known = self._known
-        self.world, self.options = known.world, options
+        self.world, self.options, self.annotator = known.world, options, annotator or read_annotator()
         self.localised = known.localised[position]
         self.annotated = known.seeds.get(position, {})
         self.azimuths = {azimuth for _, azimuth in self.annotated}
@@ -70,7 +73,7 @@ class PositionRocks:
         elif azimuth in SUNS:
             annotated = np.array([len(track.azimuths) for track in self.tracks])
             telling = np.array([len(self._telling(row)) for row in range(len(self.tracks))])
-            chosen = np.flatnonzero(annotated >= PRESENCE * telling).tolist()
+            chosen = np.flatnonzero(annotated >= ANNOTATED_SHARE * telling).tolist()
             share = annotated / (telling + UNANNOTATED_LAMP)
         else:
             return self._by_rover_light(camera, boxes)
@@ -78,20 +81,20 @@ class PositionRocks:
         return labels + self._beyond_border(camera, azimuth, boxes)
 
     def rover_light_terms(self, camera: CameraSide, row: int) -> np.ndarray:
-        """(t,) terms of `rover_light` of a track in a camera's photos without a Sun lamp."""
+        """(t,) `rover_light_terms` of a track in a camera's photos without a Sun lamp."""
         rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
         share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
         elsewhere = self._elsewhere(rock)
         size = float(np.sqrt(area(clip(self.fused(camera)[row]))))
         distance = self.view(camera).lens.fx / self.px_per_m(camera, rock)
-        return rover_light.terms(share, share if elsewhere is None else elsewhere, size, distance)
+        return rover_light_terms(share, share if elsewhere is None else elsewhere, size, distance)
 
     def _by_rover_light(self, camera: CameraSide, boxes: np.ndarray) -> list[Label]:
         """Rocks that people draw without a Sun lamp."""
         labels = []
         for row, box in enumerate(boxes):
-            sure = rover_light.probability(self.rover_light_terms(camera, row), self.options.annotator_rover_light)
-            if sure >= rover_light.PRESENCE:
+            sure = self.annotator.rock_probability(self.rover_light_terms(camera, row))
+            if sure >= PRESENCE:
                 label = self.moved_label(ROCK, self.ids[row], camera, box)
                 labels.append(replace(label, confidence=round(sure, 3)))
         return labels
@@ -240,7 +243,7 @@ class PositionRocks:
         """(4,) of a rock's mesh in a camera that sees enough of it."""
         body = self.world.bodies.get(rock)
         shown = self.projected(camera, rock) if body is not None and body.meshed else None
-        return shown.box if shown is not None and shown.seen >= self.options.min_seen else None
+        return shown.box if shown is not None and shown.seen >= MIN_SEEN else None
 
     def _moved(self, boxes: np.ndarray, rocks: np.ndarray, source: CameraSide, target: CameraSide) -> np.ndarray:
         if source == target:
@@ -251,7 +254,7 @@ class PositionRocks:
         labels = []
         for rock in sorted(self.world.bodies):
             shown = self.projected(camera, rock)
-            if shown and shown.seen >= self.options.min_seen and np.sqrt(area(shown.box)) >= self.options.min_rock_px:
+            if shown and shown.seen >= MIN_SEEN and np.sqrt(area(shown.box)) >= self.options.min_rock_side_px:
                 labels.append(label_of(ROCK, rock, "projected", shown.box))
         return labels
 

@@ -26,13 +26,13 @@ from polarsim.geometry.polygons import paint
 from polarsim.labels.association import dome_behind
 from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
 from polarsim.labels.casting import Ids, lamp
-from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shapes import Shape, backdrop, convex, fitted, shapes_of, visible
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import read_terrain
+from polarsim.survey import wall_height
 
 log = logging.getLogger(__name__)
 
@@ -64,13 +64,12 @@ class Drawing:
 
     parts: dict[Thing, Shape | None]
     backdrop: Backdrop
-    simplify_px: float
 
     @cached_property
     def things(self) -> Polygons:
         """Shadows and rocks."""
         shown = [(kind, part) for (kind, _, _), part in self.parts.items() if part is not None]
-        return [(POLYGON_CLASSES.index(kind), ring) for kind, part in shown for ring in part.rings(self.simplify_px)]
+        return [(POLYGON_CLASSES.index(kind), ring) for kind, part in shown for ring in part.rings()]
 
     @property
     def polygons(self) -> Polygons:
@@ -86,16 +85,14 @@ class Drawing:
 class ViewOutlines:
     """Outlines in one view under any lamp. Rays are cast once; labels are rows of the label table."""
 
-    def __init__(
-        self, world: World, localised: LocalisedRig, side: str, labels: pd.DataFrame, options: LabelsOptions
-    ) -> None:
-        self.options, self._localised = options, localised
+    def __init__(self, world: World, localised: LocalisedRig, side: str, labels: pd.DataFrame) -> None:
+        self._localised = localised
         view = localised.camera(side)
         self._size = view.size
         self.world = with_domes(world, _domes(world, view, labels))
         width, height = self._size
         self.ids = Ids(self.world, view, np.arange(height) + HALF_PIXEL, np.arange(width) + HALF_PIXEL)
-        rings = backdrop(self.ids, options.simplify_px)
+        rings = backdrop(self.ids)
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
         self._rocks = _convex_shapes(self.ids.rock)
         self._shadows: dict[bytes, dict[int, Shape]] = {}  # by lamp
@@ -108,16 +105,14 @@ class ViewOutlines:
         """
         lamp_position = lamp(self.world, self._localised, light, azimuth)
         if lamp_position is None and labels.empty:
-            return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]), self.options.simplify_px)
+            return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]))
         boxes = _boxes(labels)
         things = dict(zip(things_of(labels, boxes), boxes, strict=True))
         content = (b"" if lamp_position is None else lamp_position.tobytes(), frozenset(things))
         if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
             parts = visible([self._shape(thing, things[thing], lamp_position) for thing in order], *self._size)
-            self._annotated[content] = Drawing(
-                dict(zip(order, parts, strict=True)), self._backdrop, self.options.simplify_px
-            )
+            self._annotated[content] = Drawing(dict(zip(order, parts, strict=True)), self._backdrop)
         return self._annotated[content]
 
     def _shape(self, thing: Thing, box: np.ndarray, lamp_position: np.ndarray | None) -> Shape:
@@ -172,26 +167,25 @@ def draw_masks(
     polygons: Path,
     masks: Path,
     annotations: Path,
-    options: LabelsOptions,
 ) -> None:
     """Write `polygons`/KEY.txt and `masks`/KEY.png for every key, and the COCO file `annotations`.
 
     Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels,
     and names the files of the `photos` that there are.
     """
-    labels, options = tables.read_parquet(table, tables.LABEL_COLUMNS), options.of(terrain)
+    labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
     localised = rigs.read_all_localised(cameras)
     for position in sorted({key.position for key in keys} - set(localised)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
     suns = lamps.read_suns(cameras, localised)
-    world, bare = build_worlds(read_terrain(meshes, terrain), localised, suns, options)
+    world, bare = build_worlds(read_terrain(meshes, terrain), localised, suns, wall_height(terrain))
     annotated: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         drawn = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
         for (_, position, camera), members in groupby(drawn, key=lambda key: key.view):
             in_view = labels[(labels["position"] == position) & (labels["camera"] == camera)]
             shown = bare if localised[position].unproven else world
-            outlines = ViewOutlines(shown, localised[position], camera, in_view, options)
+            outlines = ViewOutlines(shown, localised[position], camera, in_view)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for _, own in groupby(members, key=lambda key: key.bracket):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}

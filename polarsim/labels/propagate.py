@@ -16,6 +16,7 @@ from polarsim.errors import LabelError
 from polarsim.formats import tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import area
+from polarsim.labels.annotator import Annotator
 from polarsim.labels.association import Known, gather
 from polarsim.labels.brightness import Brightness, OlatLight, Photos
 from polarsim.labels.casting import lamp
@@ -39,6 +40,7 @@ from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, Pho
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.scene import read_terrain
+from polarsim.survey import wall_height
 
 log = logging.getLogger(__name__)
 
@@ -54,6 +56,7 @@ class PropagationInputs:
     seeds: Path
     cameras: Path
     meshes: Path
+    annotator: Annotator | None = None  # habits of the annotators; None: those of `annotator.json`
 
 
 def propagate_labels(
@@ -68,6 +71,7 @@ def propagate_labels(
     boxes: Path,
     table: Path,
     options: LabelsOptions,
+    annotator: Annotator | None = None,
 ) -> None:
     """Write `boxes`/KEY.txt for every key and the label table; photos with nothing to see get an empty file.
 
@@ -80,7 +84,7 @@ def propagate_labels(
     FormatError
         A broken seed, camera or mesh file.
     """
-    inputs = PropagationInputs(terrain, keys, photos, inventory, seeds, cameras, meshes)
+    inputs = PropagationInputs(terrain, keys, photos, inventory, seeds, cameras, meshes, annotator)
     labels = labels_of_terrain(inputs, options)
     with writing_folder(boxes) as folder:
         for key in keys:
@@ -92,7 +96,7 @@ def propagate_labels(
 
 def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict[PhotoKey, list[Label]]:
     """Return the labels that `propagate_labels` writes; its errors."""
-    terrain, options = inputs.terrain, options.of(inputs.terrain)
+    terrain = inputs.terrain
     if (found := read_inventory(inputs.inventory).terrain) != terrain:
         raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inputs.inventory)
     _warn_of_gaps(inputs.photos, inputs.keys)
@@ -106,8 +110,8 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     drawings = _left(without_strangers(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
     starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
-    known = gather(scene, localised, suns, choose_seeds(drawings, corrections, starts.shadows), options)
-    return grid_labels(known, inputs.keys, options, starts, Photos(inputs.photos, terrain), drawings, corrections)
+    known = gather(scene, localised, suns, choose_seeds(drawings, corrections, starts.shadows), wall_height(terrain))
+    return grid_labels(known, inputs, options, starts, drawings, corrections)
 
 
 def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
@@ -117,10 +121,9 @@ def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
 
 def grid_labels(
     known: Known,
-    keys: Sequence[PhotoKey],
+    inputs: PropagationInputs,
     options: LabelsOptions,
     starts: Starts,
-    photos: Photos,
     drawings: Drawings,
     corrections: Drawings,
 ) -> dict[PhotoKey, list[Label]]:
@@ -129,9 +132,12 @@ def grid_labels(
     With `visibility: annotator`, only photos that no lamp lights are read, if there are any. A photo that was annotated
     itself keeps its boxes as they are; others may be added, but not to a correction.
     """
+    keys, photos = inputs.keys, Photos(inputs.photos, inputs.terrain)
     by_people = options.visibility == "annotator"
     readable, olat_images = (None, None) if by_people else (photos, OlatLight(known))
-    positions = {position: PositionLabels(known, position, options, readable) for position in known.localised}
+    positions = {
+        position: PositionLabels(known, position, options, readable, inputs.annotator) for position in known.localised
+    }
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
     for position in known.apart:
@@ -175,9 +181,16 @@ def _row(key: PhotoKey, label: Label) -> dict[str, object]:
 class PositionLabels:
     """Labels of one position; without photos as people draw them, with photos as these show things."""
 
-    def __init__(self, known: Known, position: str, options: LabelsOptions, photos: Photos | None = None) -> None:
+    def __init__(
+        self,
+        known: Known,
+        position: str,
+        options: LabelsOptions,
+        photos: Photos | None = None,
+        annotator: Annotator | None = None,
+    ) -> None:
         self.position, self.photos, self.options = position, photos, options
-        self.rocks = PositionRocks(known, position, options)
+        self.rocks = PositionRocks(known, position, options, annotator)
         self.shadows = PositionShadows(self.rocks, options)
         self._known: dict[tuple[CameraSide, Light, Azimuth], list[Label]] = {}
 

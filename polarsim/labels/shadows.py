@@ -9,7 +9,6 @@ import numpy as np
 
 from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.geometry.masks import Window, windows_of
-from polarsim.labels.annotator import as_people_draw
 from polarsim.labels.association import match_boxes
 from polarsim.labels.brightness import Brightness
 from polarsim.labels.casting import Ids, lamp, shading_height, shadow_box, snapped
@@ -20,6 +19,7 @@ from polarsim.labels.projection import at_border, move_flat
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
 
 CAST_WEIGHT = 0.3  # of a cast shadow in a box fused with one annotated in the other camera, which has 1
+MIN_SHADOW_PX = 12.0  # smallest cast shadow that is labelled, sqrt(area)
 MIN_ROVER_SHADOW_PX = 35.0  # smallest shadow under the rover light, sqrt(area): they are mostly hidden slivers
 SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
 FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
@@ -111,7 +111,7 @@ class PositionShadows:
 
     def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
         rover = azimuth == "no"
-        least = MIN_ROVER_SHADOW_PX if rover else self.options.min_shadow_px
+        least = MIN_ROVER_SHADOW_PX if rover else MIN_SHADOW_PX
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
         return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
 
@@ -157,7 +157,7 @@ class PositionShadows:
             if dark is None and rock_box is not None:
                 shown = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
                 mesh_box, scale = shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock)
-                box = as_people_draw(box, rock_box, mesh_box, scale, self.options.annotator_shadows)
+                box = self.rocks.annotator.draw_shadow(box, rock_box, mesh_box, scale)
             if area(box) > 0:
                 found[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return found
@@ -166,7 +166,7 @@ class PositionShadows:
         self, ids: Ids, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
     ) -> np.ndarray:
         """(rows, columns) bool: walls, as high as the photo shows them to be, take a lamp's light from the ground."""
-        step, height = self.options.ray_step_px, self.options.wall_height_m
+        step, height = self.options.ray_step_px, self.world.wall_height
         if not height:
             return np.zeros(ids.shape, bool)
         passing = ids.over_walls(self.world, lamp_position)

@@ -16,6 +16,7 @@ from polarsim.geometry.polygons import outlines
 from polarsim.labels.casting import Ids
 
 LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
+SIMPLIFY_PX = 0.6  # largest distance of a dropped corner from its outline
 SMALL_REGION = 400  # px: smaller pieces of ground or background are not worth a polygon
 THIN_PX = 2  # neither are pieces that are narrower
 
@@ -46,10 +47,10 @@ class Shape:
         """As part of a photo, which it must not leave; encoded once for all exposures."""
         return rle.encode(self.mask, self.left, self.top)
 
-    def rings(self, simplify_px: float) -> list[np.ndarray]:
+    def rings(self) -> list[np.ndarray]:
         """Its outlines in the picture, (n, 2) each, largest first."""
         offset = np.array([self.left, self.top], float)
-        return [ring + offset for ring in outlines(self.mask, simplify_px)]
+        return [ring + offset for ring in outlines(self.mask, SIMPLIFY_PX)]
 
     def cut(self, width: int, height: int) -> Shape:
         """What of it lies in a picture."""
@@ -135,7 +136,7 @@ def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(left, right) + HALF_PIXEL, np.arange(top, bottom) + HALF_PIXEL
 
 
-def backdrop(ids: Ids, simplify_px: float) -> list[tuple[str, np.ndarray]]:
+def backdrop(ids: Ids) -> list[tuple[str, np.ndarray]]:
     """Rings (n, 2) of background and of ground, which goes on below rocks and shadows."""
     import cv2
 
@@ -146,6 +147,6 @@ def backdrop(ids: Ids, simplify_px: float) -> list[tuple[str, np.ndarray]]:
     rings = [
         (name, ring)
         for name, mask in (("background", ground == 0), ("ground", ground == 1))
-        for ring in Shape(mask, 0, 0).rings(simplify_px)
+        for ring in Shape(mask, 0, 0).rings()
     ]
     return [(name, ring) for name, ring in rings if np.ptp(ring, axis=0).min() >= THIN_PX]

@@ -16,6 +16,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import ShadowStarts, UnlitStarts, is_unlit
 from polarsim.photo import SHADOW, Azimuth, PhotoKey
 
+NO_SUN_START_MS = 2048  # shortest labelled exposure where only the rover light shines, as people labelled the release
 POINTS = 150  # of a rock's surface, about, to which rays are cast
 LIFT = 0.003  # metres from the surface towards the lamp: where a ray starts, clear of the rock's own faces
 FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: twice the survey's standard deviations
@@ -116,7 +117,7 @@ def visible(
 ) -> list[Label]:
     """The labels of an exposure bracket that one of its photos shows; without brightness, as people draw them."""
     if brightness is None:
-        return at_exposure(labels, key, starts, options)
+        return at_exposure(labels, key, starts)
     return [label for label in labels if stands_out(label, brightness, key.exposure_ms, options)]
 
 
@@ -126,15 +127,15 @@ def stands_out(label: Label, brightness: Brightness, exposure_ms: int, options: 
     return found.noises >= options.min_contrast and found.dn >= options.min_contrast_dn
 
 
-def at_exposure(labels: list[Label], key: PhotoKey, starts: Starts, options: LabelsOptions) -> list[Label]:
+def at_exposure(labels: list[Label], key: PhotoKey, starts: Starts) -> list[Label]:
     """The labels that a photo's exposure lets a person see.
 
     Under a Sun lamp rocks at once and shadows from their own start on, under the rover light alone all from
-    `no_sun_start_ms` on. Without any lamp none, but from the exposure on at which people drew the position's own.
+    `NO_SUN_START_MS` on. Without any lamp none, but from the exposure on at which people drew the position's own.
     """
     if is_unlit(key.light, key.azimuth):
         return labels if starts.unlit.shown(key) else []
     if key.azimuth == "no":
-        return labels if key.exposure_ms >= options.no_sun_start_ms else []
+        return labels if key.exposure_ms >= NO_SUN_START_MS else []
     dark = key.exposure_ms < starts.shadows.of(key)
     return [label for label in labels if not (dark and label.kind == SHADOW)]

@@ -12,7 +12,7 @@ from polarsim.render.models import CHRONO as CHRONO
 from polarsim.render.models import MODELS as MODELS
 from polarsim.render.models import Model as Model
 from polarsim.render.sensor_options import SensorOptions
-from polarsim.survey import SURELY_WALL, is_surveyed
+from polarsim.survey import SURELY_WALL, wall_height
 
 MapName = Literal["depth", "depth_float", "normal", "angles", "shading", "lit"]
 
@@ -280,7 +280,7 @@ class RenderOptions(SensorOptions):
 
     def of(self, terrain: int) -> Self:
         """Return these options, without walls for terrains whose walls were not surveyed."""
-        return self if is_surveyed(terrain) else self.model_copy(update={"rim": False})
+        return self if wall_height(terrain) else self.model_copy(update={"rim": False})
 
     @property
     def uses_taichi(self) -> bool:

@@ -23,7 +23,7 @@ ROCKS = {  # centre of the base, full extents: BARRIER stands between BEHIND and
     BEHIND: ([0.6, -0.6, 0.0], [0.2, 0.2, 0.1]),
     BARRIER: ([0.1, -0.6, 0.0], [0.2, 1.2, 0.8]),
 }
-OPTIONS = LabelsOptions(visibility="annotator", ray_step_px=4, wall_height_m=0)
+OPTIONS = LabelsOptions(visibility="annotator", ray_step_px=4)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def labelled(terrain, annotated_at, options, azimuth="180"):
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
     drawings = {("L", other): Annotated(boxes, None) for other in annotated_at}
     seeds = {"A": drawings} if drawings else {}
-    known = gather(terrain, {"A": rig}, SUN_LAMPS, seeds, options)
+    known = gather(terrain, {"A": rig}, SUN_LAMPS, seeds, 0.0)
     labels = PositionLabels(known, "A", options).labels("L", "off", azimuth)
     return {label.rock for label in labels if label.kind == ROCK}
 

@@ -11,7 +11,6 @@ from polarsim.formats.coco import read_coco
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_parquet
 from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
-from polarsim.labels.options import LabelsOptions
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, SHADOW, PhotoKey, photo_grid
 from polarsim.run_files import lamps
 
@@ -56,7 +55,6 @@ def draw_table(scene, out, keys):
         polygons=out / "polygons",
         masks=out / "masks",
         annotations=out / "coco.json",
-        options=LabelsOptions(visibility="annotator"),
     )
     return out
 

@@ -17,6 +17,7 @@ from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_gri
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.lamps import surveyed_suns
 from polarsim.run_files.scene import read_terrain
+from polarsim.survey import WALL_HEIGHT
 
 from .conftest import BLOCKS, TERRAIN, block, localised
 
@@ -145,7 +146,7 @@ def test_edges_of_shadows_follow_the_photo_and_the_annotated_photo_keeps_its_box
     rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
     localised_rigs = rigs.read_all_localised(scene.cameras)
     suns = surveyed_suns(localised_rigs)
-    known = gather(read_terrain(scene.meshes, TERRAIN), localised_rigs, suns, {}, LabelsOptions())
+    known = gather(read_terrain(scene.meshes, TERRAIN), localised_rigs, suns, {}, WALL_HEIGHT)
     brightness = OlatLight(known).brightness((3, "A", "off", "30", "L"))
     rows = []
     for one in (key_annotated, sibling):

@@ -5,7 +5,7 @@ import pytest
 
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.outlines import TRIM
-from polarsim.labels import rover_light
+from polarsim.labels import fusion
 from polarsim.labels.association import gather
 from polarsim.labels.bodies import build_world
 from polarsim.labels.fusion import PositionRocks
@@ -19,7 +19,7 @@ from polarsim.survey import SUN_LAMPS
 from .conftest import BLOCKS, block, flat_ground, localised
 
 NEAR, FAR = BLOCKS
-OPTIONS = LabelsOptions(visibility="annotator", wall_height_m=0)
+OPTIONS = LabelsOptions(visibility="annotator")
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +50,7 @@ def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
         for name, drawings in annotated.items()
     }
     rigs = {name: localised(name) for name in "AC"}
-    return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, options), position, options)
+    return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, 0.0), position, options)
 
 
 def test_a_drawing_under_the_same_lamp_weighs_double():
@@ -127,6 +127,6 @@ def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_t
     annotated = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in SUNS}}
     labels = {label.rock: label.confidence for label in rocks_at("A", annotated, blocks).labels("L", "no")}
     assert set(labels) == {1, 3}
-    assert labels[1] > labels[3] > rover_light.PRESENCE
-    monkeypatch.setattr(rover_light, "PRESENCE", 0.0)
+    assert labels[1] > labels[3] > fusion.PRESENCE
+    monkeypatch.setattr(fusion, "PRESENCE", 0.0)
     assert {label.rock for label in rocks_at("A", annotated, blocks).labels("L", "no")} == set(blocks)

@@ -184,9 +184,9 @@ def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     rig = {"A": localised("A")}
     photo_of = {}
     for height in (0.3, 0.42):
-        known = gather(terrain, rig, {"30": lamp_position}, {}, LabelsOptions(wall_height_m=height))
+        known = gather(terrain, rig, {"30": lamp_position}, {}, height)
         photo_of[height] = OlatLight(known).brightness((3, "A", "off", "30", "L"))
-    known = gather(terrain, rig, {"30": lamp_position}, {}, LabelsOptions(wall_height_m=0.3))
+    known = gather(terrain, rig, {"30": lamp_position}, {}, 0.3)
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
     assert high[3] < low[3] - 20  # the shade of the near wall takes the shadow's lower part

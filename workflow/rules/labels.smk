@@ -61,7 +61,6 @@ rule draw_masks:
     params:
         positions=PATHS.positions,
         grid=options("grid"),
-        options=options("labels"),
         code=code_of("draw_masks"),
     script:
         "../scripts/draw_masks.py"

@@ -4,7 +4,6 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.labels.masks import draw_masks
-from polarsim.labels.options import LabelsOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -22,5 +21,4 @@ with reporting(log=snakemake.log[0]):
         polygons=Path(snakemake.output.polygons),
         masks=Path(snakemake.output.masks),
         annotations=Path(snakemake.output.annotations),
-        options=LabelsOptions(**snakemake.params.options),
     )

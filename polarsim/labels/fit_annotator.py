@@ -1,0 +1,196 @@
+"""Fit the coefficients of `annotator.json` to labels that people drew.
+
+    python -m polarsim.labels.fit_annotator RUN RELEASE [--terrains 1 3] [--out annotator.json]
+
+RUN is the folder of a run whose labels stage is done, such as results/release; RELEASE has the published labels.
+Shadow edges are fitted to the seeds of the run. Which rocks annotators draw under the rover light is fitted to the
+published label files of photos without a Sun lamp.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+from polarsim.errors import FormatError
+from polarsim.formats import lamps, release, rigs, yolo
+from polarsim.formats.files import write_json
+from polarsim.formats.scene import read_terrain
+from polarsim.formats.yaml_files import read_yaml
+from polarsim.geometry.boxes import iou, match
+from polarsim.labels.annotator import (
+    EDGE_TERMS,
+    GEOMETRY_ALONE,
+    OUTWARD,
+    ROVER_LIGHT_TERMS,
+    Annotator,
+    edge_terms,
+)
+from polarsim.labels.association import Known, gather
+from polarsim.labels.fusion import PositionRocks
+from polarsim.labels.options import LabelsOptions
+from polarsim.labels.propagate import PositionLabels
+from polarsim.labels.seeds import Annotated, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.visibility import NO_SUN_START_MS
+from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey
+from polarsim.survey import wall_height
+
+log = logging.getLogger(__name__)
+
+ROUNDS, SCALE = 20, 1.5  # of the robust fit: reweightings, and Cauchy scale in robust standard deviations
+
+
+@dataclass(frozen=True)
+class TerrainFiles:
+    """What a run wrote of one terrain."""
+
+    terrain: int
+    seeds: Path
+    cameras: Path
+    meshes: Path
+
+    @classmethod
+    def of_run(cls, run: Path, terrain: int) -> TerrainFiles:
+        name = f"Terrain{terrain:02d}"
+        return cls(terrain, run / "acquire" / name / "seeds", run / "cameras" / name, run / "meshes" / name)
+
+    def known(self, options: LabelsOptions) -> Known:
+        """Return the bodies, poses and annotated rocks of the terrain."""
+        localised = rigs.read_all_localised(self.cameras)
+        drawings = read_drawings(self.seeds, self.terrain)
+        seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(self.terrain)))
+        suns = lamps.read_suns(self.cameras, localised)
+        return gather(read_terrain(self.meshes, self.terrain), localised, suns, seeds, wall_height(self.terrain))
+
+
+def read_published(root: Path, terrain: int) -> dict[PhotoKey, Annotated]:
+    """Read the published label files of a terrain; broken ones are left out with a warning."""
+    found = {}
+    for key, path in release.label_files(root, terrain).items():
+        try:
+            found[key] = Annotated.of(*yolo.read_boxes(path))
+        except FormatError as error:
+            log.warning("left out: %s", error)
+    return found
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Terms (n, t) of a rule, and what it predicts (n,)."""
+
+    terms: np.ndarray
+    observed: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Iterable[Samples]) -> Samples:
+        parts = list(parts)
+        return cls(np.concatenate([one.terms for one in parts]), np.concatenate([one.observed for one in parts]))
+
+
+def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> Samples:
+    """Return the moves of edges, px, from the box of a cast shadow to the box that a person drew around it."""
+    known = files.known(options)
+    terms, moves = [np.zeros((0, len(EDGE_TERMS)))], [np.zeros(0)]
+    for position in known.seeds:
+        own = PositionLabels(known, position, options, annotator=GEOMETRY_ALONE)
+        for azimuth in SUNS:
+            labels = own.labels("L", "off", azimuth)
+            rocks = {label.rock: label.box for label in labels if label.kind == ROCK}
+            cast = own.shadows.cast("L", "off", azimuth, rocks)
+            for label in labels:
+                if (label.kind, label.source) == (SHADOW, "seed") and label.rock in cast:
+                    shown, rock, box = own.rocks.projected("L", label.rock), rocks[label.rock], cast[label.rock].box
+                    scale = own.rocks.px_per_m("L", label.rock)
+                    terms.append(edge_terms(box, rock, shown.box if shown else rock, scale))
+                    moves.append((label.box - box) * OUTWARD.sum(axis=1))
+    return Samples(np.concatenate(terms), np.concatenate(moves))
+
+
+def rover_light_samples(
+    files: TerrainFiles, annotated: Mapping[PhotoKey, Annotated], options: LabelsOptions
+) -> Samples:
+    """Return the share of the label files, by exposure bracket under the rover light, that have a rock.
+
+    The rocks are those annotated under Sun lamps; `annotated` are the label files of all photos.
+    """
+    known = files.known(options)
+    brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
+    for key, one in annotated.items():
+        if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= NO_SUN_START_MS:
+            brackets.setdefault((key.position, key.camera), []).append(one.rocks)
+    terms, hit = [np.zeros((0, len(ROVER_LIGHT_TERMS)))], [np.zeros(0)]
+    for (position, camera), drawings in brackets.items():
+        rocks = PositionRocks(known, position, options)
+        boxes = rocks.fused(camera)
+        found = [np.isin(np.arange(len(boxes)), match(iou(drawn, boxes))[1]) for drawn in drawings]
+        terms += [rocks.rover_light_terms(camera, row)[None] for row in range(len(boxes))]
+        hit.append(np.mean(found, axis=0))
+    return Samples(np.concatenate(terms), np.concatenate(hit))
+
+
+def fit_edges(samples: Samples) -> tuple[float, ...]:
+    """Return coefficients of moves by iterated least squares with Cauchy weights."""
+    found = np.zeros(samples.terms.shape[1])
+    for _ in range(ROUNDS):
+        error = samples.observed - samples.terms @ found
+        weight = np.sqrt(1 / (1 + (error / (SCALE * 1.4826 * np.median(np.abs(error)))) ** 2))
+        found = np.linalg.lstsq(samples.terms * weight[:, None], samples.observed * weight, rcond=None)[0]
+    return tuple(found.round(4).tolist())
+
+
+def fit_logistic(samples: Samples) -> tuple[float, ...]:
+    """Return coefficients for shares of hits: logistic regression, held near 0 by a unit Gaussian."""
+    terms, hit = samples.terms, samples.observed
+
+    def loss(x: np.ndarray) -> float:
+        score = terms @ x
+        return float(np.logaddexp(0, score).sum() - score @ hit + 0.5 * (x**2).sum())
+
+    return tuple(minimize(loss, np.zeros(terms.shape[1])).x.round(2).tolist())
+
+
+def fit_annotator(edges: Iterable[Samples], rover_light: Iterable[Samples]) -> Annotator:
+    """Return the habits that samples of several terrains have in common."""
+    return Annotator(fit_edges(Samples.joined(edges)), fit_logistic(Samples.joined(rover_light)))
+
+
+def write_annotator(path: Path, annotator: Annotator, fitted_to: str) -> None:
+    """Write a file that `read_annotator` reads; `fitted_to` names the data."""
+    rules = {
+        "shadow_edges": dict(zip(EDGE_TERMS, annotator.edges, strict=True)),
+        "rover_light": dict(zip(ROVER_LIGHT_TERMS, annotator.rover_light, strict=True)),
+    }
+    command = "python -m polarsim.labels.fit_annotator"
+    parts = {
+        name: {"fitted_to": fitted_to, "command": command, "coefficients": values} for name, values in rules.items()
+    }
+    write_json(path, parts)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("release", type=Path)
+    parser.add_argument("--terrains", type=int, nargs="+", default=[1, 3, 4, 8, 11, 12])
+    parser.add_argument("--out", type=Path, default=Path("annotator.json"))
+    args = parser.parse_args()
+    section = read_yaml(args.run / "config.yaml").get("labels", {})
+    options = LabelsOptions(**{key: value for key, value in section.items() if key != "seeds"})
+    edges, rover_light = [], []
+    for terrain in args.terrains:
+        files = TerrainFiles.of_run(args.run, terrain)
+        edges.append(shadow_edge_samples(files, options))
+        rover_light.append(rover_light_samples(files, read_published(args.release, terrain), options))
+        print(f"terrain {terrain:02d}: {len(edges[-1].terms)} edges, {len(rover_light[-1].terms)} rocks", flush=True)
+    terrains = ", ".join(f"{terrain:02d}" for terrain in args.terrains)
+    write_annotator(args.out, fit_annotator(edges, rover_light), f"{args.run}, labels of terrains {terrains}")
+
+
+if __name__ == "__main__":
+    main()
