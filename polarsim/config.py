@@ -38,7 +38,6 @@ from polarsim.sources.source import Source
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
 
 _FOLDERS = {"corrections", "views"}  # options that name a folder of data
-_DOWNLOADS = {"pretrained_url"}  # where a file that another option names is fetched from
 
 
 class LabelsSection(LabelsOptions):
@@ -343,7 +342,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
 def _without_places(value: Any, key: str = "") -> Any:
     """Return options as JSON values in which files count by their name and folders by being given."""
     if isinstance(value, Mapping):
-        return {name: _without_places(part, name) for name, part in value.items() if name not in _DOWNLOADS}
+        return {name: _without_places(part, name) for name, part in value.items()}
     if isinstance(value, list | tuple):
         return [_without_places(part, key) for part in value]
     if isinstance(value, Path):

@@ -18,7 +18,7 @@ RESAMPLES = 1000
 LEVELS = (0.025, 0.975)
 
 
-def draws(units: int, resamples: int, seed: int, *purpose: object) -> np.ndarray:
+def draws(units: int, resamples: int, seed: int = 0, *purpose: object) -> np.ndarray:
     """Return (resamples, units) float: how often each unit is drawn with replacement.
 
     The same for all metrics of a purpose, so their differences are paired.

@@ -22,7 +22,7 @@ from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import describe_seeds
 from polarsim.config import Config
 from polarsim.cover_photos.options import CARVED
-from polarsim.detect.options import PACKAGED, VIEWS, PredictionOptions, TrainingOptions
+from polarsim.detect.options import PACKAGED, VIEWS, DetectorOptions, PredictionOptions
 from polarsim.formats.release import cover_photos, label_files, label_folder, mesh_files, polygon_folder
 from polarsim.photo import positions
 from polarsim.schemas.covers import FINE_TUNED, RENDERED
@@ -174,7 +174,7 @@ class RunPaths:
 
     def masks_of_domain(self, wildcards: Wildcards) -> list[str]:
         """Return the masks of photos or the instance maps of twins if detectors learn masks."""
-        learns = any(training.masks for training in (self.config.detect.training, *self.others.values()))
+        learns = self.config.detect.training.masks
         if not learns or wildcards.domain == VIEWS:
             return []
         kind = "labels/masks" if wildcards.domain == self.config.photo_domain else "renders/instances"
@@ -220,14 +220,15 @@ class RunPaths:
         chosen = prediction or self.config.detect.prediction
         return chosen.model_dump(mode="json", include={"device", "confidence", "nms_iou"})
 
-    def packaged_digest(self, training: TrainingOptions | None = None) -> str:
+    def packaged_digest(self, training: DetectorOptions | None = None) -> str:
         """Return the digest of the packaged detector if a training starts from it: it is outside the run."""
         chosen = (training or self.config.detect.training).pretrained == "packaged"
         return hashlib.sha256(PACKAGED.read_bytes()).hexdigest()[:12] if chosen else ""
 
     def training_of_other(self, wildcards: Wildcards) -> Options:
         """Return the training options of a further detector."""
-        return self.others[wildcards.other].model_dump(mode="json", exclude={"trained_on"})
+        other = self.others[wildcards.other].model_dump(mode="json", exclude={"trained_on"})
+        return other | {"precision": self.config.detect.training.precision}
 
     def packaged_of_other(self, wildcards: Wildcards) -> str:
         """Return the digest of the packaged detector if a further detector starts from it."""

@@ -24,7 +24,7 @@ class FineTuningOptions(BaseModel, extra="forbid", frozen=True):
         description="Number of randomly shrunk windows of each photo, every tenth the whole photo. 0: no fine-tuning.",
     )
     epochs: int = Field(4, ge=1, description="Number of passes over the windows.")
-    learning_rate: float = Field(0.0003, gt=0, description="Peak learning rate.")
+    learning_rate: float = Field(0.0003, gt=0, description="Peak learning rate of AdamW.")
 
 
 class CoversOptions(BaseModel, extra="forbid", frozen=True):

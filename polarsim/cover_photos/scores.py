@@ -116,7 +116,7 @@ def _figures(
 ) -> pd.DataFrame:
     """What `cover_figures` gives, with the calibration error."""
     predictions = [one.predictions for one in seen]
-    figures = cover_figures(labels, predictions, keys, seed=options.seed, resamples=options.resamples)
+    figures = cover_figures(labels, predictions, keys, resamples=options.resamples)
     errors = [
         np.mean([_calibration_error(labels, one.calibrated, keys, kind) for one in seen]) for kind in figures["kind"]
     ]
@@ -124,7 +124,7 @@ def _figures(
 
 
 def cover_figures(
-    labels: pd.DataFrame, predictions: Sequence[pd.DataFrame], keys: Sequence[str], *, seed: int, resamples: int
+    labels: pd.DataFrame, predictions: Sequence[pd.DataFrame], keys: Sequence[str], *, seed: int = 0, resamples: int
 ) -> pd.DataFrame:
     """Average precision of each labelled kind, photos pooled, with 95 % intervals of a bootstrap over the photos.
 

@@ -77,7 +77,7 @@ class DomainEvaluation:
     def draws(self) -> tuple[np.ndarray, np.ndarray]:
         """Unit of each photo, and how often each unit is drawn: the same for all that have the same photos."""
         unit = bootstrap.units_of(self.keys, self.options.resampled)
-        return unit, intervals.draws(int(unit.max()) + 1, self.options.resamples, self.options.seed)
+        return unit, intervals.draws(int(unit.max()) + 1, self.options.resamples)
 
 
 def ipd_change(
@@ -85,7 +85,7 @@ def ipd_change(
 ) -> dict[str, object]:
     """Mean IoU and IPD over the rocks that photo, twin and the other twin have; IPD as in `ipd`, change by change."""
     options = photo.options
-    rules = Rules(options.undetected, options.unpaired, options.resampled)
+    rules = Rules(unit=options.resampled)
     own = [seen.performance[seen.performance["kind"] == kind] for seen in (photo, twin, replaced)]
     as_is, other = (pair(own[0], side, rules) for side in own[1:])
     pairs = as_is.merge(other.drop(columns="first"), on=_CELL, suffixes=("", "_replaced"), validate="one_to_one")
@@ -93,7 +93,7 @@ def ipd_change(
         return {"pairs": 0}
     unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
-    drawn = intervals.draws(units, options.resamples, options.seed)
+    drawn = intervals.draws(units, options.resamples)
     gain, other_gain = ((pairs["first"] - pairs[name]).to_numpy(float) for name in ("second", "second_replaced"))
     row: dict[str, object] = {"pairs": len(pairs), "iou_photo": pairs["first"].mean()}
     row |= {"iou_twin": pairs["second"].mean(), "iou": pairs["second_replaced"].mean()}

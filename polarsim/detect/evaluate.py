@@ -156,7 +156,6 @@ def _figures(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
 ) -> dict[str, pd.DataFrame]:
     """All that concerns one detector and one domain."""
-    drawing = {"seed": options.seed, "resamples": options.resamples}
     own = labels[labels["key"].isin(keys)]
     found = predictions[predictions["key"].isin(keys)]
     performance = instance_performance(own, found, options.iou_confidence)
@@ -167,11 +166,11 @@ def _figures(
         found,
         confidence=options.iou_confidence,
         unit=options.resampled,
-        **drawing,
+        resamples=options.resamples,
     )
     return {
         "instances": performance,
-        "breakdown": breakdown(matched, **drawing),
+        "breakdown": breakdown(matched, resamples=options.resamples),
         "curves": curves(matched),
         "false_positives": found_wrong,
     }
@@ -214,28 +213,24 @@ def _pairs_of_domains(
             yield (trained, first, second), performances[trained, first], performances[trained, second]
 
 
-def _rules(options: ComparisonOptions) -> Rules:
-    return Rules(options.undetected, options.unpaired, options.resampled)
-
-
 def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
-    rules = {"undetected": options.undetected, "unpaired": options.unpaired, "confidence": options.iou_confidence}
+    rules = Rules(unit=options.resampled)
+    told = {"undetected": rules.undetected, "unpaired": rules.unpaired, "confidence": options.iou_confidence}
     rows = []
     for names, *sides in _pairs_of_domains(performances):
         for kind in BOX_CLASSES:
             difference = instance_performance_difference(
                 *(side[side["kind"] == kind] for side in sides),
-                rules=_rules(options),
-                seed=options.seed,
+                rules=rules,
                 resamples=options.resamples,
             )
-            rows.append(dict(zip(PAIR, names, strict=True)) | {"kind": kind} | rules | asdict(difference))
+            rows.append(dict(zip(PAIR, names, strict=True)) | {"kind": kind} | told | asdict(difference))
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
 def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     found = [
-        _named(of_rocks(pair(first, second, _rules(options))), PAIR, names)
+        _named(of_rocks(pair(first, second, Rules(unit=options.resampled))), PAIR, names)
         for names, first, second in _pairs_of_domains(performances)
     ]
     return _joined(found, (*PAIR, *ROCK_COLUMNS))

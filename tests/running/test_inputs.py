@@ -133,11 +133,6 @@ def test_paths_of_sections_that_do_not_run_are_not_read(data):
     checked(data, detect={"run": False, "views": str(data / "missing")})
 
 
-def test_weights_that_can_be_downloaded_may_be_missing(data):
-    pretrained = {"model": "yolov5n", "pretrained": str(data / "w.pt"), "pretrained_url": "https://example.org/w.pt"}
-    checked(data, detect={"training": {**pretrained, "pretrained_sha256": "0" * 64}})
-
-
 def test_relative_paths_count_from_the_working_folder(data, monkeypatch):
     monkeypatch.chdir(data)
     assert checked(Path(), labels={"corrections": "corrections"}).labels.corrections == Path("corrections")

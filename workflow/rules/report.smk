@@ -282,7 +282,6 @@ rule tabulate_stereo:
         runtime=5,
     params:
         origin=ORIGIN,
-        options=options("detect.stereo"),
         code=code_of("tabulate_stereo"),
     script:
         "../scripts/tabulate_stereo.py"

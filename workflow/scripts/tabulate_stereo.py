@@ -12,6 +12,4 @@ with reporting(log=snakemake.log[0]):
         ipd=Path(snakemake.input.ipd),
         stem=Path(snakemake.output.table).with_suffix(""),
         origin=snakemake.params.origin,
-        bad_mm=snakemake.params.options["bad_mm"],
-        bad_percent=snakemake.params.options["bad_percent"],
     )

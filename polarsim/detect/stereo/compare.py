@@ -37,7 +37,6 @@ def compare_stereo(
                 by_domain[first],
                 by_domain[second],
                 rules=Rules(unit=options.resampled),
-                seed=options.seed,
                 resamples=options.resamples,
             )
         )

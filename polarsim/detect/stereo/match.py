@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from polarsim.detect.options import StereoOptions
 from polarsim.detect.stereo.rectify import Rectification
 
 _STEP = 16  # OpenCV's disparities: their number is a multiple of it, their unit a sixteenth of a pixel
@@ -14,11 +13,11 @@ _BLOCK = 5  # px, side of the compared windows
 _UNIQUE_PERCENT, _LEFT_RIGHT_PX, _SPECKLE_PX, _SPECKLE_STEP = 10, 1, 100, 2  # OpenCV's own examples
 
 
-def match(left: np.ndarray, right: np.ndarray, rig: Rectification, options: StereoOptions) -> np.ndarray:
+def match(left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: float, farthest_m: float) -> np.ndarray:
     """(h, w) depth along z in the rectified left camera's frame, metres, float32; NaN where nothing is matched.
 
     Semi-global block matching (Hirschmueller, IEEE TPAMI 30 (2008) 328; OpenCV's `StereoSGBM`) between the disparities
-    of the nearest and the farthest depth that the options allow.
+    of the nearest and the farthest depth.
 
     Parameters
     ----------
@@ -31,8 +30,8 @@ def match(left: np.ndarray, right: np.ndarray, rig: Rectification, options: Ster
         cv2.remap(picture, x, y, cv2.INTER_LINEAR)
         for picture, (x, y) in ((left, rig.left_maps), (right, rig.right_maps))
     ]
-    least = math.floor(float(rig.disparity(options.farthest_m)))
-    count = _STEP * math.ceil((float(rig.disparity(options.nearest_m)) - least) / _STEP)
+    least = math.floor(float(rig.disparity(farthest_m)))
+    count = _STEP * math.ceil((float(rig.disparity(nearest_m)) - least) / _STEP)
     margin = least + count  # OpenCV leaves out as many columns: give it some that are not needed
     first, second = (cv2.copyMakeBorder(side, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for side in sides)
     matcher = cv2.StereoSGBM.create(

@@ -14,7 +14,7 @@ from polarsim.detect.options import StereoOptions
 from polarsim.detect.pictures import picture_paths
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
-from polarsim.detect.stereo.score import rock_performance, score
+from polarsim.detect.stereo.score import FARTHEST_M, NEAREST_M, rock_performance, score
 from polarsim.detect.stereo.truth import depth_truth
 from polarsim.errors import DetectError, about
 from polarsim.formats import png, tables
@@ -80,10 +80,10 @@ def measure_stereo(
         ]
         for domain, key, left_path, right_path in track(work, f"stereo {position}"):
             left, right = (_picture(path, rig) for path in (left_path, right_path))
-            depth = match(left, right, rig, options)
+            depth = match(left, right, rig, NEAREST_M, FARTHEST_M)
             name = {"domain": domain} | tables.key_columns(key)
-            pair_rows.append(name | score(depth, truth, options))
-            rock_rows += [name | row for row in rock_performance(depth, truth, options)]
+            pair_rows.append(name | score(depth, truth))
+            rock_rows += [name | row for row in rock_performance(depth, truth)]
     if not pair_rows:
         raise DetectError(f"terrain {terrain} has no pair of pictures for stereo", path=cameras)
     _write(pairs, pair_rows, PAIR_COLUMNS)

@@ -18,7 +18,6 @@ from scipy import ndimage
 from polarsim.detect import detectors, tone
 from polarsim.detect.frame import widest_look
 from polarsim.detect.inference_widths import ClassSizes
-from polarsim.detect.options import StereoOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
@@ -203,8 +202,8 @@ class Eyes:
 
     def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, lit: np.ndarray, camera: Camera) -> np.ndarray:
         assert pair is not None
-        options = StereoOptions(nearest_m=_NEAREST_M, farthest_m=2 * FARTHEST_M)
-        depth = np.where(lit & has_texture(pair[0]), match(*pair, self.rectification, options), np.nan)
+        depth = match(*pair, self.rectification, _NEAREST_M, 2 * FARTHEST_M)
+        depth = np.where(lit & has_texture(pair[0]), depth, np.nan)
         left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
         points = left * depth[..., None]
         return camera.world_from_camera.apply(points.reshape(-1, 3))

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.detect.options import StereoOptions
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification
 from polarsim.geometry.lens import HALF_PIXEL
@@ -27,7 +26,6 @@ def odometry(pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthe
     """`first_from_left` of every pair's left camera, and how many moves were not found (taken as the move before)."""
     import cv2
 
-    options = StereoOptions(nearest_m=nearest_m, farthest_m=farthest_m)
     poses, lost, move = [Pose.identity()], 0, Pose.identity()
     orb, matcher = cv2.ORB.create(nfeatures=_FEATURES), cv2.BFMatcher.create(cv2.NORM_HAMMING, True)
     before = None
@@ -38,7 +36,7 @@ def odometry(pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthe
             lost += found is None
             move = move if found is None else found
             poses.append(poses[-1] @ move)
-        before = (keypoints, descriptors, match(left, right, rig, options))
+        before = (keypoints, descriptors, match(left, right, rig, nearest_m, farthest_m))
     return poses, lost
 
 
