@@ -26,7 +26,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
 from polarsim.randomness import unsigned_zeros
-from polarsim.render.options import RenderOptions
+from polarsim.render.options import Model, RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.cameras.options import PACKAGED_FILES
 from polarsim.rover.options import RoverOptions
@@ -201,9 +201,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def _possible_components(self) -> Config:
         if not self.gap.components:
             return self
-        if self.gap.model not in self.render.models or not self.domains:
-            raise ValueError(f"gap.model: {self.gap.model} has no twins to compare with photos")
-        self._check_trained_on("gap", self.gap.trained_on)
+        if not self.domains:
+            raise ValueError("gap.components: there are no twins to compare with photos")
         for name, component in self.gap.components.items():
             if component.needs_truth and not self.data_source.is_generated:
                 raise ValueError(f"gap.components.{name}: the source {self.source.kind!r} has no ground truth")
@@ -219,7 +218,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def render_options_of(self, component: str) -> RenderOptions:
         """Options of a twin of the ablation: the run's, one model, what the component changes."""
         changed = self.gap.components[component].render
-        fixed = {"models": (self.gap.model,), "maps": ()}
+        fixed = {"models": (self.ablation_model,), "maps": ()}
         return RenderOptions.model_validate(self.render.model_dump() | changed | fixed)
 
     @property
@@ -230,9 +229,14 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self.scoring.annotated_root or own or self.source.root
 
     @property
+    def ablation_model(self) -> Model:
+        """Return the reflectance model of the twins whose components are replaced: the run's last one."""
+        return self.render.models[-1]
+
+    @property
     def ablation_detectors(self) -> tuple[str, ...]:
-        """Training domains of the detectors that the ablation evaluates."""
-        return self.gap.trained_on or (self.photo_domain, self.gap.model)
+        """Return the training domains of the detectors that the ablation evaluates."""
+        return self.photo_domain, self.ablation_model
 
     @property
     def data_source(self) -> Source:

@@ -372,7 +372,7 @@ class GapPaths:
         self.run, self.config = run, config
         self.components = config.gap.components
         self.rendered = [name for name, component in self.components.items() if component.is_rendered]
-        self.domains = [config.photo_domain, config.gap.model, *self.components]
+        self.domains = [config.photo_domain, config.ablation_model, *self.components]
         self.pairs = [(trained, domain) for trained in config.ablation_detectors for domain in self.domains]
 
     def cameras(self, wildcards: Wildcards) -> str:
@@ -434,7 +434,7 @@ class GapPaths:
 
     def _twin(self, domain: str) -> str:
         """Return the domain of the pictures; a component that is not rendered uses the twin's."""
-        return self.config.gap.model if domain in self.components and domain not in self.rendered else domain
+        return self.config.ablation_model if domain in self.components and domain not in self.rendered else domain
 
     def _stage(self, domain: str) -> str:
         return "gap" if domain in self.rendered else "detect"

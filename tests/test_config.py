@@ -93,7 +93,6 @@ def test_a_component_changes_its_own_options_and_no_others():
     found = ablation({"render": {"noise": True}})
     assert found.render_options_of("one") == found.render.model_copy(update={"noise": True, "models": ("hapke",)})
     assert found.ablation_detectors == ("analog", "hapke")
-    assert ablation({"labels": "propagated"}, trained_on=["principled"]).ablation_detectors == ("principled",)
 
 
 @pytest.mark.parametrize(
@@ -103,8 +102,6 @@ def test_a_component_changes_its_own_options_and_no_others():
         ({"render": {"nose": True}}, {}, "gap.components.one.render.nose:"),
         ({"render": {"samples": 5}}, {}, "gap.components.one.render.samples"),
         ({"materials": "fitted", "meshes": "thinned"}, {}, "gap.components.one:"),
-        ({"labels": "propagated"}, {"model": "lambert"}, "gap.model:"),
-        ({"labels": "propagated"}, {"trained_on": ["real"]}, "gap.trained_on:"),
         ({}, {}, "gap.components.one"),
     ],
 )

@@ -88,10 +88,9 @@ def test_defaults_and_the_sign_of_zero_do_not_change_the_digest(name):
         ({"detect": {"training": {"epochs": 9}}}, "full"),
         ({"rover": {"seeds": [5]}}, "config"),
         ({"covers": {"carved_epochs": 9}}, "config"),
-        ({"gap": {"model": "principled"}}, "full"),
         ({"rover": {"run": True, "bags": False, "world": {"terrains": [3, 1, 11]}, "seeds": [0, 1, 2]}}, None),
     ],
-    ids=["analog", "detect", "rover", "covers", "gap", "bags"],
+    ids=["analog", "detect", "rover", "covers", "bags"],
 )
 def test_options_of_what_the_run_does_not_do_have_no_effect(change, name):
     if name is None:

@@ -11,35 +11,31 @@ TWIN = "twin"  # the twin as the run has it, what every component is held agains
 
 
 class Component(BaseModel, extra="forbid", frozen=True):
-    """A component differs from the run's twin in what is given here; `truth` is known of the analog alone."""
+    """Replaced parts of the run's twin; `truth` exists for the analog only."""
 
     cameras: Literal["run", "located", "truth"] = Field(
-        "run",
-        description="Poses and lenses come from here; located: they are as scans or labels localise them, "
-        "without the photos' refinement.",
+        "run", description="Source of poses and lenses; located: from scans or labels, without refinement on photos."
     )
     lamps: Literal["run", "survey", "truth"] = Field(
-        "run", description="Positions of the Sun lamps come from here; survey: they stand where NASA's survey has them."
+        "run", description="Source of the positions of Sun lamps; survey: NASA's survey."
     )
     meshes: Literal["run", "thinned", "truth"] = Field(
-        "run", description="Surfaces of rocks and ground come from here; thinned: rocks have 5 % of their vertices."
+        "run", description="Source of the surfaces of rocks and ground; thinned: rocks with 5 % of their vertices."
     )
     materials: Literal["run", "constant", "fitted"] = Field(
-        "run", description="Reflectance has the options' constants, or is fitted to the terrain's photos."
+        "run", description="Source of reflectance: the options' constants, or a fit to the terrain's photos."
     )
     labels: Literal["run", "propagated"] = Field(
-        "run",
-        description="Boxes of the twins come from here; propagated: they are those of the photos, propagated "
-        "from what people drew.",
+        "run", description="Source of the twins' boxes; propagated: those of the photos, from what people drew."
     )
-    render: dict[str, Any] = Field({}, description="These keys of `render` have other values.")
+    render: dict[str, Any] = Field({}, description="Keys of `render` with other values.")
 
     @model_validator(mode="after")
     def _replaces_something(self) -> Self:
         if self == type(self).model_construct():
             raise ValueError("replaces nothing")
         if "models" in self.render or "materials_from_photos" in self.render:
-            raise ValueError("render: models and materials_from_photos have keys of their own (gap.model, materials)")
+            raise ValueError("render: models and materials_from_photos cannot be replaced here")
         return self
 
     @property
@@ -62,18 +58,11 @@ class Component(BaseModel, extra="forbid", frozen=True):
 
 
 class GapOptions(BaseModel, extra="forbid", frozen=True):
-    """An ablation tells which component of the twin causes the gap; it is off unless components are named."""
+    """Ablation: which component of the twin causes the gap, for twins of the last of `render.models`."""
 
-    model: str = Field("hapke", description="The twins have this reflectance model, one of `render.models`.")
-    trained_on: tuple[str, ...] = Field(
-        (),
-        description="Detectors that were trained on these domains are evaluated; none: one of photos and one "
-        "of the model's twins are.",
-    )
     components: dict[str, Component] = Field(
         {},
-        description="These components are replaced in the twins of the ablation, each under a name of small "
-        "letters, digits and -.",
+        description="Replaced components by name (small letters, digits and -). Empty: no ablation.",
     )
 
     @field_validator("components")

@@ -19,9 +19,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from polarsim.errors import FormatError
-from polarsim.formats import lamps, release, rigs, yolo
+from polarsim.formats import release, yolo
 from polarsim.formats.files import write_json
-from polarsim.formats.scene import read_terrain
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.geometry.boxes import iou, match
 from polarsim.labels.annotator import (
@@ -39,6 +38,8 @@ from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import Annotated, choose_seeds, read_drawings, shadow_starts
 from polarsim.labels.visibility import NO_SUN_START_MS
 from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey
+from polarsim.run_files import lamps, rigs
+from polarsim.run_files.scene import read_terrain
 from polarsim.survey import wall_height
 
 log = logging.getLogger(__name__)

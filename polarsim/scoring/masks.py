@@ -26,7 +26,7 @@ REGIONS = {SAND: class_masks.IGNORED, PHOTO: class_masks.CLASSES.index("ground")
 log = logging.getLogger("polarsim")
 
 
-def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, seed: int, resamples: int) -> None:
+def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: int, seed: int = 0) -> None:
     """Write the IoU of each class, of every photo with polygons and of all of them, see `MASK_SCORES`.
 
     People drew one set of polygons for all exposures of an exposure bracket: that of the nearest exposure counts.

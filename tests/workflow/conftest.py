@@ -28,7 +28,6 @@ SMALL = {
         "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
     },
     "gap": {
-        "trained_on": ["hapke"],
         "components": {
             "scene": {"cameras": "truth", "lamps": "truth", "meshes": "truth"},
             "labels": {"labels": "propagated"},

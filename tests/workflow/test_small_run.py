@@ -45,7 +45,7 @@ def test_a_small_run_ends(small, snakemake):
             assert (results / f"tables/{name}.{form}").stat().st_size
 
     ablation = pd.read_parquet(results / "gap/ablation.parquet").set_index("component")
-    assert len(ablation) == 2 * 2  # components, kinds
+    assert len(ablation) == 2 * 2 * 2  # components, detectors, kinds
     scene = ablation.loc["scene"].query("kind == 'rock'")
     assert (scene["pairs"] > 5).all()  # true rocks have the run's numbers
     assert (results / "figures/gap.png").stat().st_size

@@ -143,7 +143,7 @@ rule cut_windows:
         mem_mb=growing(500),
         runtime=10,
     params:
-        number=CONFIG.covers.fine_tuning.windows,
+        windows=CONFIG.covers.fine_tuning.windows,
         stored_px=CONFIG.detect.pictures.longer_side,
         seed=CONFIG.covers.scenes.seed,
         code=code_of("cut_windows"),

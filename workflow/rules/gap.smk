@@ -81,7 +81,7 @@ rule render_component:
     params:
         positions=PATHS.positions,
         grid=options("grid"),
-        model=CONFIG.gap.model,
+        model=CONFIG.ablation_model,
         options=GAP.options,
         code=code_of("render_component"),
     script:
@@ -157,7 +157,7 @@ rule run_ablation:
         evaluated=GAP.pairs,
         domains=GAP.domains,
         photo=CONFIG.photo_domain,
-        twin=CONFIG.gap.model,
+        twin=CONFIG.ablation_model,
         replaced={name: found.describe() for name, found in GAP.components.items()},
         options=options("detect.comparison"),
         training=options("detect.training"),

@@ -143,7 +143,6 @@ rule score_masks:
         runtime=10,
     params:
         root=str(CONFIG.annotated_root),
-        seed=CONFIG.detect.comparison.seed,
         resamples=CONFIG.detect.comparison.resamples,
         code=code_of("score_masks"),
     script:

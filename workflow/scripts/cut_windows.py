@@ -10,7 +10,7 @@ with reporting(log=snakemake.log[0]):
         photos=Path(snakemake.input.photos),
         labels=Path(snakemake.input.labels),
         windows=Path(snakemake.output.windows),
-        count=snakemake.params.number,
+        count=snakemake.params.windows,
         stored_px=snakemake.params.stored_px,
         seed=snakemake.params.seed,
     )

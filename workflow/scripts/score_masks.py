@@ -11,6 +11,5 @@ with reporting(log=snakemake.log[0]):
         masks=paths(snakemake.input.masks),
         root=Path(snakemake.params.root),
         scores=Path(snakemake.output.scores),
-        seed=snakemake.params.seed,
         resamples=snakemake.params.resamples,
     )
