@@ -387,7 +387,7 @@ def read_config(path: str | Path) -> Config:
 
 
 def render_options(assignments: Sequence[str]) -> RenderOptions:
-    """Return render options from texts `key=value`, such as `materials.default.principled.roughness=0.5`; the last wins.
+    """Return render options from `key=value`, such as `materials.default.principled.roughness=0.5`; the last wins.
 
     Values are YAML, so `gain={hapke: 150}` is possible.
 

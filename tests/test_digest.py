@@ -207,7 +207,7 @@ def reached_by_text(script: Path) -> set[str]:
 
 
 def test_every_module_is_reached():
-    """By a script or rule, by the command line, by who imports the environment for learners, or by a fitting command."""
+    """By a script or rule, by the command line, by who imports the environment for learners, or by a command."""
     starts = {"polarsim.__main__", "polarsim.cli", "polarsim.render", "polarsim.schemas.__main__"}
     starts |= {"polarsim.rover.learn.environment", "polarsim.labels.fit_annotator"}
     for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parent / "Snakefile"]:

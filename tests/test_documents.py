@@ -27,6 +27,7 @@ from typer.testing import CliRunner
 from polarsim import config
 from polarsim.cli import app
 from polarsim.errors import PolarsimError
+from polarsim.running.configuration import base_of
 
 CHECKOUT = Path(__file__).parent.parent
 DOCUMENTS = [
@@ -108,9 +109,10 @@ def check_snakemake(arguments: list[str]) -> None:
     """Options parse, the configuration is accepted, targets are rules or files that a rule makes."""
     given = get_argument_parser().parse_args(arguments)
     merged: dict = {}
-    for file in given.configfile or ["config/config.yaml"]:
-        if str(file).startswith("config/") or (CHECKOUT / file).exists():  # others are the reader's own
-            update_config(merged, yaml.safe_load((CHECKOUT / file).read_text()))
+    named = [CHECKOUT / file for file in given.configfile or ()]
+    own = [file for file in named if file.parent.name == "config" or file.exists()]  # others are the reader's own
+    for file in [*(CHECKOUT / base for base in base_of(own)), *own]:
+        update_config(merged, yaml.safe_load(file.read_text()))
     update_config(merged, parse_config(given.config))
     run = config.parse_config(merged).run
     for profile in given.profile or []:
@@ -199,7 +201,7 @@ def test_commands_are_found_in_blocks(tmp_path):
         ("snakemake nothing", AssertionError),
         ("snakemake results/demo/nothing.csv", AssertionError),
         ("snakemake --no-such-option", SystemExit),
-        ("snakemake --configfile config/nothing.yaml", FileNotFoundError),
+        ("snakemake --configfile config/nothing.yaml", PolarsimError),
         ("snakemake labels --config 'labels={speed: 3}'", PolarsimError),
         ("make nothing", AssertionError),
         ("polarsim nothing", KeyError),
