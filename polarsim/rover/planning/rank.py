@@ -1,4 +1,8 @@
-"""Does a detector with a smaller gap drive better? Rank correlations over the detectors that drove."""
+"""Rank correlations over detectors between their gap and their drives: does a smaller gap drive better?
+
+Coefficients are computed for all resamples at once: SciPy's functions, called for each, give the same to 1e-12 and take
+5 s in place of milliseconds for a table.
+"""
 
 from __future__ import annotations
 

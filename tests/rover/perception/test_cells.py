@@ -1,0 +1,90 @@
+"""Both hazard maps: they show the same ground, rocks of boxes and true rocks."""
+
+import numpy as np
+import pytest
+
+from polarsim.rover.cameras.suite import CameraSuite
+from polarsim.rover.perception import hazard_map
+from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.perception.map_updates import look_of_boxes
+from polarsim.rover.perception.measure import ride_of
+from polarsim.rover.planning.challenge import true_cells
+from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.world.surface import bare_world
+from tests.rover import driven
+from tests.rover.perception.boxes import CONFIDENCE, box_of, ride, table
+
+WORLD = driven.world()
+X, Y = HazardGrid(WORLD).x, HazardGrid(WORLD).y
+
+
+def scored(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
+    """Visible cells and rock cells of the map of a recorded drive, of its first frame."""
+    rows = table([(0, box, 0.9) for box in boxes])
+    found = hazard_map.mapped(rows, ride(1), hazard_map.grid_over(world), CONFIDENCE)
+    return found.looked, found.rock
+
+
+def decided(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
+    """The same of the map by which the rover decides."""
+    own, grid = ride(1), HazardGrid(world)
+    camera = own.cameras[0]
+    lit = np.ones(camera.size[::-1], bool)
+    grid.add(look_of_boxes(boxes, np.full(len(boxes), 0.9), lit, camera, own.ground(0), grid))
+    return grid.seen, grid.rock
+
+
+def scored_truth() -> tuple[np.ndarray, np.ndarray]:
+    true = hazard_map.true_map(WORLD, hazard_map.grid_over(WORLD))
+    return true.rock, true.height
+
+
+def decided_truth() -> tuple[np.ndarray, np.ndarray]:
+    height, rock = true_cells(WORLD, X, Y, HazardGrid.cell_m)
+    return rock, height - WORLD.height_at(*np.meshgrid(X, Y))
+
+
+@pytest.mark.parametrize("truth", [scored_truth, decided_truth])
+def test_true_cells_have_the_rocks_where_they_are(truth):
+    rock, height = truth()
+    for x, y, top, half in driven.ROCKS:
+        row, column = np.abs(Y - y).argmin(), np.abs(X - x).argmin()
+        assert rock[row, column]
+        assert top < 0.1 or 0.3 * top < height[row, column] <= top + 0.01
+        assert not rock[row, np.abs(X - x - half - 0.4).argmin()]
+    touched = sum((2 * rock[3] / HazardGrid.cell_m + 1) ** 2 for rock in driven.ROCKS)  # squares around the rocks
+    assert 0.5 * touched < rock.sum() < touched
+
+
+def flat_world():
+    return bare_world(np.zeros((61, 81)), 0.1, -1.0, -3.0)
+
+
+@pytest.mark.parametrize("mapped", [scored, decided])
+def test_a_box_is_rock_where_it_stands_on_the_ground_and_nothing_behind_the_camera_is_seen(mapped):
+    world = flat_world()
+    grid = HazardGrid(world)
+    seen, rock = mapped(np.array([box_of(2.2, 0.1, 0.3, 0.2)]), world)
+    row, column = np.argwhere(rock).mean(axis=0)
+    x, y = np.interp(column, np.arange(len(grid.x)), grid.x), np.interp(row, np.arange(len(grid.y)), grid.y)
+    assert (x, y) == (pytest.approx(2.35, abs=0.1), pytest.approx(0.1, abs=0.1))
+    assert (rock <= seen).all()
+    assert not seen[:, grid.x < 0.8].any()
+
+
+@pytest.mark.parametrize("mapped", [scored, decided])
+def test_a_box_that_is_cut_off_hides_the_ground_below_it(mapped):
+    world = flat_world()
+    width, height = ride(1).cameras[0].size
+    whole = mapped(np.zeros((0, 4)), world)[0]
+    seen, rock = mapped(np.array([[0.3 * width, 0.5 * height, 0.6 * width, height]]), world)
+    assert not rock.any()
+    assert 0.05 < (whole & ~seen).sum() / whole.sum() < 0.8
+
+
+def test_ground_is_visible_only_where_the_camera_passed():
+    suite = CameraSuite(driven.trace(seconds=8.0), driven.vehicle(), driven.options(views=(FRONT,), every=4))
+    seen = hazard_map.mapped(table([]), ride_of(suite), hazard_map.grid_over(WORLD), CONFIDENCE)
+    assert 0.1 < seen.looked.mean() < 0.9
+    assert not seen.looked[:, -3:].any()  # behind the start
+    assert not seen.rock.any()
