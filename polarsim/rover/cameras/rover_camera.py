@@ -1,20 +1,18 @@
 """Pictures of the rover's cameras: light of Suns and headlights, lens, stars, sensor.
 
 All pictures of the rover are made here: those of a recorded drive (`suite`), those by which the rover decides
-(`perception.observation`) and those of the Gymnasium environment (`LiveCamera`).
+(`perception.observation`) and those of the Gymnasium environment.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from polarsim.detect.tone import to_8_bits
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
-from polarsim.photo import BLACK_LEVEL, USUAL_EXPOSURE_MS, WHITE_LEVEL
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.render.gain import gain_of
 from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import imaged, through_lens
@@ -23,13 +21,13 @@ from polarsim.render.sensor import expose, noise_of
 from polarsim.render.views.options import StarField
 from polarsim.render.views.stars import Sky, sky_of, star_radiance
 from polarsim.rover.cameras.bodywork import Body, body_of, links_at
-from polarsim.rover.cameras.lights import Sun, headlights, sun_at
-from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions
+from polarsim.rover.cameras.lights import Sun, headlights, named_sun
+from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, Light
 from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
-from polarsim.rover.vehicle.mounts import FRONT, mount_of, pose_of
+from polarsim.rover.vehicle.mounts import pose_of
 from polarsim.rover.vehicle.table import WHEELS, LightPart, Vehicle
 from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import BACKGROUND
@@ -42,7 +40,6 @@ GROUND_ALBEDO = 0.12  # of lunar soil; albedos of the body are relative to it
 _BODY_DARKER = 0.25
 _CLIPPED_PERCENT = 99.0  # auto exposure puts this percentile of the light at the sensor's white
 _EXPOSURES_MS = (1.0, 10_000.0)  # limits of auto exposure
-_BESIDE_M = 1.5  # from the path of a learner: farther away the ground is drawn as it was before the drive
 
 
 class RoverCamera:
@@ -78,6 +75,7 @@ class RoverCamera:
             Too many rocks.
         """
         self.vehicle, body = vehicle, body_of(vehicle)
+        self._sun_elevation_deg = options.sun_elevation_deg
         self.render_options = _resolved(render, models, body)
         stars = StarField(intensity=BRIGHT_STARS if options.stars == "bright" else 1.0)
         self.sky: Sky | None = None if options.stars == "none" else sky_of(stars)
@@ -141,31 +139,22 @@ class RoverCamera:
         noise = noise_of(self.render_options, *name)
         return expose(radiance, exposure_ms * self._gain(model), self.render_options, noise)
 
-    def picture(
-        self,
-        camera: Camera,
-        sun: Sun,
-        lights: Sequence[LightPart],
-        model: Model,
-        exposure_ms: float | str,
-        *name: object,
-        threads: int = 1,
-    ) -> tuple[np.ndarray, float]:
-        """Return the 12-bit picture (h, w) uint16 of the moment and its exposure, ms.
+    def picture(self, camera: Camera, light: Light, *name: object, threads: int = 1) -> tuple[np.ndarray, float]:
+        """Return the 12-bit picture (h, w) uint16 of the moment in a light, and its exposure, ms.
 
-        Parameters
-        ----------
-        exposure_ms
-            A number, or `auto`.
-        name
-            Names the picture; its noise is drawn by this name.
+        Raises
+        ------
+        ConfigError
+            A light that the vehicle does not have.
         """
+        sun = named_sun(light.sun, self._sun_elevation_deg)
+        lights = [self.vehicle.light(own) for own in light.lights]
         found = self.render(camera, {sun.name: sun}, lights, labels=False, threads=threads)
-        radiance = found.olat_images[model, sun.name]
+        radiance, exposure_ms = found.olat_images[light.model, sun.name], light.exposure_ms
         if isinstance(exposure_ms, str):
             assert exposure_ms == AUTO
-            exposure_ms = auto_exposure_ms(radiance, self._gain(model))
-        return self.expose(radiance, model, exposure_ms, *name), float(exposure_ms)
+            exposure_ms = auto_exposure_ms(radiance, self._gain(light.model))
+        return self.expose(radiance, light.model, exposure_ms, *name), float(exposure_ms)
 
     def _gain(self, model: Model) -> float:
         return gain_of(model, self.render_options)
@@ -194,52 +183,6 @@ def near_path(world: World, path: Path, beside_m: float) -> np.ndarray:
         share = np.clip((points - start) @ along / (along @ along), 0, 1)
         near |= np.linalg.norm(points - start - share[..., None] * along, axis=-1) < beside_m
     return near
-
-
-@dataclass(frozen=True)
-class LiveCameraOptions:
-    """Camera, picture size and light of a Gymnasium environment."""
-
-    camera: str = FRONT
-    scale: float = 1 / 16
-    sun_azimuth_deg: float | None = 225.0  # from east to north; none: night
-    sun_elevation_deg: float = 8.0
-    model: Model = "hapke"
-    exposure_ms: float | str = USUAL_EXPOSURE_MS
-    lights: tuple[str, ...] = ()  # of the vehicle's table, that are on
-    cameras: CameraSuiteOptions = field(default_factory=CameraSuiteOptions)
-    render: RenderOptions = field(default_factory=RenderOptions)
-
-    def size(self, vehicle: Vehicle) -> tuple[int, int]:
-        """Return width and height of the pictures, px."""
-        lens = mount_of(vehicle.camera(self.camera), self.scale).lens
-        return lens.width, lens.height
-
-
-class LiveCamera:
-    """One camera of a rover in a Gymnasium environment; `seed` draws the noise of its pictures.
-
-    The ground has the world's own cells, whatever `cameras.finer`, and no grouser marks: finer ground takes too long
-    between two moments.
-    """
-
-    def __init__(self, world: World, vehicle: Vehicle, path: Path, options: LiveCameraOptions, seed: int = 0) -> None:
-        self._options, self._seed = options, seed
-        self._mount = mount_of(vehicle.camera(options.camera), options.scale)
-        near = near_path(world, path, _BESIDE_M)
-        self._camera = RoverCamera(world, vehicle, near, options.cameras, options.render, models=(options.model,))
-        self._sun = sun_at("sun", options.sun_azimuth_deg, options.sun_elevation_deg)
-        self._lights = [vehicle.light(name) for name in options.lights]
-
-    def grey(self, state: State, level: np.ndarray) -> np.ndarray:
-        """Return the 12-bit picture (h, w) uint16 of the rover's state and the ground's levels."""
-        options, base = self._options, self._camera.show_state(state, level)
-        camera, name = self._mount.at(base), ("live", self._seed, options.camera, state.time)
-        return self._camera.picture(camera, self._sun, self._lights, options.model, options.exposure_ms, *name)[0]
-
-    def picture(self, state: State, level: np.ndarray) -> np.ndarray:
-        """Return `grey` as (h, w, 1) uint8, by the detectors' tone curve."""
-        return to_8_bits(self.grey(state, level))[..., None]
 
 
 def _sum(images: Iterable[np.ndarray], camera: Camera) -> np.ndarray:

@@ -17,10 +17,11 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from polarsim.detect.tone import to_8_bits
 from polarsim.errors import RoverError
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, CameraSuiteOptions, Light
-from polarsim.rover.cameras.rover_camera import LiveCamera, LiveCameraOptions
+from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import Command, Path
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import start_of
@@ -36,6 +37,7 @@ from polarsim.rover.perception.observation import Eyes
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pilot import LOOK_HZ
+from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.run_files.picture_sets import AUTO
 
@@ -43,6 +45,7 @@ ACTION_HZ = 10
 ARRIVED_M = 0.3  # before the goal's line, as for drives that decide
 LIGHT = ("sun", "exposure_ms", "lights")  # of a reset
 _PICTURE_SCALE = 1 / 16
+_BESIDE_M = 1.5  # from the line: farther away the ground is drawn as it was at first
 # A quarter of the camera's size: observations cost half as much as at 0.5.
 CAMERAS = CameraSuiteOptions(scale=0.25, models=("hapke",), exposures_ms=(256.0,))
 
@@ -96,7 +99,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             "state": spaces.Box(-bounds, bounds, dtype=np.float32),
         }
         if image:
-            width, height = LiveCameraOptions(scale=_PICTURE_SCALE).size(self.course.vehicle)
+            height, width = mount_of(self.course.vehicle.camera(FRONT), _PICTURE_SCALE).lens.shape
             found["image"] = spaces.Box(0, 255, (height, width, 1), np.uint8)
         self.observation_space: Any = spaces.Dict(found)
         self._simulation: Simulation | None = None
@@ -140,7 +143,13 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
                 render=self.render_options, detector=OnboardDetector(weights=weights) if weights else None,
             )  # fmt: skip
         self._collisions, self._hits = Collisions(self._simulation), 0
-        self._camera = self._camera_of(own) if self._image or self.render_mode else None
+        self._seed = own
+        self._camera: RoverCamera | None = None
+        if self._image or self.render_mode:
+            near = near_path(job.world, self.line, _BESIDE_M)
+            self._camera = RoverCamera(
+                job.world, job.vehicle, near, self.cameras, self.render_options, models=(self.light.model,)
+            )
         if self.task.settle_s:
             self._simulation.advance(self.task.settle_s)
         self._simulation.zero()
@@ -245,22 +254,15 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             found["image"] = self._picture(state)
         return found
 
-    def _camera_of(self, seed: int) -> LiveCamera:
-        options = LiveCameraOptions(
-            scale=_PICTURE_SCALE,
-            sun_azimuth_deg=SUN_AZIMUTHS_DEG.get(self.light.sun),  # none at night
-            sun_elevation_deg=self.cameras.sun_elevation_deg,
-            model=self.light.model,
-            exposure_ms=self.light.exposure_ms,
-            lights=self.light.lights,
-            cameras=self.cameras,
-            render=self.render_options,
-        )
-        return LiveCamera(self.simulation.world, self.vehicle, self.line, options, seed)
-
     def _picture(self, state: State) -> np.ndarray:
+        """Return the front camera's picture as (h, w, 1) uint8, on the world's own cells."""
         assert self._camera is not None
-        return self._camera.picture(state, self.simulation.ground.level)
+        base, name = (
+            self._camera.show_state(state, self.simulation.ground.level),
+            ("live", self._seed, FRONT, state.time),
+        )
+        grey, _ = self._camera.picture(mount_of(self.vehicle.camera(FRONT), _PICTURE_SCALE).at(base), self.light, *name)
+        return to_8_bits(grey)[..., None]
 
     def _info(self, state: State) -> dict[str, Any]:
         return {

@@ -29,7 +29,6 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.lights import named_sun
 from polarsim.rover.cameras.options import CameraSuiteOptions, Light
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import Path
@@ -113,8 +112,6 @@ class Eyes:
         noisy = render.model_copy(update={"noise": True})
         near = near_path(world, path, _BESIDE_M)
         self._camera = RoverCamera(world, vehicle, near, cameras, noisy, models=(light.model,))
-        self._sun = named_sun(light.sun, cameras.sun_elevation_deg)
-        self._lights = [vehicle.light(name) for name in light.lights]
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
         self._detector = self._read_detector(detector) if self._detects else None
@@ -174,9 +171,7 @@ class Eyes:
         """(h, w) 12-bit grey values, and their exposure, ms."""
         light = self.light
         name = ("autonomy", self.seed, self._glances, which, light.sun, light.exposure_ms)
-        return self._camera.picture(
-            camera, self._sun, self._lights, light.model, light.exposure_ms, *name, threads=self._threads
-        )
+        return self._camera.picture(camera, light, *name, threads=self._threads)
 
     def _found(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The picture as the detector sees it, and (n, 5) boxes of rocks, px of the camera, and their confidences."""

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.options import ROVER_RENDER, SUN_AZIMUTHS_DEG, CameraSuiteOptions, Light, rover_render
-from polarsim.rover.cameras.rover_camera import LiveCamera, LiveCameraOptions
+from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, Light, rover_render
+from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.control import Command, Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS, Trace
 from polarsim.rover.perception.observation import Eyes
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from tests.rover import driven
 
@@ -72,10 +72,10 @@ def suite_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
 
 
 def live_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
-    own = LiveCameraOptions(
-        scale=SCALE, sun_azimuth_deg=SUN_AZIMUTHS_DEG[SUN], exposure_ms=EXPOSURE_MS, cameras=CAMERAS, render=render
-    )
-    return LiveCamera(trace.world, driven.vehicle(), LINE, own, seed=3).grey(state_of(trace), shown_level(trace))
+    near = near_path(trace.world, LINE, 1.5)
+    camera = RoverCamera(trace.world, driven.vehicle(), near, CAMERAS, render, models=("hapke",))
+    base = camera.show_state(state_of(trace), shown_level(trace))
+    return camera.picture(mount_of(driven.vehicle().camera(FRONT), SCALE).at(base), Light(SUN, EXPOSURE_MS), "live")[0]
 
 
 def deciding_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
