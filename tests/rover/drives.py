@@ -21,7 +21,7 @@ SMALL = {
     "run": True,
     "world": {"terrains": [3], "margin_m": 2.0, "width_m": 3.0},
     "soil": {"slip_sinkage": False},
-    "drive": {"picture_hz": 1, "longest_s": 5, "spread": {"along_m": 0.0}},
+    "drive": {"picture_hz": 1, "longest_s": 5, "spread": 0},
     "cameras": {
         "views": ["front_end_cam"],
         "suns": ["3"],

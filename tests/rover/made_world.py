@@ -6,12 +6,10 @@ import trimesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.world.options import WorldOptions
 
-SMALL = WorldOptions(
-    terrains=(4, 1), length_m=1.0, width_m=1.6, margin_m=0.4, cell_m=0.05, blend_m=0.2, filler_roughness_m=0.0
-)
+SMALL = WorldOptions(terrains=(4, 1), width_m=5.0, margin_m=1.0, cell_m=0.05)
 
 
-def plane(height: float, slope: float = 0.0, half: float = 0.7) -> Mesh:
+def plane(height: float, slope: float = 0.0, half: float = 2.0) -> Mesh:
     """A square of ground that rises along y."""
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     return Mesh(np.column_stack([corners, height + slope * corners[:, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))

@@ -32,7 +32,7 @@ def call(polarsim, monkeypatch):
 
 def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, tmp_path):
     write_meshes(tmp_path / "small/meshes/Terrain03", 3)
-    short = {**SMALL["drive"], "longest_s": 1.0, "settle_s": 0.5}
+    short = {**SMALL["drive"], "longest_s": 1.0}
     done = call(tmp_path, drive=short)
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "small/rover/seed0"
@@ -44,7 +44,7 @@ def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, t
     assert again.stdout == done.stdout
     assert (folder / "trace.parquet").stat().st_mtime_ns == before["trace.parquet"][0]  # not driven again
     assert (folder / "drive.mcap").stat().st_mtime_ns == before["drive.mcap"][0]  # nor written
-    call(tmp_path, drive=short, bag={**SMALL["bag"], "start_s": 5})
+    call(tmp_path, drive=short, bag={**SMALL["bag"], "height_hz": 1})
     changed = folder / "drive.mcap"
     assert changed.read_bytes() != before["drive.mcap"][1]
     changed.unlink()
@@ -55,7 +55,7 @@ def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, t
 
 def test_another_seed_is_another_drive(call, tmp_path):
     write_meshes(tmp_path / "small/meshes/Terrain03", 3)
-    short = {**SMALL["drive"], "longest_s": 0.5, "settle_s": 0.1}
+    short = {**SMALL["drive"], "longest_s": 0.5, "spread": 1}
     for seed in (0, 4):
         assert call(tmp_path, "--seed", seed, drive=short).returncode == 0
     one, other = (tmp_path / f"small/rover/seed{seed}/trace.parquet" for seed in (0, 4))
@@ -91,7 +91,7 @@ def test_a_drive_of_other_code_is_driven_again(tmp_path, monkeypatch):
     """An old drive came back after a fix of the code that drives."""
     monkeypatch.chdir(Path(__file__).parents[2])
     write_meshes(tmp_path / "meshes/Terrain03", 3)
-    options = RoverOptions(**{**SMALL, "drive": {**SMALL["drive"], "longest_s": 0.2, "settle_s": 0.0}})
+    options = RoverOptions(**{**SMALL, "drive": {**SMALL["drive"], "longest_s": 0.2}})
     driven_now = []
     monkeypatch.setattr(run, "drive_to_end", lambda *given: driven_now.append(1) or drive_to_end(*given))
 

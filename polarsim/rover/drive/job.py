@@ -28,6 +28,10 @@ P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset where the offset alone s
 # within a few metres and without a swing.
 GAIN_RAD_M, INTEGRAL_RAD_M2, HEADING_GAIN = 4.0, 4.0, 2.0
 TURN_ABOVE_DEG = 45.0  # sharper corners are taken by a turn on the spot
+STEER_LIMIT_DEG = 30.0  # of a wheel, either way
+# Differences between seeds at `spread` 1: starts are drawn evenly within these bounds, either way, heights normally.
+ALONG_M, OFFSET_M, HEADING_DEG, GROUND_SD_M = 0.10, 0.02, 1.0, 0.0005
+LOG_HZ = 100.0  # rows of a trace a second
 SAMPLE = 0.1  # m between points of the path at which the wheels are checked
 
 
@@ -42,6 +46,7 @@ class Job:
     physics: SoilOptions
     rocks: WorldOptions
     seed: int
+    log_hz: float = LOG_HZ
 
     def digest(self) -> str:
         """Of everything here: a saved state of another drive is not gone on with."""
@@ -51,6 +56,7 @@ class Job:
                     *(part.model_dump(mode="json") for part in (self.vehicle, self.drive, self.physics, self.rocks)),
                     vars(self.soil),
                     self.seed,
+                    self.log_hz,
                 ]
             ),
             sort_keys=True,
@@ -74,7 +80,7 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
     terrains = [read_terrain(meshes / f"Terrain{number:02d}", number) for number in world.terrains]
     ground = dem_world(world, terrains, np.array(path_of(world, drive))) if world.dem else stitch(terrains, world)
     return Job(
-        rough_world(ground, drive.spread.ground_m, seed),
+        rough_world(ground, drive.spread * GROUND_SD_M, seed),
         read_vehicle(drive.vehicle),
         read_soil(soil.table, soil.soil),
         drive,
@@ -120,7 +126,7 @@ def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
 
 
 def law_of(options: DriveOptions) -> SteeringLaw:
-    limit, turn_above = math.radians(options.steer_limit_deg), math.radians(TURN_ABOVE_DEG)
+    limit, turn_above = math.radians(STEER_LIMIT_DEG), math.radians(TURN_ABOVE_DEG)
     if options.control == "P-only":
         steering: Steering = "crab" if options.steering == "crab" else "ackermann"
         return SteeringLaw(options.speed_m_s, P_ONLY_GAIN_RAD_M, 0.0, limit, steering, turn_above=turn_above)
@@ -131,9 +137,8 @@ def law_of(options: DriveOptions) -> SteeringLaw:
 
 def start_of(job: Job, route: Route) -> Start:
     """The path's first point, moved and turned by the seed."""
-    spread, heading = job.drive.spread, float(route.headings[0])
-    along, offset, angle = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * (
-        spread.along_m, spread.offset_m, math.radians(spread.heading_deg),
-    )  # fmt: skip
+    heading = float(route.headings[0])
+    bounds = job.drive.spread * np.array([ALONG_M, OFFSET_M, math.radians(HEADING_DEG)])
+    along, offset, angle = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * bounds
     x, y = route.points[0] + along * np.array([math.cos(heading), math.sin(heading)])
     return Start(float(x - offset * math.sin(heading)), float(y + offset * math.cos(heading)), heading + float(angle))

@@ -26,6 +26,7 @@ from polarsim.rover.world.options import WorldOptions
 STATE = "state.npz"
 CONTROL_HZ = 100.0  # commands per second
 STUCK_S, STUCK_SHARE = 10.0, 0.05  # with less than this share of the commanded headway in this time, s, it is stuck
+SETTLE_S = 2.0  # at rest before time 0, in which the rover sinks in
 SAVE_EVERY_S = 10.0  # time driven between saved states
 LEAST_CHANGE = 1e-5  # m: less is not written as a change of the ground
 Progress = Callable[[float], None]  # share of the path that is done, 0 to 1
@@ -92,7 +93,7 @@ class Ride:
         self.driver = driver or Driver(self.route, law_of(options))
         self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.route))
         dt = self.simulation.dt
-        self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", options.log_hz))}
+        self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", job.log_hz))}
         self.rows: list[np.ndarray] = []
         self.headway: list[float] = []  # m, by row
         self.moving_since = 0  # row from which headway is expected
@@ -169,7 +170,7 @@ class Ride:
         return Trace(trace_table(np.array(self.rows)), self.job.world, _tracks(self.frames), self._summary())
 
     def _settle(self) -> None:
-        steps = round(self.job.drive.settle_s / self.simulation.dt)
+        steps = round(SETTLE_S / self.simulation.dt)
         for first in range(0, steps, self._every["control"]):
             count = min(self._every["control"], steps - first)
             self.simulation.advance(count * self.simulation.dt)

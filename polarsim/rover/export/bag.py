@@ -23,12 +23,15 @@ from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
 from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace
 from polarsim.rover.export import messages
-from polarsim.rover.export.bag_pictures import PictureTopics
+from polarsim.rover.export.bag_pictures import PictureTopics, stamp_ns
 from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 
 MADE_OF = "bag.json"
+STATE_HZ, IMU_HZ = 50.0, 100.0  # messages a second
+ACCELEROMETER_SD, GYROSCOPE_SD = 0.01, 0.001  # noise of a reading on /imu, m/s2 and rad/s
+HEIGHT_CELL_M = 0.06  # minimum cell of /terrain/height: the drive's own cells would fill the bag
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -42,14 +45,14 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, se
     """
     trace = read_trace(folder)
     streams: list[Iterator[Stamped]] = [
-        _still(trace, vehicle, options),
-        _states(trace, vehicle, options),
-        _imu(trace, options, seed),
+        _still(trace, vehicle),
+        _states(trace, vehicle),
+        _imu(trace, seed),
         _heights(trace, options),
     ]
     streams += PictureTopics(folder, vehicle, options).streams()
     with writing(out) as temporary:
-        return bags.write(temporary, streams, options.compression)
+        return bags.write(temporary, streams)
 
 
 def write_changed_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> bool:
@@ -93,9 +96,9 @@ def picked(times: np.ndarray, hz: float) -> np.ndarray:
     return np.flatnonzero(np.diff(period, prepend=-np.inf) > 0)
 
 
-def _still(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stamped]:
+def _still(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
     """What does not move: the world's frames, and cameras on the body."""
-    time_ns = options.stamp_ns(float(trace.table["time_s"].iloc[0]))
+    time_ns = stamp_ns(float(trace.table["time_s"].iloc[0]))
     frames = [ros.transform(time_ns, "map", "odom", Pose.identity())]
     for camera in vehicle.cameras:
         if camera.name not in FOLLOWING:
@@ -104,15 +107,15 @@ def _still(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stam
     yield time_ns, "/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}
 
 
-def _states(trace: Trace, vehicle: Vehicle, options: BagOptions) -> Iterator[Stamped]:
+def _states(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
     table = trace.table
     times = table["time_s"].to_numpy()
     rates = {name: np.gradient(table[name].to_numpy(), times) for name in _joint_columns(("lift_m", "steer_rad"))}
     rates |= {f"{code}_spin_rad": table[f"{code}_spin_rad_s"].to_numpy() for code in WHEELS}
     order = [f"{code}_{name}" for code in WHEELS for name in ("lift_m", "steer_rad", "spin_rad")]
-    for index in picked(times, options.state_hz):
+    for index in picked(times, STATE_HZ):
         row = {str(name): value for name, value in table.iloc[int(index)].items()}
-        time_ns = options.stamp_ns(row["time_s"])
+        time_ns = stamp_ns(row["time_s"])
         base = _base(row)
         yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": _moving(time_ns, base, row, vehicle)}
         velocity = np.array([row[name] for name in ("vx_m_s", "vy_m_s", "vz_m_s")])
@@ -138,16 +141,16 @@ def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> 
     return frames
 
 
-def _imu(trace: Trace, options: BagOptions, seed: int) -> Iterator[Stamped]:
+def _imu(trace: Trace, seed: int) -> Iterator[Stamped]:
     """The same readings with noise, as a sensor gives them, and without, on a topic of their own."""
     table = trace.table
     noise = generator(seed, "rover", "imu")
-    sd = (options.accelerometer_sd_m_s2, options.gyroscope_sd_rad_s)
+    sd = (ACCELEROMETER_SD, GYROSCOPE_SD)
     readings = table[["ax_m_s2", "ay_m_s2", "az_m_s2", "wx_rad_s", "wy_rad_s", "wz_rad_s"]].to_numpy()
     quaternions = table[["qx", "qy", "qz", "qw"]].to_numpy()
     times = table["time_s"].to_numpy()
-    for index in picked(times, options.imu_hz):
-        time_ns, true = options.stamp_ns(float(times[index])), readings[index]
+    for index in picked(times, IMU_HZ):
+        time_ns, true = stamp_ns(float(times[index])), readings[index]
         read = true + noise.normal(size=6) * np.repeat(sd, 3)
         yield time_ns, "/imu", "sensor_msgs/msg/Imu", messages.imu(time_ns, read[:3], read[3:], sd, None)
         rotation = Rotation.from_quat(quaternions[index]).as_matrix()
@@ -160,13 +163,13 @@ def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
     if not options.height_hz:
         return
     world, tracks = trace.world, trace.tracks
-    step = max(1, round(options.height_cell_m / world.cell))
+    step = max(1, round(HEIGHT_CELL_M / world.cell))
     wanted = set(picked(tracks.time, options.height_hz).tolist())
     level = world.level.copy()
     for frame, time_s in enumerate(tracks.time):
         tracks.apply(frame, level)
         if frame in wanted:
-            time_ns = options.stamp_ns(float(time_s))
+            time_ns = stamp_ns(float(time_s))
             thinned = messages.grid_map(time_ns, level[::step, ::step], step * world.cell, world.x0, world.y0)
             yield time_ns, "/terrain/height", "grid_map_msgs/msg/GridMap", thinned
 

@@ -18,6 +18,7 @@ from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
 
+START_S = 1  # stamp of a drive's first instant: tf2 takes 0 for `the latest`
 ARRAY = "vision_msgs/msg/Detection2DArray"
 
 
@@ -56,7 +57,7 @@ class PictureTopics:
             number, picture = int(pose["frame"]), self._pictures(camera.name) / f"{int(pose['frame']):05d}.png"
             if not picture.is_file():
                 continue
-            time_ns = options.stamp_ns(float(pose["time_s"]))
+            time_ns = stamp_ns(float(pose["time_s"]))
             content = picture.read_bytes()
             lens = lens or lens_of(camera, content, picture)
             if camera.name in FOLLOWING:
@@ -70,6 +71,11 @@ class PictureTopics:
                 if rows is not None:
                     found = ros.detections(time_ns, frame, rows.get(number, []))
                     yield time_ns, f"/{camera.name}/{topic}", ARRAY, found
+
+
+def stamp_ns(time_s: float) -> int:
+    """Return the stamp of a time of the drive's clock."""
+    return START_S * 1_000_000_000 + round(time_s * 1e9)
 
 
 def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from polarsim.rover.drive.job import Job
+from polarsim.rover.drive.job import GROUND_SD_M, Job
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.planning.drive import autonomous_job, job_for
 from polarsim.rover.planning.options import AutonomyOptions
@@ -89,14 +89,14 @@ class TerrainCourse(_Driven):
     options: AutonomyOptions = LOOKS
 
     def job(self, seed: int) -> Job:
-        world = rough_world(self._bare.world, self.drive.spread.ground_m, seed)
-        return replace(self._bare, world=world, seed=seed)
+        world = rough_world(self._bare.world, self.drive.spread * GROUND_SD_M, seed)
+        drive = self._bare.drive.model_copy(update={"spread": self.drive.spread})
+        return replace(self._bare, world=world, drive=drive, seed=seed)
 
     @cached_property
     def _bare(self) -> Job:
         """The job without noise on its ground: meshes are read once."""
-        spread = self.drive.spread.model_copy(update={"ground_m": 0.0})
-        drive = self.drive.model_copy(update={"spread": spread})
+        drive = self.drive.model_copy(update={"spread": 0.0})
         job = job_for(meshes=self.meshes, world=self.world, soil=self.soil, drive=drive, options=self.options, seed=0)
         return autonomous_job(job, self.options)
 

@@ -73,12 +73,11 @@ def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
         update={
             "path_m": _line(job.rocks, job.drive),
             "speed_m_s": options.speed_m_s,
-            "log_hz": _LOG_HZ,
             "picture_hz": LOOK_HZ,
             "longest_s": options.longest_s,
         }
     )
-    return replace(job, drive=drive)
+    return replace(job, drive=drive, log_hz=_LOG_HZ)
 
 
 def _line(world: WorldOptions, drive: DriveOptions) -> tuple[Point, Point]:

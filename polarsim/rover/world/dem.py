@@ -15,15 +15,26 @@ from scipy.interpolate import RectBivariateSpline
 from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
 from polarsim.rover.world.craters import dig, strewn_craters
-from polarsim.rover.world.options import DemOptions, WorldOptions
+from polarsim.rover.world.options import CraterOptions, DemOptions, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, with_rocks
 from polarsim.rover.world.relief import amplitudes, relief, spacings
-from polarsim.rover.world.rock_field import RING_RADII, RockField, Shape, posed, shapes_of, smooth, strewn_rocks
+from polarsim.rover.world.rock_field import (
+    RING_RADII,
+    RockField,
+    RockLaw,
+    Shape,
+    posed,
+    shapes_of,
+    smooth,
+    strewn_rocks,
+)
 from polarsim.rover.world.stitch import Terrain
 from polarsim.rover.world.surface import Surroundings, World, bare_world
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 GROWTH, GROWTH_FAR = 1.02, 1.1  # of nodes' distances, from one to the next, in the square and beyond
+HURST = 0.76  # of the added relief: lunar maria (Rosenburg et al., J. Geophys. Res. 116 (2011) E02001)
+COARSE_CELL_M = 0.25  # maximum distance between nodes in the square
 CORNERS = (150, 32)  # of rocks beyond the grid, and of those that are scenery
 _MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # that labels can tell apart; the rest is scenery
 
@@ -56,10 +67,10 @@ def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) 
     none = np.zeros((0, 3))
     around = Surroundings(x, y, level.astype(np.float32), none.astype(np.float32), none.astype(np.int32))
     bare = replace(bare_world(level[own], options.cell_m, inner[0][0], inner[1][0]), around=around)
-    if dem.rocks is None:
+    if not dem.rocks:
         return bare
     shapes = shapes_of(terrains, CORNERS)
-    return _strewn(bare, strewn_rocks(dem.rocks, shapes, dem.size_m, path[:1], dem.seed), shapes)
+    return _strewn(bare, strewn_rocks(RockLaw(dem.rocks), shapes, dem.size_m, path[:1], dem.seed), shapes)
 
 
 def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevation: Elevation | None) -> np.ndarray:
@@ -73,11 +84,11 @@ def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevat
         )
         level += heights - centre
     spacing = spacings(2 * cell, elevation.pixel_m if elevation else dem.horizon_m / 4)
-    amplitude = amplitudes(spacing, dem.relief.hurst, dem.relief.deviation_m)
+    amplitude = amplitudes(spacing, HURST, dem.relief_m)
     level += relief(
         x, y, spacing=spacing, amplitude=amplitude, half_m=dem.size_m / 2, far_m=dem.horizon_m, seed=dem.seed
     )
-    dig(level, x, y, strewn_craters(dem.craters, dem.size_m, dem.seed))
+    dig(level, x, y, strewn_craters(CraterOptions(dem.craters), dem.size_m, dem.seed))
     return level
 
 
@@ -96,13 +107,13 @@ def _grid(options: WorldOptions, dem: DemOptions, path: np.ndarray) -> tuple[np.
 
 
 def _nodes(inner: np.ndarray, dem: DemOptions) -> np.ndarray:
-    """The grid's nodes with those beyond it: evermore apart, up to `coarse_cell_m` in the square."""
+    """The grid's nodes with those beyond it: evermore apart, up to `COARSE_CELL_M` in the square."""
     cell, half = inner[1] - inner[0], dem.size_m / 2
     sides = []
     for rim in (-inner[0], inner[-1]):
         steps, place, step = [], rim, cell
         while place < max(dem.horizon_m, half):
-            step = step * GROWTH_FAR if place >= half else min(step * GROWTH, max(dem.coarse_cell_m, cell))
+            step = step * GROWTH_FAR if place >= half else min(step * GROWTH, max(COARSE_CELL_M, cell))
             place += step
             steps.append(place)
         sides.append(np.array(steps))

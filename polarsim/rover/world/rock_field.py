@@ -22,7 +22,6 @@ from polarsim.geometry.meshes import Mesh, subdivided
 from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import top_at
-from polarsim.rover.world.options import RockOptions
 from polarsim.rover.world.placed import outward
 from polarsim.rover.world.stitch import Terrain
 
@@ -32,6 +31,16 @@ _MOST_FACES = 50_000
 _SIZES = 2000  # at which the law is tabulated to draw from it
 _RING = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 RING_RADII = 0.65  # diameters from a rock's centre at which the ground round it is measured
+
+
+@dataclass(frozen=True)
+class RockLaw:
+    """Which rocks are strewn."""
+
+    abundance: float = 0.02  # k of Golombek and Rapp's law, whose rocks below `smallest_m` are left out
+    smallest_m: float = 0.05
+    largest_m: float = 1.0
+    clear_m: float = 1.5  # minimum distance of a rock from where the rover starts
 
 
 @dataclass(frozen=True)
@@ -70,15 +79,15 @@ def _steepness(abundance: float) -> float:
     return 1.79 + 0.152 / abundance
 
 
-def strewn_rocks(options: RockOptions, shapes: list[Shape], size_m: float, clear: np.ndarray, seed: int) -> RockField:
+def strewn_rocks(law: RockLaw, shapes: list[Shape], size_m: float, clear: np.ndarray, seed: int) -> RockField:
     """Rocks with centres on a square of side `size_m` about 0, none nearer than `clear_m` to places `clear` (n, 2)."""
     rng = generator(seed, "rocks")
-    sizes = np.geomspace(options.smallest_m, options.largest_m, _SIZES)
-    density = per_m2(sizes, options.abundance)
+    sizes = np.geomspace(law.smallest_m, law.largest_m, _SIZES)
+    density = per_m2(sizes, law.abundance)
     count = rng.poisson(size_m**2 * (density[0] - density[-1])) if shapes else 0
     diameter = np.interp(-np.sort(rng.uniform(density[-1], density[0], count)), -density, sizes)
     diameter = np.sort(diameter)[::-1]
-    x, y = _places(rng, diameter, size_m, clear, options.clear_m)
+    x, y = _places(rng, diameter, size_m, clear, law.clear_m)
     own = np.array([shape.diameter_m for shape in shapes])
     order = np.argsort(-own)
     # A large rock takes its shape from the larger half of the rocks: the small ones' meshes show less.

@@ -1,6 +1,6 @@
 """Terrains side by side: one grid of heights from their ground meshes, their rocks on it, filler ground around.
 
-The first terrain is the eastern one. Each keeps its centre `length_m`; neighbours pass into each other over `blend_m`
+The first terrain is the eastern one. Each keeps its centre `LENGTH_M`; neighbours pass into each other over `BLEND_M`
 about their seam, for which each ground reaches beyond its own length. Heights count from each terrain's sand level, so
 that published meshes that stand decimetres off meet too.
 """
@@ -21,10 +21,12 @@ from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume, top_at
-from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.options import LENGTH_M, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, outward, with_rocks
 from polarsim.rover.world.surface import World, bare_world
 
+BLEND_M = 0.4  # over which two grounds pass into each other at a seam
+FILLER_SD_M = 0.003  # standard deviation of filler ground's heights
 FILLER_GRAIN = 0.08  # m, over which filler ground's heights are alike
 FADE = 0.3  # m, over which a terrain's edge passes into filler ground
 
@@ -78,29 +80,29 @@ def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> Wor
     RoverError
         A ground mesh covers nothing of its part of the strip.
     """
-    length, cell = options.length_m * len(terrains), options.cell_m
+    length, cell = LENGTH_M * len(terrains), options.cell_m
     columns = 2 * round((length / 2 + options.margin_m) / cell) + 1
     rows = 2 * round(options.width_m / 2 / cell) + 1
     x0, y0 = -(columns - 1) / 2 * cell, -(rows - 1) / 2 * cell
     x, y = x0 + cell * np.arange(columns), y0 + cell * np.arange(rows)
     total, weights = np.zeros((rows, columns)), np.zeros((rows, columns))
     for terrain, centre in zip(terrains, centres(options), strict=True):
-        reach = (options.length_m + options.blend_m) / 2
+        reach = (LENGTH_M + BLEND_M) / 2
         part = slice(*np.searchsorted(x, [centre - reach, centre + reach]))
         heights = _heights(terrain, x[part] - centre, y)
         # Each side's share falls from 1 to 0 across the seam, and the shares of two neighbours add up to 1.
-        share = _ramp((options.length_m / 2 - np.abs(x[part] - centre)) / options.blend_m + 0.5)
+        share = _ramp((LENGTH_M / 2 - np.abs(x[part] - centre)) / BLEND_M + 0.5)
         covered = np.isfinite(heights)
         total[:, part] += np.where(covered, heights, 0.0) * share
         weights[:, part] += covered * share
-    level = _with_filler(total, weights, cell, options.filler_roughness_m, seed)
+    level = _with_filler(total, weights, cell, seed)
     return _with_rocks(bare_world(level, cell, x0, y0), terrains, options)
 
 
 def centres(options: WorldOptions) -> np.ndarray:
     """(n,) x of the terrains' centres, the first in the east."""
     count = len(options.terrains)
-    return options.length_m * ((count - 1) / 2 - np.arange(count))
+    return LENGTH_M * ((count - 1) / 2 - np.arange(count))
 
 
 def rough_world(world: World, deviation: float, seed: int) -> World:
@@ -166,14 +168,14 @@ def fill_holes(level: np.ndarray, inside: np.ndarray) -> np.ndarray:
     return filled
 
 
-def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, roughness: float, seed: int) -> np.ndarray:
+def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, seed: int) -> np.ndarray:
     """Where no terrain is: the nearest one's height, fading into level ground with a little relief."""
     covered = weights > 0.5
     level = np.where(covered, total / np.where(covered, weights, 1.0), 0.0)
     distance, nearest = distance_transform_edt(~covered, return_indices=True)
     edge = level[tuple(nearest)]
     grain = gaussian_filter(generator(seed, "rover", "filler").normal(size=level.shape), FILLER_GRAIN / cell)
-    relief = roughness * grain / grain.std()
+    relief = FILLER_SD_M * grain / grain.std()
     kept = _ramp(1 - distance * cell / FADE)
     return np.where(covered, level, kept * edge + (1 - kept) * relief)
 
@@ -188,6 +190,6 @@ def _in_the_strip(world: World, terrains: list[Terrain], options: WorldOptions) 
             used, corners = np.unique(rock.faces, return_inverse=True)
             points = rock.vertices[used] + (centre, 0.0, -terrain.sand_level)
             x, y = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
-            if abs(x - centre) <= options.length_m / 2 and world.y[0] < y < world.y[-1]:
+            if abs(x - centre) <= LENGTH_M / 2 and world.y[0] < y < world.y[-1]:
                 faces = outward(points, corners.reshape(rock.faces.shape))
                 yield PlacedRock(terrain.number, number, points, faces)

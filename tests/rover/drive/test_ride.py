@@ -25,7 +25,7 @@ from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
-from polarsim.rover.world.options import DemOptions, FineReliefOptions, RockOptions, WorldOptions
+from polarsim.rover.world.options import DemOptions, WorldOptions
 from polarsim.rover.world.surface import bare_world
 from polarsim.run_files.instances import BACKGROUND, ROCK_IDS
 from tests.rover.drives import write_meshes
@@ -37,7 +37,7 @@ def job(seed: int = 0, slope_deg: float = 0.0, physics: SoilOptions | None = Non
     """A metre over ground that falls from east to west."""
     x = -2.0 + 0.02 * np.arange(201)
     level = np.tile(np.tan(np.radians(slope_deg)) * -x, (121, 1))
-    options = {"path_m": ((0.25, 0.0), (-0.25, 0.0)), "settle_s": 0.5, "speed_m_s": 0.3} | drive
+    options = {"path_m": ((0.25, 0.0), (-0.25, 0.0)), "speed_m_s": 0.3} | drive
     return Job(
         bare_world(level, 0.02, -2.0, -1.2),
         read_vehicle(CONFIG / "viper.yaml"),
@@ -161,11 +161,9 @@ def test_an_open_energy_balance_ends_a_drive_with_its_tables_written(tmp_path, m
 def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp_path, monkeypatch):
     """From a run's meshes to a picture: rocks in the shapes of the terrain's, hills around, no blank plane."""
     write_meshes(tmp_path / "meshes/Terrain03", 3)
-    dem = DemOptions(
-        size_m=16, horizon_m=60, drive_m=2, rocks=RockOptions(abundance=0.1), relief=FineReliefOptions(deviation_m=0.1)
-    )
+    dem = DemOptions(size_m=16, horizon_m=60, drive_m=2, rocks=0.1, relief_m=0.1)
     world = WorldOptions(terrains=(3,), dem=dem, width_m=3, margin_m=1.5, cell_m=0.04)
-    options = DriveOptions(settle_s=0.2, longest_s=0.6, picture_hz=2)
+    options = DriveOptions(longest_s=0.6, picture_hz=2)
     found = run_drive(
         meshes=tmp_path / "meshes", folder=tmp_path / "drive", world=world, soil=SoilOptions(), drive=options, seed=0
     )

@@ -56,7 +56,7 @@ def job() -> Job:
         vertices=np.concatenate(vertices).astype(np.float32),
         triangles=np.concatenate(faces).astype(np.int32),
     )
-    line = DriveOptions(path_m=((0.0, 0.0), (5.8, 0.0)), settle_s=0.5)
+    line = DriveOptions(path_m=((0.0, 0.0), (5.8, 0.0)))
     soil = SoilOptions(slip_sinkage=False, step_s=0.002)
     return Job(world, read_vehicle(line.vehicle), read_soil(soil.table, soil.soil), line, soil, WorldOptions(), 0)
 

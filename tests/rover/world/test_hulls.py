@@ -13,7 +13,7 @@ from tests.rover.made_world import SMALL, ball, plane
 def test_soil_under_a_rock_is_the_rocks():
     world = stitch([Terrain(4, plane(0.0), {7: ball(0, 0, 0)}), Terrain(1, plane(0.0), {})], SMALL)
     y, x = np.meshgrid(world.y, world.x, indexing="ij")
-    distance = np.hypot(x - 0.5, y)
+    distance = np.hypot(x - 1.75, y)
     under = under_rocks(world)
     assert under[distance < 0.085].all()
     assert not under[distance > 0.1].any()

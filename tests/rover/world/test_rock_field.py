@@ -7,8 +7,16 @@ from scipy.spatial import ConvexHull
 
 from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh
-from polarsim.rover.world.options import RockOptions
-from polarsim.rover.world.rock_field import Shape, covered_share, per_m2, posed, shapes_of, smooth, strewn_rocks
+from polarsim.rover.world.rock_field import (
+    RockLaw,
+    Shape,
+    covered_share,
+    per_m2,
+    posed,
+    shapes_of,
+    smooth,
+    strewn_rocks,
+)
 from polarsim.rover.world.stitch import Terrain
 from tests.rover.made_world import ball, plane
 
@@ -35,7 +43,7 @@ def test_as_many_rocks_as_cover_the_stated_share(abundance):
 
 
 def test_strewn_sizes_follow_the_law_and_nothing_overlaps():
-    options = RockOptions(abundance=0.05, smallest_m=0.1, largest_m=1.0, clear_m=3.0)
+    options = RockLaw(abundance=0.05, smallest_m=0.1, largest_m=1.0, clear_m=3.0)
     start = np.array([[5.0, 0.0]])
     field = strewn_rocks(options, [shape()], 60.0, start, seed=3)
     assert (np.diff(field.diameter) <= 0).all()
@@ -51,7 +59,7 @@ def test_strewn_sizes_follow_the_law_and_nothing_overlaps():
 
 
 def test_a_seed_is_a_field():
-    one, again, two = (strewn_rocks(RockOptions(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
+    one, again, two = (strewn_rocks(RockLaw(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one.x, again.x)
     np.testing.assert_array_equal(one.diameter, again.diameter)
     assert len(one.x) != len(two.x) or (one.x != two.x).any()
@@ -59,7 +67,7 @@ def test_a_seed_is_a_field():
 
 def test_large_rocks_take_their_shapes_from_the_larger_half():
     shapes = [shape(diameter) for diameter in (0.3, 0.06, 0.2, 0.08)]
-    field = strewn_rocks(RockOptions(abundance=0.1), shapes, 10.0, NOWHERE, 0)
+    field = strewn_rocks(RockLaw(abundance=0.1), shapes, 10.0, NOWHERE, 0)
     large = field.diameter > 0.14
     assert set(field.shape[large]) == {0, 2}
     assert set(field.shape[~large]) == {0, 1, 2, 3}
