@@ -13,6 +13,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import box, surfaces_of
+from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files import rigs
 from polarsim.run_files.scene import TerrainMesh
 
@@ -91,3 +92,17 @@ def folders(tmp_path, camera, lens):
     rig = StereoRig(lens, lens, Pose(np.eye(3), np.array([0.3, 0, 0])))
     rigs.write_localised(tmp_path / "cameras" / "PosA.json", rigs.LocalisedRig(rig, camera, "test"))
     return tmp_path
+
+
+def render_into(folders, twins, keys, options, labels="labels", **others):
+    """Render the terrain of `folders` into folders by model; its labels and maps go to `folders / labels`."""
+    files = ("boxes", "instances", "coco.json", "table.parquet", "maps")
+    given = {
+        "terrain": 1,
+        "cameras": folders / "cameras",
+        "meshes": folders / "meshes",
+        "photos": None,
+        "threads": 1,
+        "labels": LabelPaths(*(folders / labels / name for name in files)),
+    }
+    render_twins(twins=twins, keys=keys, options=options, **given | others)

@@ -14,9 +14,10 @@ from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.gain import as_bright_as_fitted, with_fit
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
-from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.materials import Fitted, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain
+
+from .conftest import render_into
 
 OPTIONS = RenderOptions(models=("lambert",), rim=False, bounce=0, fitting=FittingOptions(parameters={}))
 KEYS = [PhotoKey.parse(f"01_A_{name}_L_{ms:04d}") for name in ("off_30", "off_180", "on_no") for ms in (32, 128, 512)]
@@ -28,12 +29,7 @@ def fit_of(parameters, **lamps):
 
 
 def twins_of(folders, out, options=OPTIONS, materials=None):
-    labels = folders / "labels"
-    render_twins(
-        terrain=1, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
-        twins={"lambert": folders / out}, options=options, threads=1, materials=materials,
-        labels=LabelPaths(labels / "boxes", labels / "instances", labels / "coco.json", labels / "table.parquet"),
-    )  # fmt: skip
+    render_into(folders, {"lambert": folders / out}, KEYS, options, materials=materials)
     return {PhotoKey.parse(path.stem): path for path in sorted((folders / out).glob("*.png"))}
 
 

@@ -14,8 +14,9 @@ from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import ground_shadows
 from polarsim.render.surfaces import surfaces_of
-from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.instances import RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
+
+from .conftest import render_into
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 
@@ -128,14 +129,7 @@ def labelled(folders, lens, monkeypatch):
     monkeypatch.setattr(yolo, "_SIZE", np.array([lens.width, lens.height], float))  # the small lens's photos
     for path in (folders / "meshes").iterdir():
         path.rename(path.with_name(path.name.replace("terrain01", "terrain03")))
-    render_twins(
-        terrain=3, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
-        twins={"lambert": folders / "twins"},
-        labels=LabelPaths(
-            folders / "boxes", folders / "instances", folders / "coco.json", folders / "table.parquet"
-        ),
-        options=RenderOptions(rim=False), threads=1,
-    )  # fmt: skip
+    render_into(folders, {"lambert": folders / "twins"}, KEYS, RenderOptions(rim=False), labels=".", terrain=3)
     return folders
 
 

@@ -10,20 +10,17 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.render.shadows import FACES_AWAY, LIT
 from polarsim.render.sidecar import read_sidecar
-from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.instances import SHADOW_IDS
+
+from .conftest import render_into
 
 KEYS = [PhotoKey.parse(f"01_A_{name}") for name in ("off_30_L_0256", "on_30_L_0064", "on_30_L_0256", "off_no_L_0512")]
 SETS = ["01_A_off_30_L.png", "01_A_on_30_L.png"]
 
 
 def make(folders, names, keys=KEYS, threads=1):
-    labels = (folders / "labels" / name for name in ("boxes", "instances", "coco.json", "table.parquet", "maps"))
-    render_twins(
-        terrain=1, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
-        twins={"hapke": folders / "twins"}, labels=LabelPaths(*labels),
-        options=RenderOptions(rim=False, maps=names), threads=threads,
-    )  # fmt: skip
+    options = RenderOptions(rim=False, maps=names)
+    render_into(folders, {"hapke": folders / "twins"}, keys, options, threads=threads)
     return folders / "labels" / "maps"
 
 

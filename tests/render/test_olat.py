@@ -105,16 +105,16 @@ def test_embree_and_numpy_rays_make_the_same_olat_image(blocks, surfaces, camera
     assert differ.mean() < 2e-3  # pixels whose centre lies on an edge
 
 
-def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain):
+@pytest.mark.parametrize("radius_m", [0, 0.2])
+def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain, radius_m):
     """Neither of OLAT images nor of ids nor of maps."""
-    found = []
+    lamps, found = {"sun": Lamp(LAMP.position, radius_m=radius_m)}, []
     for threads in (1, 2):
-        view = render_view(surfaces, Camera(camera, lens), {"sun": LAMP}, ["hapke"], ["sun"], plain, threads)
-        maps = maps_of(surfaces, Camera(camera, lens), {"sun": LAMP}, plain, threads)
-        of_sun = maps.by_lamp["sun"]
-        found.append(
-            (view.olat_images["hapke", "sun"], view.ids["sun"], maps.depth_m, maps.ids, of_sun.lit, of_sun.shading)
-        )
+        view = render_view(surfaces, Camera(camera, lens), lamps, ["hapke"], ["sun"], plain, threads)
+        maps = maps_of(surfaces, Camera(camera, lens), lamps, plain, threads)
+        under = maps.by_lamp["sun"]
+        pictures = (maps.depth_m, maps.ids, under.lit, under.shading)
+        found.append((view.olat_images["hapke", "sun"], view.ids["sun"], *pictures))
     for one, two in zip(*found, strict=True):
         np.testing.assert_array_equal(one, two)
 

@@ -62,16 +62,6 @@ def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, l
     assert np.median(np.abs(other - one)) == 0
 
 
-def test_threads_do_not_change_a_penumbra(surfaces, camera, lens, plain):
-    images = [
-        render_view(surfaces, Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, plain, threads).olat_images[
-            "lambert", "lamp"
-        ]
-        for threads in (1, 2)
-    ]
-    np.testing.assert_array_equal(*images)
-
-
 def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, plain, ids_of, monkeypatch):
     maps = maps_of(surfaces, Camera(above, lens), {"lamp": LAMP}, plain)
     ground, share = maps.ids == GROUND, maps.by_lamp["lamp"].lit

@@ -16,8 +16,9 @@ from polarsim.render.lamps import ROVER
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.render.sidecar import digest_of, read_sidecar, write_sidecar
-from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.instances import ROCK_IDS
+
+from .conftest import render_into
 
 KEYS = [PhotoKey.parse(f"01_A_{name}_0256") for name in ("off_30_L", "on_30_L", "on_180_R", "off_no_L")]
 OPTIONS = RenderOptions(
@@ -26,11 +27,7 @@ OPTIONS = RenderOptions(
 
 
 def make(folders, out="twins", options=OPTIONS):
-    labels = LabelPaths(*(folders / "labels" / name for name in ("boxes", "instances", "coco.json", "table.parquet")))
-    render_twins(
-        terrain=1, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
-        twins={"hapke": folders / out}, labels=labels, options=options, threads=1,
-    )  # fmt: skip
+    render_into(folders, {"hapke": folders / out}, KEYS, options)
     return folders / out
 
 

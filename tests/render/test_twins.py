@@ -10,24 +10,18 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
 from polarsim.render.optics import spread, vignette
 from polarsim.render.options import MODELS, RenderOptions
-from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.rigs import SURVEYED, UNSURE, read_localised, write_localised
 from polarsim.survey import SURVEYED_LEFT, lamp_position
+
+from .conftest import render_into
 
 SETS = ("01_A_off_30_L", "01_A_on_30_L", "01_A_off_180_R")
 KEYS = [PhotoKey.parse(f"{name}_{ms:04d}") for name in SETS for ms in (64, 128, 256)]
 OPTIONS = RenderOptions(rim=False, bounce=0)
 
 
-def label_paths(folder):
-    return LabelPaths(folder / "boxes", folder / "instances", folder / "coco.json", folder / "table.parquet")
-
-
-def render(folders, out, keys=KEYS, model="hapke", photos=None, options=OPTIONS, threads=1, terrain=1):
-    render_twins(
-        terrain=terrain, keys=keys, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
-        twins={model: folders / out}, labels=label_paths(folders / "labels"), options=options, threads=threads,
-    )  # fmt: skip
+def render(folders, out, keys=KEYS, model="hapke", options=OPTIONS, **others):
+    render_into(folders, {model: folders / out}, keys, options, **others)
     return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).glob("*.png"))}
 
 
@@ -43,10 +37,7 @@ def test_every_key_gets_a_twin_of_12_bits(folders, lens):
 
 def test_models_that_share_rays_get_the_twins_that_each_gets_alone(folders):
     both = {model: folders / "both" / model for model in ("hapke", "principled")}
-    render_twins(
-        terrain=1, keys=KEYS, cameras=folders / "cameras", meshes=folders / "meshes", photos=None, twins=both,
-        labels=label_paths(folders / "labels"), options=OPTIONS, threads=1,
-    )  # fmt: skip
+    render_into(folders, both, KEYS, OPTIONS)
     for model, together in both.items():
         alone = render(folders, f"{model}_alone", model=model)
         assert sorted(alone) == sorted(path.stem for path in together.glob("*.png"))
@@ -150,10 +141,7 @@ def test_some_of_the_twins_are_those_of_the_whole_set_wherever_their_brightness_
     whole = render(folders, "whole", photos=table)
     for chosen in (KEYS[:1], KEYS[3:5], KEYS[6:]):  # of the view that sets the brightness, and of the other
         out = f"some_{chosen[0]}"
-        render_twins(
-            terrain=1, keys=KEYS, only=chosen, cameras=folders / "cameras", meshes=folders / "meshes", photos=table,
-            twins={"hapke": folders / out}, labels=label_paths(folders / out), options=OPTIONS, threads=1,
-        )  # fmt: skip
+        render(folders, out, labels=out, only=chosen, photos=table)
         assert sorted(path.stem for path in (folders / out).glob("*.png")) == sorted(map(str, chosen))
         for key in chosen:
             np.testing.assert_array_equal(png.read(folders / out / f"{key}.png"), whole[str(key)])
@@ -163,29 +151,19 @@ def test_some_of_the_twins_are_those_of_the_whole_set_wherever_their_brightness_
 
 def test_a_terrain_of_whose_photos_none_is_asked_for_has_all_its_folders_and_an_empty_table(folders):
     """Split by position a terrain may have no test photo; the gap's twins are of test photos."""
-    paths = label_paths(folders / "none")
-    render_twins(
-        terrain=1, keys=KEYS, only=set(), cameras=folders / "cameras", meshes=folders / "meshes", photos=None,
-        twins={"hapke": folders / "none"}, labels=paths, options=OPTIONS, threads=1,
-    )  # fmt: skip
-    for folder in (folders / "none", paths.boxes, paths.instances):
+    render(folders, "none", only=set())
+    for folder in (folders / "none", folders / "labels/boxes", folders / "labels/instances"):
         assert folder.is_dir()
         assert not list(folder.glob("0*"))
-    assert pd.read_parquet(paths.table).empty
-    assert paths.annotations.is_file()
+    assert pd.read_parquet(folders / "labels/table.parquet").empty
+    assert (folders / "labels/coco.json").is_file()
 
 
 def test_lamps_may_stand_where_another_folder_says(folders):
     from polarsim.run_files.lamps import write_suns
 
     write_suns(folders / "moved", {"30": np.array([-3.0, 1.0, 0.8])})
-    render_twins(
-        terrain=1, keys=KEYS, cameras=folders / "cameras", lamps=folders / "moved", meshes=folders / "meshes",
-        photos=None, twins={"hapke": folders / "moved_twins"}, labels=label_paths(folders / "labels"), options=OPTIONS,
-        threads=1,
-    )  # fmt: skip
-    twins = render(folders, "twins")
-    moved = {key: png.read(folders / "moved_twins" / f"{key}.png").astype(int) for key in twins}
+    twins, moved = render(folders, "twins"), render(folders, "moved_twins", lamps=folders / "moved")
     assert (moved["01_A_off_30_L_0256"] != twins["01_A_off_30_L_0256"]).mean() > 0.1
     np.testing.assert_array_equal(moved["01_A_off_180_R_0256"], twins["01_A_off_180_R_0256"])
 
