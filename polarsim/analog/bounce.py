@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from polarsim.analog.light import SURFACE_OFFSET, Lamp, towards
+from polarsim.analog.noise import fibonacci_sphere
 from polarsim.analog.rays import Caster, rays_from
 from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, Scene
@@ -88,12 +89,7 @@ def _lit_radiance(
 
 def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(n, rays, 3) float32 directions, uniform over hemispheres about normals: one spread set, rotated at random."""
-    k = np.arange(2 * _BOUNCE_RAYS) + 0.5
-    z = 1 - k / _BOUNCE_RAYS
-    longitude = np.pi * (1 + 5**0.5) * k
-    sphere = np.stack([np.sqrt(1 - z * z) * np.cos(longitude), np.sqrt(1 - z * z) * np.sin(longitude), z], 1)[
-        :_BOUNCE_RAYS
-    ]
+    sphere = fibonacci_sphere(2 * _BOUNCE_RAYS)[:_BOUNCE_RAYS]
     angle = rng.uniform(0, 2 * np.pi, len(normals))
     side = np.where(np.abs(normals[:, 2:]) < 0.9, [[0, 0, 1.0]], [[1.0, 0, 0]])
     first = np.cross(normals, side)

@@ -1,4 +1,4 @@
-"""Random fields: fractal relief on a grid and lattice noise in space."""
+"""Random fields, fractal relief on a grid and lattice noise in space; evenly spread directions."""
 
 from __future__ import annotations
 
@@ -14,6 +14,14 @@ def fractal_field(rng: np.random.Generator, size: int, step: float, shortest: fl
     phases = np.fft.fft2(rng.standard_normal((size, size)))
     field = np.real(np.fft.ifft2(phases * amplitude))
     return field / field.std()
+
+
+def fibonacci_sphere(count: int) -> np.ndarray:
+    """(count, 3) unit vectors spread evenly over the sphere, from +z to -z."""
+    k = np.arange(count) + 0.5
+    z = 1 - 2 * k / count
+    longitude, level = np.pi * (1 + 5**0.5) * k, np.sqrt(1 - z * z)
+    return np.stack([level * np.cos(longitude), level * np.sin(longitude), z], axis=1)
 
 
 def lattice_noise(points: np.ndarray, table: np.ndarray) -> np.ndarray:

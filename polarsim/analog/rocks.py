@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.analog.noise import octaves
+from polarsim.analog.noise import fibonacci_sphere, octaves
 
 
 @dataclass(frozen=True)
@@ -105,10 +105,7 @@ def _cut(directions: np.ndarray, normals: np.ndarray, distances: np.ndarray) -> 
 
 def _spread_directions(rng: np.random.Generator, count: int) -> np.ndarray:
     """(count, 3) unit vectors, spread so that no side is left open (a jittered Fibonacci lattice, rotated)."""
-    k = np.arange(count) + 0.5
-    z = 1 - 2 * k / count
-    angle = np.pi * (1 + 5**0.5) * k
-    lattice = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], 1)
+    lattice = fibonacci_sphere(count)
     lattice += rng.normal(0, 0.22, lattice.shape)
     lattice /= np.linalg.norm(lattice, axis=1, keepdims=True)
     return Rotation.from_rotvec(rng.normal(0, 2, 3)).apply(lattice)

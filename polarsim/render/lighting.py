@@ -27,7 +27,7 @@ def visible_share(
     rotation: np.ndarray,
     every: int = 1,
 ) -> np.ndarray:
-    """(n,) float32 share, 0 to 1, of a disc that faces each point and that nothing hides from it.
+    """(n,) float32 share, 0 to 1, of a disc that faces each point and that nothing hides from it; of a point 0 or 1.
 
     Parameters
     ----------
@@ -53,6 +53,8 @@ def visible_share(
     def centre_seen(numbers: np.ndarray) -> np.ndarray:
         return ~surfaces.all.occluded(*_rows(numbers, points, to_lamp), 1.0)
 
+    if not radius_m:
+        return (~surfaces.all.occluded(points, to_lamp, 1.0)).astype(np.float32)
     share = np.empty(len(points), np.float32)
     unsure = np.arange(len(points))
     if every > 1:

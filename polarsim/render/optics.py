@@ -108,7 +108,9 @@ def lens_flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: Rende
     towards = camera.world_from_camera.rotation.T @ (to_lamp[0] / np.linalg.norm(to_lamp))
     if towards[2] <= 0:  # it stands beside or behind the lens
         return np.zeros(lens.shape, np.float32)
-    light = irradiance[0] * towards[2] * _seen_share(surfaces, eye, to_lamp, lamp, options.lamp_samples)
+    rays = eye.astype(np.float32), to_lamp.astype(np.float32)
+    share = float(visible_share(surfaces, *rays, lamp.radius_m, options.lamp_samples, np.zeros(1))[0])
+    light = irradiance[0] * towards[2] * share
     if not light:
         return np.zeros(lens.shape, np.float32)
     directions = pixel_directions(lens, slice(None))
@@ -129,11 +131,3 @@ def scattering(angle: np.ndarray) -> np.ndarray:
 @cache
 def _strength() -> float:
     return float(1 / quad(lambda angle: 2 * np.pi * np.sin(angle) / (angle**2 + CORE**2), 0, np.pi / 2)[0])
-
-
-def _seen_share(surfaces: Surfaces, eye: np.ndarray, to_lamp: np.ndarray, lamp: Lamp, samples: int) -> float:
-    """Share of the lamp that is seen from a point (1, 3)."""
-    if not lamp.radius_m:
-        return float(not surfaces.all.occluded(eye, to_lamp, 1.0)[0])
-    eye, to_lamp = eye.astype(np.float32), to_lamp.astype(np.float32)
-    return float(visible_share(surfaces, eye, to_lamp, lamp.radius_m, samples, np.zeros(1))[0])
