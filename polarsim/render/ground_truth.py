@@ -41,11 +41,11 @@ def boxes_of(ids: np.ndarray, options: RenderOptions) -> list[tuple[str, int, np
         if extent is None or number < ROCK_IDS:
             continue
         kind, rock = (ROCK, number - ROCK_IDS) if number < SHADOW_IDS else (SHADOW, number - SHADOW_IDS)
-        least = options.min_rock_px if kind == ROCK else options.min_shadow_px
+        least = options.min_rock_area_px if kind == ROCK else options.min_shadow_area_px
         mask = ids[extent] == number
         if kind == SHADOW:  # nobody takes a line of dark pixels along a rock's foot for its shadow
             mask = without_thin_parts(mask, options.min_shadow_width_px)
-        box = box_of_parts(mask, least, options.min_part_px)
+        box = box_of_parts(mask, least, options.min_part_area_px)
         if box is not None:
             corner = [extent[1].start, extent[0].start]
             found.append((kind, rock, box + np.tile(corner, 2)))
@@ -96,7 +96,7 @@ def whole_rocks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: Rend
         top, left = int(rows.min()), int(columns.min())
         mask = np.zeros((int(rows.max()) - top + 1, int(columns.max()) - left + 1), bool)
         mask[rows - top, columns - left] = True
-        box = box_of_parts(mask, options.min_rock_px, options.min_part_px)
+        box = box_of_parts(mask, options.min_rock_area_px, options.min_part_area_px)
         if box is not None:
             x0, y0, x1, y1 = box.astype(int).tolist()
             runs = rle.encode(mask[y0:y1, x0:x1], left + x0, top + y0, ids.shape[::-1])

@@ -256,12 +256,14 @@ class RenderOptions(SensorOptions):
     seed: int = Field(0, ge=0, description="Seed of noise and traced light.")
 
     maps: tuple[MapName, ...] = Field((), description="Maps written to renders/maps, by view or exposure bracket.")
-    min_rock_px: int = Field(30, ge=1, description="Minimum number of visible pixels of a labelled rock.")
-    min_shadow_px: int = Field(60, ge=1, description="Minimum number of visible pixels of a labelled shadow.")
+    min_rock_area_px: int = Field(30, ge=1, description="Minimum number of visible pixels of a labelled rock.")
+    min_shadow_area_px: int = Field(60, ge=1, description="Minimum number of visible pixels of a labelled shadow.")
     min_shadow_width_px: int = Field(
         3, ge=1, description="Minimum width of the parts of a shadow that extend its box, px."
     )
-    min_part_px: int = Field(20, ge=1, description="Minimum pixels of a connected part that extends a shadow's box.")
+    min_part_area_px: int = Field(
+        20, ge=1, description="Minimum pixels of a connected part that extends a shadow's box."
+    )
     min_visible_share: float = Field(0, ge=0, le=1, description="Minimum visible share of a labelled rock.")
 
     @field_validator("materials")

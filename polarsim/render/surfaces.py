@@ -26,7 +26,7 @@ _WALL_THICKNESS = 0.05  # metres
 _WALL_FOOT = 0.5  # metres that walls reach below the median ground
 _LOWER_PART = 0.5  # of a rock's height: rims above it are holes in its back, not its foot
 FARTHEST_M = 1000.0  # of a camera or near lamp: beyond it a sandbox is a dot, and float32 loses millimetres
-_SAME_POSITION = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
+_WELD_DISTANCE = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     if not len(edges):
         return edges
     used, corners = np.unique(edges, return_inverse=True)
-    positions = np.round(vertices[used] / _SAME_POSITION)
+    positions = np.round(vertices[used] / _WELD_DISTANCE)
     start, end = np.unique(positions, axis=0, return_inverse=True)[1].ravel()[corners].reshape(-1, 2).T
     pair = np.minimum(start, end) * len(used) + np.maximum(start, end)
     _, first, times = np.unique(pair, return_index=True, return_counts=True)

@@ -196,10 +196,10 @@ def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> Ren
         lens_flare=draw(ranges.lens_flare),
         noise=ranges.noise,
         electrons_per_dn=draw(ranges.electrons_per_dn),
-        min_rock_px=max(1, round(60 * ranges.scale**2)),
-        min_shadow_px=max(1, round(120 * ranges.scale**2)),
+        min_rock_area_px=max(1, round(60 * ranges.scale**2)),
+        min_shadow_area_px=max(1, round(120 * ranges.scale**2)),
         min_shadow_width_px=max(1, round(3 * ranges.scale)),
-        min_part_px=max(1, round(20 * ranges.scale**2)),
+        min_part_area_px=max(1, round(20 * ranges.scale**2)),
     )
 
 

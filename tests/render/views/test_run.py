@@ -199,7 +199,13 @@ def test_rocks_of_terrains_side_by_side_keep_their_ids_apart(tmp_path, folders, 
     terrain = {"meshes": folders / "meshes", "terrain": 1}
     scene = {"name": "two", "terrains": [terrain, terrain | {"offset_m": [4, 0, 0], "heading_deg": 90}]}
     camera = {"kind": "point", "position_m": [2, -3, 3.5], "look_at_m": [2, 0, 0]}
-    options = {"models": ["lambert"], "rim": False, "min_rock_px": 5, "min_shadow_px": 5, "min_part_px": 1}
+    options = {
+        "models": ["lambert"],
+        "rim": False,
+        "min_rock_area_px": 5,
+        "min_shadow_area_px": 5,
+        "min_part_area_px": 1,
+    }
     render_views(views_of(scenes=[scene], cameras=[camera], render=options), tmp_path, tone=tone)
     (path,) = (tmp_path / "instances").iterdir()
     assert {ROCK_IDS + 1, ROCK_IDS + 2, SHADOW_IDS + 1, SHADOW_IDS + 2} <= set(np.unique(png.read(path)))

@@ -34,7 +34,7 @@ OTHERS = {
     "rim", "rim_half_width_m", "rim_height_m", "rim_albedo",  # drives have no sandbox
     "lamp_radius_m",  # the Sun has its own
     "skirt_m",  # acts on rocks with open feet; here all reach below the ground
-    "min_rock_px", "min_shadow_px", "min_shadow_width_px", "min_part_px", "min_visible_share",  # labels
+    "min_rock_area_px", "min_shadow_area_px", "min_shadow_width_px", "min_part_area_px", "min_visible_share",  # labels
 }  # fmt: skip
 
 
