@@ -146,7 +146,7 @@ def main() -> None:
         return
     mesh, cores = made_terrain(args.cells), os.cpu_count() or 1
     options = RenderOptions(samples=args.samples, falloff=True)
-    on_device = RenderOptions(**options.model_dump() | {"engine": "taichi", "rays": "taichi", "device": device})
+    on_device = RenderOptions(**options.model_dump() | {"engine": "taichi", "device": device})
     cpu = Grid(mesh, options, args.scale, args.threads, args.threads)
     cpu_found = cpu.timed()
     gpu = Grid(mesh, on_device, args.scale, args.threads, cores)

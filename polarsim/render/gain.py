@@ -27,6 +27,7 @@ log = logging.getLogger("polarsim.render")
 _USABLE = (40, 3500)  # grey values above black that neither noise nor clipping moves
 _LIT = 0.25  # of the median radiance: darker pixels are in shadow or penumbra
 _FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: NASA's advice against the box's rim
+_MOST_PHOTOS = 6  # of a calibration: more than there are azimuths
 _STEP = 3  # every third row and column is enough for a median
 
 
@@ -69,12 +70,12 @@ def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> 
     return grey[usable] / (exposure_ms * light[usable])
 
 
-def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], most: int) -> dict[PhotoKey, Path]:
+def calibration_photos(index: Path | None, keys: Iterable[PhotoKey]) -> dict[PhotoKey, Path]:
     """Photos of one view that gains are calibrated on: Sun alone, one exposure an azimuth; none without an index.
 
     The view is the first of the keys that has such photos; the exposure is the one nearest to the usual.
     """
-    if index is None or most == 0:
+    if index is None:
         return {}
     paths = pictures_at(index)
     found: dict[PhotoKey, Path] = {}
@@ -85,7 +86,7 @@ def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], most: int) 
         if found and next(iter(found)).view != key.view:
             break
         rival = next((other for other in found if other.azimuth == key.azimuth), None)
-        if rival is None and len(found) < most:
+        if rival is None and len(found) < _MOST_PHOTOS:
             found[key] = path
         elif rival is not None and key.stops_off_usual < rival.stops_off_usual:
             del found[rival]

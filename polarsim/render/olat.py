@@ -144,7 +144,7 @@ def render_view(
     materials = Materials(surfaces, options, reflectance)
     surroundings = Surroundings(options, materials, models, size)
     samples_lit = {name: np.zeros(size, np.uint8) for name in lamps}
-    by_device = made_by_device(options, lamps)
+    by_device = made_by_device(surfaces, lamps)
     if by_device:
         from polarsim.render.device_olat import add_olat_images
 
@@ -190,10 +190,10 @@ def render_view(
     return Rendering(olat_images, ids, indirect)
 
 
-def made_by_device(options: RenderOptions, lamps: Mapping[str, Lamp]) -> bool:
+def made_by_device(surfaces: Surfaces, lamps: Mapping[str, Lamp]) -> bool:
     """Whether OLAT images are made by Taichi from ray to sum; only lamps that are points and shine everywhere are."""
     points = all(type(lamp) is Lamp and not lamp.radius_m for lamp in lamps.values())
-    return options.engine == options.rays == "taichi" and points
+    return surfaces.rays == "taichi" and points
 
 
 def identify(
@@ -235,7 +235,7 @@ def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:
     PolarsimError
         Its device is not there.
     """
-    if options.uses_taichi:
+    if options.engine == "taichi":
         try:
             from polarsim.geometry import taichi_device
             from polarsim.render import brdf_taichi

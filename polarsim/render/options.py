@@ -200,14 +200,9 @@ class RenderOptions(SensorOptions):
 
     models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models of the twins.")
     engine: Literal["numba", "numpy", "taichi"] = Field(
-        "numba", description="Engine of reflectance: numba (CPU), taichi (GPU), numpy (reference)."
+        "numba", description="Engine: numba (CPU, rays by Embree), taichi (GPU, rays too), numpy (reference)."
     )
-    rays: RayEngine = Field(
-        "embree", description="Engine of rays: embree (CPU), taichi (GPU), numpy (reference, tiny scenes only)."
-    )
-    device: Device = Field(
-        "cpu", description="Device of Taichi. With both engines taichi, views of point lamps stay on it."
-    )
+    device: Device = Field("cpu", description="Device of the engine taichi. Views of point lamps stay on it.")
 
     materials: dict[str, Material] = Field(
         default_factory=dict,
@@ -252,7 +247,6 @@ class RenderOptions(SensorOptions):
     gain: dict[Model, PositiveFloat] = Field(
         default_factory=dict, description="DN per ms and unit radiance, by model; other models are calibrated."
     )
-    calibration_photos: int = Field(6, ge=0, description="Number of photos that calibrate a gain; 0: built-in gains.")
     seed: int = Field(0, ge=0, description="Seed of noise and traced light.")
 
     maps: tuple[MapName, ...] = Field((), description="Maps written to renders/maps, by view or exposure bracket.")
@@ -276,8 +270,8 @@ class RenderOptions(SensorOptions):
 
     @model_validator(mode="after")
     def _device_has_work(self) -> Self:
-        if self.device != "cpu" and not self.uses_taichi:
-            raise ValueError(f"device {self.device!r} is for Taichi, expected engine or rays to be 'taichi'")
+        if self.device != "cpu" and self.engine != "taichi":
+            raise ValueError(f"device {self.device!r} is for Taichi, expected engine 'taichi'")
         return self
 
     def of(self, terrain: int) -> Self:
@@ -285,8 +279,9 @@ class RenderOptions(SensorOptions):
         return self if wall_height(terrain) else self.model_copy(update={"rim": False})
 
     @property
-    def uses_taichi(self) -> bool:
-        return "taichi" in (self.engine, self.rays)
+    def rays(self) -> RayEngine:
+        """Engine of rays. The reference of reflectance uses Embree too: rays in NumPy are for tiny scenes."""
+        return "taichi" if self.engine == "taichi" else "embree"
 
     def parameters(self, model: Model, *things: str) -> Parameters:
         """Return the parameters of a model for a thing, named from its own name to that of its kind."""

@@ -118,7 +118,7 @@ def render_twins(
     surfaces = surfaces_of(mesh, options, albedo)
     shown = list(chain.from_iterable(views.values()))
     calibrated = any(not options.gain.get(model) for model in twins)
-    references = calibration_photos(photos, shown, options.calibration_photos) if calibrated else {}
+    references = calibration_photos(photos, shown) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
     writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options)
     for folder in (labels.boxes, labels.instances):  # there also where no key is written

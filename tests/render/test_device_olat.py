@@ -6,12 +6,12 @@ from pydantic import ValidationError
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
-from polarsim.render.lamps import Lamp
+from polarsim.render.lamps import Lamp, Spot
 from polarsim.render.olat import made_by_device, render_view
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
-DEVICE = {"engine": "taichi", "rays": "taichi"}
+DEVICE = {"engine": "taichi"}
 LAMPS = {"sun": Lamp(np.array([1.2, 0.9, 1.1])), "rover": Lamp(np.array([2.4, -0.5, 1.6]), 0.4)}
 
 
@@ -70,15 +70,16 @@ def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
         np.testing.assert_array_equal(ids, two.ids[name])
 
 
-def test_discs_are_left_to_numpy(blocks, camera, lens, plain):
+def test_discs_and_beams_are_left_to_numpy(blocks, camera, lens, plain):
     discs = {name: Lamp(lamp.position, radius_m=0.05) for name, lamp in LAMPS.items()}
-    options = plain.model_copy(update=DEVICE)
-    assert made_by_device(options, LAMPS)
-    assert not made_by_device(options, discs)
-    assert not made_by_device(plain, LAMPS)
+    on_device, on_processor = (surfaces_of(blocks(), plain.model_copy(update=engine)) for engine in (DEVICE, {}))
+    assert made_by_device(on_device, LAMPS)
+    assert not made_by_device(on_device, discs)
+    assert not made_by_device(on_device, {"spot": Spot(np.zeros(3))})
+    assert not made_by_device(on_processor, LAMPS)
 
 
 def test_a_device_that_nothing_would_use_is_refused():
     with pytest.raises(ValidationError):
         RenderOptions(device="cuda")
-    assert RenderOptions(device="cuda", rays="taichi").uses_taichi
+    assert RenderOptions(device="cuda", engine="taichi").rays == "taichi"

@@ -30,7 +30,7 @@ PackagedName = Literal["packaged", "packaged_rover"]
 # return light (`bounce`), headlights weaken with the distance, large pictures need few rays to the Sun's disc.
 ROVER_RENDER = {"bounce": 0.0, "falloff": True, "lamp_probe_px": 16, "lamp_samples": 8}
 _NO_EFFECT = {  # of the section `render` on the rover's pictures and labels
-    "models", "maps", "calibration_photos", "materials_from_photos", "fitting", "lamp_radius_m",
+    "models", "maps", "materials_from_photos", "fitting", "lamp_radius_m",
     "rim", "rim_half_width_m", "rim_height_m", "rim_albedo", *ROVER_RENDER,
 }  # fmt: skip
 PACKAGED_FILES: dict[str, Path] = {"packaged": PACKAGED, "packaged_rover": PACKAGED_ROVER}  # that come with polarsim

@@ -9,9 +9,8 @@ from pydantic import ValidationError
 from polarsim.errors import ConfigError
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.vectors import length
-from polarsim.render.lamps import Lamp, Spot
-from polarsim.render.olat import NO_LAMP, made_by_device
-from polarsim.render.options import RenderOptions
+from polarsim.render.lamps import Spot
+from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.bodywork import body_of
 from polarsim.rover.cameras.lights import SUN_IN_BAND_W_M2, headlights
 from polarsim.rover.cameras.options import CameraSuiteOptions
@@ -63,12 +62,6 @@ def test_a_spot_falls_off_with_the_square_of_the_distance():
     assert irradiance.dtype == np.float32
     np.testing.assert_allclose(length(to_lamp)[1] / length(to_lamp)[0], 2, rtol=1e-6)
     np.testing.assert_allclose(irradiance[0] / irradiance[1], 4, rtol=1e-5)
-
-
-def test_beams_are_not_left_to_the_device_whose_lamps_shine_everywhere():
-    options = RenderOptions(engine="taichi", rays="taichi")
-    assert made_by_device(options, {"lamp": Lamp(np.zeros(3))})
-    assert not made_by_device(options, {"lamp": Spot(np.zeros(3))})
 
 
 def test_no_light_of_the_table_stands_inside_the_body():

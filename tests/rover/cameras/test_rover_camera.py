@@ -28,8 +28,8 @@ CHANGES = {
     "ambient": (0.3, {}), "bounces": (1, {}), "bounce_rays": (4, {"bounces": 1}), "bounce_scale": (2, {"bounces": 1}),
 }  # fmt: skip
 OTHERS = {
-    "models", "maps", "calibration_photos", "materials_from_photos", "fitting",  # of a run's photos and twins
-    "engine", "rays", "device",  # change no picture
+    "models", "maps", "materials_from_photos", "fitting",  # of a run's photos and twins
+    "engine", "device",  # change no picture
     *ROVER_RENDER,  # constants of the rover
     "rim", "rim_half_width_m", "rim_height_m", "rim_albedo",  # drives have no sandbox
     "lamp_radius_m",  # the Sun has its own
