@@ -147,17 +147,17 @@ def test_a_photo_without_labels_is_shown_all_the_same(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "reason"),
+    ("change", "error"),
     [
-        ({"kinds": ("crater",)}, ConfigError, "crater"),
-        ({"scale": 0.01}, ConfigError, "scale"),
-        ({"labels": [label("crater")]}, FormatError, "crater"),
+        ({"kinds": ("crater",)}, ConfigError),
+        ({"scale": 0.01}, ConfigError),
+        ({"labels": [label("crater")]}, FormatError),
     ],
 )
-def test_what_cannot_be_shown_is_refused_in_one_line_and_nothing_is_written(tmp_path, change, error, reason):
+def test_what_cannot_be_shown_is_refused_in_one_line_and_nothing_is_written(tmp_path, change, error):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     arguments = {"key": KEY, "picture": tmp_path / "photo.png", "labels": [label()], "out": tmp_path / "out.png"}
-    with pytest.raises(error, match=reason) as caught:
+    with pytest.raises(error) as caught:
         show(**{**arguments, **change})
     assert "\n" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == ["photo.png"]

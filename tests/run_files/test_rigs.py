@@ -69,5 +69,5 @@ def test_a_rotation_that_is_none_is_refused(tmp_path, rotation):
     matrix[:3, :3] = rotation
     content["sandbox_from_left"] = matrix.tolist()
     path.write_text(json.dumps(content))
-    with pytest.raises(FormatError, match=r"PosA\.json: the rotation matrix"):
+    with pytest.raises(FormatError, match=r"PosA\.json"):
         read_localised(path)
