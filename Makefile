@@ -6,7 +6,7 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean lock schema
+.PHONY: help setup demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean lock schema columns
 .DEFAULT_GOAL := help
 
 help: ## list what can be made
@@ -76,6 +76,9 @@ clean: ## remove results, the site, and what the analog generated
 schema: setup ## write config/schema.json and config/views.schema.json anew
 	$(BIN)/polarsim schema > config/schema.json
 	$(BIN)/polarsim schema --views > config/views.schema.json
+
+columns: setup ## write the columns of tables into docs/tables.md and docs/formats.md
+	$(BIN)/python -m polarsim.schemas docs/tables.md docs/formats.md
 
 # Needs uv (pip install uv), and a CPU build of torch where uv looks for packages (UV_FIND_LINKS): with another one the
 # lock would pin CUDA's packages. The local version of that build is cut off again, so that one lock serves all machines.

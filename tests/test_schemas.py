@@ -20,7 +20,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 @pytest.mark.parametrize("name", ["tables.md", "formats.md"])
 def test_a_page_has_the_columns_of_the_code(name):
     page = (DOCS / name).read_text(encoding="utf-8")
-    assert filled(page) == page, "run: python -m polarsim.schemas docs/tables.md docs/formats.md"
+    assert filled(page) == page, "run: make columns"
 
 
 def test_every_table_of_the_report_is_on_its_page():

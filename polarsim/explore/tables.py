@@ -12,8 +12,9 @@ from polarsim.geometry.boxes import iou
 from polarsim.geometry.matching_numba import match
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey
 from polarsim.run_files.run import PHOTO, Run
+from polarsim.schemas.photos import BOX
 
-EDGES = ["x0", "y0", "x1", "y1"]
+EDGES = list(BOX.each)
 LEAST_CONFIDENCE = 0.05  # of predictions that are shown
 RIGHT_IOU = 0.5  # least overlap of a prediction that is right
 STATES = ("missing", "corrupt", "dark")  # of pictures, worst first, as the detect stage found them

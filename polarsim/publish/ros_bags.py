@@ -17,6 +17,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.photo import CAMERAS
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.schemas.photos import BOX
 
 NEEDS = ("mcap", "mcap_ros2", "rosbags")
 SIDES = {"L": "left", "R": "right"}
@@ -100,10 +101,7 @@ def _messages(catalogue: Catalogue, picture: Picture, time_ns: int) -> Iterator[
     image = ros.image(time_ns, frame, picture.path.read_bytes())
     yield time_ns, f"/{side}/image/compressed", "sensor_msgs/msg/CompressedImage", image
     rows = [
-        {"kind": one.kind, "rock": one.rock, "confidence": one.confidence, **dict(zip(_EDGES, one.box, strict=True))}
+        {"kind": one.kind, "rock": one.rock, "confidence": one.confidence, **dict(zip(BOX.each, one.box, strict=True))}
         for one in catalogue.labels(picture)
     ]
     yield time_ns, f"/{side}/labels", "vision_msgs/msg/Detection2DArray", ros.detections(time_ns, frame, rows)
-
-
-_EDGES = ("x0", "y0", "x1", "y1")

@@ -18,10 +18,10 @@ from polarsim.photo import HEIGHT, HEX_COLOURS, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, heading, note, page, rectangle
 from polarsim.report.figures.seen import Finds, draw_seen, read_finds
 from polarsim.run_files.pictures import picture_finder
+from polarsim.schemas.photos import BOX
 from polarsim.tone import to_8bit
 
 ROCKS_A_SIDE = 2  # of each pair of domains, that the detector finds better in the first, and in the second
-_BOX = ["x0", "y0", "x1", "y1"]
 _LABEL, _FOUND = HEX_COLOURS[ROCK], "#00e5ff"
 
 
@@ -128,8 +128,8 @@ def _rock_shown(finds: Finds, domain: str, key: str, rock: int) -> RockShown:
     """The label of a rock and the prediction that overlaps it best; of several labels the one found best."""
     labels, predictions = finds.labels[domain], finds.predictions[domain]
     own = labels[(labels["key"] == key) & (labels["kind"] == ROCK) & (labels["rock"] == rock)]
-    label = boxes.clip(own[_BOX].to_numpy(float))
-    found = predictions.loc[predictions["key"] == key, _BOX].to_numpy(float)
+    label = boxes.clip(own[list(BOX.each)].to_numpy(float))
+    found = predictions.loc[predictions["key"] == key, list(BOX.each)].to_numpy(float)
     if not len(found):
         return RockShown(key, rock, domain, label[0], None, 0.0)
     overlap = boxes.iou(label, found)
