@@ -149,19 +149,6 @@ def import_labels(
     return done
 
 
-@reader("export of labels", largest_mb=500)
-def format_of(source: Path) -> str:
-    """Return the form of an export, one of `READERS`.
-
-    Raises
-    ------
-    FormatError
-        No known form.
-    """
-    with unpacked(source) as opened:
-        return find_files(opened)[0]
-
-
 def _classified(file: Path, picture: Picture, names: Mapping[str, str], done: Imported) -> list[tuple[int, np.ndarray]]:
     """Class number and box of each shape, cut at the photo's border; counts what is read and what is not."""
     boxes = []

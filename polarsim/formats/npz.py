@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,6 @@ import numpy as np
 from polarsim.errors import FormatError
 from polarsim.formats.files import writing
 from polarsim.formats.readers import reader
-
-MOST_BYTES = 4_000_000_000
 
 
 def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.generic) -> None:
@@ -30,10 +27,6 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     FormatError
         No readable NPZ file, or an array is missing.
     """
-    with zipfile.ZipFile(path) as archive:
-        unpacked = sum(entry.file_size for entry in archive.infolist())
-    if unpacked > MOST_BYTES:
-        raise FormatError(f"unpacks to {unpacked / 1e9:.1f} GB, {MOST_BYTES / 1e9:g} GB allowed")
     with np.load(path, allow_pickle=False) as content:
         arrays = {name: content[name] for name in content.files}
     for name in names:

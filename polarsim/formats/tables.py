@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import text_of, writing
@@ -16,7 +15,6 @@ from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
 from polarsim.schemas.photos import LABELS, PHOTOS
 
-MOST_CELLS = 1 << 27  # of a table in memory: a gigabyte; packed they may take a few bytes
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 
 
@@ -35,14 +33,7 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     FormatError
         No readable Parquet file, or a column is missing.
     """
-    footer = pq.read_metadata(path)
-    if footer.num_rows * footer.num_columns > MOST_CELLS:
-        raise FormatError(
-            f"{footer.num_rows} rows of {footer.num_columns} columns, a table has at most {MOST_CELLS} cells"
-        )
     table = pd.read_parquet(path)
-    if len(table) != footer.num_rows:
-        raise FormatError(f"{len(table)} rows, its footer says {footer.num_rows}")
     texts: list[str] = list(table.select_dtypes("str").columns)
     for name in texts:
         pa.Array.from_pandas(table[name]).validate(full=True)  # texts that are none are found only when they are used

@@ -13,7 +13,6 @@ from polarsim.errors import ConfigError
 from polarsim.formats.files import packaged, text_of
 from polarsim.formats.readers import reader
 
-MOST_VALUES, DEEPEST = 200_000, 50  # of a YAML file
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's takes a tenth of the time
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9_]+")  # YAML 1.1 reads 010 as octal 8, and 08 as text
 _SEXAGESIMAL = re.compile(r"[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?")  # YAML 1.1 reads 1:30 as 90
@@ -42,37 +41,17 @@ def parse_yaml(text: str) -> Any:
     yaml.YAMLError
         No YAML.
     ConfigError
-        A key given twice in one mapping; a number with leading zeros or with colons; more than `MOST_VALUES` values
-        with all aliases written out (aliases of aliases name billions of values in a line), or a value that contains
-        itself.
+        A key given twice in one mapping; a number with leading zeros or with colons.
     """
-    depth = 0
-    for event in yaml.parse(text, Loader=_Loader):  # before anything is built: building goes as deep as the text
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > DEEPEST:
-            raise ConfigError(f"lists and mappings more than {DEEPEST} deep")
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
         if node is None:
             return None
-        _count(node, {})
         _check_nodes(node, set())
         return loader.construct_document(node)
     finally:
         loader.dispose()
-
-
-def _count(node: yaml.Node, counted: dict[int, int]) -> int:
-    """Values below a node, aliases written out."""
-    if id(node) not in counted:
-        counted[id(node)] = MOST_VALUES  # while it is being counted: what holds itself has no end
-        inner = [part for item in node.value for part in (item if isinstance(item, tuple) else (item,))]
-        below = inner if isinstance(node, yaml.CollectionNode) else []
-        counted[id(node)] = 1 + sum(_count(part, counted) for part in below)
-    if counted[id(node)] >= MOST_VALUES:
-        raise ConfigError(f"more than {MOST_VALUES} values with all aliases written out")
-    return counted[id(node)]
 
 
 def _check_nodes(node: yaml.Node, checked: set[int]) -> None:

@@ -185,19 +185,6 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return classes, boxes, np.array([np.nan if one.confidence is None else one.confidence for one in shapes], float)
 
 
-@reader("label file", largest_mb=100)
-def read_boxes_of_any(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
-    """Class numbers (n,) and boxes (n, 4) of anyone's boxes, detections or, around them, polygons, of any classes.
-
-    Raises
-    ------
-    FormatError
-        A line that is none of these: file, line number and reason.
-    """
-    shapes = read_shapes(path)
-    return _arrays((class_number(path, shape) for shape in shapes), (shape.box for shape in shapes))
-
-
 def class_number(path: str | Path, shape: Shape) -> int:
     """Return the class of a line of a label file.
 

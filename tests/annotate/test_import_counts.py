@@ -459,7 +459,7 @@ def test_yolo_lines_that_cannot_be_meant_are_refused_with_their_line(tmp_path, l
     path = write(tmp_path / f"set/{KEY}.txt", lines + "\n")
     with pytest.raises(FormatError):
         import_labels(tmp_path / "set", tmp_path / "out")
-    for read in (yolo.read_boxes, yolo.read_detections, yolo.read_boxes_of_any, yolo.read_boxes_or_polygons,
+    for read in (yolo.read_boxes, yolo.read_detections, yolo.read_boxes_or_polygons,
                  yolo.read_polygons, yolo.read_shapes):  # fmt: skip
         with pytest.raises(FormatError):
             read(path)

@@ -31,7 +31,6 @@ def calibration(folder) -> str:
 
 READERS = {  # file name, text, reader
     "boxes": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n", yolo.read_boxes),
-    "boxes of any": ("a.txt", lambda _: "7 0.5 0.5 0.1 0.1\n", yolo.read_boxes_of_any),
     "detections": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1 0.25\n", yolo.read_detections),
     "polygons": ("a.txt", lambda _: "0 0.1 0.1 0.2 0.1 0.2 0.2\n", yolo.read_polygons),
     "classes": ("classes.txt", lambda _: "rock\nshadow\nKrater für später\n", lambda p: yolo.class_names(p.parent)),

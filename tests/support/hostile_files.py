@@ -646,9 +646,6 @@ CASES: dict[str, list[Case]] = {
             sound_boxes,
         ),
     ],
-    "formats.yolo.read_boxes_of_any": [
-        Case(text("a.txt", YOLO_BOXES + YOLO_RING), yolo.read_boxes_of_any, sound_boxes)
-    ],
     "formats.yolo.read_shapes": [
         Case(
             text("a.txt", YOLO_BOXES + YOLO_RING),
@@ -701,7 +698,6 @@ CASES: dict[str, list[Case]] = {
     "acquire.index.describe_photo": [
         Case(content("a.png", PHOTO), index.describe_photo, lambda found: _is(found["sha256"], str)),
     ],
-    "annotate.import_labels.format_of": [Case(text("a.json", json.dumps(FIFTYONE_2)), import_labels.format_of)],
     "annotate.import_labels.import_labels": [
         Case(file("a.json", coco.write_coco, LABELS), imported, sound_import),
         Case(text("a.xml", CVAT), imported, sound_import),
