@@ -14,7 +14,7 @@ import pandas as pd
 from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import coco, png, release, yolo
-from polarsim.formats.files import write_json, write_text, writing_folder
+from polarsim.formats.files import check_new_folder, write_json, write_text, writing_folder
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES, HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
@@ -59,8 +59,7 @@ def export(
     """
     if tool not in TOOLS:
         raise ConfigError(f"tool {tool!r}, expected {', '.join(TOOLS)}")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError("not empty, and an export overwrites nothing: name a new folder", path=folder)
+    check_new_folder(folder)
     pictures = _chosen(run, terrains, pattern, domain)
     keys = list(pictures)
     labels = pd.concat([_table(run, terrain) for terrain in sorted({key.terrain for key in keys})])

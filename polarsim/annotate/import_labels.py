@@ -30,7 +30,7 @@ from polarsim.annotate.label_studio import is_predicted, read_label_studio
 from polarsim.annotate.shapes import SIZE, Picture, Shape, scale_of
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import coco, yolo
-from polarsim.formats.files import writing_folder
+from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.formats.readers import reader, reading
 from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES, PhotoKey
@@ -112,8 +112,7 @@ def import_labels(
     FormatError
         The source has no known form, names no photo, or holds classes other than rock and shadow or implausible boxes.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError("not empty, and an import overwrites nothing: name a new folder", path=folder)
+    check_new_folder(folder)
     if form not in (AUTO, *READERS):
         raise ConfigError(f"format {form!r}, expected {', '.join(READERS)} or {AUTO}")
     done = Imported()

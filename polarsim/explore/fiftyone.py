@@ -13,7 +13,7 @@ import pandas as pd
 from polarsim.errors import ConfigError
 from polarsim.explore.pictures import jpeg
 from polarsim.explore.tables import EDGES, picture_table, shown_predictions
-from polarsim.formats.files import write_bytes, write_json, writing_folder
+from polarsim.formats.files import check_new_folder, write_bytes, write_json, writing_folder
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.progress import track
 from polarsim.run_files.run import PHOTO, Run
@@ -35,8 +35,7 @@ def write_fiftyone(
     ConfigError
         The folder holds something, or no picture fits.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
+    check_new_folder(folder)
     if unknown := [domain for domain in domains if domain not in run.domains]:
         known = ", ".join(run.domains)
         raise ConfigError(f"no picture of domain {', '.join(unknown)}; domains of this run: {known}", run.folder)

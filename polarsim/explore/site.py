@@ -9,7 +9,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from polarsim.errors import ConfigError
 from polarsim.explore import outlines
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
@@ -17,7 +16,7 @@ from polarsim.explore.pictures import jpeg, small_jpeg
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels, shown_predictions
 from polarsim.explore.terrain import surroundings, thinned_terrain
 from polarsim.formats import arrow
-from polarsim.formats.files import writing_folder
+from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.run_files.run import PHOTO, Run
@@ -51,8 +50,7 @@ def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
     ConfigError
         The folder holds something.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=folder)
+    check_new_folder(folder)
     files = site(run, width)
     with writing_folder(folder) as temporary:
         for name, content in track(list(files.items()), "files"):

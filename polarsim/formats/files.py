@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from polarsim.errors import FormatError, PolarsimError
+from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats.readers import reader
 
 ENCODINGS = (  # by byte order mark; that of UTF-16 starts that of UTF-32
@@ -78,6 +78,18 @@ def existing_folder(path: str | Path) -> Path:
     if not path.is_dir():
         raise FormatError("a file, expected a folder" if path.exists() else "no such folder", path=path)
     return path
+
+
+def check_new_folder(path: Path) -> None:
+    """Refuse a folder to write that holds something, or a file of its name.
+
+    Raises
+    ------
+    ConfigError
+        The folder is not empty.
+    """
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=path)
 
 
 def found_from(path: str | Path, file: str | Path) -> Path:

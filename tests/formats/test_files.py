@@ -5,8 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from polarsim.errors import FormatError, PolarsimError
-from polarsim.formats.files import read_json, share_file, write_json, write_text, writing, writing_folder
+from polarsim.errors import ConfigError, FormatError, PolarsimError
+from polarsim.formats.files import (
+    check_new_folder,
+    read_json,
+    share_file,
+    write_json,
+    write_text,
+    writing,
+    writing_folder,
+)
 
 
 def test_a_file_appears_only_when_it_is_complete(tmp_path):
@@ -120,3 +128,13 @@ def test_a_folder_that_is_replaced_is_never_half_there(tmp_path, monkeypatch):
         assert not any(seen)
         assert (target / "a.txt").read_text() == content
         monkeypatch.undo()
+
+
+def test_a_folder_to_write_is_new_or_empty(tmp_path):
+    check_new_folder(tmp_path / "new")
+    check_new_folder(tmp_path)
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path, tmp_path / "file"):
+        with pytest.raises(ConfigError) as error:
+            check_new_folder(path)
+        assert error.value.path == path
