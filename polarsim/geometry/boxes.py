@@ -1,12 +1,13 @@
-"""Boxes (n, 4) as x0, y0, x1, y1 in pixels: overlap, one-to-one matching, projected ones paired with annotated ones."""
+"""Boxes (n, 4) as x0, y0, x1, y1 in pixels: overlap and one-to-one pairs."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 
 from polarsim.photo import HEIGHT, WIDTH
 
-FORBIDDEN = 1e3
 MATCH_GATE_PX = 40.0  # largest distance of a pair, centre to centre: poses err by less
 MAX_LOG_SIZE = 1.6  # |log width ratio| + |log height ratio| of a pair
 
@@ -64,35 +65,69 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(np.prod(np.clip(high - low, 0, None), axis=-1))
 
 
-def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
-    """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
-    return match_most(overlap, overlap >= threshold)
-
-
-def match_most(score: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One-to-one pairs (rows, columns) among the allowed ones: as many as can be, then of the largest summed score.
+def pairs(
+    score: np.ndarray, allowed: np.ndarray, objective: Literal["most", "sum", "greedy"] = "most"
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pair rows with columns of a score (n, m), one to one, among the `allowed` (n, m) pairs.
 
     Parameters
     ----------
-    score : (n, m) float
-        Between 0 and 1 where allowed.
-    allowed : (n, m) bool
+    score
+        Higher is better; NaN where not allowed.
+    objective
+        `most`: as many pairs as possible, then the largest summed score. `sum`: the largest summed score, of scores
+        above 0. `greedy`: the best pair first, then the best of what is left.
+
+    Returns
+    -------
+    rows, columns : (p,) int
     """
-    gain = np.where(allowed, 1 + score / (1 + min(score.shape)), 0.0)  # all scores together weigh less than one pair
-    return _assigned(gain, allowed)
+    if not allowed.any():
+        return np.zeros(0, int), np.zeros(0, int)
+    if objective == "greedy":
+        return _greedy_pairs(score, allowed)
+    from scipy.optimize import linear_sum_assignment
+
+    gain = score
+    if objective == "most":
+        low, high = score[allowed].min(), score[allowed].max()
+        gain = 1 + (score - low) / ((1 + min(score.shape)) * max(high - low, 1.0))  # all scores weigh less than a pair
+    rows, columns = linear_sum_assignment(np.where(allowed, -gain, 0.0))
+    good = allowed[rows, columns]
+    return rows[good], columns[good]
+
+
+def _greedy_pairs(score: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    free, found = np.where(allowed, score, -np.inf), []
+    while np.isfinite(best := free.max()):
+        row, column = np.argwhere(free == best)[0]
+        free[row], free[:, column] = -np.inf, -np.inf
+        found.append((row, column))
+    rows, columns = np.array(found).T
+    return rows, columns
+
+
+def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+    """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
+    return pairs(overlap, overlap >= threshold)
 
 
 def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One-to-one pairs (rows, columns) of the largest summed overlap, pairs without overlap left out."""
-    return _assigned(overlap, overlap > 0)
+    return pairs(overlap, overlap > 0, "sum")
 
 
-def _assigned(gain: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    from scipy.optimize import linear_sum_assignment
+def match_nearest(
+    boxes: np.ndarray, others: np.ndarray, gate_px: float, smallest_iou: float = 0.2
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (rows, columns) of boxes (n, 4) and others (m, 4): as many as possible, then the nearest and most alike.
 
-    rows, columns = linear_sum_assignment(-gain)
-    good = allowed[rows, columns]
-    return rows[good], columns[good]
+    A pair farther apart than the gate, centre to centre, counts only if its boxes overlap by `smallest_iou`: large
+    boxes may be off by more.
+    """
+    overlap = iou(boxes, others)
+    distance = np.linalg.norm(centres(boxes)[:, None] - centres(others)[None], axis=-1)
+    return pairs(overlap - distance / gate_px, (distance <= gate_px) | (overlap >= smallest_iou))
 
 
 def clip(boxes: np.ndarray, width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
@@ -132,13 +167,7 @@ def of_mask(mask: np.ndarray) -> np.ndarray | None:
 def assign(
     projected: np.ndarray, annotated: np.ndarray, gate_px: float = MATCH_GATE_PX
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (rows, columns) of projected (m, 4) and annotated (b, 4) boxes that are near each other and alike in
-    size.
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    if not len(projected) or not len(annotated):
-        return np.zeros(0, int), np.zeros(0, int)
+    """Pairs (rows, columns) of projected (m, 4) and annotated (b, 4) boxes of similar position and size."""
     projected, annotated = _rows(projected), _rows(annotated)
     size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
     size_annotated = annotated[:, 2:] - annotated[:, :2]
@@ -146,7 +175,4 @@ def assign(
     distance = np.linalg.norm(offset, axis=-1)
     log_size = np.abs(np.log(size[:, None] / size_annotated[None])).sum(axis=-1)
     cost = distance / gate_px + 0.5 * log_size - 0.5 * iou(np.nan_to_num(projected), annotated)
-    allowed = (distance <= gate_px) & (log_size <= MAX_LOG_SIZE)  # NaN is not allowed either
-    rows, columns = linear_sum_assignment(np.where(allowed, cost, FORBIDDEN))
-    good = allowed[rows, columns]
-    return rows[good], columns[good]
+    return pairs(-cost, (distance <= gate_px) & (log_size <= MAX_LOG_SIZE))  # NaN is not allowed either

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import iou, largest_iou
+from polarsim.geometry.boxes import iou, largest_iou, pairs
 from polarsim.geometry.camera import Camera
 
 SAME_ROCK = 0.3  # IoU of a rock's boxes that two people drew, or one person twice
@@ -62,12 +62,10 @@ def consensus_of_sets(sets: Sequence[Sequence[np.ndarray]], share: float = 0.3, 
 def _add_photo(clusters: list[list[np.ndarray]], boxes: np.ndarray, same_iou: float) -> None:
     """Give each box to its best cluster, best pairs first, one box a cluster; boxes left over found new ones."""
     overlap = iou(boxes, np.array([_median(cluster) for cluster in clusters]))
-    while overlap.size and overlap.max() > same_iou:
-        box, cluster = np.unravel_index(overlap.argmax(), overlap.shape)
+    taken, best = pairs(overlap, overlap > same_iou, "greedy")
+    for box, cluster in zip(taken, best, strict=True):
         clusters[cluster].append(boxes[box])
-        overlap[box], overlap[:, cluster] = -1, -1
-    taken = (overlap < 0).all(axis=1) if overlap.size else np.zeros(len(boxes), bool)
-    clusters += [[box] for box in boxes[~taken]]
+    clusters += [[box] for box in np.delete(boxes, taken, axis=0)]
 
 
 def _merged(clusters: list[list[np.ndarray]], same_iou: float) -> list[list[np.ndarray]]:

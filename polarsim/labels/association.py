@@ -1,20 +1,19 @@
 """Association of annotated boxes with rocks: boxes of one rock form a track, and a track gets the id of a rock.
 
 1. `find_tracks` groups the boxes of a position. The rig stands still, so boxes that overlap are the same rock.
-2. `match_boxes` pairs tracks with the meshes that project there.
+2. `match_nearest` pairs tracks with the meshes that project there.
 3. `dome_behind` and `number_domes` put numbered stand-ins where no mesh projects.
 4. `gather` runs these steps for a terrain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from polarsim.geometry.boxes import MATCH_GATE_PX, centres, iou, match
+from polarsim.geometry.boxes import MATCH_GATE_PX, iou, match, match_nearest, pairs
 from polarsim.geometry.camera import Camera
 from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
 from polarsim.labels.projection import ground_depth, move_rocks, project_rock
@@ -25,7 +24,6 @@ from polarsim.run_files.scene import TerrainMesh
 
 SAME_ROCK_IOU = 0.3  # boxes of two azimuths that overlap this much are the same rock
 SAME_POSITION = 0.06  # metres: two stand-ins nearer than this, or than half a radius, are one rock
-FORBIDDEN = 1e3
 
 
 @dataclass(frozen=True)
@@ -63,23 +61,13 @@ def find_tracks(annotated: Mapping[DrawingKey, np.ndarray], same_rock_iou: float
     return tracks
 
 
-def match_boxes(annotated: np.ndarray, expected: np.ndarray, gate_px: float, smallest_iou: float = 0.2) -> np.ndarray:
-    """(n,) row of `expected` (m, 4) for each box of `annotated` (n, 4), -1 for none: one-to-one, nearest and likest
-    first.
-
-    A pair farther apart than the gate, centre to centre, counts only if its boxes overlap by `smallest_iou`: large
-    boxes may be off by more.
-    """
-    found = np.full(len(annotated), -1)
-    if not len(annotated) or not len(expected):
-        return found
-    overlap = iou(annotated, expected)
-    distance = np.linalg.norm(centres(annotated)[:, None] - centres(expected)[None], axis=-1)
-    cost = distance / gate_px - overlap
-    cost[(distance > gate_px) & (overlap < smallest_iou)] = FORBIDDEN
-    rows, columns = linear_sum_assignment(cost)
-    good = cost[rows, columns] < FORBIDDEN
-    found[rows[good]] = columns[good]
+def match_ids(
+    boxes: np.ndarray, expected: np.ndarray, ids: Sequence[int], gate_px: float, smallest_iou: float = 0.2
+) -> np.ndarray:
+    """Return the id (n,) of the expected box (m, 4) that `match_nearest` pairs with each box (n, 4); else NO_ROCK."""
+    found = np.full(len(boxes), NO_ROCK)
+    rows, columns = match_nearest(boxes, expected, gate_px, smallest_iou)
+    found[rows] = np.array(ids, int)[columns]
     return found
 
 
@@ -117,12 +105,10 @@ def number_domes(
     following = first
     for domes in domes_of_views:
         known = sorted(number for number, stood in members.items() if stood)
-        cost = np.array([[_apart(dome, members[number]) for number in known] for dome in domes]).reshape(
-            len(domes), len(known)
-        )
-        rows, columns = linear_sum_assignment(cost)
-        pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-        taken = {row: known[column] for row, column in pairs if cost[row, column] < FORBIDDEN}
+        apart = np.array([[_apart(dome, members[number]) for number in known] for dome in domes])
+        apart = apart.reshape(len(domes), len(known))
+        rows, columns = pairs(-apart, np.isfinite(apart))
+        taken = {int(row): known[column] for row, column in zip(rows, columns, strict=True)}
         own = []
         for row, dome in enumerate(domes):
             number = taken.get(row, following)
@@ -137,10 +123,10 @@ def number_domes(
 
 def _apart(dome: Dome | None, others: list[Dome]) -> float:
     if dome is None:
-        return FORBIDDEN
+        return np.inf
     other = _mean_dome(others)
     distance = float(np.linalg.norm(dome.foot[:2] - other.foot[:2]))
-    return distance if distance < max(SAME_POSITION, dome.radius, other.radius) else FORBIDDEN
+    return distance if distance < max(SAME_POSITION, dome.radius, other.radius) else np.inf
 
 
 def _mean_dome(domes: list[Dome]) -> Dome:
@@ -208,9 +194,9 @@ def _gathered(
         tracks[position] = find_tracks(boxes)
         annotated = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
         shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
-        rows = match_boxes(annotated, np.array([found.box for found in shown.values()]).reshape(-1, 4), MATCH_GATE_PX)
-        matched[position] = np.where(rows >= 0, np.array([*shown, NO_ROCK])[rows], NO_ROCK)
-        domes.append([dome_behind(world, view, box) for box in annotated[rows < 0]])
+        expected = np.array([found.box for found in shown.values()]).reshape(-1, 4)
+        matched[position] = match_ids(annotated, expected, list(shown), MATCH_GATE_PX)
+        domes.append([dome_behind(world, view, box) for box in annotated[matched[position] == NO_ROCK]])
     numbers, stand_ins = number_domes(domes, first)
     for position, own in zip(tracks, numbers, strict=True):
         matched[position][matched[position] == NO_ROCK] = own

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.geometry.masks import Window, windows_of
-from polarsim.labels.association import match_boxes
+from polarsim.labels.association import match_ids
 from polarsim.labels.brightness import Brightness
 from polarsim.labels.casting import Ids, lamp, shading_height, shadow_box, snapped
 from polarsim.labels.fusion import PositionRocks
@@ -123,8 +123,7 @@ class PositionShadows:
         """(n,) rock that throws each shadow annotated in a camera's photo, by the shadows that bodies cast there."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
-        rows = match_boxes(boxes, expected, SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)
-        return np.where(rows >= 0, np.array([*cast, NO_ROCK])[rows], NO_ROCK)
+        return match_ids(boxes, expected, list(cast), SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)
 
     def cast(
         self,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from polarsim.geometry.boxes import match_most
+from polarsim.geometry.boxes import pairs
 from polarsim.scoring.metrics import Metric, summary
 
 MATCH_RADIUS = 0.5  # of the true size: how far the centre of a found rock may be off
@@ -29,12 +29,10 @@ def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
 
     Distances are between centres, as shares of that radius. Both tables are in one frame.
     """
-    if not len(true) or not len(found):
-        return RockPairs(np.zeros(0, int), np.zeros(0, int))
     centres = [table[["x", "y", "z"]].to_numpy(float) for table in (true, found)]
     distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
     radius = np.maximum(MATCH_RADIUS * true["size_m"].to_numpy(float), SMALLEST_RADIUS)[:, None]
-    return RockPairs(*match_most(1 - distance / radius, distance < radius))
+    return RockPairs(*pairs(-distance / radius, distance < radius))
 
 
 def recall_and_precision(true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, seen: np.ndarray) -> list[Metric]:

@@ -4,18 +4,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from polarsim.geometry.boxes import (
     area,
     around,
     around_ellipse,
+    assign,
+    centres,
     clip,
     iou,
     largest_covered_share,
     match,
-    match_sum,
+    match_nearest,
     of_mask,
+    pairs,
     turned,
     window,
 )
@@ -48,29 +50,65 @@ def test_a_box_inside_another_one_is_covered_whichever_is_the_smaller():
 
 def test_no_boxes_give_an_empty_table():
     assert iou(np.zeros((0, 4)), SQUARE).shape == (0, 1)
-    assert len(match(np.zeros((0, 3)))[0]) == 0
 
 
-def test_as_many_pairs_as_can_be_count_more_than_one_good_pair():
-    # Row 0 fits column 0 perfectly, but then row 1 has nobody; two pairs at 0.6 are better.
-    overlap = np.array([[1.0, 0.6], [0.6, 0.0]])
-    rows, columns = match(overlap)
-    assert sorted(zip(rows.tolist(), columns.tolist(), strict=True)) == [(0, 1), (1, 0)]
-    rows, columns = match_sum(np.array([[1.0, 0.4], [0.4, 0.0]]))
-    assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == [(0, 0)]
+OVERLAP = np.array([[1.0, 0.6], [0.6, 0.0]])  # row 0 fits column 0 best, but then row 1 has none
 
 
-@given(arrays(float, (3, 3), elements=st.sampled_from([0.0, 0.3, 0.5, 0.55, 0.7, 0.9])))
-def test_no_other_pairing_is_better(overlap):
-    rows, columns = match(overlap)
+def distances(boxes, others):
+    return np.linalg.norm(centres(boxes)[:, None] - centres(others)[None], axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("objective", "found"),
+    [("most", {(0, 1), (1, 0)}), ("sum", {(0, 1), (1, 0)}), ("greedy", {(0, 0)})],
+)
+def test_an_objective_decides_between_many_pairs_and_good_ones(objective, found):
+    rows, columns = pairs(OVERLAP, OVERLAP > 0, objective)
+    assert set(zip(rows.tolist(), columns.tolist(), strict=True)) == found
+
+
+@pytest.mark.parametrize(("objective", "count"), [("most", 2), ("sum", 1)])
+def test_the_largest_sum_may_be_one_pair(objective, count):
+    score = np.array([[1.0, 0.4], [0.4, 0.0]])
+    assert len(pairs(score, score > 0, objective)[0]) == count
+
+
+@pytest.mark.parametrize("objective", ["most", "sum", "greedy"])
+@pytest.mark.parametrize("shape", [(0, 3), (3, 0), (2, 2)])
+def test_nothing_allowed_gives_no_pairs(objective, shape):
+    rows, columns = pairs(np.full(shape, np.nan), np.zeros(shape, bool), objective)
+    assert len(rows) == len(columns) == 0
+
+
+MATCHERS = {  # function of two sets of boxes -> pairs, and the score that it makes as large as can be; which may pair
+    "match": (lambda a, b: match(iou(a, b)), iou, lambda a, b: iou(a, b) >= 0.5),
+    "match_nearest": (
+        lambda a, b: match_nearest(a, b, 40),
+        lambda a, b: iou(a, b) - distances(a, b) / 40,
+        lambda a, b: (distances(a, b) <= 40) | (iou(a, b) >= 0.2),
+    ),
+    "assign": (lambda a, b: assign(a, b, 40), lambda a, b: -distances(a, b) / 40 + iou(a, b) / 2, None),
+}
+
+
+@pytest.mark.parametrize("name", MATCHERS)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_no_other_pairing_is_better(name, seed):
+    """By all orders of three boxes of equal size; assign has no rule of its own for these but the gate."""
+    matcher, score, allowed = MATCHERS[name]
+    random = np.random.default_rng(seed)
+    a, b = (np.hstack([corner, corner + 50]) for corner in random.uniform(0, 90, (2, 3, 2)))
+    rows, columns = matcher(a, b)
+    value, may = score(a, b), (allowed(a, b) if allowed else distances(a, b) <= 40)
 
     def worth(order):
-        good = [overlap[row, column] for row, column in enumerate(order) if overlap[row, column] >= 0.5]
+        good = [value[row, column] for row, column in enumerate(order) if may[row, column]]
         return len(good), sum(good)
 
     best = max(worth(order) for order in itertools.permutations(range(3)))
-    assert len(rows) == best[0]
-    assert overlap[rows, columns].sum() == pytest.approx(best[1])
+    assert may[rows, columns].all()
+    assert (len(rows), value[rows, columns].sum()) == (best[0], pytest.approx(best[1]))
 
 
 def test_boxes_are_cut_at_the_border_of_the_photo():

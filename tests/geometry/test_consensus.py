@@ -31,6 +31,11 @@ def test_doubles_of_one_rock_become_one_box():
     assert len(consensus_boxes([np.array([ROCK, near])])) == 1
 
 
+def test_a_rock_that_a_later_photo_shows_first_counts_though_all_known_ones_are_met():
+    annotated = [np.array([ROCK]), np.array([ROCK, OTHER]), np.array([ROCK, OTHER])]
+    np.testing.assert_array_equal(consensus_boxes(annotated), [ROCK, OTHER])
+
+
 def test_nothing_annotated_gives_no_boxes():
     assert consensus_boxes([]).shape == (0, 4)
     assert consensus_boxes([np.zeros((0, 4))]).shape == (0, 4)
