@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from polarsim import survey
-from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
+from polarsim.geometry.poses import Pose, looking, surveyed_pose, yaw_pitch_roll
 
 # The rig was tilted anew for C; from A to B it only moved back: on six terrains their pitches of 21.8 to 28.4 degrees
 # differ by 1.1 at most.
@@ -21,17 +21,6 @@ def stations(terrain: int) -> dict[str, Pose]:
     if not survey.is_surveyed(terrain):
         return {}
     return {position: pose for position in survey.SURVEYED_LEFT if (pose := surveyed_pose(position)) is not None}
-
-
-def surveyed_pose(position: str) -> Pose | None:
-    """`sandbox_from_left` of a position's nominal station; None for positions that the survey does not have."""
-    if position not in survey.SURVEYED_LEFT:
-        return None
-    return looking(
-        survey.SURVEYED_LEFT[position],
-        np.radians(survey.NOMINAL_YAW_DEG[position]),
-        np.radians(survey.NOMINAL_PITCH_DEG),
-    )
 
 
 def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polarsim import survey
 from polarsim.errors import FormatError
 
 
@@ -127,3 +128,14 @@ def angle_between(first: Pose, second: Pose) -> float:
     from scipy.spatial.transform import Rotation
 
     return float(Rotation.from_matrix(first.rotation.T @ second.rotation).magnitude())
+
+
+def surveyed_pose(position: str) -> Pose | None:
+    """Return `sandbox_from_left` of a position's nominal station; None for positions that the survey does not have."""
+    if position not in survey.SURVEYED_LEFT:
+        return None
+    return looking(
+        survey.SURVEYED_LEFT[position],
+        np.radians(survey.NOMINAL_YAW_DEG[position]),
+        np.radians(survey.NOMINAL_PITCH_DEG),
+    )

@@ -37,6 +37,14 @@ def part_of_vertex(faces: np.ndarray, vertices: int) -> np.ndarray:
     return np.asarray(connected_components(links, directed=False)[1])
 
 
+def part_of_face(faces: np.ndarray) -> np.ndarray:
+    """(f,) number, from 0 on, of the connected part of each of the faces (f, 3); parts share no vertex."""
+    if not len(faces):
+        return np.zeros(0, int)
+    part = part_of_vertex(faces, int(faces.max()) + 1)
+    return np.unique(part[faces[:, 0]], return_inverse=True)[1]
+
+
 def is_watertight(faces: np.ndarray) -> bool:
     """Whether every edge belongs to two of the faces (f, 3), once in each direction; no face closes nothing."""
     if not len(faces):

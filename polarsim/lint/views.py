@@ -9,7 +9,7 @@ import numpy as np
 from polarsim import survey
 from polarsim.geometry.boxes import centres, iou, match_sum
 from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import surveyed_pose
 from polarsim.geometry.stereo import StereoRig, stated_rig
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
@@ -174,11 +174,8 @@ def _sunward(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.ndarray:
     """(n, 3, 2) points on level ground, metres, of boxes' centres at a share of their height and of lower corners."""
-    left = looking(
-        survey.SURVEYED_LEFT[key.position],
-        np.radians(survey.NOMINAL_YAW_DEG[key.position]),
-        np.radians(survey.NOMINAL_PITCH_DEG),
-    )
+    left = surveyed_pose(key.position)
+    assert left is not None  # positions of other terrains are left out before
     pose = left if key.camera == "L" else left @ rig.left_from_right
     columns = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 0], boxes[:, 2]], axis=1)
     rows = np.stack([boxes[:, 1] + foot * (boxes[:, 3] - boxes[:, 1]), boxes[:, 3], boxes[:, 3]], axis=1)

@@ -13,10 +13,10 @@ from scipy.spatial import KDTree
 from polarsim.formats import gltf, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import is_watertight
+from polarsim.geometry.topology import is_watertight, part_of_face
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.solids import decimated, islands, thinned, volume
+from polarsim.rocks.solids import decimated, thinned, volume
 from polarsim.run_files.scene import MESH_TABLE
 from polarsim.schemas.stages import MESHES
 
@@ -121,7 +121,7 @@ def figures(name: str, mesh: Mesh) -> dict[str, object]:
         "mesh": name,
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
-        "islands": int(islands(mesh).max(initial=-1)) + 1,
+        "islands": int(part_of_face(mesh.faces).max(initial=-1)) + 1,
         "watertight": closed,
         "volume_m3": volume(mesh) if closed else np.nan,
     }

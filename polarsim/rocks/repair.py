@@ -16,14 +16,14 @@ from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.rims import rim
-from polarsim.geometry.topology import is_watertight, open_edges, part_of_vertex
+from polarsim.geometry.topology import is_watertight, open_edges, part_of_face, part_of_vertex
 from polarsim.progress import track
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL
 from polarsim.rocks.folder import write_named
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.solids import islands, largest_island, merged_vertices
+from polarsim.rocks.solids import largest_island, merged_vertices
 from polarsim.rocks.surfaces import closed_rock
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_all_localised
@@ -49,7 +49,7 @@ def defects(mesh: Mesh) -> dict[str, object]:
     """Counts of what a solid does not have; lengths in metres."""
     used = np.unique(mesh.faces)
     joined = merged_vertices(mesh)
-    part = islands(joined)
+    part = part_of_face(joined.faces)
     main = largest_island(joined)
     edges = open_edges(main.faces)
     lengths = np.linalg.norm(main.vertices[edges[:, 0]] - main.vertices[edges[:, 1]], axis=1)

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import is_watertight, numbered_edges, part_of_vertex
+from polarsim.geometry.topology import is_watertight, numbered_edges, part_of_face
 
 FLAT = 1e-6  # radians: sheets that lie on each other have nothing between them, not a full turn
 PARTING = 1e-5  # metres that touching sheets of a surface are set apart
@@ -30,17 +30,9 @@ def merged_vertices(mesh: Mesh) -> Mesh:
     return compacted(vertices, faces[sound])
 
 
-def islands(mesh: Mesh) -> np.ndarray:
-    """(f,) number of the connected part that a face belongs to; parts share no vertex."""
-    if not len(mesh.faces):
-        return np.zeros(0, int)
-    part = part_of_vertex(mesh.faces, len(mesh.vertices))
-    return np.unique(part[mesh.faces[:, 0]], return_inverse=True)[1]
-
-
 def largest_island(mesh: Mesh) -> Mesh:
     """The connected part with most faces."""
-    part = islands(mesh)
+    part = part_of_face(mesh.faces)
     if not len(part):
         return mesh
     return compacted(mesh.vertices, mesh.faces[part == np.argmax(np.bincount(part))])

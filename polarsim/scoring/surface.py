@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.geometry.casters import caster
-from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rays import Caster
-from polarsim.geometry.topology import part_of_vertex
 
 _LIFT = 2e-3  # metres: sampled points are looked at from here above their own surface
 
@@ -74,9 +72,3 @@ class Surface:
         seen = np.zeros(len(points), bool)
         seen[facing] = ~self._rays.occluded(starts[facing], eye - starts[facing], 1.0)
         return seen
-
-
-def islands(mesh: Mesh) -> int:
-    """Number of parts that share no vertex; vertices without a triangle do not count."""
-    part = part_of_vertex(mesh.faces, len(mesh.vertices))
-    return len(np.unique(part[np.unique(mesh.faces)]))

@@ -6,12 +6,12 @@ import pytest
 from polarsim.cameras.labels import checked, localise_by_labels
 from polarsim.cameras.localisations import localise_all
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import RegistrationError
 from polarsim.formats import obj, release, yolo
 from polarsim.geometry.boxes import assign, clip, iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
+from polarsim.geometry.poses import surveyed_pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import SUNS
 from polarsim.run_files.rigs import LocalisedRig

@@ -7,12 +7,12 @@ import pytest
 
 from polarsim.formats import nasa, obj, tables
 from polarsim.geometry.stereo import rectified_left, stated_rig
-from polarsim.geometry.topology import is_watertight
+from polarsim.geometry.topology import is_watertight, part_of_face
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.solids import islands, volume
+from polarsim.rocks.solids import volume
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import read_terrain
@@ -87,7 +87,7 @@ def test_rock_meshes_are_closed_outward_and_of_one_piece(three_rocks_on_disk):
         mesh = obj.read(path)
         assert is_watertight(mesh.faces)
         assert volume(mesh) > 0  # outward
-        assert len(np.unique(islands(mesh))) == 1
+        assert len(np.unique(part_of_face(mesh.faces))) == 1
         assert path.with_stem(path.stem + "_decimate-005").exists()
 
 
@@ -137,7 +137,7 @@ def test_published_meshes_keep_their_ids_on_a_ground_that_meets_them(release_roo
     ground = scene.vertices[np.unique(scene.faces[scene.rock_of_face == -1])]
     for rock, path in obj.rock_files(tmp_path / "meshes").items():
         mesh = obj.read(path)
-        assert len(np.unique(islands(mesh))) == 1
+        assert len(np.unique(part_of_face(mesh.faces))) == 1
         centre, foot = mesh.vertices[:, :2].mean(axis=0), mesh.vertices[:, 2].min()
         near = ground[np.linalg.norm(ground[:, :2] - centre, axis=1) < 0.5 * np.ptp(mesh.vertices[:, 0])]
         assert abs(np.median(near[:, 2]) - foot) < 0.03, rock

@@ -6,12 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.cameras.surveyed import surveyed_pose
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
-from polarsim.geometry.poses import Pose
+from polarsim.geometry.poses import Pose, surveyed_pose
 from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised
