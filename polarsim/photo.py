@@ -14,7 +14,7 @@ from polarsim.errors import LabelError
 Light = Literal["on", "off"]
 Azimuth = Literal["no", "30", "180", "270", "350"]
 CameraSide = Literal["L", "R"]
-View = tuple[str, str]  # position and camera of one terrain
+PositionCamera = tuple[str, str]  # position and camera of one terrain
 Bracket = tuple[int, str, Light, Azimuth, CameraSide]  # all of a key but the exposure
 
 TERRAINS = tuple(range(1, 14))

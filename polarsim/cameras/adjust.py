@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.photo import View
+from polarsim.photo import PositionCamera
 from polarsim.run_files.rigs import LocalisedRig
 
 _STEPS = 30
@@ -57,7 +57,7 @@ class Adjusted:
 
 def adjust(
     localised: Mapping[str, LocalisedRig],
-    sightings: Mapping[View, Sightings],
+    sightings: Mapping[PositionCamera, Sightings],
     priors: Priors,
     independent: int,
     lenses: bool,
@@ -131,7 +131,9 @@ def offsets_px(rig: LocalisedRig, camera: str, seen: Sightings) -> np.ndarray:
     return np.nan_to_num(rig.project(camera, seen.points) - seen.pixels)
 
 
-def _residuals(localised: Mapping[str, LocalisedRig], sightings: Mapping[View, Sightings]) -> list[np.ndarray]:
+def _residuals(
+    localised: Mapping[str, LocalisedRig], sightings: Mapping[PositionCamera, Sightings]
+) -> list[np.ndarray]:
     """(n, 2) of every view, in standard deviations."""
     return [
         whitened(offsets_px(localised[position], camera, seen), seen.whitening)
@@ -140,7 +142,7 @@ def _residuals(localised: Mapping[str, LocalisedRig], sightings: Mapping[View, S
 
 
 def _slopes(
-    localised: Mapping[str, LocalisedRig], sightings: Mapping[View, Sightings], scale: np.ndarray
+    localised: Mapping[str, LocalisedRig], sightings: Mapping[PositionCamera, Sightings], scale: np.ndarray
 ) -> list[np.ndarray]:
     """(n, 2, unknowns) of every view at the start, by central differences."""
     columns = []

@@ -14,7 +14,7 @@ import numpy as np
 from polarsim.cameras.adjust import outlier_weights, whitened
 from polarsim.cameras.shading import Seen, Surface, look
 from polarsim.geometry.patches import MatchedWindows, Window, find
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, View
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PositionCamera
 from polarsim.run_files.best_photos import Photos
 from polarsim.run_files.rigs import LocalisedRig
 
@@ -34,7 +34,7 @@ class Shot:
 
 
 def shots_of(
-    surface: Surface, localised: Mapping[str, LocalisedRig], photos: Mapping[View, Photos], scale: float
+    surface: Surface, localised: Mapping[str, LocalisedRig], photos: Mapping[PositionCamera, Photos], scale: float
 ) -> dict[str, list[Shot]]:
     """What shows the light of each Sun lamp, by azimuth: the left cameras' photos, shrunk by a scale."""
     shots: dict[str, list[Shot]] = {}

@@ -27,7 +27,7 @@ from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
 from polarsim.geometry.patches import Window, find
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import USUAL_EXPOSURE_MS, View
+from polarsim.photo import USUAL_EXPOSURE_MS, PositionCamera
 from polarsim.progress import track
 from polarsim.run_files import lamps
 from polarsim.run_files.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
@@ -181,7 +181,7 @@ def _found_suns(
     return suns
 
 
-def _of_sure_positions(name: str, seen: Mapping[View, Sightings]) -> dict[View, Sightings]:
+def _of_sure_positions(name: str, seen: Mapping[PositionCamera, Sightings]) -> dict[PositionCamera, Sightings]:
     """The sightings of the positions that have enough of them."""
     counts: Counter[str] = Counter()
     for (position, _), found in seen.items():
@@ -198,7 +198,7 @@ def _offset_px(off: np.ndarray, found: Sightings) -> np.ndarray:
 
 
 def _described(
-    position: str, located: LocalisedRig, adjusted: Adjusted, seen: Mapping[View, Sightings]
+    position: str, located: LocalisedRig, adjusted: Adjusted, seen: Mapping[PositionCamera, Sightings]
 ) -> LocalisedRig:
     """The adjusted rig with how well photos and meshes agree, before and now, and its formal standard deviations."""
     rig = adjusted.localised[position]

@@ -13,7 +13,7 @@ import numpy as np
 
 from polarsim.formats import coco, tables
 from polarsim.geometry.camera import Camera
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, View
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import hidden_parts, label_row, label_view
@@ -47,9 +47,11 @@ class LabelPaths:
     maps: Path | None = None
 
 
-def views_of(keys: Iterable[PhotoKey], rigs: Mapping[str, LocalisedRig], cameras: Path) -> dict[View, list[PhotoKey]]:
+def views_of(
+    keys: Iterable[PhotoKey], rigs: Mapping[str, LocalisedRig], cameras: Path
+) -> dict[PositionCamera, list[PhotoKey]]:
     """The keys of each view whose position has a proven pose; the others are named in a warning and left out."""
-    views: dict[View, list[PhotoKey]] = {}
+    views: dict[PositionCamera, list[PhotoKey]] = {}
     without = set()
     for key in sorted(keys):
         if key.position in rigs and not rigs[key.position].unproven:

@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
-from polarsim.photo import SUNS, WHITE_LEVEL, View
+from polarsim.photo import SUNS, WHITE_LEVEL, PositionCamera
 from polarsim.progress import track
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
@@ -21,7 +21,7 @@ log = logging.getLogger("polarsim")
 _USABLE = (60, WHITE_LEVEL - 200)  # grey values that neither noise nor clipping moves
 _SPARSE = 8  # every so many rows and columns tell how well a photo is exposed
 _LEAST_USABLE = 0.03  # share of such pixels in a photo that is worth a look
-Pictures = Mapping[View, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
+Pictures = Mapping[PositionCamera, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
 Photos = Mapping[str, np.ndarray]  # of one view, by that azimuth: (h, w) float32 grey values
 
 
@@ -33,7 +33,7 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
     photos : Path
         `photos.parquet`; a photo that cannot be read is a warning and left out.
     """
-    best: dict[tuple[View, str], tuple[float, Path]] = {}
+    best: dict[tuple[PositionCamera, str], tuple[float, Path]] = {}
     for key, path in track(sorted(pictures_at(photos).items()), f"photos of terrain {terrain:02d}"):
         if key.terrain != terrain or key.light == "on" or key.azimuth not in SUNS:
             continue
@@ -46,13 +46,15 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
         group = ((key.position, key.camera), key.azimuth)
         if usable > max(_LEAST_USABLE, best[group][0] if group in best else 0.0):
             best[group] = usable, path
-    pictures: dict[View, dict[str, Path]] = {}
+    pictures: dict[PositionCamera, dict[str, Path]] = {}
     for (view, azimuth), (_, path) in sorted(best.items()):
         pictures.setdefault(view, {})[azimuth] = path
     return pictures
 
 
-def read_all_shrunk(pictures: Pictures, localised: Mapping[str, LocalisedRig], scale: float) -> dict[View, Photos]:
+def read_all_shrunk(
+    pictures: Pictures, localised: Mapping[str, LocalisedRig], scale: float
+) -> dict[PositionCamera, Photos]:
     """The photos of every view, by the azimuth of the Sun lamp, shrunk by a scale."""
     lenses = {(position, camera): localised[position].rig.lens(camera).scaled(scale) for position, camera in pictures}
     return {

@@ -19,7 +19,7 @@ from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, SUNS, PhotoKey
 from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.alignment import align_rigs, fit_alignment
-from polarsim.scoring.labels import read_annotated
+from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.score import Labels
 
@@ -63,7 +63,7 @@ def score_cameras(
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
     if annotated is not None:
-        metrics += against_annotated(localised, obj.rock_files(meshes), read_annotated(annotated, terrain))
+        metrics += against_annotated(localised, obj.rock_files(meshes), read_sound_boxes(annotated, terrain))
     write_metrics(evaluation, "cameras", terrain, metrics)
 
 

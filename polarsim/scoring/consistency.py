@@ -32,7 +32,7 @@ from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import FITTED, TerrainMesh, made_from, read_terrain
 from polarsim.scoring.alignment import align_rigs, refine_alignment
 from polarsim.scoring.complaints import STAGE, complaint
-from polarsim.scoring.labels import read_annotated
+from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, write_metrics
 from polarsim.scoring.surface import Surface
@@ -91,7 +91,7 @@ def check_consistency(
     both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
     if not both and annotated is not None:
         outlines = outlines_of({rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()})
-        both = boxes_of_both(last, outlines, read_annotated(annotated, terrain))
+        both = boxes_of_both(last, outlines, read_sound_boxes(annotated, terrain))
     metrics += both
     for metric in metrics:
         for sentence in complaint(metric.subject, metric.metric, metric.value):

@@ -123,7 +123,7 @@ def read_truth(
     """
     if not truth.is_file():
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
-        return read_annotated(folder, terrain)
+        return read_sound_boxes(folder, terrain)
     table = read_parquet(truth, LABEL_COLUMNS)
     found = labels_by_photo(visible(table[table["terrain"] == terrain], options))
     return {key: found.get(key, Labels.none()) for key in sorted({*found, *labelled})}
@@ -147,7 +147,7 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     return truth
 
 
-def read_annotated(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+def read_sound_boxes(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
     """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
     files = release.key_files(folder).files
     return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, box_reader())[0]

@@ -14,7 +14,7 @@ from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
-from polarsim.scoring.labels import box_metrics, read_annotated
+from polarsim.scoring.labels import box_metrics, read_sound_boxes
 from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps, read_sound
@@ -72,7 +72,7 @@ def score_outlines(
     """
     annotated = _of_brackets(read_polygon_files(root, terrain), keys)
     found = _of_brackets(read_coco(annotations), keys)
-    boxes = read_annotated(release.label_folder(root, terrain), terrain)
+    boxes = read_sound_boxes(release.label_folder(root, terrain), terrain)
     total: dict[str, Counts] = {}
     for bracket in sorted(set(annotated) & set(found)):
         key, polygons = annotated[bracket]

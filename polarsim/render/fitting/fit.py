@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.photo import SUNS, PhotoKey, View
+from polarsim.photo import SUNS, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.fitting.exposures import single_lamps
@@ -155,10 +155,10 @@ def _samples_of_terrain(
     return samples if samples is not None and len(samples) else None
 
 
-def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[View, Mapping[PhotoKey, Path]]:
+def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[PositionCamera, Mapping[PhotoKey, Path]]:
     if photos is None:
         return {}
-    found: dict[View, dict[PhotoKey, Path]] = {}
+    found: dict[PositionCamera, dict[PhotoKey, Path]] = {}
     for key, path in pictures_at(photos).items():
         if key.terrain == terrain and path.is_file():
             found.setdefault((key.position, key.camera), {})[key] = path
