@@ -70,7 +70,7 @@ def localise_by_labels(
         raise RegistrationError(f"{len(boxes)} boxes and {len(outlines)} meshes, a pose needs {MIN_BOXES} of each")
     prior = survey_prior(surveyed, options)
     azimuth = None if surveyed is None else float(np.arctan2(surveyed.translation[1], surveyed.translation[0]))
-    centres = candidate_centres(azimuth, float(np.median(outlines.centres[:, 2])), options)
+    centres = candidate_centres(azimuth, float(np.median(outlines.centres[:, 2])))
     starts = [start.sandbox_from_left for start in search_pose(outlines, boxes, lens, centres)]
     fits = _distinct(_final_fits(starts, boxes, outlines, lens, prior), prior)
     if not fits:

@@ -8,13 +8,6 @@ from pydantic import BaseModel, Field
 class LocalisationOptions(BaseModel, extra="forbid", frozen=True):
     """Rigs are localised by labels and meshes where there are no scans; the defaults fit the real data."""
 
-    distance_m: tuple[float, float] = Field(
-        (1.0, 7.0),
-        description="A tripod is looked for at these horizontal distances from the origin, least and largest, m.",
-    )
-    height_m: tuple[float, float] = Field(
-        (0.8, 2.0), description="A camera is looked for at these heights above the median rock, least and largest, m."
-    )
     survey_sd_m: float = Field(
         0.4,
         gt=0,

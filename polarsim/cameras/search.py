@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.options import LocalisationOptions
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
@@ -19,6 +18,8 @@ from polarsim.geometry.poses import Pose, looking
 DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: steps of the search for a position
 AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG = 12.0, 4.0  # of the search about the surveyed azimuth
 SEARCH_SD_PX = 40.0  # tolerance of box centres: about what a step moves them by
+DISTANCE_RANGE = (1.0, 7.0)  # metres from the origin at which a tripod is tried, horizontally
+HEIGHT_RANGE = (0.8, 2.0)  # metres above the median rock at which a camera is tried
 STARTS = 25  # best hypotheses that are refined
 SIZE_SD = 0.5  # tolerance of log width and log height
 PITCH = np.radians([2.0, 60.0])  # of any sensible camera here, downwards
@@ -41,7 +42,7 @@ class Hypothesis:
         return looking(self.centre, self.yaw, self.pitch)
 
 
-def candidate_centres(azimuth: float | None, level: float, options: LocalisationOptions) -> np.ndarray:
+def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
     """(n, 3) positions to try.
 
     Parameters
@@ -51,8 +52,8 @@ def candidate_centres(azimuth: float | None, level: float, options: Localisation
     level : float
         Height of the scene, metres.
     """
-    distances = _steps(*options.distance_m, DISTANCE_STEP)
-    heights = level + _steps(*options.height_m, HEIGHT_STEP)
+    distances = _steps(*DISTANCE_RANGE, DISTANCE_STEP)
+    heights = level + _steps(*HEIGHT_RANGE, HEIGHT_STEP)
     if azimuth is None:
         azimuths = np.radians(np.arange(0, 360, AZIMUTH_STEP_DEG))
     else:

@@ -87,9 +87,7 @@ def find_rocks(
     sand, found = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, found, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in found}
-    translations = {
-        rock: settling_translations(list(parts.values())) if options.settle else None for rock, parts in points.items()
-    }
+    translations = {rock: settling_translations(list(parts.values())) for rock, parts in points.items()}
     unlabelled = [rock for rock, one in found.items() if not one.region.confirmed]
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
     rows = [_row(rock, one, points[rock], translations[rock]) for rock, one in found.items()]

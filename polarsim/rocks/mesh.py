@@ -12,7 +12,7 @@ from polarsim.formats import ply, tables
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
-from polarsim.rocks.folder import Scanned, height_mesh, write_meshes
+from polarsim.rocks.folder import Scanned, write_meshes
 from polarsim.rocks.ground import GROUND_CELL
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
@@ -47,8 +47,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
         except ReconstructionError as error:
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
     cell = options.ground_mesh_cell_mm / 1000
-    poisson = options.ground_surface == "poisson"
-    surface = ground_surface(grid, ground, cell) if poisson else height_mesh(*ground_heights(points, cell, half))
+    surface = ground_surface(grid, ground, cell)
     sources = dict.fromkeys((NO_ROCK, *solids), SCANNED)
     write_meshes(terrain, meshes, solids, surface, sources, scanned)
 

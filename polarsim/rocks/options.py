@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import BaseModel, Field
 
 
@@ -21,17 +19,11 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
         lt=90,
         description="Sand is up to so steep, degrees, and what is steeper is rock. Loose sand rests at up to 38.",
     )
-    settle: bool = Field(
-        True, description="Scans are moved onto each other rock by rock, where points tell by how much."
-    )
     rock_cell_mm: float = Field(
         1.9,
         gt=0,
-        description="Rocks are reconstructed (Poisson) in cells of this side, mm; larger ones make fewer triangles.",
+        description="Cell of the Poisson reconstruction of rocks, mm, which sets its octree depth; larger: fewer triangles.",
     )
     ground_mesh_cell_mm: float = Field(
         4, gt=0, description="The ground is meshed in cells of this side, mm; larger ones make fewer triangles."
-    )
-    ground_surface: Literal["poisson", "heights"] = Field(
-        "poisson", description="The ground is meshed by Poisson reconstruction, or as triangles between grid heights."
     )

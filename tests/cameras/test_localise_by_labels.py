@@ -105,7 +105,7 @@ def test_too_few_boxes_are_refused(outlines):
 
 
 def test_the_search_alone_comes_within_its_grid(labelled, outlines, true_poses):
-    centres = candidate_centres(0.0, 0.0, OPTIONS)
+    centres = candidate_centres(0.0, 0.0)
     best = search_pose(outlines, labelled.seen("B"), LENS, centres)[0]
     # The grid has steps of 0.3 m, 4 degrees (0.43 m at B) and 0.2 m.
     assert np.linalg.norm(best.centre - true_poses["B"].translation) < 0.5
@@ -113,7 +113,7 @@ def test_the_search_alone_comes_within_its_grid(labelled, outlines, true_poses):
 
 
 def test_candidate_centres_cover_the_stated_ranges():
-    centres = candidate_centres(np.pi / 2, 0.5, OPTIONS)
+    centres = candidate_centres(np.pi / 2, 0.5)
     assert len(centres) == 21 * 7 * 7
     distance = np.hypot(centres[:, 0], centres[:, 1])
     assert (distance.min(), distance.max()) == pytest.approx((1.0, 7.0))
