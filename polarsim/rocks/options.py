@@ -22,7 +22,7 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
     rock_cell_mm: float = Field(
         1.9,
         gt=0,
-        description="Cell of the Poisson reconstruction of rocks, mm, which sets its octree depth; larger: fewer triangles.",
+        description="Cell of the Poisson reconstruction of rocks, mm (sets its depth); larger: fewer triangles.",
     )
     ground_mesh_cell_mm: float = Field(
         4, gt=0, description="The ground is meshed in cells of this side, mm; larger ones make fewer triangles."
