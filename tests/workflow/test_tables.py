@@ -19,6 +19,8 @@ def test_every_table_of_a_small_run_has_the_columns_that_are_declared(small):
         for part, found in PATTERNS.items():
             pattern = pattern.replace(part, found)
         for path in run.glob(pattern):
+            if "*_" in table.path and path.name.startswith("meshes_"):
+                continue  # a table of its own
             read = pd.read_parquet if path.suffix == ".parquet" else pd.read_csv
             assert list(read(path).columns) == expected, path
             checked += 1
