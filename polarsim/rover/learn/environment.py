@@ -33,10 +33,10 @@ from polarsim.rover.learn.courses import Course, MadeUpCourse
 from polarsim.rover.learn.observation import STATE, crop, numbers
 from polarsim.rover.learn.options import TaskOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.observation import Eyes
+from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.pilot import LOOK_HZ
+from polarsim.rover.planning.pilot import OBSERVATIONS_HZ
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.run_files.picture_sets import AUTO
@@ -135,10 +135,10 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.vehicle = job.vehicle
         self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.line))
         self.map = HazardGrid(job.world)
-        self._eyes = None
+        self._perception = None
         if self.mode != "blind":
             weights = self.cameras.onboard.weights_file
-            self._eyes = Eyes(
+            self._perception = Perception(
                 job.world, job.vehicle, self.line, self.mode, self.light, self.cameras, own,
                 render=self.render_options, detector=OnboardDetector(weights=weights) if weights else None,
             )  # fmt: skip
@@ -234,13 +234,13 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         now = self.simulation.time
         if now < self._next_look - 1e-9:
             return
-        self._next_look += 1 / LOOK_HZ
+        self._next_look += 1 / OBSERVATIONS_HZ
         self._looked = now
         self.map.fade(now)
-        if self._eyes is None:
+        if self._perception is None:
             return
-        for look in self._eyes.look(state, self.simulation.ground.level, self.map).looks:
-            self.map.add(look)
+        for update in self._perception.observe(state, self.simulation.ground.level, self.map).updates:
+            self.map.add(update)
 
     def _along(self, state: State) -> float:
         return self.line.beside(float(state.position[0]), float(state.position[1]), 0)[0]

@@ -1,8 +1,8 @@
-"""From a box in the front camera's picture to a position and a size on the ground before the rover.
+"""Position and size of rocks on the ground from boxes in the front camera's picture.
 
 A box's lower side is where a rock meets the ground; its width at that distance is the rock's width, and its depth too;
-its upper side is the rock's top, above the footprint's centre. The ground ahead is the plane under the wheels, which is
-all that a rover with one camera knows, or the ground as it was surveyed before the drive.
+its upper side is the rock's top, above the footprint's centre. The ground ahead is the plane under the wheels, or
+the ground as surveyed before the drive.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 
 Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of the ground at world x and y, metres
-_LEAST_FALL = 0.02  # of a ray per metre: flatter ones meet the ground too far away to tell where
-_ROUNDS = 12  # of walking to the ground along a ray; each one leaves the slope over the ray's fall of the error
+_LEAST_FALL = 0.02  # of a ray per metre: flatter rays meet the ground too far away
+_ROUNDS = 12  # of the search along a ray; each reduces the error by the slope over the ray's fall
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Rocks as boxes show them, n of them; world frame, metres."""
+    """Estimated rocks (n); world frame, metres."""
 
     near: np.ndarray  # (n, 2) where the box's lower side meets the ground
     centre: np.ndarray  # (n, 2) of the footprint
@@ -31,7 +31,7 @@ class Estimate:
 
 
 def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
-    """The plane at height `ground_m` of base_link."""
+    """Return the plane at height `ground_m` of base_link."""
     foot, up = world_from_base.apply(np.array([0.0, 0, ground_m])), world_from_base.rotation[:, 2]
 
     def heights(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -41,7 +41,7 @@ def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
 
 
 def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
-    """What boxes (n, 4) tell; NaN where the lower side does not look down at the ground."""
+    """Estimate the rocks of boxes (n, 4); NaN where the ray of the lower side does not meet the ground."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     left, top, right, bottom = boxes.T
     eye = camera.centre
@@ -60,7 +60,7 @@ def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
 
 
 def on_ground(pixels: np.ndarray, camera: Camera, ground: Heights) -> np.ndarray:
-    """(n, 3) where rays through pixels (n, 2) meet the ground; NaN where they do not."""
+    """Return (n, 3) where rays through pixels (n, 2) meet the ground; NaN where they do not."""
     rays, eye = camera.directions(pixels), camera.centre
     falls = -rays[:, 2] > _LEAST_FALL * np.hypot(rays[:, 0], rays[:, 1])
     rays = np.where(falls[:, None], rays, np.nan)

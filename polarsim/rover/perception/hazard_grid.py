@@ -1,10 +1,8 @@
-"""The rover's map: by cell the log-odds of a rock, which looks raise and lower and time lets fade, and its height.
+"""The rover's map: log-odds and height of rocks by cell, and the height of the surface by parts of cells.
 
-Log-odds add up over looks that are independent (Moravec & Elfes, ICRA 1985); bounds keep a cell open to a change of
-mind, and fading (exponential) makes an old look worth less than a new one.
-
-Beside that, the height of the surface, rocks and all, by parts of cells: the mean of what was seen, nearer looks
-counting more. Gaps that nothing was seen of are filled from around them when the map is read.
+Log-odds of independent observations add up (Moravec & Elfes, ICRA 1985). Bounds keep a cell open to a change, and decay
+makes an old observation count less than a new one. The surface, rocks included, is the mean of the observed heights,
+nearer ones with more weight; its gaps are filled when the map is read.
 """
 
 from __future__ import annotations
@@ -27,13 +25,13 @@ _FILL_M = 0.6  # gaps of the surface are interpolated from no farther away
 
 
 @dataclass(frozen=True)
-class Look:
-    """What one look says of cells (rows, columns)."""
+class MapUpdate:
+    """One observation of the cells (rows, columns) of a map."""
 
-    weight: np.ndarray  # 0 where it says nothing, 1 in full
-    rock: np.ndarray  # log-odds of a rock that a look in full adds; 0: it shows none
+    weight: np.ndarray  # from 0, unobserved, to 1
+    rock: np.ndarray  # log-odds of a rock, added at weight 1; 0: no rock
     height: np.ndarray  # m, of the rock; NaN where there is none
-    surface: np.ndarray  # (rows PARTS, columns PARTS) m, of what is seen in the world; NaN where nothing is
+    surface: np.ndarray  # (rows PARTS, columns PARTS) m; NaN where unobserved
 
 
 class HazardGrid:
@@ -55,62 +53,64 @@ class HazardGrid:
         self._time = 0.0
 
     def fade(self, time_s: float) -> None:
-        """Let what is known fade up to a time."""
+        """Decay the log-odds up to a time."""
         self.log_odds *= math.exp(-(time_s - self._time) / DECAY_S)
         self._time = time_s
 
-    def add(self, look: Look) -> None:
-        """Fuse a look."""
-        rock = look.rock > 0
-        change = look.weight * np.where(rock, look.rock, -MISS_LOG_ODDS)
+    def add(self, update: MapUpdate) -> None:
+        """Fuse an update."""
+        rock = update.rock > 0
+        change = update.weight * np.where(rock, update.rock, -MISS_LOG_ODDS)
         self.log_odds = np.clip(self.log_odds + change, -MOST_LOG_ODDS, MOST_LOG_ODDS)
-        self.seen |= look.weight > 0
-        weight = look.weight * rock
-        self._height_sum += np.where(weight > 0, weight * np.nan_to_num(look.height), 0.0)
+        self.seen |= update.weight > 0
+        weight = update.weight * rock
+        self._height_sum += np.where(weight > 0, weight * np.nan_to_num(update.height), 0.0)
         self._height_weight += weight
-        fine = np.where(np.isfinite(look.surface), by_part(look.weight), 0.0)
+        fine = np.where(np.isfinite(update.surface), by_part(update.weight), 0.0)
         total = self._surface_weight + fine
         mean = np.nan_to_num(self.surface)
-        mean += np.divide(fine, total, out=np.zeros(fine.shape), where=fine > 0) * (np.nan_to_num(look.surface) - mean)
+        mean += np.divide(fine, total, out=np.zeros(fine.shape), where=fine > 0) * (
+            np.nan_to_num(update.surface) - mean
+        )
         self.surface = np.where(total > 0, mean, np.nan)
         self._surface_weight = total
 
     @property
     def rock(self) -> np.ndarray:
-        """Cells that are more likely rock than not."""
+        """(rows, columns) bool: cells that are more likely rock than not."""
         return np.asarray(self.log_odds > 0)
 
     @property
     def height(self) -> np.ndarray:
-        """Mean height of the rock that was seen in a cell, m; 0 without one."""
+        """Mean height of the rock observed in each cell, m; 0 without a rock."""
         return np.divide(
             self._height_sum, self._height_weight, out=np.zeros(self.log_odds.shape), where=self._height_weight > 0
         )
 
     def hazards(self, height_m: float) -> np.ndarray:
-        """Cells with a rock of this height or more."""
+        """Return the cells with a rock of this height or more."""
         return self.rock & (self.height >= height_m)
 
     def surface_of_cells(self) -> np.ndarray:
-        """(rows, columns) m, mean height of the surface; NaN where nothing was seen within `_FILL_M`."""
+        """Return (rows, columns) mean height of the surface, m; NaN where nothing was observed within `_FILL_M`."""
         filled = without_gaps(self.surface, _FILL_M * PARTS / CELL_M)
         return np.asarray(of_parts(filled, "mean"))
 
 
 def by_part(cells: np.ndarray) -> np.ndarray:
-    """(rows PARTS, columns PARTS) values of cells (rows, columns)."""
+    """Return the values of cells (rows, columns) by parts (rows PARTS, columns PARTS)."""
     return np.repeat(np.repeat(cells, PARTS, axis=0), PARTS, axis=1)
 
 
 def of_parts(parts: np.ndarray, how: str) -> np.ndarray:
-    """(rows, columns) from parts of cells (rows PARTS, columns PARTS), by an array's method: mean, max ..."""
+    """Reduce parts of cells (rows PARTS, columns PARTS) to cells by an array's method: mean, max ..."""
     return np.asarray(getattr(by_cells(parts, PARTS), how)(axis=(1, 3)))
 
 
 def without_gaps(values: np.ndarray, reach: float) -> np.ndarray:
-    """Values (rows, columns) with NaN filled linearly between what is known, no farther from it than `reach` elements.
+    """Fill NaN in values (rows, columns) linearly, no farther than `reach` elements from known values.
 
-    Linear over Delaunay's triangles of the gaps' rims; outside of all of them, the nearest known value.
+    Linear over Delaunay's triangles of the gaps' rims; outside of these, the nearest known value.
     """
     known = np.isfinite(values)
     if known.all() or not known.any():

@@ -45,7 +45,7 @@ class Grid:
 class HazardMap:
     """By cell: visible or not, rock or not, height above the ground, metres; 0 without a rock."""
 
-    looked: np.ndarray
+    visible: np.ndarray
     rock: np.ndarray
     height: np.ndarray
 
@@ -72,7 +72,7 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, confidence: float) -> Ha
     """Return the map of detected or labelled boxes, columns frame, kind, confidence and corners."""
     by_frame = of_frames(sure_rocks(found, confidence))
     x, y = np.meshgrid(grid.x, grid.y)
-    looks, votes, heights = (np.zeros(x.shape) for _ in range(3))
+    weights, votes, heights = (np.zeros(x.shape) for _ in range(3))
     for frame in ride.frames:
         camera, ground = ride.cameras[frame], ride.ground(frame)
         window = _window(grid, camera)
@@ -84,20 +84,20 @@ def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, confidence: float) -> Ha
         height = np.zeros(weight.shape)
         for _, _, rise in rocks_on_ground(estimate(corners[seen.whole], camera, ground), x[window], y[window]):
             height = np.maximum(height, rise)
-        looks[window] += weight
+        weights[window] += weight
         votes[window] += weight * (height > 0)
         heights[window] += weight * height
     with np.errstate(divide="ignore", invalid="ignore"):
-        rock = (looks > 0) & (votes >= _VOTES * looks)
+        rock = (weights > 0) & (votes >= _VOTES * weights)
         height = np.where(rock, heights / votes, 0.0)
-    return _cells(grid, rock, height, looks > 0)
+    return _cells(grid, rock, height, weights > 0)
 
 
 def compared(found: HazardMap, true: HazardMap) -> pd.DataFrame:
     """Return one row: visible cells, right, false and missed rock cells, F1, height errors: median of rocks, within
     5 cm.
     """
-    cells = found.looked
+    cells = found.visible
     right = int((found.rock & true.rock & cells).sum())
     false, missed = int((found.rock & ~true.rock & cells).sum()), int((~found.rock & true.rock & cells).sum())
     error = np.abs(found.height - true.height)
@@ -114,11 +114,11 @@ def compared(found: HazardMap, true: HazardMap) -> pd.DataFrame:
     return pd.DataFrame([row])
 
 
-def _cells(grid: Grid, rock: np.ndarray, height: np.ndarray, looked: np.ndarray) -> HazardMap:
-    seen = grid.of_cells(looked.astype(float)) >= _LEAST_SHARE
-    share = grid.of_cells(np.where(looked, rock, np.nan).astype(float))
+def _cells(grid: Grid, rock: np.ndarray, height: np.ndarray, visible: np.ndarray) -> HazardMap:
+    seen = grid.of_cells(visible.astype(float)) >= _LEAST_SHARE
+    share = grid.of_cells(np.where(visible, rock, np.nan).astype(float))
     flagged = np.nan_to_num(share) > 0
-    mean = np.nan_to_num(grid.of_cells(np.where(rock & looked, height, np.nan)))
+    mean = np.nan_to_num(grid.of_cells(np.where(rock & visible, height, np.nan)))
     return HazardMap(seen, flagged & seen, np.where(flagged & seen, mean, 0.0))
 
 

@@ -11,29 +11,29 @@ from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.perception.cells import part_centres, rocks_on_ground, visible_points
 from polarsim.rover.perception.ground_view import Heights, estimate
-from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, Look, of_parts
+from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, MapUpdate, of_parts
 
 FARTHEST_M = 5.0  # from the camera: farther ground is not mapped
 _FULL_WEIGHT_M = 2.0  # updates from farther away count by the inverse square of the distance
 _STEREO_ROCK_M = 0.05  # stereo takes a cell for rock where it is this high above the ground around
-_ABOUT_PX = 9  # over which light is averaged: noise of single pixels is no light
-_LEAST_SHARE = 0.5  # of a cell's points that must be in the picture
-_MOST_SURE = 0.95  # confidence of a detection that counts no more than this
-_POINTS = 12  # of depth in a cell, which say something of it
+_ABOUT_PX = 9  # window over which light is averaged against the noise of single pixels
+_LEAST_SHARE = 0.5  # minimum share of a cell's points in the picture
+_MOST_SURE = 0.95  # maximum probability of a rock by one detection
+_POINTS = 12  # minimum number of depths in a cell
 _TOP_PERCENT, _FOOT_PERCENT = 90, 25
 _AROUND = 9  # cells whose median is the ground around
 _ROCK_SHARE = 0.5  # of a part's pixels
 SURE = 1.0  # confidence of labels
-_STEREO_SURE = 0.4  # of stereo: a look that shows a rock counts about as much as one that shows none
+_STEREO_SURE = 0.4  # of stereo: a rock counts about as much as free ground
 
 
-def look_of_boxes(
+def update_from_boxes(
     boxes: np.ndarray, confidence: np.ndarray, lit: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
-) -> Look:
-    """From rocks' boxes (n, 4) in a picture and their confidences (n,); lit ground in view without one is no rock.
+) -> MapUpdate:
+    """Return the update of rocks' boxes (n, 4) in a picture with confidences (n,); other lit ground in view is free.
 
-    A cell shows rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts. Of
-    pixels that are not `lit`, (h, w) bool, a picture without a box says nothing: a detector finds none in the dark.
+    A cell is rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts. Pixels
+    that are not `lit`, (h, w) bool, update nothing without a box: detectors find no rocks in the dark.
     """
     x, y = (part_centres(values, grid.cell_m, PARTS) for values in (grid.x, grid.y))
     columns, rows = (_near(values, float(eye)) for values, eye in zip((x, y), camera.centre[:2], strict=True))
@@ -61,21 +61,23 @@ def look_of_boxes(
         of_parts(values, how) for values, how in zip(full[:5], ("mean", "mean", "max", "max", "max"), strict=True)
     )
     known = np.where(sure > 0, in_view, share) >= _LEAST_SHARE
-    return Look(np.where(known, _weight(far), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
+    return MapUpdate(np.where(known, _weight(far), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
 
 
 def lit_pixels(grey: np.ndarray, least: float) -> np.ndarray:
-    """(h, w) bool: pixels of a 12-bit picture (h, w) about which so many grey values over the black level are seen."""
+    """Return (h, w) bool: pixels of a 12-bit picture with a local mean of at least `least` above the black level."""
     above = grey.astype(np.float32) - BLACK_LEVEL
     return np.asarray(ndimage.uniform_filter(above, _ABOUT_PX) >= least)
 
 
-def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid) -> Look:
-    """From what pixels show: points (n, 3) of the world, and (n,) the number of the rock that each is on, 0 for none.
+def update_from_pixels(
+    points: np.ndarray, rock: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
+) -> MapUpdate:
+    """Return the update of pixels: points (n, 3) of the world, and (n,) the number of their rock, 0 for ground.
 
-    A part of a cell is rock where half or more of its pixels are, or of those near its centre where there are any: of
-    a rock's steep side there are many. A cell is rock where any part is. A rock is as high as its highest pixel over
-    the ground there.
+    A part of a cell is rock where half or more of its pixels are, or of the pixels near its centre where there are
+    any, since a rock's steep side has many pixels. A cell is rock where any part is. A rock's height is that of its
+    highest pixel above the ground.
     """
     shape = grid.surface.shape
     part = _numbers(points, grid, PARTS)
@@ -92,7 +94,7 @@ def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground:
     surface = np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
     top = np.full(size, -np.inf)
     np.maximum.at(top, part, points[:, 2])
-    surface = np.where(is_rock, top, surface)  # of a rock's steep side pixels show more than of its top
+    surface = np.where(is_rock, top, surface)  # a rock's steep side has more pixels than its top
     heights = np.zeros(int(rock.max(initial=0)) + 1)
     stands = rock > 0
     np.maximum.at(heights, rock[stands], points[stands, 2] - ground(*points[stands, :2].T))
@@ -102,13 +104,15 @@ def look_of_pixels(points: np.ndarray, rock: np.ndarray, camera: Camera, ground:
     found = of_parts(is_rock.reshape(shape), "any")
     gx, gy = np.meshgrid(grid.x, grid.y)
     weight = np.where(share > 0, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
-    weight *= np.where(found, 1.0, share)  # what is not seen of a cell may be rock
+    weight *= np.where(found, 1.0, share)  # unobserved parts of a cell may be rock
     tall = of_parts(np.where(is_rock, height, 0.0).reshape(shape), "max")
-    return Look(weight, np.where(found, _log_odds(SURE), 0.0), np.where(found, tall, np.nan), surface.reshape(shape))
+    return MapUpdate(
+        weight, np.where(found, _log_odds(SURE), 0.0), np.where(found, tall, np.nan), surface.reshape(shape)
+    )
 
 
-def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
-    """From points (n, 3) of the world that stereo sees: cells that stand above the ground around are rock."""
+def update_from_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> MapUpdate:
+    """Return the update of stereo's points (n, 3) of the world: cells above the surrounding ground are rock."""
     shape = len(grid.y), len(grid.x)
     points = points[np.isfinite(points).all(axis=1)]
     number = _numbers(points, grid)
@@ -125,14 +129,14 @@ def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
         into.ravel()[numbers] = z[first + (count - 1) * percent // 100]
     seen = np.isfinite(foot)
     if not seen.any():
-        return Look(np.zeros(shape), np.zeros(shape), top, np.full(grid.surface.shape, np.nan))
+        return MapUpdate(np.zeros(shape), np.zeros(shape), top, np.full(grid.surface.shape, np.nan))
     nearest = ndimage.distance_transform_edt(~seen, return_distances=False, return_indices=True)
     around = ndimage.median_filter(foot[tuple(nearest)], _AROUND)
     height = np.where(seen, top - around, np.nan)
     rock = seen & (np.nan_to_num(height) > _STEREO_ROCK_M)
     gx, gy = np.meshgrid(grid.x, grid.y)
     weight = np.where(seen, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
-    return Look(
+    return MapUpdate(
         weight,
         np.where(rock, _log_odds(_STEREO_SURE), 0.0),
         np.where(rock, height, np.nan),
@@ -141,14 +145,14 @@ def look_of_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> Look:
 
 
 def _surface(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
-    """Mean height of points (n, 3) of the grid by parts of cells; NaN without one."""
+    """Return the mean height of points (n, 3) by parts of cells; NaN without a point."""
     part, size = _numbers(points, grid, PARTS), grid.surface.size
     count, total = np.bincount(part, minlength=size), np.bincount(part, points[:, 2], size)
     return np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(grid.surface.shape)
 
 
 def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
-    """(n,) bool: points (n, 3) no farther from the centre of their part of a cell than half way to its side."""
+    """Return (n,) bool: points (n, 3) closer to the centre of their part of a cell than to its side."""
     central = np.ones(len(points), bool)
     for axis, centres in ((0, grid.x), (1, grid.y)):
         part = ((points[:, axis] - centres[0]) / grid.cell_m + 0.5) * PARTS
@@ -157,7 +161,7 @@ def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
 
 
 def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray:
-    """(n,) flat numbers of the cells, or of their parts along a side, that points (n, 3) lie in; -1 beyond the grid."""
+    """Return (n,) flat numbers of the cells, or parts of cells, of points (n, 3); -1 beyond the grid."""
     shape = parts * len(grid.y), parts * len(grid.x)
     column, row = (
         np.floor(((points[:, axis] - centres[0]) / grid.cell_m + 0.5) * parts).astype(int)
@@ -168,7 +172,7 @@ def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray
 
 
 def _log_odds(confidence: float) -> float:
-    """Of a rock by a detection: no confidence tells nothing, and none tells for sure."""
+    """Return the log-odds of a rock by a detection: 0 at confidence 0, bounded at 1."""
     sure = min(0.5 + 0.5 * confidence, _MOST_SURE)
     return math.log(sure / (1 - sure))
 

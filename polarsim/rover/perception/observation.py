@@ -1,6 +1,6 @@
 """Observations of a moment by the rover's cameras, as its mode uses them.
 
-Detector and stereo have the front camera and a second one beside it. Labels are taken all round.
+Detector and stereo use the front camera and a second one to its right. Labels are taken all round.
 """
 
 from __future__ import annotations
@@ -34,8 +34,14 @@ from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.perception.ground_view import plane_under
-from polarsim.rover.perception.hazard_grid import HazardGrid, Look
-from polarsim.rover.perception.map_updates import FARTHEST_M, lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
+from polarsim.rover.perception.hazard_grid import HazardGrid, MapUpdate
+from polarsim.rover.perception.map_updates import (
+    FARTHEST_M,
+    lit_pixels,
+    update_from_boxes,
+    update_from_depth,
+    update_from_pixels,
+)
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import Vehicle
@@ -43,8 +49,8 @@ from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 T = TypeVar("T")
-_BESIDE_M = 2.0  # of the straight line: there the ground's change is followed
-_NEAREST_M = 1.5  # depth that stereo looks for
+_BESIDE_M = 2.0  # of the straight line: changes of the ground are drawn there
+_NEAREST_M = 1.5  # minimum depth of stereo
 _STEREO_BASE_M = 0.3  # from the front camera to the second one, to the right
 _STEREO_SCALE = 0.5  # of the pictures that stereo matches over those taken
 # Labels are also taken by these cameras of the vehicle, where it has them: six of VIPER's eight, at a small scale.
@@ -58,21 +64,21 @@ _EVEN, _EVEN_PX = 1.5, 5
 
 
 @dataclass(frozen=True)
-class Glance:
-    """One moment: looks for the map, and the pair of pictures (h, w) uint8 where two were taken.
+class Observation:
+    """Updates of the map at one moment, and the pair of pictures (h, w) uint8 of stereo.
 
-    `shown`: the front camera's picture (h, w) uint8, where one was taken, and `found`, (n, 5) boxes in it that count.
+    `shown`: the front camera's picture (h, w) uint8, and `found`: (n, 5) boxes in it that count.
     """
 
-    looks: list[Look]
+    updates: list[MapUpdate]
     camera: Camera
     pair: tuple[np.ndarray, np.ndarray] | None = None
     shown: np.ndarray | None = None
     found: np.ndarray = field(default_factory=lambda: np.zeros((0, 5)))
 
 
-class Eyes:
-    """The cameras of a mode; `seconds` counts CPU by part."""
+class Perception:
+    """Cameras and detector of a mode; `seconds` counts CPU time by part."""
 
     def __init__(
         self,
@@ -116,7 +122,7 @@ class Eyes:
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
         self._detector = self._read_detector(detector) if self._detects else None
         self.rectification = rectification(self.mount.lens.scaled(_STEREO_SCALE), _STEREO_BASE_M)
-        self._glances = 0
+        self._count = 0
 
     @property
     def _detects(self) -> bool:
@@ -127,8 +133,8 @@ class Eyes:
         """Whether both cameras take pictures."""
         return self.mode in ("stereo", "both")
 
-    def look(self, state: State, level: np.ndarray, grid: HazardGrid) -> Glance:
-        """Take pictures of the ground as it is now and make of them what the mode makes."""
+    def observe(self, state: State, level: np.ndarray, grid: HazardGrid) -> Observation:
+        """Observe the rover's state and the ground's levels (rows, columns), m."""
         base = self._timed("scene", lambda: self._camera.show_state(state, level))
         camera = self.mount.at(base)
         ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
@@ -136,45 +142,47 @@ class Eyes:
             cameras = [mount.at(base) for mount in self._round]
             seen = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
             points, rock = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-            return Glance([self._timed("map", lambda: look_of_pixels(points, rock, camera, ground, grid))], camera)
+            return Observation(
+                [self._timed("map", lambda: update_from_pixels(points, rock, camera, ground, grid))], camera
+            )
         # Stereo matches small pictures, so the second camera, and without a detector the first, takes no larger ones.
         cameras = [camera if self._detects else self._small.at(base)]
         if self.pairs:
             cameras.append(right_of(self._small.at(base), _STEREO_BASE_M))
         taken = self._timed("pictures", lambda: [self._picture(one, k) for k, one in enumerate(cameras)])
-        self._glances += 1
-        looks, pair, found = [], None, np.zeros((0, 5))
+        self._count += 1
+        updates, pair, found = [], None, np.zeros((0, 5))
         shown: np.ndarray | None = None
         if self._detects:
             shown, found = self._timed("detector", lambda: self._found(taken[0][0]))
             found = found[found[:, 4] >= self.onboard.confidence]
             lit = self._timed("map", lambda: self._lit(taken[0][0]))
             boxes, sure = found[:, :4], found[:, 4]
-            looks.append(self._timed("map", lambda: look_of_boxes(boxes, sure, lit, camera, ground, grid)))
+            updates.append(self._timed("map", lambda: update_from_boxes(boxes, sure, lit, camera, ground, grid)))
             found[:, :4] *= shown.shape[1] / camera.lens.width
         if self.pairs:
             small = self._timed("stereo", lambda: [self._small_picture(grey) for grey, _ in taken])
             pair = self._timed("stereo", lambda: self._pair(small))
             points = self._timed("stereo", lambda: self._points(pair, self._lit(small[0]), camera))
-            looks.append(self._timed("map", lambda: look_of_depth(points, camera, grid)))
-        return Glance(looks, camera, pair, pair[0] if pair and shown is None else shown, found)
+            updates.append(self._timed("map", lambda: update_from_depth(points, camera, grid)))
+        return Observation(updates, camera, pair, pair[0] if pair and shown is None else shown, found)
 
     def _shown(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, 3) of the world that pixels show, and (n,) rocks' numbers, 0 on the ground: no light is needed."""
+        """Return points (n, 3) of the world by pixel, and (n,) rocks' numbers, 0 on the ground. It needs no light."""
         surfaces = self._camera.scene.surfaces
         hits = cast_strip(surfaces, camera, slice(0, camera.lens.height), smooth=False)
         ids = surfaces.id_of_face.take(hits.face)
-        kept = (ids == GROUND) | (ids >= ROCK_IDS)  # and not the rover's own body
+        kept = (ids == GROUND) | (ids >= ROCK_IDS)  # without the rover's own body
         return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
 
     def _picture(self, camera: Camera, which: int) -> tuple[np.ndarray, float]:
-        """(h, w) 12-bit grey values, and their exposure, ms."""
+        """Return the 12-bit picture (h, w) and its exposure, ms."""
         light = self.light
-        name = ("autonomy", self.seed, self._glances, which, light.sun, light.exposure_ms)
+        name = ("autonomy", self.seed, self._count, which, light.sun, light.exposure_ms)
         return self._camera.picture(camera, light, *name, threads=self._threads)
 
     def _found(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The picture as the detector sees it, and (n, 5) boxes of rocks, px of the camera, and their confidences."""
+        """Return the input of the detector, and (n, 5) boxes of rocks, px of the camera, with confidences."""
         assert self._detector is not None
         applied, loaded, sizes = self._detector
         small = tone.shrink(grey, min(max(sizes.widths), max(grey.shape)))
@@ -184,11 +192,11 @@ class Eyes:
         return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
 
     def _small_picture(self, grey: np.ndarray) -> np.ndarray:
-        """The 12-bit picture as large as stereo matches it."""
+        """Return the 12-bit picture at the size that stereo matches."""
         return tone.shrink(grey, max(self.rectification.lens.width, self.rectification.lens.height))
 
     def _pair(self, small: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Both pictures by one curve: matching compares their grey values."""
+        """Convert both pictures by one tone curve, since matching compares grey values."""
         left, right = tone.to_8_bits(np.stack(small))
         return left, right
 
@@ -213,7 +221,7 @@ class Eyes:
             loaded = detectors.load_detector(detector, FilePath.cwd(), applied.prediction, 1)
         sizes = sizes_of(detector, applied.prediction).by_class[BOX_CLASSES.index(ROCK)]
         sizes = sizes.within(widest_look(self.mount.lens.width))
-        return applied, loaded, ClassSizes.same(sizes)  # shadows are not looked for
+        return applied, loaded, ClassSizes.same(sizes)  # of rocks alone
 
     def _timed(self, part: str, work: Callable[[], T]) -> T:
         begun = time.process_time()
@@ -223,17 +231,17 @@ class Eyes:
 
 
 def has_texture(grey: np.ndarray) -> np.ndarray:
-    """(h, w) bool of a picture (h, w) uint8: not all alike around."""
+    """Return (h, w) bool: pixels of a picture (h, w) uint8 with texture around them."""
     values = grey.astype(np.float32)
     mean, square = (ndimage.uniform_filter(some, _EVEN_PX) for some in (values, values**2))
     return np.asarray(square - mean**2 > _EVEN**2)
 
 
 def right_of(camera: Camera, base_m: float) -> Camera:
-    """The second camera of the pair."""
+    """Return the second camera of the pair."""
     return Camera(camera.world_from_camera @ Pose(np.eye(3), np.array([base_m, 0.0, 0.0])), camera.lens)
 
 
 def rectification(lens: Lens, base_m: float) -> Rectification:
-    """Of two equal lenses side by side."""
+    """Return the rectification of two equal lenses side by side."""
     return rectify(StereoRig(lens, lens, Pose(np.eye(3), np.array([base_m, 0.0, 0.0]))), 1.0)

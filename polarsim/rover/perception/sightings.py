@@ -32,7 +32,7 @@ _SIDE_M = 0.1  # beyond the wheels, of the corridor in which a rock makes the ro
 
 @dataclass(frozen=True)
 class Ride:
-    """The front camera on one drive."""
+    """The front camera of a recorded drive."""
 
     frames: list[int]  # in order
     cameras: Mapping[int, Camera]  # by frame, in the rover's world
@@ -51,7 +51,7 @@ class Ride:
         return self.cameras[frame].world_from_camera @ self.base_from_camera.inverse()
 
     def ground(self, frame: int) -> Heights:
-        """What the rover takes for the ground."""
+        """Return the ground on which boxes are located."""
         return self.surveyed or plane_under(self.base(frame), self.ground_m)
 
     @property
@@ -77,7 +77,7 @@ def sightings(truth: pd.DataFrame, found: pd.DataFrame, confidence: float) -> pd
 
 
 def recall_by_distance(seen: pd.DataFrame) -> pd.DataFrame:
-    """Rows of height_m (rocks above it), from_m, to_m, rocks (looks at rocks), detected."""
+    """Rows of height_m (rocks above it), from_m, to_m, rocks (labels of rocks), detected."""
     rows = []
     edges = np.arange(0, FARTHEST_M + 1e-9, DISTANCE_BIN_M)
     for height in HEIGHTS_M:

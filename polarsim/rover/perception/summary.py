@@ -47,7 +47,7 @@ def metrics(parts: Mapping[str, pd.DataFrame], seed: int = 0) -> pd.DataFrame:
     value, low, high
         NaN where nothing counts.
     count
-        What the value is the share, sum or median of: looks at rocks, rocks, cells, metres.
+        What the value is the share, sum or median of: labels of rocks, rocks, cells, metres.
     """
     rows: list[tuple[object, ...]] = []
     for group, own in _groups(parts):

@@ -1,4 +1,4 @@
-"""One drive in which the rover decides, or of the straight line beside it, and what is written of it.
+"""One drive in which the rover decides, or a blind one along the straight line, and its files.
 
 A folder holds a drive's trace as any drive's does, `map.npz`: the rover's map as it was at the end, and `pictures/`. A
 blind drive has a map on which nothing was seen.
@@ -23,11 +23,11 @@ from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.ride import Ride
 from polarsim.rover.drive.trace import Trace, write_trace
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.observation import Eyes
+from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pictures import write_pictures
-from polarsim.rover.planning.pilot import LOOK_HZ, Pilot, pilot
+from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot, pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
@@ -73,7 +73,7 @@ def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
         update={
             "path_m": _line(job.rocks, job.drive),
             "speed_m_s": options.speed_m_s,
-            "picture_hz": LOOK_HZ,
+            "picture_hz": OBSERVATIONS_HZ,
             "longest_s": options.longest_s,
         }
     )
@@ -94,7 +94,7 @@ def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
         folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
         surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.planner.hazard_m),
     )  # fmt: skip
-    write_pictures(folder / PICTURES, outcome.pilot.glances if outcome.pilot else [])
+    write_pictures(folder / PICTURES, outcome.pilot.observations if outcome.pilot else [])
 
 
 def drive(
@@ -120,15 +120,15 @@ def drive(
     route = Route(np.array(job.drive.path_m, float))
     driver: Pilot | None = None
     if mode != "blind":
-        eyes = Eyes(
+        perception = Perception(
             job.world, job.vehicle, route, mode, light, cameras, job.seed,
             render=render, detector=detector, threads=threads,
         )  # fmt: skip
-        driver = pilot(route, eyes, options)
+        driver = pilot(route, perception, options)
     ride = Ride(job, driver)
     if driver is not None:
-        driver.board(ride.simulation)
-    with one_blas_thread():  # what is multiplied at a look is small: threads that wait for it cost more
+        driver.attach(ride.simulation)
+    with one_blas_thread():  # small products: threads cost more than they save
         while ride.ended is None:
             try:
                 ride.go_on(_GO_ON_S)

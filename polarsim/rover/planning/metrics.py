@@ -69,7 +69,8 @@ def figures(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: Au
 def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> list[tuple[str, str, float]]:
     pilot, world, seconds = outcome.pilot, outcome.trace.world, float(outcome.trace.drive["seconds"])
     assert pilot is not None
-    assert pilot.eyes is not None
+    perception = pilot.perception
+    assert perception is not None
     found = points_of(pilot.grid, world, pilot.path.points, seconds)
     rows = [
         ("stops", "", float(len(pilot.stops))),
@@ -78,14 +79,14 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
         ("rock map", "points of 300", found.rocks),
         ("productivity", "points of 250", found.productivity),
         ("localisation", "points of 150", found.localisation),
-        *((f"CPU for a second driven, {part}", "s", spent / seconds) for part, spent in pilot.eyes.seconds.items()),
+        *((f"CPU for a second driven, {part}", "s", spent / seconds) for part, spent in perception.seconds.items()),
     ]
-    pairs = [glance.pair for _, glance in pilot.glances if glance.pair is not None]
-    if len(pairs) > 2:
-        cameras = [glance.camera.world_from_camera for _, glance in pilot.glances if glance.pair is not None]
-        turned = pilot.eyes.rectification.left_from_rectified
+    taken = [(own.pair, own.camera.world_from_camera) for _, own in pilot.observations if own.pair is not None]
+    if len(taken) > 2:
+        pairs, cameras = zip(*taken, strict=True)
+        turned = perception.rectification.left_from_rectified
         poses = [cameras[0].inverse() @ camera @ turned for camera in cameras]
-        guessed, lost = odometry(pairs, pilot.eyes.rectification, _NEAREST_M, _FARTHEST_M)
+        guessed, lost = odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
         moved, angle = relative_error(guessed, poses)
         positions = [np.array([pose.translation for pose in some]) for some in (guessed, poses)]
         rows += [

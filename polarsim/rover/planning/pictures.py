@@ -1,4 +1,4 @@
-"""Pictures of a drive to look at: what the front camera showed, with the rocks found in it."""
+"""Stored pictures of the front camera on a drive, with the detected rocks."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 
 from polarsim.formats.files import write_bytes, writing_folder
 from polarsim.photo import COLOURS, ROCK
-from polarsim.rover.perception.observation import Glance
+from polarsim.rover.perception.observation import Observation
 
 WIDTH_PX = 640
 _QUALITY = 85
 _BOX = COLOURS[ROCK][::-1]  # blue, green, red
 
 
-def write_pictures(folder: Path, glances: Iterable[tuple[float, Glance]]) -> None:
-    """Write `<milliseconds>.jpg` of glances at (time, s) that show one; without any it is an empty folder."""
+def write_pictures(folder: Path, observations: Iterable[tuple[float, Observation]]) -> None:
+    """Write `<milliseconds>.jpg` of observations at (time, s) that show one; without any it is an empty folder."""
     with writing_folder(folder) as temporary:
-        for time_s, glance in glances:
-            if glance.shown is not None:
-                write_bytes(temporary / f"{1000 * time_s:07.0f}.jpg", _drawn(glance.shown, glance.found))
+        for time_s, observation in observations:
+            if observation.shown is not None:
+                write_bytes(temporary / f"{1000 * time_s:07.0f}.jpg", _drawn(observation.shown, observation.found))
 
 
 def _drawn(grey: np.ndarray, boxes: np.ndarray) -> bytes:

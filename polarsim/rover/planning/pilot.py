@@ -1,4 +1,4 @@
-"""The rover's driver: looks, maps, plans, follows; stops where there is no path, backs off and plans anew."""
+"""Driver that observes, maps, plans and follows the path; without a path it stops, backs off and plans again."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import numpy as np
 from polarsim.rover.drive.control import Command, Driver, Path, SteeringLaw, wrapped
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.observation import Eyes, Glance
+from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Field, Planner, field_of
 
-LOOK_HZ = 1.0  # observations a second
+OBSERVATIONS_HZ = 1.0  # observations a second
 _LOOK_AHEAD_M = 0.7  # of the path's point that is steered for
 _BACK_M = 0.8  # by which the rover backs off without a path
 _TRIES = 8  # to back off, before the rover gives up
-_LOOKS_AT_REST = 2  # without a path, before the rover backs off: what one look got wrong another may put right
+_OBSERVATIONS_AT_REST = 2  # without a path, before the rover backs off: a second one may correct the first
 _KEPT_M = 2.5  # of a plan that is still free: it is kept
 _SAME_PLACE_M = 1.5  # from an earlier stop: there the rover backs off farther than it did
 _FARTHEST_BACK = 4  # times as far as at first
 _BACK_STEP_M = 0.15  # between places on the way back at which room is checked
 _ROLLS_ON_M = 0.2  # after backing off, until it stands: that must be free too
 _ARRIVED_M = 0.3  # before the goal's line
-_SHOWN_EVERY_S = 4.0  # a picture is kept to be looked at: all of a long drive would fill the memory
+_SHOWN_EVERY_S = 4.0  # between stored pictures: all of a long drive would fill the memory
 _MOVED_M = 0.05  # less is no headway: wheels that spin in place shake the body
 
 
@@ -44,21 +44,21 @@ class Stop:
 class Pilot(Driver):
     """Drives to the end of a straight line, by the way that it finds; a `Driver` to the ride that it steers."""
 
-    eyes: Eyes | None = None
+    perception: Perception | None = None
     options: AutonomyOptions = field(default_factory=AutonomyOptions)
     stops: list[Stop] = field(default_factory=list)
-    glances: list[tuple[float, Glance]] = field(default_factory=list)
+    observations: list[tuple[float, Observation]] = field(default_factory=list)
     plans: list[tuple[float, np.ndarray]] = field(default_factory=list)
     given_up: bool = False
     travelled: float = 0.0  # m, whichever way: a way round may lead across the line, or back along it
 
-    def board(self, simulation: Simulation) -> None:
-        """Take the wheel of a simulation: what is looked at is its world as it is."""
+    def attach(self, simulation: Simulation) -> None:
+        """Attach the driver to a simulation, whose world it observes."""
         self._simulation = simulation
         self.grid = HazardGrid(simulation.world)
         vehicle = simulation.vehicle
         self.planner = Planner(vehicle.wheel_centres[:, :2], self.options.planner)
-        self._wheelbase, self._every = vehicle.wheelbase, 1 / LOOK_HZ
+        self._wheelbase, self._every = vehicle.wheelbase, 1 / OBSERVATIONS_HZ
         self._next, self._at_rest, self._backed = 0.0, 0, 0
         self._next_shown = 0.0
         self._plan: np.ndarray | None = None
@@ -106,26 +106,26 @@ class Pilot(Driver):
             self.travelled, self._was_at = self.travelled + moved, (x, y)
 
     def _see(self, now: float) -> None:
-        assert self.eyes is not None
+        assert self.perception is not None
         self.grid.fade(now)
-        glance = self.eyes.look(self._simulation.state(), self._simulation.ground.level, self.grid)
-        for look in glance.looks:
-            self.grid.add(look)
+        observation = self.perception.observe(self._simulation.state(), self._simulation.ground.level, self.grid)
+        for update in observation.updates:
+            self.grid.add(update)
         if now < self._next_shown - 1e-9:
-            glance = replace(glance, shown=None)
+            observation = replace(observation, shown=None)
         else:
             self._next_shown = now + _SHOWN_EVERY_S
-        self.glances.append((now, glance))
+        self.observations.append((now, observation))
 
     def _decide(self, now: float, x: float, y: float, heading: float) -> None:
         if self._back_to is not None or self.given_up:
             return
-        assert self.eyes is not None
+        assert self.perception is not None
         begun = time.process_time()
         ground = self.field()
         kept = self._still_free(ground, x, y, heading)
         self._plan = kept if kept is not None else self.planner.plan(ground, x, y, heading, self.path.points[-1])
-        self.eyes.seconds["plan"] += time.process_time() - begun
+        self.perception.seconds["plan"] += time.process_time() - begun
         if self._plan is not None:
             self._at_rest = 0
             if kept is None:
@@ -134,7 +134,7 @@ class Pilot(Driver):
         self._at_rest += 1
         if self._at_rest == 1:
             self.stops.append(Stop(now, x, y, heading))
-        if self._at_rest > _LOOKS_AT_REST:
+        if self._at_rest > _OBSERVATIONS_AT_REST:
             self._at_rest, self._backed = 0, self._backed + 1
             self.given_up = self._backed > _TRIES
             if not self.given_up:
@@ -196,9 +196,11 @@ class Pilot(Driver):
         return math.atan(min(max(curvature, -most), most) * self._wheelbase / 2)
 
 
-def pilot(path: Path, eyes: Eyes, options: AutonomyOptions) -> Pilot:
+def pilot(path: Path, perception: Perception, options: AutonomyOptions) -> Pilot:
     """A pilot along a straight line."""
-    return Pilot(path, SteeringLaw(options.speed_m_s, 0.0, 0.0, math.radians(90)), eyes=eyes, options=options)
+    return Pilot(
+        path, SteeringLaw(options.speed_m_s, 0.0, 0.0, math.radians(90)), perception=perception, options=options
+    )
 
 
 def _nearest(plan: np.ndarray, x: float, y: float) -> int:

@@ -10,7 +10,7 @@ from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.control import Command, Path
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS, Trace
-from polarsim.rover.perception.observation import Eyes
+from polarsim.rover.perception.observation import Perception
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from tests.rover import driven
@@ -81,9 +81,9 @@ def live_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
 def deciding_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
     """The front camera's picture of a rover that goes by a detector."""
     light = Light(SUN, EXPOSURE_MS)
-    eyes = Eyes(trace.world, driven.vehicle(), LINE, "stereo", light, CAMERAS, 3, render=render)
-    base = eyes._camera.show_state(state_of(trace), shown_level(trace))
-    return eyes._picture(eyes.mount.at(base), 0)[0]
+    perception = Perception(trace.world, driven.vehicle(), LINE, "stereo", light, CAMERAS, 3, render=render)
+    base = perception._camera.show_state(state_of(trace), shown_level(trace))
+    return perception._picture(perception.mount.at(base), 0)[0]
 
 
 WAYS = {"suite": suite_picture, "live": live_picture, "deciding": deciding_picture}

@@ -6,7 +6,7 @@ import pytest
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.perception import hazard_map
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.map_updates import look_of_boxes
+from polarsim.rover.perception.map_updates import update_from_boxes
 from polarsim.rover.perception.measure import ride_of
 from polarsim.rover.planning.challenge import true_cells
 from polarsim.rover.vehicle.mounts import FRONT
@@ -22,7 +22,7 @@ def scored(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
     """Visible cells and rock cells of the map of a recorded drive, of its first frame."""
     rows = table([(0, box, 0.9) for box in boxes])
     found = hazard_map.mapped(rows, ride(1), hazard_map.grid_over(world), CONFIDENCE)
-    return found.looked, found.rock
+    return found.visible, found.rock
 
 
 def decided(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +30,7 @@ def decided(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
     own, grid = ride(1), HazardGrid(world)
     camera = own.cameras[0]
     lit = np.ones(camera.size[::-1], bool)
-    grid.add(look_of_boxes(boxes, np.full(len(boxes), 0.9), lit, camera, own.ground(0), grid))
+    grid.add(update_from_boxes(boxes, np.full(len(boxes), 0.9), lit, camera, own.ground(0), grid))
     return grid.seen, grid.rock
 
 
@@ -85,6 +85,6 @@ def test_a_box_that_is_cut_off_hides_the_ground_below_it(mapped):
 def test_ground_is_visible_only_where_the_camera_passed():
     suite = CameraSuite(driven.trace(seconds=8.0), driven.vehicle(), driven.options(views=(FRONT,), every=4))
     seen = hazard_map.mapped(table([]), ride_of(suite), hazard_map.grid_over(WORLD), CONFIDENCE)
-    assert 0.1 < seen.looked.mean() < 0.9
-    assert not seen.looked[:, -3:].any()  # behind the start
+    assert 0.1 < seen.visible.mean() < 0.9
+    assert not seen.visible[:, -3:].any()  # behind the start
     assert not seen.rock.any()

@@ -13,7 +13,7 @@ from polarsim.rover.perception.hazard_grid import (
     MOST_LOG_ODDS,
     PARTS,
     HazardGrid,
-    Look,
+    MapUpdate,
     by_part,
     of_parts,
     without_gaps,
@@ -27,10 +27,10 @@ def grid() -> HazardGrid:
     return HazardGrid(WORLD)
 
 
-def look(rock: float, weight: float = 1.0, height: float = 0.2, surface: float = np.nan) -> Look:
+def look(rock: float, weight: float = 1.0, height: float = 0.2, surface: float = np.nan) -> MapUpdate:
     own = grid()
     shape = own.log_odds.shape
-    return Look(*(np.full(shape, value) for value in (weight, rock, height)), np.full(own.surface.shape, surface))
+    return MapUpdate(*(np.full(shape, value) for value in (weight, rock, height)), np.full(own.surface.shape, surface))
 
 
 @given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 3)), max_size=30))

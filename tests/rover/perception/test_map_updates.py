@@ -8,7 +8,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
-from polarsim.rover.perception.map_updates import lit_pixels, look_of_boxes, look_of_depth, look_of_pixels
+from polarsim.rover.perception.map_updates import lit_pixels, update_from_boxes, update_from_depth, update_from_pixels
 from polarsim.rover.perception.observation import has_texture
 from polarsim.rover.world.surface import bare_world
 
@@ -39,7 +39,7 @@ def test_pixels_tell_rock_cells_their_heights_and_nothing_of_what_they_do_not_sh
     side = [(left, own.y[row], LEVEL + z) for z in (0.02, 0.1, 0.2)]  # of one rock, steep
     top = (own.x[column - 1], own.y[row], LEVEL + 0.25)  # of the same, in the cell before
     points = np.array([*ground, *side, top])
-    look = look_of_pixels(points, np.array([0, 0, 7, 7, 7, 7]), CAMERA, flat, own)
+    look = update_from_pixels(points, np.array([0, 0, 7, 7, 7, 7]), CAMERA, flat, own)
     assert (look.rock[row, column - 1 : column + 1] > 0).all()
     np.testing.assert_allclose(look.height[row, column - 1 : column + 1], 0.25, atol=1e-6)
     assert (look.weight > 0).sum() == 2
@@ -52,7 +52,7 @@ def test_pixels_tell_rock_cells_their_heights_and_nothing_of_what_they_do_not_sh
 def test_a_cell_of_which_little_is_seen_hardly_counts_as_free():
     own = grid()
     row, column = cell(own, 1.5, 0.0)
-    look = look_of_pixels(np.array([[own.x[column], own.y[row], LEVEL]]), np.zeros(1, int), CAMERA, flat, own)
+    look = update_from_pixels(np.array([[own.x[column], own.y[row], LEVEL]]), np.zeros(1, int), CAMERA, flat, own)
     assert look.weight[row, column] == pytest.approx(1 / PARTS**2)
     assert look.rock[row, column] == 0
 
@@ -61,7 +61,7 @@ def test_ground_beside_a_box_is_seen_at_its_height_and_higher_where_the_box_puts
     own = grid()
     foot, head = CAMERA.project(np.array([[1.6, 0.0, LEVEL], [1.75, 0.0, LEVEL + 0.2]]))
     box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
-    look = look_of_boxes(box, np.array([0.9]), ALL_LIT, CAMERA, flat, own)
+    look = update_from_boxes(box, np.array([0.9]), ALL_LIT, CAMERA, flat, own)
     centre = cell(own, 1.75, 0.0)
     assert look.rock[centre] > 0
     assert look.surface[PARTS * centre[0], PARTS * centre[1]] > LEVEL + 0.1
@@ -77,7 +77,7 @@ def test_the_dark_tells_nothing_of_free_ground_but_of_rocks_that_are_found_in_it
     box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
     lit = ALL_LIT.copy()
     lit[:, 242:] = False  # the picture's right half: the ground to the right of the rover, where the rock lies
-    bright, dark = (look_of_boxes(box, np.array([0.9]), some, CAMERA, flat, own) for some in (ALL_LIT, lit))
+    bright, dark = (update_from_boxes(box, np.array([0.9]), some, CAMERA, flat, own) for some in (ALL_LIT, lit))
     free = bright.rock == 0
     for y, seen in ((0.5, True), (-0.8, False)):
         at = cell(own, 1.75, y)
@@ -102,7 +102,7 @@ def test_depth_tells_heights_by_parts():
     own = grid()
     x, y = (values.ravel() for values in np.meshgrid(np.arange(1.0, 2.5, 0.01), np.arange(-0.6, 0.6, 0.01)))
     z = LEVEL + np.where((np.abs(x - 1.8) < 0.1) & (np.abs(y) < 0.1), 0.15, 0.0)
-    look = look_of_depth(np.stack([x, y, z], axis=1), CAMERA, own)
+    look = update_from_depth(np.stack([x, y, z], axis=1), CAMERA, own)
     own.add(look)
     heights = own.surface_of_cells()
     assert heights[cell(own, 1.8, 0.0)] == pytest.approx(LEVEL + 0.15, abs=0.02)
@@ -124,6 +124,6 @@ def test_what_shows_at_a_parts_centre_outweighs_a_rocks_steep_side_at_its_edge()
     x, y = own.x[column] + part / 2, own.y[row] + part / 2
     side = [(x + 0.4 * part, y, LEVEL + z) for z in np.arange(0.01, 0.2, 0.01)]
     points = np.array([(x, y, LEVEL), *side])
-    look = look_of_pixels(points, np.array([0] + [3] * len(side)), CAMERA, flat, own)
+    look = update_from_pixels(points, np.array([0] + [3] * len(side)), CAMERA, flat, own)
     assert look.rock[row, column] == 0
-    assert look_of_pixels(points[1:], np.full(len(side), 3), CAMERA, flat, own).rock[row, column] > 0
+    assert update_from_pixels(points[1:], np.full(len(side), 3), CAMERA, flat, own).rock[row, column] > 0

@@ -20,7 +20,7 @@ from polarsim.rover.drive.job import Job
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import Ride
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.observation import Eyes, Glance
+from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.drive import PICTURES, autonomous_job, drive, write
 from polarsim.rover.planning.metrics import events, figures
 from polarsim.rover.planning.options import AutonomyOptions
@@ -62,17 +62,17 @@ def job() -> Job:
 
 
 @pytest.fixture(scope="module")
-def moment(job) -> tuple[Ride, Callable[..., Glance]]:
+def moment(job) -> tuple[Ride, Callable[..., Observation]]:
     """A ride at its start, and what stereo observes there in a light."""
     ride = Ride(autonomous_job(job, OPTIONS))
     ride.go_on(0.1)
     state, level = ride.simulation.state(), ride.simulation.ground.level
 
-    def look(light: Light, threads: int = 1) -> Glance:
-        eyes = Eyes(
+    def look(light: Light, threads: int = 1) -> Observation:
+        perception = Perception(
             job.world, job.vehicle, ride.route, "stereo", light, CAMERAS, 0, render=driven.RENDER, threads=threads
         )
-        return eyes.look(state, level, HazardGrid(job.world))
+        return perception.observe(state, level, HazardGrid(job.world))
 
     return ride, look
 
@@ -158,9 +158,9 @@ def test_its_lights_show_the_ground_at_night(moment):
 
 
 def test_noise_in_the_dark_is_no_ground_that_was_seen(moment):
-    glance = moment[1](Light("night", 1024.0))
-    assert glance.pair[0].std() > 0
-    assert not (glance.looks[0].weight > 0).any()
+    observation = moment[1](Light("night", 1024.0))
+    assert observation.pair[0].std() > 0
+    assert not (observation.updates[0].weight > 0).any()
 
 
 def test_pictures_are_the_same_on_any_number_of_threads(moment):
