@@ -1,4 +1,4 @@
-"""All options of the rover: which drives a run makes, and those of each step."""
+"""Options of the rover: the drives of a run and each of their steps."""
 
 from __future__ import annotations
 
@@ -16,34 +16,26 @@ from polarsim.rover.world.options import WorldOptions
 
 
 class RoverOptions(BaseModel, extra="forbid", frozen=True):
-    """The rover drives over a run's terrains: physics by seed, pictures by view and Sun, finds on board, bags."""
+    """Drives over the terrains of a run: physics, pictures, detections on board, bags."""
 
-    run: bool = Field(
-        False, description="The rover drives; without it the run has no rover, and nothing else of it changes."
-    )
+    run: bool = Field(False, description="Make drives. Does not affect the rest of the run.")
     seeds: tuple[int, ...] = Field(
-        (0,), min_length=1, description="There is a drive for each of these seeds; start, ground and noise differ."
+        (0,), min_length=1, description="A drive for each of these seeds; start, ground and noise differ."
     )
     detector: str | None = Field(
         None,
-        description="The run's detector of this training domain looks through the front camera; none: truth "
-        "alone is measured.",
+        description="Training domain of the run's detector on board. None: `cameras.onboard.weights`.",
     )
     fine_tuning: DriveTuningOptions = Field(
-        DriveTuningOptions(), description="The detector on board is trained on pictures of other drives first."
+        DriveTuningOptions(), description="Fine-tuning of the detector on board with pictures of other drives."
     )
-    bags: bool = Field(True, description="Every drive is written as an MCAP file of ROS 2 messages.")
-    world: WorldOptions = Field(WorldOptions(), description="This section describes the ground that is driven over.")
-    soil: SoilOptions = Field(SoilOptions(), description="This section sets the soil and its law.")
-    drive: DriveOptions = Field(
-        DriveOptions(), description="This section says where the rover goes and how it is steered."
-    )
-    cameras: CameraSuiteOptions = Field(
-        CameraSuiteOptions(),
-        description="This section says which pictures are made, and what is made of them on board.",
-    )
-    autonomy: AutonomyOptions = Field(AutonomyOptions(), description="The rover finds its own way in these drives.")
-    bag: BagOptions = Field(BagOptions(), description="This section says what goes into the bags.")
+    bags: bool = Field(True, description="Write every drive as an MCAP file of ROS 2 messages.")
+    world: WorldOptions = Field(WorldOptions(), description="Ground of the drives.")
+    soil: SoilOptions = Field(SoilOptions(), description="Soil and its contact law.")
+    drive: DriveOptions = Field(DriveOptions(), description="Path, control and steering.")
+    cameras: CameraSuiteOptions = Field(CameraSuiteOptions(), description="Pictures, and the detector on board.")
+    autonomy: AutonomyOptions = Field(AutonomyOptions(), description="Drives in which the rover finds its own way.")
+    bag: BagOptions = Field(BagOptions(), description="Content of the bags.")
 
     @field_validator("seeds")
     @classmethod
@@ -76,16 +68,16 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
 
     @property
     def shown_set(self) -> str:
-        """The set that figures show: that of the bags where there are some, else the first."""
+        """Picture set of the figures: that of the bags if it exists, else the first."""
         chosen = picture_set(self.bag.sun, self.bag.model, self.bag.exposure_ms)
         return chosen if chosen in self.picture_sets else self.picture_sets[0]
 
     @property
     def shown_view(self) -> str:
-        """The view that the figure of the drive shows: one that follows the rover where there is one."""
+        """View of the figure of the drive: one that follows the rover, else the first."""
         return next((view for view in self.cameras.views if view in FOLLOWING), self.cameras.views[0])
 
     @property
     def onboard(self) -> bool:
-        """Whether the front camera takes pictures: what is seen on board is seen by it."""
+        """Whether the front camera, which the detector on board uses, takes pictures."""
         return FRONT in self.cameras.views

@@ -61,21 +61,19 @@ def _utc(moment: datetime) -> datetime:
 
 
 class RealSun(BaseModel, extra="forbid", frozen=True):
-    """The Sun stands as over a site on the Moon at a moment."""
+    """Direction of the Sun over a site on the Moon at a moment."""
 
     latitude_deg: float = Field(
-        ge=-90, le=90, description="The site's selenographic latitude, degrees; north is positive."
+        ge=-90, le=90, description="Selenographic latitude of the site, degrees; north is positive."
     )
     longitude_deg: float = Field(
-        ge=-180, le=360, description="The site's selenographic longitude, degrees; east is positive."
+        ge=-180, le=360, description="Selenographic longitude of the site, degrees; east is positive."
     )
-    moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(
-        description="The Sun stands where it does at this moment, UTC."
-    )
+    moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="Date and time, UTC.")
 
 
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
-    """A detector is applied to the front camera's pictures while the rover drives."""
+    """Detector on the pictures of the front camera."""
 
     weights: UserPath | PackagedName | None = Field(
         None,
@@ -95,39 +93,31 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say which pictures of a drive are made."""
+    """Pictures of a drive; all else is the section `render` of the run."""
 
-    views: tuple[str, ...] = Field(
-        PAPER_VIEWS, min_length=1, description="These cameras of the vehicle's table take pictures."
-    )
+    views: tuple[str, ...] = Field(PAPER_VIEWS, min_length=1, description="Cameras of the vehicle that take pictures.")
     suns: tuple[SunName, ...] = Field(
         ("1", "2", "3", "4"),
-        description="Pictures are made under each of the paper's Suns: 1 east, 2 southeast, 3 southwest, 4 "
-        "west; night has none, but the rover's lights alone.",
+        description="Suns of the paper: 1 east, 2 southeast, 3 southwest, 4 west; `night`: the rover's lights alone.",
     )
-    sun_elevation_deg: float = Field(
-        8.0, gt=0, le=90, description="These Suns stand this high above the horizon, degrees."
-    )
-    real_sun: RealSun | None = Field(
-        None, description="One more Sun, the real one at a site and time, is named `real`."
-    )
-    lights: tuple[str, ...] = Field((), description="These lights of the vehicle's table are on.")
+    sun_elevation_deg: float = Field(8.0, gt=0, le=90, description="Elevation of these Suns, degrees.")
+    real_sun: RealSun | None = Field(None, description="A further Sun, `real`, at its position over a site at a time.")
+    lights: tuple[str, ...] = Field((), description="Names of the vehicle's lights that are on.")
     models: tuple[Model, ...] = Field(
-        ("hapke", "principled"), min_length=1, description="Pictures are made in each of these reflectance models."
+        ("hapke", "principled"), min_length=1, description="Reflectance models of the pictures."
     )
     exposures_ms: tuple[PositiveFloat, ...] = Field(
-        (256, 512, 1024), min_length=1, description="Pictures are made with each of these exposures, ms."
+        (256, 512, 1024), min_length=1, description="Exposures of the pictures, ms."
     )
-    scale: float = Field(1.0, gt=0, le=1, description="Pictures have this size over that of the cameras.")
-    every: int = Field(1, ge=1, description="Every so many-th of the drive's picture times is rendered.")
+    scale: float = Field(1.0, gt=0, le=1, description="Size of the pictures over that of the cameras.")
+    every: int = Field(1, ge=1, description="Step between rendered picture times of the drive.")
     finer: int = Field(4, ge=1, le=16, description="Cells of the rendered ground along one cell of the drive's ground.")
     stars: Literal["none", "physical", "bright"] = Field(
         "physical",
-        description="Stars are as bright as they are (physical), so that sunlit exposures show hardly one, or "
-        "as in the paper's videos (bright).",
+        description="Brightness of stars: physical, invisible at sunlit exposures; bright, as in the paper's videos.",
     )
     onboard: OnboardOptions = OnboardOptions()
-    videos: bool = Field(False, description="A video is made of every view, Sun, model and exposure.")
+    videos: bool = Field(False, description="Make a video of every view, Sun, model and exposure.")
 
     @property
     def pictures(self) -> list[tuple[Model, float]]:

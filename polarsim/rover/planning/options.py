@@ -25,7 +25,7 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
-    """The rover decides in these drives: one of every mode, seed, Sun, exposure, state of headlights, model, detector.
+    """Drives in which the rover decides: one of every mode, seed, Sun, exposure, state of headlights, model, detector.
 
     Seeds are those of `rover.seeds`; Suns, exposures, models, stars and scale those of `rover.cameras`. By labels or
     blind there is one drive a seed, and stereo has no detector.
