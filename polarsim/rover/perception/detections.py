@@ -10,6 +10,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from polarsim.detect import detectors, tone
@@ -21,7 +22,7 @@ from polarsim.errors import about
 from polarsim.formats import png
 from polarsim.formats.files import write_text
 from polarsim.formats.table_parts import digest, write_in_parts
-from polarsim.photo import BOX_CLASSES
+from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
@@ -32,6 +33,31 @@ from polarsim.rover.vehicle.table import Vehicle
 
 _BATCH = 8
 _PART = 25 * _BATCH
+
+
+class FrontCameraDetector:
+    """A detector applied to pictures of the front camera, `width` px wide; shadows are skipped if `rocks_only`."""
+
+    def __init__(self, applied: OnboardDetector, width: int, threads: int = 1, *, rocks_only: bool = False) -> None:
+        """
+        Raises
+        ------
+        PolarsimError
+            The detector cannot be read.
+        """
+        detector = detectors.read_detector(applied.weights)
+        with about(applied.weights):
+            self._loaded = detectors.load_detector(detector, Path.cwd(), applied.prediction, threads)
+        sizes = sizes_of(detector, applied.prediction).within(widest_look(width))
+        self._sizes = ClassSizes.same(sizes.by_class[BOX_CLASSES.index(ROCK)]) if rocks_only else sizes
+        self._applied = applied
+
+    def detect(self, pictures: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return the input of the detector and (n, 6) boxes, confidences and classes of each 12-bit picture (h, w)."""
+        small = [tone.shrink(grey, max(self._sizes.widths)) for grey in pictures]
+        eights = [tone.to_8_bits(each) for each in small]
+        full = pictures[0].shape[1], pictures[0].shape[0]
+        return eights, list(detect(self._loaded, eights, self._sizes, self._applied.prediction.nms_iou, full))
 
 
 def detect_drive(
@@ -49,55 +75,39 @@ def detect_drive(
     PolarsimError
         The detector cannot be read, or a picture is missing.
     """
-    weights = onboard.weights
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
-    detector = detectors.read_detector(weights)
-    loaded: detectors.LoadedDetector | None = None
+    detector: FrontCameraDetector | None = None
     for sun, (model, exposure_ms) in product(suite.suns, options.pictures):
         pictures = picture_folder(folder, FRONT, sun, model, exposure_ms)
         paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in suite.frames}
         require_pictures(paths.values())
         identity = digest(
-            [weights, *paths.values()],
+            [onboard.weights, *paths.values()],
             code_digest(__name__),
             onboard.model_dump_json(include={"prediction"}),
         )
         note = pictures / "detections.txt"
         if (pictures / "detections.parquet").is_file() and _said(note) == identity:
             continue
-        if loaded is None:
-            with about(weights):
-                loaded = detectors.load_detector(detector, pictures, onboard.prediction, threads)
-        sizes = sizes_of(detector, onboard.prediction).within(widest_look(suite.mounts[FRONT].lens.width))
-        _write_detections(pictures, paths, loaded, sizes, onboard, identity)
+        detector = detector or FrontCameraDetector(onboard, suite.mounts[FRONT].lens.width, threads)
+        _write_detections(pictures, paths, detector, identity)
         write_text(note, identity)
 
 
-def _write_detections(
-    pictures: Path,
-    paths: dict[str, Path],
-    loaded: detectors.LoadedDetector,
-    sizes: ClassSizes,
-    options: OnboardDetector,
-    identity: str,
-) -> None:
-    def see(names: Sequence[str]) -> pd.DataFrame:
+def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCameraDetector, identity: str) -> None:
+    def rows_of(names: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
-            grey = [png.read(paths[name]) for name in group]
-            small = [tone.shrink(each, max(sizes.widths)) for each in grey]
-            eights = [tone.to_8_bits(each) for each in small]
-            full = grey[0].shape[1], grey[0].shape[0]
-            found = detect(loaded, eights, sizes, options.prediction.nms_iou, full)
+            _, found = detector.detect([png.read(paths[name]) for name in group])
             for name, result in zip(group, found, strict=True):
                 rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *r[:4]) for r in result]
         return detection_table(rows)
 
-    write_in_parts(pictures / "detections.parquet", list(paths), see, _PART, identity)
+    write_in_parts(pictures / "detections.parquet", list(paths), rows_of, _PART, identity)
 
 
 def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
-    """Typed, rounded and in order: by frame and kind, the surest first."""
+    """Return detections with types, rounded, sorted by frame, kind and descending confidence."""
     dtypes = {"frame": "int64", "kind": "str", **dict.fromkeys(("confidence", *BOX), "float64")}
     table = pd.DataFrame(rows, columns=list(DETECTION_COLUMNS)).astype(dtypes)
     table = table.round({"confidence": 5, **dict.fromkeys(BOX, 2)})

@@ -9,19 +9,15 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
 from typing import TypeVar
 
 import numpy as np
 from scipy import ndimage
 
-from polarsim.detect import detectors, tone
-from polarsim.detect.frame import widest_look
-from polarsim.detect.inference_widths import ClassSizes
-from polarsim.detect.predict import detect, sizes_of
+from polarsim.detect import tone
 from polarsim.detect.stereo.match import match
 from polarsim.detect.stereo.rectify import Rectification, rectify
-from polarsim.errors import RoverError, about
+from polarsim.errors import RoverError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -33,6 +29,7 @@ from polarsim.rover.cameras.options import CameraSuiteOptions, Light
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import Path
 from polarsim.rover.drive.state import State
+from polarsim.rover.perception.detections import FrontCameraDetector
 from polarsim.rover.perception.ground_view import plane_under
 from polarsim.rover.perception.hazard_grid import HazardGrid, MapUpdate
 from polarsim.rover.perception.map_updates import (
@@ -120,7 +117,11 @@ class Perception:
         self._camera = RoverCamera(world, vehicle, near, cameras, noisy, models=(light.model,))
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
-        self._detector = self._read_detector(detector) if self._detects else None
+        if self._detects and detector is None:
+            raise RoverError(f"mode {mode}: rover.cameras.onboard.weights names no detector")
+        self._detector: FrontCameraDetector | None = None
+        if self._detects and detector is not None:
+            self._detector = FrontCameraDetector(detector, self.mount.lens.width, rocks_only=True)
         self.rectification = rectification(self.mount.lens.scaled(_STEREO_SCALE), _STEREO_BASE_M)
         self._count = 0
 
@@ -184,11 +185,7 @@ class Perception:
     def _found(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the input of the detector, and (n, 5) boxes of rocks, px of the camera, with confidences."""
         assert self._detector is not None
-        applied, loaded, sizes = self._detector
-        small = tone.shrink(grey, min(max(sizes.widths), max(grey.shape)))
-        eight = tone.to_8_bits(small)
-        full = grey.shape[1], grey.shape[0]
-        (rows,) = detect(loaded, [eight], sizes, applied.prediction.nms_iou, full)
+        (eight,), (rows,) = self._detector.detect([grey])
         return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
 
     def _small_picture(self, grey: np.ndarray) -> np.ndarray:
@@ -210,18 +207,6 @@ class Perception:
         left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
         points = left * depth[..., None]
         return camera.world_from_camera.apply(points.reshape(-1, 3))
-
-    def _read_detector(
-        self, applied: OnboardDetector | None
-    ) -> tuple[OnboardDetector, detectors.LoadedDetector, ClassSizes]:
-        if applied is None:
-            raise RoverError(f"mode {self.mode}: rover.cameras.onboard.weights names no detector")
-        detector = detectors.read_detector(applied.weights)
-        with about(applied.weights):
-            loaded = detectors.load_detector(detector, FilePath.cwd(), applied.prediction, 1)
-        sizes = sizes_of(detector, applied.prediction).by_class[BOX_CLASSES.index(ROCK)]
-        sizes = sizes.within(widest_look(self.mount.lens.width))
-        return applied, loaded, ClassSizes.same(sizes)  # of rocks alone
 
     def _timed(self, part: str, work: Callable[[], T]) -> T:
         begun = time.process_time()

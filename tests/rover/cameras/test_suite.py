@@ -5,6 +5,7 @@ import pytest
 
 from polarsim.errors import ConfigError
 from polarsim.render.olat import NO_LAMP
+from polarsim.rover.cameras.options import PAPER_VIEWS
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
@@ -19,6 +20,11 @@ def suite(drive):
     )
     own.show(10)
     return own
+
+
+def test_the_vehicle_has_the_papers_seven_views():
+    assert len(PAPER_VIEWS) == 7
+    assert set(PAPER_VIEWS) <= {camera.name for camera in driven.vehicle().cameras}
 
 
 def test_an_unknown_camera_is_refused(drive):
