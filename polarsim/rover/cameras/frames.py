@@ -1,9 +1,9 @@
-"""The pictures of a drive as files: every view, Sun, model and exposure at every picture time, with what is in them.
+"""Files of the pictures of a drive, of every view, Sun, model and exposure at every picture time, and of their labels.
 
 Below a drive's folder: `<view>/<Sun>_<model>_<exposure>/NNNNN.png`, `<view>/<Sun>_labels/NNNNN.txt` and `.json`,
 `<view>/<Sun>_truth.parquet`, `<view>/<Sun>_coco.json`, `<view>/poses.parquet`. A frame's labels are those of all its
-models and exposures under one Sun. They lie in one file a frame, so that a stopped run goes on; tables and COCO files
-are made of them at the end.
+models and exposures under one Sun. Each frame has a label file of its own, so that a stopped run can be resumed; tables
+and COCO files are made from these at the end.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ log = logging.getLogger("polarsim.rover")
 
 @dataclass(frozen=True)
 class Truth:
-    """The labels of one frame of a view under one Sun; rocks bear the world's numbers."""
+    """Labels of one frame of a view under one Sun, with the world's numbers of rocks."""
 
     frame: int
     time_s: float
@@ -72,7 +72,7 @@ def write_truth(folder: Path, truth: Truth, size: tuple[int, int], identity: str
 
 
 def read_truth(folder: Path, frame: int, identity: str | None = None) -> Truth | None:
-    """Read what `write_truth` wrote; None where it is not there, or of another identity."""
+    """Read a frame written by `write_truth`; None if it is missing, broken or of another identity."""
     path = folder / f"{frame:05d}.json"
     if not path.is_file() or not path.with_suffix(".txt").is_file():
         return None
@@ -84,7 +84,7 @@ def read_truth(folder: Path, frame: int, identity: str | None = None) -> Truth |
         labels = [_annotation(row, height, width) for row in content["labels"]]
         return Truth(frame, float(content["time_s"]), tuple(labels))
     except (PolarsimError, KeyError, TypeError, ValueError):
-        return None  # broken: made anew
+        return None  # broken: rendered again
 
 
 def truth_table(truths: Sequence[Truth], world: World, cameras: Mapping[int, Pose]) -> pd.DataFrame:
@@ -155,10 +155,10 @@ def render_frames(
     *,
     render: RenderOptions,
 ) -> int:
-    """Render what is not there yet of a drive's pictures and labels; how many pictures were made.
+    """Render the missing pictures and labels of a drive and return the number of rendered pictures.
 
-    Pictures made with other options or code, or of another drive, are made anew. Their bytes depend neither on
-    `threads` nor on where an earlier run stopped.
+    Pictures of other options, code or drives are rendered again. Their bytes depend neither on `threads` nor on where
+    an earlier run stopped.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def _write(
     identity: str,
     pool: ThreadPoolExecutor,
 ) -> int:
-    """Write a frame's pictures under a Sun, and then its labels: where these are, the pictures are."""
+    """Write a frame's pictures under a Sun and then its labels, which mark the frame as complete."""
 
     def write(what: tuple[Model, float]) -> None:
         path = picture_folder(folder, view, sun, *what) / f"{frame:05d}.png"
@@ -238,7 +238,7 @@ def _size(suite: CameraSuite, view: str) -> tuple[int, int]:
 
 
 def _identity(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, render: RenderOptions, seed: int) -> str:
-    """Digest of all that decides a drive's pictures, code included; which views, Suns, exposures there are does not."""
+    """Return the digest of all inputs of a picture, code included; the choice of views, Suns and exposures is none."""
     which = {"views", "suns", "exposures_ms", "every", "onboard", "videos"}
     names = (TRACE, TRACKS, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")
     chosen = json.dumps([options.model_dump(mode="json", exclude=which), rover_render(render)])

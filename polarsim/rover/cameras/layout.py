@@ -1,4 +1,4 @@
-"""How pictures of a drive lie below its folder, and the columns of the tables beside them."""
+"""Folders of the pictures of a drive, and the columns of their tables."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ def picture_set(sun: str, model: Model, exposure_ms: float) -> str:
 
 
 def picture_folder(folder: Path, view: str, sun: str, model: Model, exposure_ms: float) -> Path:
-    """Where the pictures of a view under a Sun, in a model, at an exposure lie."""
+    """Return the folder of the pictures of a view under a Sun, in a model, at an exposure."""
     return folder / view / picture_set(sun, model, exposure_ms)
 
 
 def require_pictures(paths: Iterable[Path]) -> None:
-    """Refuse to go on without one of them.
+    """Check that all pictures exist.
 
     Raises
     ------
     RoverError
-        The first that is missing.
+        A picture is missing; names the first.
     """
     for path in paths:
         if not path.is_file():
@@ -39,5 +39,5 @@ def require_pictures(paths: Iterable[Path]) -> None:
 
 
 def labels_folder(folder: Path, view: str, sun: str) -> Path:
-    """Where the labels of a view under a Sun lie."""
+    """Return the folder of the labels of a view under a Sun."""
     return folder / view / f"{sun}_labels"

@@ -24,7 +24,7 @@ from polarsim.rover.vehicle.table import Vehicle
 
 
 class CameraSuite:
-    """A drive's pictures. Frames are the drive's picture times; `show` moves on to one, from the one before or not."""
+    """Pictures of a recorded drive. Frames are its picture times; `show` moves to a frame, in any order."""
 
     def __init__(
         self,
@@ -54,11 +54,11 @@ class CameraSuite:
 
     @property
     def frames(self) -> list[int]:
-        """Numbers of the frames that are asked for."""
+        """Numbers of the frames to render."""
         return list(range(0, len(self.trace.tracks.time), self.options.every))
 
     def show(self, frame: int) -> None:
-        """Bring ground, marks and rover to a frame."""
+        """Move ground, marks and rover to a frame."""
         if frame < self._frame:
             self.__dict__.pop("rover_camera", None)  # marks cannot be taken back
             self._frame = -1
@@ -89,15 +89,12 @@ class CameraSuite:
         return self.mounts[view].at(self.trace.pose_at(float(self.trace.tracks.time[frame])))
 
     def render(self, view: str, sun_names: Sequence[str], threads: int = 1) -> Rendering:
-        """OLAT images and ids of a view of the frame that is shown, by Sun; with the rover's lights, stars and lens.
-
-        Shadows among the ids are those that the Sun throws: at night there are none.
-        """
+        """Render a view of the current frame; see `RoverCamera.render`."""
         camera, suns = self.camera(view, self._frame), {name: self.suns[name] for name in sun_names}
         return self.rover_camera.render(camera, suns, self.lights, labels=True, threads=threads)
 
     def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
-        """(h, w) uint16 picture of the frame that is shown, 12-bit grey values."""
+        """Return the 12-bit picture (h, w) uint16 of the current frame."""
         name = ("rover", self.seed, self._frame, view, sun, model, exposure_ms)
         return self.rover_camera.expose(rendering.olat_images[model, sun], model, exposure_ms, *name)
 

@@ -31,7 +31,7 @@ _LEARNING_RATE, _BATCH = 0.0003, 4  # low, so that few epochs keep what the dete
 
 
 @dataclass(frozen=True)
-class Picture:
+class DrivePicture:
     """The front camera's picture of a drive, the file of its labels, and its name."""
 
     name: str
@@ -112,13 +112,13 @@ def fine_tune(
     trained.unlink()
 
 
-def _all_pictures(options: DriveTuningOptions) -> Iterator[Picture]:
+def _all_pictures(options: DriveTuningOptions) -> Iterator[DrivePicture]:
     for number, drive in enumerate(options.drives):
         for picture in _pictures(drive, options.every):
             yield replace(picture, name=f"drive{number}_{picture.name}")
 
 
-def _pictures(drive: Path, every: int) -> Iterator[Picture]:
+def _pictures(drive: Path, every: int) -> Iterator[DrivePicture]:
     """Every so many-th picture of each set of a drive's front camera.
 
     Raises
@@ -134,4 +134,4 @@ def _pictures(drive: Path, every: int) -> Iterator[Picture]:
             named = PictureSet.parse(folder.name)
         for path in sorted(folder.glob("*.png"))[::every]:
             labels = labels_folder(drive, FRONT, named.sun) / f"{path.stem}.txt"
-            yield Picture(f"{folder.name}_{path.stem}", path, labels, named.exposure_ms)
+            yield DrivePicture(f"{folder.name}_{path.stem}", path, labels, named.exposure_ms)

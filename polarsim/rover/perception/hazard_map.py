@@ -16,7 +16,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.rover.cameras.layout import BOX
 from polarsim.rover.perception.cells import CELL_M, by_cells, rocks_on_ground, true_surface, visible_points
 from polarsim.rover.perception.ground_view import estimate
-from polarsim.rover.perception.sightings import MAP_FARTHEST_M, MAP_NEAREST_M, Ride, of_frames, sure_rocks
+from polarsim.rover.perception.sightings import MAP_FARTHEST_M, MAP_NEAREST_M, FrontCameraDrive, of_frames, sure_rocks
 from polarsim.rover.world.surface import World
 
 _VOTES = 0.5  # share of the weighted votes for a rock, from which a part of a cell is rock
@@ -68,7 +68,7 @@ def true_map(world: World, grid: Grid) -> HazardMap:
     return _cells(grid, height > 0, np.maximum(height, 0), np.ones(x.shape, bool))
 
 
-def mapped(found: pd.DataFrame, ride: Ride, grid: Grid, confidence: float) -> HazardMap:
+def mapped(found: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confidence: float) -> HazardMap:
     """Return the map of detected or labelled boxes, columns frame, kind, confidence and corners."""
     by_frame = of_frames(sure_rocks(found, confidence))
     x, y = np.meshgrid(grid.x, grid.y)

@@ -24,12 +24,12 @@ from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.perception import hazard_map, sightings
 from polarsim.rover.perception.contrast import shows
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.perception.sightings import Ride
+from polarsim.rover.perception.sightings import FrontCameraDrive
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
 TABLES = ("sightings", "stable", "map", "stops")
-SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a figure is of
+SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a metric is of
 DETECTOR, TRUTH, VISIBLE = "detector", "truth", "visible"
 
 
@@ -71,14 +71,14 @@ def measure_drive(
     return joined
 
 
-def ride_of(suite: CameraSuite) -> Ride:
-    """What the figures need to know of a drive."""
+def ride_of(suite: CameraSuite) -> FrontCameraDrive:
+    """Return the front camera's drive for the metrics."""
     mount, vehicle, table = suite.mounts[FRONT], suite.vehicle, suite.trace.table
     wheels = vehicle.wheels
     paths = [table[[f"{wheel.code}_x_m", f"{wheel.code}_y_m"]].to_numpy() for wheel in wheels]
     way = table[["x_m", "y_m"]].to_numpy()
     front = max(wheel.position_m[0] + wheel.radius_m + wheel.grouser_height_m for wheel in wheels)
-    return Ride(
+    return FrontCameraDrive(
         frames=suite.frames,
         cameras={frame: suite.camera(FRONT, frame) for frame in suite.frames},
         base_from_camera=mount.base_from_camera,

@@ -31,7 +31,7 @@ _SIDE_M = 0.1  # beyond the wheels, of the corridor in which a rock makes the ro
 
 
 @dataclass(frozen=True)
-class Ride:
+class FrontCameraDrive:
     """The front camera of a recorded drive."""
 
     frames: list[int]  # in order
@@ -110,7 +110,7 @@ def first_stable(seen: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["rock", "height_m", "first_seen_m", "first_stable_m"])
 
 
-def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: Ride, height_m: float) -> float:
+def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: FrontCameraDrive, height_m: float) -> float:
     """Least gap, metres, of a wheel's side to a rock above `height_m` that was never stably detected; inf: none.
 
     Rocks that the rover had passed, or stood beside, in its first picture do not count. Below 0: it drove over one.
@@ -128,7 +128,7 @@ def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: Ride, height_
     return least
 
 
-def false_stops(truth: pd.DataFrame, found: pd.DataFrame, ride: Ride, confidence: float) -> int:
+def false_stops(truth: pd.DataFrame, found: pd.DataFrame, ride: FrontCameraDrive, confidence: float) -> int:
     """How often the rover would brake for what is no rock.
 
     It brakes where in `STABLE_FRAMES` frames in a row an estimated rock of `_STOP_HEIGHT_M` or more
@@ -143,7 +143,9 @@ def false_stops(truth: pd.DataFrame, found: pd.DataFrame, ride: Ride, confidence
     return stops
 
 
-def _false_positive(frame: int, labels: pd.DataFrame | None, predicted: pd.DataFrame | None, ride: Ride) -> bool:
+def _false_positive(
+    frame: int, labels: pd.DataFrame | None, predicted: pd.DataFrame | None, ride: FrontCameraDrive
+) -> bool:
     if predicted is None:
         return False
     own = predicted[BOX].to_numpy(float)

@@ -36,7 +36,7 @@ def events(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([part for part in rows if len(part)] or rows).astype(AUTONOMY_EVENTS.dtypes).sort_values("time_s")
 
 
-def figures(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
+def drive_metrics(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
     """Rows of metric, unit and value of a drive; `rocks`: see `touches`."""
     drive, table = outcome.trace.drive, outcome.trace.table
     seconds = max(float(drive["seconds"]), 1e-9)

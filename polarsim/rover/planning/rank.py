@@ -22,7 +22,7 @@ from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTO
 ENOUGH = 5  # detectors: of fewer no order says anything, for even Kendall's p is 0.08 at best
 SURE = 0.05
 _ROCK_POINTS = 300
-# Which way is better: gap figures of detectors, and what drives are like.
+# Which way is better: metrics of the gap and of drives.
 GAPS = {"ipd": -1, "map50": 1, "rock_f1": 1}
 DRIVES = {"collisions": -1, "success": 1, "rock_points": 1}
 _METRICS = {"collisions": "collisions", "success": "success", "rock map": "rock_points"}
@@ -38,7 +38,7 @@ def rank_detectors(
     pair: tuple[str, str] = ("analog", "hapke"),
     split: str | None = None,
 ) -> None:
-    """Write figures of every detector that drove, and how their order by gap agrees with that by driving.
+    """Write metrics of every detector that drove, and how their order by gap agrees with that by driving.
 
     Parameters
     ----------
@@ -63,13 +63,13 @@ def rank_detectors(
     drives = driven(every, pair[1])
     if not len(drives):
         raise RoverError(f"{each}: no drive goes by a detector in {pair[1]}")
-    gaps = gap_figures(detection, ipd, pair, split)
-    tables.write_parquet(by_detector, figures_of(drives, gaps))
+    gaps = gap_metrics(detection, ipd, pair, split)
+    tables.write_parquet(by_detector, detector_metrics(drives, gaps))
     tables.write_parquet(ranks, ranked(drives, gaps))
 
 
 def driven(every: pd.DataFrame, model: str) -> pd.DataFrame:
-    """A row a drive by a detector in a model: mode, detector, light, seed and the figures of `DRIVES`.
+    """A row a drive by a detector in a model: mode, detector, light, seed and the metrics of `DRIVES`.
 
     Of a mode only lights and seeds that all its detectors drove: one that drove in easier light is no better.
     """
@@ -79,7 +79,7 @@ def driven(every: pd.DataFrame, model: str) -> pd.DataFrame:
     return wide.rename_axis(columns=None).groupby("mode", group_keys=False)[list(wide)].apply(matched, "detector")
 
 
-def gap_figures(detection: Path | None, ipd: Path | None, pair: tuple[str, str], split: str | None) -> pd.DataFrame:
+def gap_metrics(detection: Path | None, ipd: Path | None, pair: tuple[str, str], split: str | None) -> pd.DataFrame:
     """`ipd` and `map50` of rocks by detector; NaN where a table has none."""
     found = []
     if detection is not None:
@@ -101,7 +101,7 @@ def _rocks(path: Path, columns: tuple[str, ...], split: str | None) -> pd.DataFr
     return table.assign(detector=table["trained"] + "-seed" + table["seed"].astype(str))
 
 
-def figures_of(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
+def detector_metrics(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
     """A row a mode and detector, its gap and its drives; `AUTONOMY_DETECTORS`."""
     own = drives.groupby(["mode", "detector"]).agg(
         drives=("seed", "size"), seeds=("seed", "nunique"), **{name: (name, "mean") for name in DRIVES}
@@ -111,7 +111,7 @@ def figures_of(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
 
 
 def ranked(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
-    """A row a mode, figure of the gap and figure of drives; `AUTONOMY_RANK`.
+    """A row a mode, metric of the gap and metric of drives; `AUTONOMY_RANK`.
 
     Coefficients above 0: the detector that is better by its gap is better on drives. Intervals: seeds (with one seed:
     Suns, exposures and lights) are drawn with replacement, the same for all detectors. Kendall's p is of chance orders
@@ -119,22 +119,22 @@ def ranked(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     for mode, own in drives.groupby("mode"):
-        for gap, figure in [(gap, figure) for gap in GAPS for figure in DRIVES]:
-            if (gap, figure) == ("rock_f1", "rock_points"):
-                continue  # the same figure twice
+        for gap, metric in [(gap, metric) for gap in GAPS for metric in DRIVES]:
+            if (gap, metric) == ("rock_f1", "rock_points"):
+                continue  # the same metric twice
             part = own if gap == "rock_f1" else own[own["detector"].isin(gaps.index[gaps[gap].notna()])]
             if len(part):
-                rows.append((mode, gap, figure, *_rank(part, gaps, gap, figure)))
+                rows.append((mode, gap, metric, *_rank(part, gaps, gap, metric)))
     return pd.DataFrame(rows, columns=list(AUTONOMY_RANK.columns)).astype(AUTONOMY_RANK.dtypes)
 
 
-def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, figure: str) -> tuple[object, ...]:
+def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, metric: str) -> tuple[object, ...]:
     names = sorted(set(drives["detector"]))
     unit = "seed" if len(set(drives["seed"])) > 1 else "light"
     units = drives["seed"] if unit == "seed" else drives[["sun", "exposure", "lights"]].agg("_".join, axis=1)
     count = units.nunique()
     drawn = np.concatenate([np.ones((1, count)), draws(count, RESAMPLES, 0)])  # as it is, then resampled
-    after = DRIVES[figure] * _means(drives, units, figure, drawn)
+    after = DRIVES[metric] * _means(drives, units, metric, drawn)
     if gap == "rock_f1":
         before = _means(drives, units, "rock_points", drawn)
     else:
@@ -148,9 +148,9 @@ def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, figure: str) -> tu
     return len(names), len(drives), count, unit, *coefficients[0], *coefficients[1], p, says
 
 
-def _means(drives: pd.DataFrame, units: pd.Series, figure: str, drawn: np.ndarray) -> np.ndarray:
+def _means(drives: pd.DataFrame, units: pd.Series, metric: str, drawn: np.ndarray) -> np.ndarray:
     """(resamples, detectors) means of drives; NaN where a detector has none."""
-    by_unit = drives.assign(unit=units).pivot_table(figure, "detector", "unit", aggfunc=["sum", "count"])
+    by_unit = drives.assign(unit=units).pivot_table(metric, "detector", "unit", aggfunc=["sum", "count"])
     total, count = (by_unit[name].fillna(0).to_numpy(float) for name in ("sum", "count"))
     with np.errstate(invalid="ignore"):
         return np.asarray((drawn @ total.T) / (drawn @ count.T))

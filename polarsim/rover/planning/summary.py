@@ -1,4 +1,4 @@
-"""All drives in which the rover decides: one drive's figures as a file, all together, what each axis changes."""
+"""All drives in which the rover decides: one drive's metrics as a file, all together, what each axis changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import AXES, UNLIT, matched, parsed
 from polarsim.rover.planning.drive import drive, job_for, write
-from polarsim.rover.planning.metrics import events, figures
+from polarsim.rover.planning.metrics import drive_metrics, events
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.touches import touches
 from polarsim.rover.soil.options import SoilOptions
@@ -60,18 +60,18 @@ def drive_case(
     rocks = touches(outcome.trace, vehicle)
     write(folder, outcome, options)
     tables.write_parquet(folder / EVENTS, events(outcome, rocks))
-    rows = figures(outcome, rocks, vehicle, options)
+    rows = drive_metrics(outcome, rocks, vehicle, options)
     named = rows.assign(**own.axes, seed=own.seed, ended=str(outcome.trace.drive["ended"]))
     tables.write_parquet(folder / "figures.parquet", named[list(EVERY_AUTONOMY.columns)])
 
 
 def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, effects: Path) -> None:
-    """Write the figures of every drive, their means over seeds with intervals, and what each axis changes.
+    """Write the metrics of every drive, their means over seeds with intervals, and what each axis changes.
 
     Raises
     ------
     FormatError
-        A drive's figures are missing.
+        A drive's metrics are missing.
     """
     every = pd.concat([tables.read_parquet(path, EVERY_AUTONOMY.columns) for path in drives], ignore_index=True)
     every = with_derived(every)
@@ -153,6 +153,6 @@ def _effects_on(drives: pd.DataFrame, axis: str) -> list[tuple[object, ...]]:
         by_level = cells.T.groupby(level=axis).mean().T  # of modes
         for level in by_level.columns:
             here, others = by_level[level], by_level.drop(columns=level).mean(axis=1)
-            figures = [mean_over_seeds(some.to_numpy(), some.index.to_numpy()) for some in (here, here - others)]
-            rows.append((level, metric, own["unit"].iloc[0], len(by_level), *figures[0], *figures[1]))
+            means = [mean_over_seeds(some.to_numpy(), some.index.to_numpy()) for some in (here, here - others)]
+            rows.append((level, metric, own["unit"].iloc[0], len(by_level), *means[0], *means[1]))
     return rows

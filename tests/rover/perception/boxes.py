@@ -5,7 +5,7 @@ import pandas as pd
 
 from polarsim.geometry.poses import Pose
 from polarsim.rover.perception.detections import detection_table
-from polarsim.rover.perception.sightings import Ride
+from polarsim.rover.perception.sightings import FrontCameraDrive
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from tests.rover import driven
 
@@ -23,7 +23,7 @@ def ride(frames=10, step=0.2):
     """A ride along +x from x = 0."""
     cameras = {n: MOUNT.at(Pose(np.eye(3), np.array([step * n, 0, 0.25]))) for n in range(frames)}
     path = np.concatenate([np.stack([np.linspace(0, step * frames, 50), np.full(50, y)], 1) for y in (0.6, -0.6)])
-    return Ride(
+    return FrontCameraDrive(
         list(range(frames)), cameras, MOUNT.base_from_camera, GROUND, 0.17, 0.71, path, 0.1,
         step * frames, 0.2,
     )  # fmt: skip

@@ -22,7 +22,7 @@ from polarsim.rover.drive.ride import Ride
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.drive import PICTURES, autonomous_job, drive, write
-from polarsim.rover.planning.metrics import events, figures
+from polarsim.rover.planning.metrics import drive_metrics, events
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pictures import WIDTH_PX
 from polarsim.rover.planning.pilot import Pilot
@@ -84,13 +84,13 @@ def value(rows: pd.DataFrame, metric: str) -> float:
 def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
     blind = drive(job, "blind", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
     rocks = touches(blind.trace, job.vehicle)
-    assert value(figures(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
+    assert value(drive_metrics(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
     found = events(blind, rocks)
     assert found["what"].tolist() == ["collision"] * 2
     assert sorted(zip(found["x_m"], found["y_m"], strict=True)) == sorted(BOXES)
     assert found["time_s"].is_monotonic_increasing
     once, again = (drive(job, "truth", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER) for _ in range(2))
-    rows = figures(once, touches(once.trace, job.vehicle), job.vehicle, OPTIONS)
+    rows = drive_metrics(once, touches(once.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
     assert value(rows, "closest pass of a rock above 10 cm") > 0.02
@@ -130,7 +130,7 @@ def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
     assert (grid.rock & near).sum() >= 4
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
-    rows = figures(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
+    rows = drive_metrics(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
     write(tmp_path, outcome, OPTIONS)
     pictures = read_times(tmp_path / PICTURES)

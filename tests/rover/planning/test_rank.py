@@ -7,7 +7,7 @@ from scipy import stats
 
 from polarsim.errors import RoverError
 from polarsim.formats.tables import write_parquet
-from polarsim.rover.planning.rank import driven, gap_figures, kendall, rank_detectors, ranked, spearman
+from polarsim.rover.planning.rank import driven, gap_metrics, kendall, rank_detectors, ranked, spearman
 from polarsim.schemas.rover import EVERY_AUTONOMY
 
 NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") for seed in (0, 1)]
@@ -84,7 +84,7 @@ def test_gaps_are_of_rocks_between_photos_and_the_rovers_pictures(tmp_path):
     ipd = pd.DataFrame([common | {"kind": "rock", "first": a, "second": b, "ipd": value} for a, b, value in pairs])
     for name, table in (("detection", detection), ("ipd", ipd)):
         write_parquet(tmp_path / f"{name}.parquet", table)
-    found = gap_figures(tmp_path / "detection.parquet", tmp_path / "ipd.parquet", ("analog", "hapke"), None)
+    found = gap_metrics(tmp_path / "detection.parquet", tmp_path / "ipd.parquet", ("analog", "hapke"), None)
     assert found.to_dict("index") == {"hapke-seed1": {"ipd": 0.2, "map50": 0.6}}
     write_parquet(tmp_path / "every.parquet", every({"hapke-seed1": [0.0, 1.0], "packaged": [1.0, 1.0]}))
     files = {name: tmp_path / f"{name}.parquet" for name in ("detection", "ipd", "by_detector", "ranks")}
