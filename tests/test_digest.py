@@ -34,6 +34,7 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"intervals", "kernels", "photo", "schemas"},
     {"geometry", "grid", "tone"},
     {"formats"},
+    {"provenance"},
     {"run_files", "download"},
     {"sources"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},

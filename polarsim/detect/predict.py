@@ -18,9 +18,10 @@ from polarsim.detect.sand_filter import Sand
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
-from polarsim.formats.table_parts import digest, write_in_parts
+from polarsim.formats.table_parts import write_in_parts
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.provenance import digest
 from polarsim.schemas.detect import PREDICTIONS
 
 PREDICTION_COLUMNS = PREDICTIONS.columns

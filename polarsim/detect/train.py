@@ -13,7 +13,7 @@ from polarsim.digest import code_digest
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json
-from polarsim.formats.table_parts import digest
+from polarsim.provenance import digest
 
 
 def train_detector(

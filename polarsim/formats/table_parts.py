@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -43,15 +42,6 @@ def write_in_parts(
         parts.append(part)
     _join(parts, path)
     shutil.rmtree(folder, ignore_errors=True)
-
-
-def digest(files: Iterable[Path], *words: str) -> str:
-    """Of the names and contents of files, and of words."""
-    found = hashlib.sha256("\n".join(words).encode())
-    for file in files:
-        found.update(f"\n{file.name}\n".encode())
-        found.update(file.read_bytes())
-    return found.hexdigest()
 
 
 def _join(parts: Sequence[Path], path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.formats.files import read_json
+from polarsim.provenance import is_current
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.drive.job import job_of
@@ -68,12 +68,6 @@ def driven(
 ) -> Trace:
     """Return a drive's trace: of the drive in the folder, if job and code are the same, else of a new drive."""
     job = job_of(meshes=meshes, world=options.world, soil=options.soil, drive=options.drive, seed=seed)
-    if (folder / DRIVE).is_file() and _finished(folder / DRIVE, identity_of(job)):
+    if is_current(folder / DRIVE, identity_of(job)):  # a drive whose energy balance failed has no note
         return read_trace(folder)
     return drive_to_end(job, folder, progress)
-
-
-def _finished(path: Path, identity: str) -> bool:
-    """Return whether the drive of this identity has ended; a drive whose energy balance failed does not count."""
-    content = read_json(path)
-    return bool(content.get("digest") == identity and content.get("ended") != "energy")

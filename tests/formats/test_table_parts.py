@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.formats import tables
-from polarsim.formats.table_parts import digest, write_in_parts
+from polarsim.formats.table_parts import write_in_parts
+from polarsim.provenance import digest
 
 ITEMS = [f"{n:04d}" for n in range(23)]
 

@@ -48,7 +48,7 @@ def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, t
     changed = folder / "drive.mcap"
     assert changed.read_bytes() != before["drive.mcap"][1]
     changed.unlink()
-    (folder / "bag.json").write_text("broken")
+    (folder / ".drive.mcap.identity").write_text("broken")
     call(tmp_path, drive=short)
     assert changed.read_bytes() == before["drive.mcap"][1]
 
@@ -104,6 +104,6 @@ def test_a_drive_of_other_code_is_driven_again(tmp_path, monkeypatch):
 
     assert [drive(), drive()] == [1, 1]
     before = (tmp_path / "drive/drive.mcap").stat().st_mtime_ns
-    monkeypatch.setattr(ride, "code_digest", lambda *_: "other")
+    monkeypatch.setattr(ride, "identity", lambda *_: "other")
     assert [drive(), drive()] == [2, 2]
     assert (tmp_path / "drive/drive.mcap").stat().st_mtime_ns == before  # the same bytes came of it

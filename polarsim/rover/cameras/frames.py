@@ -20,14 +20,13 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from polarsim.digest import code_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats import coco, png, rle, tables, yolo
 from polarsim.formats.files import read_json, write_text
-from polarsim.formats.table_parts import digest
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
+from polarsim.provenance import identity as identity_of
 from polarsim.render.ground_truth import annotations_of
 from polarsim.render.olat import Rendering
 from polarsim.render.options import Model, RenderOptions
@@ -242,6 +241,4 @@ def _identity(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, rende
     which = {"views", "suns", "exposures_ms", "every", "onboard", "videos"}
     names = (TRACE, TRACKS, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")
     chosen = json.dumps([options.model_dump(mode="json", exclude=which), rover_render(render)])
-    return digest(
-        (folder / name for name in names), code_digest(__name__), vehicle.model_dump_json(), chosen, str(seed)
-    )
+    return identity_of(__name__, [folder / name for name in names], vehicle.model_dump_json(), chosen, str(seed))

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.formats.npz import read_arrays
+from polarsim.provenance import identity, noting
 from polarsim.rover.drive.control import Driver
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import Job, job_of, law_of, require_on_grid, route_of, start_of
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError
-from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table, write_trace
+from polarsim.rover.drive.trace import COLUMNS, DRIVE, GroundChanges, Trace, trace_table, write_trace
 from polarsim.rover.soil.nodes import LEVEL
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import WHEELS
@@ -71,16 +71,17 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
         if ride.ended is None:
             ride.save(saved)
     trace = ride.trace()
-    write_trace(folder, trace)
-    saved.unlink(missing_ok=True)
-    if failure:
-        raise failure
+    with noting(folder / DRIVE, identity_of(job)):
+        write_trace(folder, trace)
+        saved.unlink(missing_ok=True)
+        if failure:
+            raise failure
     return trace
 
 
 def identity_of(job: Job) -> str:
     """Return the digest of all that determines a drive, code included: of a job, and of the code that drives it."""
-    return f"{job.digest()} {code_digest(__name__)}"
+    return identity(__name__, (), job.digest())
 
 
 class Ride:
@@ -232,7 +233,6 @@ class Ride:
             "seconds": round(self.simulation.time, 9),
             "path_m": self.route.points.tolist(),
             "along_m": self.driver.done,
-            "digest": self._identity,
             "soil": vars(self.simulation.soil),
             "options": {
                 name: part.model_dump(mode="json")

@@ -13,13 +13,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.digest import code_digest
-from polarsim.errors import PolarsimError
 from polarsim.formats import bags, ros
-from polarsim.formats.files import read_json, write_json, writing
+from polarsim.formats.files import writing
 from polarsim.formats.ros import Message, Stamped
-from polarsim.formats.table_parts import digest
 from polarsim.geometry.poses import Pose
+from polarsim.provenance import identity, is_current, noting
 from polarsim.randomness import generator
 from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace
 from polarsim.rover.export import messages
@@ -28,7 +26,6 @@ from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 
-MADE_OF = "bag.json"
 STATE_HZ, IMU_HZ = 50.0, 100.0  # messages a second
 ACCELEROMETER_SD, GYROSCOPE_SD = 0.01, 0.001  # noise of a reading on /imu, m/s2 and rad/s
 HEIGHT_CELL_M = 0.06  # minimum cell of /terrain/height: the drive's own cells would fill the bag
@@ -56,38 +53,22 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, se
 
 
 def write_changed_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> bool:
-    """Write the bag unless one lies there that was made of the same files, options and code; whether it was written.
-
-    What it was made of lies beside the drive, `MADE_OF`.
+    """Write the bag unless it is current; return whether it was written.
 
     Raises
     ------
     PolarsimError
         As `write_bag`.
     """
-    made_of = _made_of(folder, vehicle, options, seed)
-    if out.is_file() and _said(folder / MADE_OF) == made_of:
-        return False
-    (folder / MADE_OF).unlink(missing_ok=True)  # a stopped call must not leave it beside an older bag
-    write_bag(folder, out, vehicle, options, seed)
-    write_json(folder / MADE_OF, {"digest": made_of})
-    return True
-
-
-def _made_of(folder: Path, vehicle: Vehicle, options: BagOptions, seed: int) -> str:
-    """A digest of all that decides a bag's bytes."""
     files = [folder / name for name in (TRACE, TRACKS)] + sorted((folder / WORLD).glob("*.*"))
-    files += PictureTopics(folder, vehicle, options).files()
-    own = (vehicle.model_dump_json(), options.model_dump_json(), str(seed), code_digest(__name__))
+    files = [path for path in files + PictureTopics(folder, vehicle, options).files() if path.is_file()]
     places = (str(path.relative_to(folder)) for path in files)
-    return digest([path for path in files if path.is_file()], *own, *places)
-
-
-def _said(path: Path) -> str | None:
-    try:
-        return str(read_json(path).get("digest"))
-    except (PolarsimError, AttributeError):  # none, or a broken one: the bag is made anew
-        return None
+    made_with = identity(__name__, files, vehicle.model_dump_json(), options.model_dump_json(), str(seed), *places)
+    if is_current(out, made_with):
+        return False
+    with noting(out, made_with):
+        write_bag(folder, out, vehicle, options, seed)
+    return True
 
 
 def picked(times: np.ndarray, hz: float) -> np.ndarray:

@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.digest import code_digest
 from polarsim.errors import RoverError
 from polarsim.formats import png, tables
-from polarsim.formats.files import write_text, writing
-from polarsim.formats.table_parts import digest
+from polarsim.formats.files import writing
 from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
+from polarsim.provenance import identity, is_current, noting
 from polarsim.render.options import Model
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions
@@ -80,13 +79,12 @@ def _make(
     """Write one video, unless the same one is there; how many were written."""
     paths = [pictures / f"{frame:05d}.png" for frame in frames]
     require_pictures(paths)
-    note = video.with_suffix(".txt")
     content = "" if boxes is None else boxes.to_csv()
-    identity = digest(paths, code_digest(__name__), str(rate), content, str(confidence))
-    if video.is_file() and note.is_file() and note.read_text(encoding="utf-8") == identity:
+    made_with = identity(__name__, paths, str(rate), content, str(confidence))
+    if is_current(video, made_with):
         return 0
-    write_video(video, _shown(paths, frames, boxes, confidence), rate)
-    write_text(note, identity)
+    with noting(video, made_with):
+        write_video(video, _shown(paths, frames, boxes, confidence), rate)
     return 1
 
 

@@ -17,12 +17,11 @@ from polarsim.detect import detectors, tone
 from polarsim.detect.frame import widest_look
 from polarsim.detect.inference_widths import ClassSizes
 from polarsim.detect.predict import detect, sizes_of
-from polarsim.digest import code_digest
 from polarsim.errors import about
 from polarsim.formats import png
-from polarsim.formats.files import write_text
-from polarsim.formats.table_parts import digest, write_in_parts
+from polarsim.formats.table_parts import write_in_parts
 from polarsim.photo import BOX_CLASSES, ROCK
+from polarsim.provenance import identity, is_current, noting
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
@@ -81,20 +80,16 @@ def detect_drive(
         pictures = picture_folder(folder, FRONT, sun, model, exposure_ms)
         paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in suite.frames}
         require_pictures(paths.values())
-        identity = digest(
-            [onboard.weights, *paths.values()],
-            code_digest(__name__),
-            onboard.model_dump_json(include={"prediction"}),
-        )
-        note = pictures / "detections.txt"
-        if (pictures / "detections.parquet").is_file() and _said(note) == identity:
+        used = onboard.model_dump_json(include={"prediction"})
+        made_with = identity(__name__, [onboard.weights, *paths.values()], used)
+        if is_current(pictures / "detections.parquet", made_with):
             continue
         detector = detector or FrontCameraDetector(onboard, suite.mounts[FRONT].lens.width, threads)
-        _write_detections(pictures, paths, detector, identity)
-        write_text(note, identity)
+        with noting(pictures / "detections.parquet", made_with):
+            _write_detections(pictures, paths, detector, made_with)
 
 
-def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCameraDetector, identity: str) -> None:
+def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCameraDetector, made_with: str) -> None:
     def rows_of(names: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
@@ -103,7 +98,7 @@ def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCam
                 rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *r[:4]) for r in result]
         return detection_table(rows)
 
-    write_in_parts(pictures / "detections.parquet", list(paths), rows_of, _PART, identity)
+    write_in_parts(pictures / "detections.parquet", list(paths), rows_of, _PART, made_with)
 
 
 def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
@@ -113,7 +108,3 @@ def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
     table = table.round({"confidence": 5, **dict.fromkeys(BOX, 2)})
     order = [True, True, False, *[True] * 4]
     return table.sort_values(list(DETECTION_COLUMNS), ascending=order, kind="stable", ignore_index=True)
-
-
-def _said(note: Path) -> str:
-    return note.read_text(encoding="utf-8") if note.is_file() else ""

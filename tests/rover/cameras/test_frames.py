@@ -7,7 +7,6 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png, yolo
 from polarsim.formats.tables import read_parquet
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras import frames
 from polarsim.rover.cameras.frames import read_truth, render_frames
 from polarsim.rover.cameras.layout import labels_folder, picture_folder
 from polarsim.rover.drive.trace import write_trace
@@ -91,7 +90,7 @@ def test_other_code_makes_all_pictures_anew(tmp_path, drive, monkeypatch):
     write_trace(tmp_path, drive)
     chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
-    monkeypatch.setattr(frames, "code_digest", lambda *modules: f"other {modules}")
+    monkeypatch.setattr("polarsim.provenance.code_digest", lambda *modules: f"other {modules}")
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
 
