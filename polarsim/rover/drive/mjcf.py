@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -12,11 +11,10 @@ from polarsim.errors import RoverError
 from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
 from polarsim.rover.world.hulls import RockPart
 
-# MuJoCo's bits: wheels meet rocks, and nothing else meets anything.
-WHEEL_BITS: dict[str, Any] = {"contype": "1", "conaffinity": "2"}
-ROCK_BITS: dict[str, Any] = {"contype": "2", "conaffinity": "1"}
-HARD_BRAKE = "0.9999 0.9999 0.001 0.5 2"  # solimp: MuJoCo's own gives way by a tenth of a millimetre per second
-STIFF_ROCK = "0.01 1"  # solref: a touch is over in hundredths of a second, without rebound
+# MuJoCo's bits: wheels meet rocks, and no other bodies meet.
+WHEEL_BITS, ROCK_BITS = {"contype": 1, "conaffinity": 2}, {"contype": 2, "conaffinity": 1}
+HARD_BRAKE = (0.9999, 0.9999, 0.001, 0.5, 2)  # solimp: MuJoCo's default gives way by a tenth of a millimetre per second
+STIFF_ROCK = (0.01, 1)  # solref: a touch is over in hundredths of a second, without rebound
 
 
 def import_mujoco() -> Any:
@@ -37,99 +35,101 @@ def import_mujoco() -> Any:
 
 
 def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, dt: float) -> Any:
-    """Return MuJoCo's model; see `model_xml`."""
-    return import_mujoco().MjModel.from_xml_string(model_xml(vehicle, rocks, gravity, dt))
-
-
-def model_xml(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, dt: float) -> str:
-    """Return the model as MJCF: free `base_link`, for each wheel three links with one joint each, a body a rock.
+    """Return MuJoCo's model: free `base_link`, for each wheel three links with one joint each, a body for each rock.
 
     A contact sensor for each rock and wheel follows the accelerometer, rock by rock in the order of `rocks`, wheels in
     that of the vehicle: whether they touch, and the contact's normal.
     """
-    root = ET.Element("mujoco", model=vehicle.name)
-    ET.SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-    option = ET.SubElement(
-        root, "option", timestep=f"{dt!r}", gravity=f"0 0 {-gravity!r}", integrator="implicitfast", cone="elliptic"
-    )
-    # A broken state is to be seen, not put back to the start.
-    ET.SubElement(option, "flag", energy="enable", autoreset="disable")
-    asset, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
-    chassis = vehicle.chassis
-    base = ET.SubElement(world, "body", name="base_link")
-    ET.SubElement(base, "freejoint", name="base")
-    _inertial(base, chassis.mass_kg, chassis.inertia(), chassis.position_m)
-    ET.SubElement(base, "site", name="imu")
+    mujoco = import_mujoco()
+    spec = mujoco.MjSpec()
+    spec.modelname = vehicle.name
+    spec.compiler.degree = False
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    option = spec.option
+    option.timestep, option.gravity = dt, [0, 0, -gravity]
+    option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a broken state must be seen
+    base = spec.worldbody.add_body(name="base_link")
+    base.add_freejoint(name="base")
+    _set_inertia(base, vehicle.chassis.mass_kg, vehicle.chassis.inertia(), vehicle.chassis.position_m)
+    base.add_site(name="imu")
     for wheel in vehicle.wheels:
-        _corner(base, vehicle, wheel)
-    bodies: dict[int, ET.Element] = {}
+        _add_corner(mujoco, base, vehicle, wheel)
+    bodies: dict[int, Any] = {}
     for number, part in enumerate(rocks):
-        ET.SubElement(asset, "mesh", name=f"part{number}", vertex=_text(part.corners.ravel()))
+        spec.add_mesh(name=f"part{number}", uservert=part.corners.ravel())
         if part.rock not in bodies:
-            bodies[part.rock] = ET.SubElement(world, "body", name=f"rock{part.rock}")
-        ET.SubElement(
-            bodies[part.rock], "geom", type="mesh", mesh=f"part{number}", solref=STIFF_ROCK,
-            friction=f"{vehicle.friction_on_rock!r} 0.005 0.0001", **ROCK_BITS,
+            bodies[part.rock] = spec.worldbody.add_body(name=f"rock{part.rock}")
+        bodies[part.rock].add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{number}", solref=STIFF_ROCK,
+            friction=_friction(vehicle), **ROCK_BITS,
         )  # fmt: skip
-    _actuators(root, vehicle)
-    sensors = ET.SubElement(root, "sensor")
-    ET.SubElement(sensors, "accelerometer", name="imu", site="imu")
+    _add_actuators(mujoco, spec, vehicle)
+    sensor, kind = mujoco.mjtSensor, mujoco.mjtObj
+    spec.add_sensor(name="imu", type=sensor.mjSENS_ACCELEROMETER, objtype=kind.mjOBJ_SITE, objname="imu")
+    field = mujoco.mjtConDataField
+    data = 1 << int(field.mjCONDATA_FOUND) | 1 << int(field.mjCONDATA_NORMAL)
     for rock in bodies:
         for wheel in vehicle.wheels:
-            ET.SubElement(sensors, "contact", geom1=f"{wheel.code}_rim", body2=f"rock{rock}", data="found normal")
-    return ET.tostring(root, encoding="unicode")
+            spec.add_sensor(
+                type=sensor.mjSENS_CONTACT, objtype=kind.mjOBJ_GEOM, objname=f"{wheel.code}_rim",
+                reftype=kind.mjOBJ_BODY, refname=f"rock{rock}", intprm=[data, 0, 1],  # one contact, not reduced
+            )  # fmt: skip
+    return spec.compile()
 
 
-def _corner(base: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
+def _add_corner(mujoco: Any, base: Any, vehicle: Vehicle, wheel: WheelPart) -> None:
+    """Add a wheel's links: an arm that slides, an upright that steers on it, the wheel that spins on the upright."""
     spring, steering, drive = vehicle.suspension, vehicle.steering, vehicle.drive
     code, limit = wheel.code, float(np.radians(steering.limit_deg))
-    arm = ET.SubElement(base, "body", name=f"{code}_arm", pos=_text(wheel.position_m))
-    _inertial(arm, wheel.arm_mass_kg, cube_inertia(wheel.arm_mass_kg))
-    ET.SubElement(
-        arm, "joint", name=f"{code}_lift", type="slide", axis="0 0 1", range=_text((-spring.travel_m, spring.travel_m)),
-        stiffness=f"{spring.stiffness_n_m!r}", damping=f"{spring.damping_n_s_m!r}",
+    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    arm = base.add_body(name=f"{code}_arm", pos=wheel.position_m)
+    _set_inertia(arm, wheel.arm_mass_kg, cube_inertia(wheel.arm_mass_kg))
+    arm.add_joint(
+        name=f"{code}_lift", type=slide, axis=[0, 0, 1], range=[-spring.travel_m, spring.travel_m],
+        stiffness=_first(spring.stiffness_n_m), damping=_first(spring.damping_n_s_m),
     )  # fmt: skip
-    upright = ET.SubElement(arm, "body", name=f"{code}_upright")
-    _inertial(upright, wheel.upright_mass_kg, cube_inertia(wheel.upright_mass_kg))
-    ET.SubElement(
-        upright, "joint", name=f"{code}_steer", type="hinge", axis="0 0 1", range=_text((-limit, limit)),
-        damping=f"{steering.damping_n_m_s_rad!r}", armature=f"{steering.armature_kg_m2!r}",
+    upright = arm.add_body(name=f"{code}_upright")
+    _set_inertia(upright, wheel.upright_mass_kg, cube_inertia(wheel.upright_mass_kg))
+    upright.add_joint(
+        name=f"{code}_steer", type=hinge, axis=[0, 0, 1], range=[-limit, limit],
+        damping=_first(steering.damping_n_m_s_rad), armature=steering.armature_kg_m2,
     )  # fmt: skip
-    spinning = ET.SubElement(upright, "body", name=f"{code}_wheel")
-    _inertial(spinning, wheel.mass_kg, wheel.inertia())
-    ET.SubElement(
-        spinning, "joint", name=f"{code}_spin", type="hinge", axis="0 1 0",
-        damping=f"{drive.damping_n_m_s_rad!r}", armature=f"{drive.armature_kg_m2!r}",
-        solimpfriction=HARD_BRAKE,
+    spinning = upright.add_body(name=f"{code}_wheel")
+    _set_inertia(spinning, wheel.mass_kg, wheel.inertia())
+    spinning.add_joint(
+        name=f"{code}_spin", type=hinge, axis=[0, 1, 0], damping=_first(drive.damping_n_m_s_rad),
+        armature=drive.armature_kg_m2, solimp_friction=HARD_BRAKE,
     )  # fmt: skip
-    ET.SubElement(
-        spinning, "geom", name=f"{code}_rim", type="cylinder", size=_text((wheel.radius_m, wheel.width_m / 2)),
-        zaxis="0 1 0", solref=STIFF_ROCK, friction=f"{vehicle.friction_on_rock!r} 0.005 0.0001", **WHEEL_BITS,
+    rim = spinning.add_geom(
+        name=f"{code}_rim", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[wheel.radius_m, wheel.width_m / 2, 0],
+        solref=STIFF_ROCK, friction=_friction(vehicle), **WHEEL_BITS,
     )  # fmt: skip
+    rim.alt.type, rim.alt.zaxis = mujoco.mjtOrientation.mjORIENTATION_ZAXIS, [0, 1, 0]
 
 
-def _actuators(root: ET.Element, vehicle: Vehicle) -> None:
-    """Steering servos of all wheels, then their drives: controls 0 to 3 in rad, 4 to 7 in rad/s."""
-    actuators, steering, drive = ET.SubElement(root, "actuator"), vehicle.steering, vehicle.drive
-    for wheel in vehicle.wheels:
-        ET.SubElement(
-            actuators, "position", name=f"{wheel.code}_steer", joint=f"{wheel.code}_steer",
-            kp=f"{steering.stiffness_n_m_rad!r}", forcerange=_both(steering.torque_limit_n_m),
-        )  # fmt: skip
-    for wheel in vehicle.wheels:
-        ET.SubElement(
-            actuators, "velocity", name=f"{wheel.code}_spin", joint=f"{wheel.code}_spin",
-            kv=f"{drive.gain_n_m_s_rad!r}", forcerange=_both(drive.torque_limit_n_m),
-        )  # fmt: skip
+def _add_actuators(mujoco: Any, spec: Any, vehicle: Vehicle) -> None:
+    """Add steering servos of all wheels, then their drives: controls 0 to 3 in rad, 4 to 7 in rad/s."""
+    steering, drive, joint = vehicle.steering, vehicle.drive, mujoco.mjtTrn.mjTRN_JOINT
+    for what, limit in (("steer", steering.torque_limit_n_m), ("spin", drive.torque_limit_n_m)):
+        for wheel in vehicle.wheels:
+            name = f"{wheel.code}_{what}"
+            servo = spec.add_actuator(name=name, target=name, trntype=joint, forcerange=[-limit, limit])
+            if what == "steer":
+                servo.set_to_position(kp=steering.stiffness_n_m_rad)
+            else:
+                servo.set_to_velocity(kv=drive.gain_n_m_s_rad)
 
 
-def _inertial(body: ET.Element, mass: float, inertia: np.ndarray, position: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
-    ET.SubElement(body, "inertial", pos=_text(position), mass=f"{mass!r}", diaginertia=_text(inertia))
+def _set_inertia(body: Any, mass: float, inertia: np.ndarray, position: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+    body.mass, body.inertia, body.ipos, body.explicitinertial = mass, inertia, position, True
 
 
-def _both(limit: float) -> str:
-    return f"{-limit!r} {limit!r}"
+def _friction(vehicle: Vehicle) -> list[float]:
+    return [vehicle.friction_on_rock, 0.005, 0.0001]
 
 
-def _text(values: Sequence[float] | np.ndarray) -> str:
-    return " ".join(f"{float(value)!r}" for value in values)
+def _first(coefficient: float) -> list[float]:
+    """A coefficient as MuJoCo's polynomial with a linear term only."""
+    return [coefficient, 0.0, 0.0]
