@@ -8,15 +8,54 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from polarsim.errors import RoverError
-from polarsim.rover.soil.bulldozing import Bulldozing, bulldoze
-from polarsim.rover.soil.contact import Loads, press
+from polarsim.rover.soil.bulldozing import Bulldozing, bulldoze_nodes
+from polarsim.rover.soil.contact import SLIP_LENGTH, Loads, press_nodes, update_slips
 from polarsim.rover.soil.law import ContactLaw
-from polarsim.rover.soil.nodes import Ground, flat_ground
-from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, Bodies, Wheel
+from polarsim.rover.soil.nodes import LEVEL, ORIGINAL, Ground, make_ground
+from polarsim.rover.soil.shapes import Bodies, Wheel
 
 # VIPER's wheel with a quarter of the rover on the Moon, and a small laboratory wheel.
 WHEEL_A, WHEEL_B = Wheel(0.25, 0.20), Wheel(0.15735, 0.165)
 LOAD_A, LOAD_B = 174.15, 80.0  # N
+
+
+def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
+    """One step of the contact of all wheels, in their order; changes `ground` and `bodies.slips`."""
+    count = len(bodies.shapes)
+    length = 0.0 if bodies.slips is None else SLIP_LENGTH
+    if bodies.slips is None:
+        bodies = bodies._replace(slips=np.zeros(count))
+    loads = Loads.zeros(count)
+    update_slips(bodies, length, dt)
+    press_nodes(ground, bodies, np.full(count, np.inf), law, dt, loads)
+    return loads
+
+
+def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
+    """Move aside what the bodies pressed since the last call, then let it slide around them."""
+    if bodies.slips is None:  # unused here, but kernels take arrays
+        bodies = bodies._replace(slips=np.zeros(len(bodies.shapes)))
+    bulldoze_nodes(ground, bodies, rule.on(ground.cell))
+
+
+def flat_ground(length: float, width: float, cell: float) -> Ground:
+    """Level ground from x = 0 to `length`, y = 0 centred between two rows, so that widths of whole cells are met."""
+    columns, rows = round(length / cell) + 1, 2 * round(width / (2 * cell))
+    return make_ground(np.zeros((rows, columns)), cell, y0=-(rows - 1) / 2 * cell)
+
+
+def copied(ground: Ground) -> Ground:
+    return ground._replace(state=ground.state.copy(), normals=ground.normals.copy(), owner=ground.owner.copy())
+
+
+def rut(ground: Ground) -> np.ndarray:
+    """Depth of the surface below the original one, m; negative in a berm."""
+    return ground.state[..., ORIGINAL] - ground.state[..., LEVEL]
+
+
+def volume(ground: Ground) -> float:
+    """Soil above the original surface, less what is missing below it, m3."""
+    return -float(rut(ground).sum()) * ground.cell**2
 
 
 @dataclass(frozen=True)
@@ -143,8 +182,6 @@ class SoilBin:
 
     def step(self, bodies: Bodies, dt: float) -> Loads:
         """Forces on the bodies where they are now; the ground gives way."""
-        reach = np.hypot(bodies.shapes[:, RADIUS], bodies.shapes[:, HALF_WIDTH]).max()
-        self.ground.require_inside(bodies.centres, float(reach))
         loads = press(self.ground, bodies, self.law, dt)
         self.steps += 1
         if self.bulldozing is not None and self.steps % self.bulldozing.every == 0:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from polarsim.errors import FormatError, RoverError
+from polarsim.errors import FormatError
 from polarsim.formats.npz import read_arrays, write_arrays
 from polarsim.rover.drive import energy
 from polarsim.rover.drive.control import MODES, Command, steer
@@ -223,13 +223,14 @@ class Simulation:
         return saved
 
     def _require_inside(self, centres: np.ndarray) -> None:
+        """Refuse wheels that reach beyond the grid, where nothing would bear them."""
         low_x, low_y, high_x, high_y = self._inside
-        if all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in centres[:, :2].tolist()):
-            return
-        try:
-            self.ground.require_inside(centres, self._reach + EDGE)
-        except RoverError as error:
-            raise OffGridError(error.reason) from error
+        for x, y in centres[:, :2].tolist():
+            if not (low_x <= x <= high_x and low_y <= y <= high_y):
+                raise OffGridError(
+                    f"a wheel at ({x:.2f}, {y:.2f}) m leaves the ground: its centre may go from x {low_x:.2f} to "
+                    f"{high_x:.2f} m and from y {low_y:.2f} to {high_y:.2f} m"
+                )
 
     def _wire(self) -> None:
         """Views of MuJoCo's memory and arrays for the kernel's results."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from polarsim.kernels import njit
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
-from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, Bodies, clear, intersect, window
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, clear, intersect, window
 
 TAPS = 5.0  # reach of the spread over its standard deviation
 MOVED = 0.2  # of the excess height between two neighbours in one sweep; from 0.25 on, sweeps oscillate
@@ -53,13 +53,6 @@ class Bulldozing:
         weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * cell / self.spread) ** 2)
         climb = cell * math.tan(math.radians(self.angle_deg))
         return Spreading(weights, self.share, self.headroom, climb, self.sweeps, self.every)
-
-
-def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
-    """Move aside what the bodies pressed since the last call, then let it slide around them."""
-    if bodies.slips is None:  # unused here, but kernels take arrays
-        bodies = bodies._replace(slips=np.zeros(len(bodies.shapes)))
-    bulldoze_nodes(ground, bodies, rule.on(ground.cell))
 
 
 def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:

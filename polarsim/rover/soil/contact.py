@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from polarsim.kernels import njit
-from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.nodes import (
     FLOW,
     FREE,
@@ -28,9 +27,8 @@ from polarsim.rover.soil.nodes import (
     SHEAR_Z,
     START,
     YIELD,
-    Ground,
 )
-from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, Bodies, dot, intersect, low_window
+from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, dot, intersect, low_window
 
 STEEPEST = 0.25  # vertical part of a surface's normal: a wheel's flank is at most four times as large as its cell
 SLOWEST_RIM = 1e-3  # m/s, the slip of a slower wheel counts as 0
@@ -52,18 +50,6 @@ class Loads(NamedTuple):
     @classmethod
     def zeros(cls, count: int) -> Loads:
         return cls(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 4)))
-
-
-def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
-    """One step of the contact of all wheels, in their order; changes `ground` and `bodies.slips`."""
-    count = len(bodies.shapes)
-    length = 0.0 if bodies.slips is None else SLIP_LENGTH
-    if bodies.slips is None:
-        bodies = bodies._replace(slips=np.zeros(count))
-    loads = Loads.zeros(count)
-    update_slips(bodies, length, dt)
-    press_nodes(ground, bodies, np.full(count, np.inf), law, dt, loads)
-    return loads
 
 
 @njit()

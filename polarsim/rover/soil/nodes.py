@@ -34,36 +34,12 @@ class Ground(NamedTuple):
         return self.state[..., LEVEL]
 
     @property
-    def rut(self) -> np.ndarray:
-        """How far the surface lies below where it was; negative in a berm."""
-        return self.state[..., ORIGINAL] - self.state[..., LEVEL]
-
-    @property
     def x(self) -> np.ndarray:
         return self.x0 + self.cell * np.arange(self.state.shape[1])
 
     @property
     def y(self) -> np.ndarray:
         return self.y0 + self.cell * np.arange(self.state.shape[0])
-
-    def copy(self) -> Ground:
-        return Ground(self.x0, self.y0, self.cell, self.state.copy(), self.normals.copy(), self.owner.copy())
-
-    def volume(self) -> float:
-        """Soil above where the surface was, less what is missing below it, m3."""
-        return -float(self.rut.sum()) * self.cell**2
-
-    def require_inside(self, centres: np.ndarray, reach: float) -> None:
-        """Refuse bodies that reach beyond the grid, where nothing would bear them."""
-        low = np.array([self.x0, self.y0]) + reach
-        high = np.array([self.x[-1], self.y[-1]]) - reach
-        outside = ~((centres[:, :2] >= low) & (centres[:, :2] <= high)).all(axis=1)
-        if outside.any():
-            x, y = centres[np.argmax(outside), :2]
-            raise RoverError(
-                f"a wheel at ({x:.2f}, {y:.2f}) m leaves the ground, x {self.x[0]:.2f} to {self.x[-1]:.2f} m, "
-                f"y {self.y[0]:.2f} to {self.y[-1]:.2f} m"
-            )
 
 
 def make_ground(
@@ -94,9 +70,3 @@ def make_ground(
     if rock is not None:
         owner[rock] = ROCK
     return Ground(float(x0), float(y0), float(cell), state, normals, owner)
-
-
-def flat_ground(length: float, width: float, cell: float) -> Ground:
-    """Level ground from x = 0 to `length`, y = 0 centred between two rows, so that widths of whole cells are met."""
-    columns, rows = round(length / cell) + 1, 2 * round(width / (2 * cell))
-    return make_ground(np.zeros((rows, columns)), cell, y0=-(rows - 1) / 2 * cell)

@@ -137,7 +137,6 @@ class LightPart(Section):
     pitch_deg: float = Field(0.0, description="Down is positive, degrees.")
     beam_deg: float = Field(gt=0, lt=180, description="Full angle between directions of half its intensity, degrees.")
     power_w: PositiveFloat = Field(10.0, description="Light that it radiates, W.")
-    wavelength_nm: PositiveFloat = Field(453.0, description="Peak wavelength, nm.")
 
 
 _Named = TypeVar("_Named", CameraPart, LightPart)

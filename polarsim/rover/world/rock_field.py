@@ -64,11 +64,6 @@ class RockField:
     shape: np.ndarray
 
 
-def covered_share(diameter_m: np.ndarray | float, abundance: float) -> np.ndarray:
-    """Of the ground, by rocks of this diameter or more."""
-    return np.asarray(abundance * np.exp(-_steepness(abundance) * np.asarray(diameter_m, float)))
-
-
 def per_m2(diameter_m: np.ndarray | float, abundance: float) -> np.ndarray:
     """Rocks of this diameter or more on a square metre."""
     diameter, q = np.asarray(diameter_m, float), _steepness(abundance)

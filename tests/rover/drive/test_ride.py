@@ -72,7 +72,8 @@ def test_a_drive_reaches_its_end_and_leaves_all_its_files(whole):
     assert trace.table["x_m"].iloc[-1] == pytest.approx(-0.25, abs=0.005)
     assert abs(trace.drive["energy_open"]) < 0.02
     assert sorted(files_of(whole)) == [
-        ".drive.json.identity", "drive.json", "trace.parquet", "tracks.npz", "world/ground.npz", "world/rocks.npz", "world/rocks.parquet",
+        ".drive.json.identity", "drive.json", "trace.parquet", "tracks.npz",
+        "world/ground.npz", "world/rocks.npz", "world/rocks.parquet",
     ]  # fmt: skip
     steps = np.diff(trace.table["time_s"])
     np.testing.assert_allclose(steps, 0.01, atol=1e-9)
