@@ -171,7 +171,7 @@ def test_pictures_of_another_shape_are_refused_by_name(tmp_path):
     write_drive(tmp_path, VEHICLE)
     png.write(tmp_path / "front_end_cam/1_hapke_0256/00004.png", np.zeros((50, 121), np.uint16))
     png.write(tmp_path / "front_end_cam/1_hapke_0256/00000.png", np.zeros((50, 121), np.uint16))
-    with pytest.raises(FormatError, match=r"00000\.png: 121 x 50 px, camera front_end_cam has 1936 x 1216"):
+    with pytest.raises(FormatError, match=r"00000\.png"):
         write_bag(tmp_path, tmp_path / "drive.mcap", VEHICLE, BagOptions())
     assert not list(tmp_path.glob("*.mcap"))
 
