@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.mounts import link_from_part
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
+from polarsim.rover.world.hulls import points_on
 from polarsim.rover.world.surface import World
 
 BODY_TOUCH_M = 0.01  # points of a rock's surface are apart, so a box may pass between them
@@ -62,16 +63,7 @@ def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
 def surface_points(world: World, rock: int) -> np.ndarray:
     """(n, 3) points on a rock's mesh above the ground, no farther than `_SAMPLE_M` apart along triangles' sides."""
     vertices, faces = world.rock_mesh(rock)
-    corners = vertices[faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    steps = np.maximum(np.ceil(longest / _SAMPLE_M).astype(int), 1)
-    parts = [vertices]
-    for count in np.unique(steps[steps > 1]):
-        i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
-        inside = i + j <= count
-        weights = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], axis=1) / count
-        parts.append(np.einsum("pk,fkd->fpd", weights, corners[steps == count]).reshape(-1, 3))
-    points = np.concatenate(parts)
+    points = np.unique(points_on(vertices[faces], _SAMPLE_M)[0], axis=0)
     return points[points[:, 2] > world.height_at(points[:, 0], points[:, 1]) - 0.02]
 
 

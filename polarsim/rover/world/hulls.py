@@ -125,7 +125,7 @@ class _Rock:
         hull = require_volume(points)
         corners = points[np.sort(hull.vertices)]
         up = hull.equations[:, 2] > 0
-        on_hull, facet = _points_on(points[hull.simplices[up]], STEP_M)
+        on_hull, facet = points_on(points[hull.simplices[up]], STEP_M)
         deviation, farthest = self._deviation(on_hull, hull.equations[up, :3][facet])
         return _Part(triangles, corners, deviation, farthest)
 
@@ -177,7 +177,7 @@ class _Rock:
     @property
     def _tree(self) -> KDTree:
         if not hasattr(self, "_points"):
-            points, _ = _points_on(self.vertices[self.faces], _MESH_STEP_M)
+            points, _ = points_on(self.vertices[self.faces], _MESH_STEP_M)
             self._points = KDTree(np.unique(points.round(5), axis=0))
         return self._points
 
@@ -186,7 +186,7 @@ def _worst(parts: Sequence[_Part]) -> float:
     return max(part.deviation for part in parts)
 
 
-def _points_on(triangles: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+def points_on(triangles: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 3) on triangles (t, 3, 3), at most `step` apart along sides, and (n,) whose they are."""
     longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     counts = np.maximum(np.ceil(longest / step).astype(int), 1)

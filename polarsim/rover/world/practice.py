@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from scipy import ndimage
 
 from polarsim.errors import RoverError
 from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
-from polarsim.rover.world.surface import ROCK_COLUMNS, World, bare_world
+from polarsim.rover.world.placed import PlacedRock, with_rocks
+from polarsim.rover.world.surface import World, bare_world
 
 CORNERS = 24  # points whose hull a rock is
 BURIED = 0.25  # share of a rock's height below the ground, as in POLAR's sandbox
@@ -47,31 +48,21 @@ def practice_world(options: PracticeGround, seed: int) -> World:
     noise = ndimage.gaussian_filter(generator(seed, "practice ground").normal(size=shape), options.wave_m / cell / 2)
     level = noise * (options.roughness_m / noise.std())
     bare = bare_world(level, cell, 0.0, -options.width_m / 2)
-    return _with_rocks(bare, options, seed) if options.rocks else bare
+    return with_rocks(bare, _rocks(bare, options, seed))
 
 
-def _with_rocks(bare: World, options: PracticeGround, seed: int) -> World:
-    rng = generator(seed, "practice rocks")
-    rows: list[tuple[float, ...]] = []
-    vertices, triangles, corners, faces = [], [], 0, 0
-    while len(rows) < options.rocks:
+def _rocks(bare: World, options: PracticeGround, seed: int) -> Iterator[PlacedRock]:
+    rng, placed = generator(seed, "practice rocks"), 0
+    while placed < options.rocks:
         x, y = rng.uniform([0.5, bare.y[0] + 0.5], [options.length_m - 0.5, bare.y[-1] - 0.5])
         size = options.smallest_m * (options.largest_m / options.smallest_m) ** rng.random()
-        shape = _rock(rng, size)
+        points, faces = _rock(rng, size)
         if np.hypot(x - (options.length_m - 2.0), y) < options.clear_m:
             continue
-        top, bottom = shape[0][:, 2].max(), shape[0][:, 2].min()
-        ground = float(bare.height_at(x, y))
-        points = shape[0] + [x, y, ground - bottom - BURIED * (top - bottom)]
-        width = float(np.ptp(points[:, :2], axis=0).max())
-        height = float(points[:, 2].max()) - ground
-        radius = float(np.hypot(points[:, 0] - x, points[:, 1] - y).max())
-        rows.append((len(rows), 0, len(rows), x, y, height, width, radius, faces, len(shape[1])))
-        vertices.append(points)
-        triangles.append(shape[1] + corners)
-        corners, faces = corners + len(points), faces + len(shape[1])
-    table, corners_of = pd.DataFrame(rows, columns=list(ROCK_COLUMNS)), np.concatenate(vertices).astype(np.float32)
-    return replace(bare, rocks=table, vertices=corners_of, triangles=np.concatenate(triangles).astype(np.int32))
+        top, bottom = points[:, 2].max(), points[:, 2].min()
+        foot = np.array([x, y, float(bare.height_at(x, y)) - bottom - BURIED * (top - bottom)])
+        yield PlacedRock(0, placed, points + foot, faces)
+        placed += 1
 
 
 def _rock(rng: np.random.Generator, size: float) -> tuple[np.ndarray, np.ndarray]:
