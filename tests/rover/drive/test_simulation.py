@@ -59,6 +59,14 @@ def test_at_rest_the_soil_bears_the_weight_and_an_accelerometer_reads_gravity(so
     assert (last.wheel("sinkage_first_m") < 0.017).all()
 
 
+def test_on_earth_a_rover_weighs_more_and_sinks_as_deep(soil):
+    last = run(Simulation(flat(), VIPER, soil, SoilOptions(gravity_m_s2=9.81, step_s=0.0005)), 2.5)[-1]
+    assert last.wheel("load_n").sum() == pytest.approx(430 * 9.81, rel=5e-3)
+    assert last.acceleration[2] == pytest.approx(9.81, abs=0.02)
+    assert (last.wheel("sinkage_first_m") > 0.006).all()
+    assert (last.wheel("sinkage_first_m") < 0.020).all()
+
+
 def test_a_rover_let_down_on_rough_ground_sinks_as_on_level_ground(soil):
     """Braked wheels that touch one after the other turn by hundredths of a millimetre: no slip that digs."""
     rng = np.random.default_rng(0)

@@ -68,6 +68,13 @@ def test_every_topic_reads_back(bag):
     }
 
 
+def test_pictures_and_heights_can_be_left_out(drive, tmp_path):
+    write_bag(drive, tmp_path / "small.mcap", VEHICLE, BagOptions(images=False, height_hz=0))
+    topics = set(read(tmp_path / "small.mcap"))
+    assert not topics & {"/front_end_cam/image/compressed", "/terrain/height"}
+    assert {"/front_end_cam/camera_info", "/odom"} <= topics
+
+
 def test_the_same_drive_has_the_same_bytes(bag, drive, tmp_path):
     write_bag(drive, tmp_path / "again.mcap", VEHICLE, BagOptions())
     assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
