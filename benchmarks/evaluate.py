@@ -23,7 +23,7 @@ import pandas as pd
 from polarsim import intervals
 from polarsim.detect import bootstrap, bootstrap_numba, metrics
 from polarsim.detect.breakdown import SIZES, breakdown, match_predictions
-from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.ipd import instance_performance
 from polarsim.geometry import boxes, matching, matching_numba
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, photo_grid

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.tone import bits_in_use
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import png, release, tables, yolo

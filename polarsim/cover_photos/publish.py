@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.cover_photos.scores import ALL
-from polarsim.cover_photos.widths import Found, merged, read_folds, together, truth_of, widths_for
+from polarsim.cover_photos.widths import Found, merged, read_folds, together, widths_for
 from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrated, calibration_error, fit_calibration
+from polarsim.detect.grouping import labels_by_photo
 from polarsim.detect.inference_widths import ClassSizes
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
@@ -78,7 +79,7 @@ def _chosen(
 ) -> tuple[ClassSizes, Calibration]:
     sizes = widths_for(labels, seen, imgsz, options)
     boxes = [merged(rows, sizes, options.nms_iou) for rows in seen.values()]
-    return sizes, fit_calibration(truth_of(labels, list(seen)), boxes)
+    return sizes, fit_calibration(labels_by_photo(labels, list(seen)), boxes)
 
 
 def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
@@ -94,7 +95,7 @@ def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options:
         boxes = [merged(rows, sizes, options.nms_iou) for rows in own.values()]
         before += boxes
         after += [calibrated(rows, calibration) for rows in boxes]
-    truth = truth_of(labels, list(together(seen)))
+    truth = labels_by_photo(labels, list(together(seen)))
     return Check(calibration_error(truth, before), calibration_error(truth, after))
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from polarsim import intervals
-from polarsim.cover_photos.widths import truth_of
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
-from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
+from polarsim.detect.dataset import read_pictures
 from polarsim.detect.detectors import detector_name
+from polarsim.detect.grouping import DETECTION, boxes_by_photo, detections_by_photo, labels_by_photo
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.split import TEST, TRAIN
 from polarsim.formats import tables
@@ -135,7 +135,7 @@ def cover_figures(
     rows = []
     labels = labels[labels["key"].isin(keys)]
     for kind in (kind for kind in BOX_CLASSES if (labels["kind"] == kind).any()):
-        truth = _by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
+        truth = boxes_by_photo(labels[labels["kind"] == kind], keys)
         random = generator(seed, "covers", "bootstrap", kind)
         drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
         each = [_precision(truth, table[table["kind"] == kind], keys, drawn) for table in predictions]
@@ -150,7 +150,7 @@ def _precision(
     truth: Sequence[np.ndarray], predictions: pd.DataFrame, keys: Sequence[str], drawn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Of one kind: average precision by IoU (t,), at 0.5 on drawn photos (resamples,), and mean largest IoU."""
-    found = _by_photo(predictions, (*BOX_COLUMNS, "confidence"), keys)
+    found = boxes_by_photo(predictions, keys, DETECTION[:5])
     ranked = metrics.rank(truth, [rows[:, :4] for rows in found], [rows[:, 4] for rows in found])
     resampled = bootstrap.resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
     best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, found, strict=True)])
@@ -169,12 +169,11 @@ def calibrated_by_others(
     folds : mapping of fold to photo keys
     """
     keys = [key for own in folds.values() for key in own]
-    table = predictions.assign(kind=predictions["kind"].map(BOX_CLASSES.index))
-    found = dict(zip(keys, _by_photo(table, (*BOX_COLUMNS, "confidence", "kind"), keys), strict=True))
+    found = detections_by_photo(predictions, keys)
     boxes: dict[str, np.ndarray] = {}
     for fold, own in folds.items() if len(folds) > 1 else ():
         others = [key for other, photos in folds.items() if other != fold for key in photos]
-        calibration = fit_calibration(truth_of(labels, others), [found[key] for key in others])
+        calibration = fit_calibration(labels_by_photo(labels, others), [found[key] for key in others])
         boxes |= {key: calibrated(found[key], calibration) for key in own}
     return boxes
 
@@ -184,14 +183,9 @@ def _calibration_error(labels: pd.DataFrame, boxes: Mapping[str, np.ndarray], ke
     if not boxes:
         return float("nan")
     of_kind = [boxes[key][boxes[key][:, 5] == BOX_CLASSES.index(kind)] for key in keys]
-    return calibration_error(truth_of(labels[labels["kind"] == kind], keys), of_kind)
+    return calibration_error(labels_by_photo(labels[labels["kind"] == kind], keys), of_kind)
 
 
 def _times(count: int, random: np.random.Generator) -> np.ndarray:
     """(n,) how often each of n photos is drawn when n are drawn."""
     return np.bincount(random.integers(count, size=count), minlength=count).astype(float)
-
-
-def _by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
-    found = {str(key): rows.to_numpy(float) for key, rows in table.groupby("key")[list(columns)]}
-    return [found.get(key, np.zeros((0, len(columns)))) for key in keys]

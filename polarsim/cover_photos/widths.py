@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
+from polarsim.detect.dataset import read_pictures
 from polarsim.detect.frame import read_picture
+from polarsim.detect.grouping import BOX_COLUMNS, detection_rows, detections_by_photo, labels_by_photo
 from polarsim.detect.inference_widths import ClassSizes, Sizes, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect
@@ -23,7 +24,6 @@ from polarsim.schemas.covers import COVER_FOUND
 from polarsim.schemas.detect import PREDICTIONS
 
 Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) as detectors give them
-Truth = Sequence[tuple[np.ndarray, np.ndarray]]  # classes (n,) and boxes (n, 4) of every photo
 
 
 def predict_multiscale(
@@ -44,7 +44,7 @@ def predict_multiscale(
         picture = read_picture(dataset / "images" / TEST / f"{key}.png")
         for width in sorted({detector.imgsz, *widths}):
             boxes = next(detect(loaded, [picture], ClassSizes.same(Sizes((width,))), options.nms_iou))
-            rows += [(key, width, BOX_CLASSES[int(box[5])], box[4], *box[:4]) for box in boxes]
+            rows += [(key, width, *row[1:]) for row in detection_rows(key, boxes)]
     table = pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes)
     tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))
 
@@ -104,13 +104,7 @@ def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: Predict
         return ClassSizes.same(Sizes((imgsz,)))
     widths = sorted(next(iter(others.values())))
     by_width = {width: [found[width] for found in others.values()] for width in widths}
-    return choose_sizes(truth_of(labels, list(others)), by_width, options.nms_iou, detectors.MAX_BOXES)
-
-
-def truth_of(labels: pd.DataFrame, keys: Sequence[str]) -> Truth:
-    """Classes and boxes of a label table, of every photo."""
-    by_key = dict(iter(labels[labels["kind"].isin(BOX_CLASSES)].groupby("key")))
-    return [_labelled(by_key[key]) if key in by_key else (np.zeros(0, int), np.zeros((0, 4))) for key in keys]
+    return choose_sizes(labels_by_photo(labels, list(others)), by_width, options.nms_iou, detectors.MAX_BOXES)
 
 
 def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, Found]:
@@ -134,17 +128,8 @@ def read_found(path: Path, keys: Sequence[str]) -> Found:
     widths = sorted(table["width"].unique().tolist())
     if not widths:
         raise DetectError("the detector found nothing in any cover photo at any width", path=path)
-    found: Found = {key: {width: np.zeros((0, 6)) for width in widths} for key in keys}
-    for width in widths:
-        for key, rows in table[table["width"] == width].groupby("key"):
-            kinds = rows["kind"].map(BOX_CLASSES.index).to_numpy(float)
-            corners = rows[list(BOX_COLUMNS)].to_numpy(float)
-            found[str(key)][width] = np.column_stack([corners, rows["confidence"], kinds])
-    return found
-
-
-def _labelled(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
-    return rows["kind"].map(BOX_CLASSES.index).to_numpy(int), rows[list(BOX_COLUMNS)].to_numpy(float)
+    by_width = {width: detections_by_photo(table[table["width"] == width], keys) for width in widths}
+    return {key: {width: by_width[width][key] for width in widths} for key in keys}
 
 
 def merged(by_width: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float) -> np.ndarray:
@@ -153,11 +138,7 @@ def merged(by_width: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float
 
 
 def _table(found: Found, sizes: ClassSizes, nms_iou: float) -> pd.DataFrame:
-    rows = [
-        (key, BOX_CLASSES[int(box[5])], box[4], *box[:4])
-        for key, by_width in found.items()
-        for box in merged(by_width, sizes, nms_iou)
-    ]
+    rows = [row for key, by_width in found.items() for row in detection_rows(key, merged(by_width, sizes, nms_iou))]
     return pd.DataFrame(rows, columns=list(PREDICTIONS.columns))
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.cover_photos.options import WIDEST_PX
-from polarsim.detect.dataset import BOX_COLUMNS
 from polarsim.detect.frame import read_picture
+from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.training_windows import draw_windows, make_folders, write_window
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables

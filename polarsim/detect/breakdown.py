@@ -10,8 +10,7 @@ import pandas as pd
 
 from polarsim import intervals
 from polarsim.detect import bootstrap, metrics
-from polarsim.detect.dataset import BOX_COLUMNS
-from polarsim.detect.grouping import values_by
+from polarsim.detect.grouping import DETECTION, boxes_by_photo
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.schemas.detect import BREAKDOWN, CURVES
 
@@ -84,8 +83,8 @@ def rank_by_kind(
     """`metrics.rank` of each class; arguments as of `detector` and of `rank`."""
     ranked = {}
     for kind in BOX_CLASSES:
-        labelled = _boxes_by_photo(labels[labels["kind"] == kind], BOX_COLUMNS, keys)
-        predicted = _boxes_by_photo(predictions[predictions["kind"] == kind], (*BOX_COLUMNS, "confidence"), keys)
+        labelled = boxes_by_photo(labels[labels["kind"] == kind], keys)
+        predicted = boxes_by_photo(predictions[predictions["kind"] == kind], keys, DETECTION[:5])
         corners, sure = [found[:, :4] for found in predicted], [found[:, 4] for found in predicted]
         ranked[kind] = metrics.rank(labelled, corners, sure, thresholds, areas)
     return ranked
@@ -169,9 +168,3 @@ def _mean(values: np.ndarray) -> np.ndarray:
 def _in_size(area: np.ndarray, number: int) -> np.ndarray:
     low, high = (*metrics.ANY_AREA, *SIZES.values())[number]
     return (area >= low) & (area <= high)
-
-
-def _boxes_by_photo(table: pd.DataFrame, columns: Sequence[str], keys: Sequence[str]) -> list[np.ndarray]:
-    """(n, columns) values of each photo, in the order of the keys."""
-    found = values_by(table, ["key"], columns)
-    return [found.get(key, np.zeros((0, len(columns)))) for key in keys]

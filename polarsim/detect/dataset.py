@@ -10,7 +10,6 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.detect.options import VIEWS, PicturesOptions, SplitOptions
-from polarsim.detect.pictures import BOX_COLUMNS as BOX_COLUMNS
 from polarsim.detect.pictures import CORRUPT, USED, convert_photos, read_states
 from polarsim.detect.split import PARTS, PHOTO, TERRAIN, TEST, TRAIN, VAL, draw_val, read_split
 from polarsim.errors import DetectError

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from polarsim.detect import detectors, tone
 from polarsim.detect.fusion import fuse
+from polarsim.detect.grouping import detection_rows
 from polarsim.detect.masks import LoadedAt, class_mask, mask_widths, within_boxes
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
@@ -116,7 +117,7 @@ def find_in_pictures(
                 log.warning("left out: %s: %s", path, reason)
                 continue
             (width, height), found = finds.size, finds.boxes
-            rows += [(path.name, BOX_CLASSES[int(row[5])], row[4], *row[:4]) for row in found]
+            rows += detection_rows(path.name, found)
             yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], finds.size, found[:, 4])
             image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
             own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]

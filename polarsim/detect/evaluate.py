@@ -17,11 +17,12 @@ from polarsim.detect.breakdown import (
     curves,
     match_predictions,
 )  # fmt: skip
-from polarsim.detect.dataset import BOX_COLUMNS, count_left_out, read_pictures
+from polarsim.detect.dataset import count_left_out, read_pictures
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.differences import DIFFERENCE_COLUMNS, paired_differences
 from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.false_positives import FALSE_POSITIVE_COLUMNS, false_positives
+from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.ipd import (
     ROCK_COLUMNS,
     Rules,

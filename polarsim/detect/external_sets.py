@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect.bootstrap import Unit
-from polarsim.detect.dataset import BOX_COLUMNS
+from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.ipd import Rules, Treatment, instance_performance, instance_performance_difference
 from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import release, tables, yolo

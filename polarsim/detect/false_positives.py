@@ -13,8 +13,7 @@ import pandas as pd
 
 from polarsim import intervals
 from polarsim.detect import bootstrap
-from polarsim.detect.dataset import BOX_COLUMNS
-from polarsim.detect.grouping import values_by
+from polarsim.detect.grouping import BOX_COLUMNS, values_by
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.schemas.detect import FALSE_POSITIVES
@@ -75,10 +74,10 @@ def false_positives_of_photos(
     sure = predictions[predictions["confidence"] >= confidence]
     marked = mark_false_positives(labels, sure, overlap=overlap)
     counts = sure["key"][marked["false_positive"].to_numpy()].value_counts()
-    rocks = _by_photo(labels[labels["kind"] == ROCK])
-    strange = _by_photo(sure[marked["unlabelled"].to_numpy()])
+    rocks = values_by(labels[labels["kind"] == ROCK], ["key"], BOX_COLUMNS)
+    strange = values_by(sure[marked["unlabelled"].to_numpy()], ["key"], BOX_COLUMNS)
     nothing = np.zeros((0, 4))
-    with_rocks = {PhotoKey.parse(key).terrain for key in rocks}
+    with_rocks = {PhotoKey.parse(str(key)).terrain for key in rocks}
     rows = []
     for key in keys:
         free = _free_tiles(rocks.get(key, nothing))
@@ -106,7 +105,7 @@ def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame, *, ove
         A row for each prediction, with its index. `unlabelled`: a rock on no rock label of its photo.
         `false_positive`: an unlabelled rock whose centre is in a tile without rock labels.
     """
-    rocks = _by_photo(labels[labels["kind"] == ROCK])
+    rocks = values_by(labels[labels["kind"] == ROCK], ["key"], BOX_COLUMNS)
     unlabelled, counted = np.zeros(len(predictions), bool), np.zeros(len(predictions), bool)
     corners = predictions[list(BOX_COLUMNS)].to_numpy(float)
     is_rock = (predictions["kind"] == ROCK).to_numpy(bool)
@@ -187,7 +186,3 @@ def _area_on(false_positives: np.ndarray, free: np.ndarray) -> float:
 def _edges() -> tuple[np.ndarray, np.ndarray]:
     """Of the tiles: columns + 1 along x, rows + 1 along y, px."""
     return np.linspace(0, WIDTH, COLUMNS_OF_TILES + 1), np.linspace(0, HEIGHT, ROWS_OF_TILES + 1)
-
-
-def _by_photo(table: pd.DataFrame) -> dict[str, np.ndarray]:
-    return {str(key): values for key, values in values_by(table, ["key"], BOX_COLUMNS).items()}

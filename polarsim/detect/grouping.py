@@ -1,4 +1,4 @@
-"""Rows of a table by photo, for many photos: one sort instead of one table a photo."""
+"""Boxes of tables by photo: one sort instead of one table a photo."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ from collections.abc import Hashable, Sequence
 
 import numpy as np
 import pandas as pd
+
+from polarsim.photo import BOX_CLASSES
+
+BOX_COLUMNS = ("x0", "y0", "x1", "y1")
+DETECTION = (*BOX_COLUMNS, "confidence", "kind")  # a detector's output, kind as index in BOX_CLASSES
+Labels = tuple[np.ndarray, np.ndarray]  # class indices (n,) and boxes (n, 4) of a picture
 
 
 def rows_by(table: pd.DataFrame, by: Sequence[str]) -> dict[Hashable, np.ndarray]:
@@ -25,3 +31,28 @@ def values_by(table: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) ->
     """Values (n, columns) of the rows that `rows_by` puts together."""
     values = table[list(columns)].to_numpy(float)
     return {name: values[rows] for name, rows in rows_by(table, by).items()}
+
+
+def boxes_by_photo(table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str] = BOX_COLUMNS) -> list[np.ndarray]:
+    """Return values (n, columns) of each photo in the order of the keys, without rows where a photo has none."""
+    found = values_by(table, ["key"], columns)
+    return [found.get(key, np.zeros((0, len(columns)))) for key in keys]
+
+
+def detections_by_photo(predictions: pd.DataFrame, keys: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return the `DETECTION` (n, 6) of each photo of a prediction table."""
+    numbered = predictions.assign(kind=predictions["kind"].map(BOX_CLASSES.index))
+    return dict(zip(keys, boxes_by_photo(numbered, keys, DETECTION), strict=True))
+
+
+def detection_rows(key: object, boxes: np.ndarray) -> list[tuple[object, ...]]:
+    """Return rows of a prediction table (key, kind, confidence, corners) of `DETECTION` (n, 6)."""
+    return [(key, BOX_CLASSES[int(box[5])], box[4], *box[:4]) for box in boxes]
+
+
+def labels_by_photo(labels: pd.DataFrame, keys: Sequence[str]) -> list[Labels]:
+    """Return the labels of each photo in the order of the keys; other kinds than boxes' are left out."""
+    own = labels[labels["kind"].isin(BOX_CLASSES)]
+    numbered = own.assign(kind=own["kind"].map(BOX_CLASSES.index))
+    rows = boxes_by_photo(numbered, keys, ("kind", *BOX_COLUMNS))
+    return [(own[:, 0].astype(int), own[:, 1:]) for own in rows]

@@ -15,8 +15,7 @@ import pandas as pd
 
 from polarsim import intervals
 from polarsim.detect import bootstrap, metrics
-from polarsim.detect.dataset import BOX_COLUMNS
-from polarsim.detect.grouping import rows_by, values_by
+from polarsim.detect.grouping import BOX_COLUMNS, rows_by, values_by
 from polarsim.errors import DetectError
 from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey

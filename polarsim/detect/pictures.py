@@ -12,6 +12,7 @@ import pandas as pd
 
 from polarsim.detect import tone
 from polarsim.detect.frame import read_picture
+from polarsim.detect.grouping import Labels, labels_by_photo
 from polarsim.detect.options import VIEWS, PicturesOptions
 from polarsim.errors import DetectError, PolarsimError, about, within
 from polarsim.formats import png, tables, yolo
@@ -22,11 +23,9 @@ from polarsim.progress import track
 from polarsim.run_files import class_masks, instances
 from polarsim.schemas.detect import PICTURES
 
-BOX_COLUMNS = ("x0", "y0", "x1", "y1")
 USED, MISSING, CORRUPT = STATES = ("used", "missing", "corrupt")
 STATE_COLUMNS = PICTURES.columns
 VIEW_COLUMNS = ("name", "scene", "camera")
-Labels = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 log = logging.getLogger("polarsim")
 
 
@@ -97,11 +96,13 @@ def convert_photos(
         log.warning("%s: %d of %d pictures are missing, left out", pictures, missing, len(keys))
     sources = [Source(str(key), paths.get(key), f"{key.position} {key.camera}", (key.terrain,)) for key in sorted(keys)]
     table = _read_labels(labels)
-    boxes_of, things_of = _boxes_by_photo(table), _things_by_photo(table) if masks else {}
+    names = [source.key for source in sources]
+    boxes_of = dict(zip(names, labels_by_photo(table, names), strict=True))
+    things_of = _things_by_photo(table) if masks else {}
 
     def labelled(source: Source, size: tuple[int, int]) -> Labels:
         with about(labels), within(source.key):
-            return _inside(*boxes_of.get(source.key, (np.zeros(0, int), np.zeros((0, 4)))), size)
+            return _inside(*boxes_of[source.key], size)
 
     def masked(source: Source) -> np.ndarray:
         return _read_mask(masks, PhotoKey.parse(source.key), things_of.get(source.key, ()))
@@ -251,17 +252,6 @@ def _things_by_photo(table: pd.DataFrame) -> dict[str, set[int]]:
     numbered = table[table["rock"] != NO_ROCK]
     ids = numbered["rock"] + numbered["kind"].map({ROCK: instances.ROCK_IDS, SHADOW: instances.SHADOW_IDS})
     return {str(key): set(own.tolist()) for key, own in ids.groupby(numbered["key"])}
-
-
-def _boxes_by_photo(table: pd.DataFrame) -> dict[str, Labels]:
-    """Class numbers (n,) and boxes (n, 4) of every labelled photo."""
-    return {
-        str(key): (
-            np.array([BOX_CLASSES.index(kind) for kind in rows["kind"]]),
-            rows[list(BOX_COLUMNS)].to_numpy(float),
-        )
-        for key, rows in table.groupby("key", sort=True)
-    }
 
 
 def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> Labels:

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import BOX_COLUMNS, read_pictures
+from polarsim.detect.dataset import read_pictures
 from polarsim.detect.frame import frame, read_picture
+from polarsim.detect.grouping import BOX_COLUMNS, detection_rows
 from polarsim.detect.inference_widths import ClassSizes, Sizes, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.sand_filter import Sand
@@ -20,7 +21,7 @@ from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
 from polarsim.formats.table_parts import write_in_parts
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.photo import HEIGHT, WIDTH
 from polarsim.provenance import digest
 from polarsim.schemas.detect import PREDICTIONS
 
@@ -91,9 +92,9 @@ def predict(
             pictures = [read_picture(paths[key]) for key in group]
             results = detect(loaded, pictures, sizes, options.nms_iou)
             rows += [
-                (key, BOX_CLASSES[int(found[5])], found[4], *found[:4])
+                row
                 for key, result in zip(group, results, strict=True)
-                for found in sand.keep(key, result)
+                for row in detection_rows(key, sand.keep(key, result))
             ]
         return prediction_table(rows)
 
