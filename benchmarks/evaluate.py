@@ -73,7 +73,7 @@ def main(photos: int) -> None:
     units = int(unit.max()) + 1
     few, all_draws = (intervals.draws(units, number, 0) for number in (RESAMPLES // 10, RESAMPLES))
     bootstrap_numba.resampled_precision(ranked, 0, unit, few[:1])
-    reference = 10 * cpu_seconds(lambda: bootstrap.resampled_precision(ranked, 0, unit, few))
+    reference = 10 * cpu_seconds(lambda: [metrics.precision_at_recalls(ranked, 0, drawn[unit]) for drawn in few])
     compiled = cpu_seconds(lambda: bootstrap_numba.resampled_precision(ranked, 0, unit, all_draws))
     print(f"{photos} photos, {units} views, {len(ranked.picture)} predictions of a kind")
     print(

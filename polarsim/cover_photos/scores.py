@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim import intervals
-from polarsim.detect import bootstrap, metrics
+from polarsim.detect import metrics
 from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.detectors import detector_name
@@ -150,9 +150,11 @@ def _precision(
     truth: Sequence[np.ndarray], predictions: pd.DataFrame, keys: Sequence[str], drawn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Of one kind: average precision by IoU (t,), at 0.5 on drawn photos (resamples,), and mean largest IoU."""
+    from polarsim.detect.bootstrap_numba import resampled_precision
+
     found = boxes_by_photo(predictions, keys, DETECTION[:5])
     ranked = metrics.rank(truth, [rows[:, :4] for rows in found], [rows[:, 4] for rows in found])
-    resampled = bootstrap.resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
+    resampled = resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
     best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, found, strict=True)])
     return metrics.precision_at_recalls(ranked).mean(axis=1), resampled, float(best.mean())
 

@@ -1,6 +1,7 @@
-"""`bootstrap.resampled_precision`, compiled: one walk over the predictions a resample, none of it kept.
+"""Average precision of bootstrap samples, compiled: one pass over the predictions a sample.
 
-All sums are of whole numbers (how often a unit is drawn), so their order changes nothing.
+The same as `metrics.precision_at_recalls` with each sample's weights, which a test compares: matches stay, so drawing
+only weighs them. All sums are of whole numbers (how often a unit is drawn), so their order changes nothing.
 """
 
 from __future__ import annotations

@@ -86,18 +86,6 @@ def rank(
     )
 
 
-def average_precision(
-    labels: Sequence[np.ndarray],
-    predictions: Sequence[np.ndarray],
-    confidences: Sequence[np.ndarray],
-    thresholds: np.ndarray = IOU_THRESHOLDS,
-    area: tuple[float, float] = ANY_AREA[0],
-) -> np.ndarray:
-    """(t,) average precision at each IoU threshold, of the labels of one range of area; NaN without labels."""
-    ranked = rank(labels, predictions, confidences, thresholds, [area])
-    return precision_at_recalls(ranked).mean(axis=1)
-
-
 def mean_precision(
     labels: Sequence[tuple[np.ndarray, np.ndarray]],
     found: Sequence[np.ndarray],

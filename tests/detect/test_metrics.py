@@ -6,9 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.detect.metrics import IOU_THRESHOLDS, average_precision, best_overlap, precision_at_recalls, rank
+from polarsim.detect.metrics import ANY_AREA, IOU_THRESHOLDS, best_overlap, precision_at_recalls, rank
 
 UNIT = np.array([[0.0, 0, 100, 100]])
+
+
+def average_precision(labels, predictions, confidences, thresholds=IOU_THRESHOLDS, area=ANY_AREA[0]):
+    """Average precision at each IoU threshold, of the labels of one range of area."""
+    return precision_at_recalls(rank(labels, predictions, confidences, thresholds, [area])).mean(axis=1)
 
 
 def half_missing(share: float) -> np.ndarray:
