@@ -1,4 +1,4 @@
-"""Non-maximum suppression on a CPU, in the place of torchvision's."""
+"""Non-maximum suppression by OpenCV: torchvision's wheel is built against CUDA and fails beside a CPU torch."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from polarsim.detect.split import TRAIN, VAL
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import tables
-from polarsim.formats.files import read_json, write_json
+from polarsim.formats.table_parts import reuse_folder
 from polarsim.provenance import digest
 
 
@@ -91,16 +91,7 @@ def _prepare(training: detectors.Training) -> None:
         for key in read_pictures(training.dataset, part)
         for kind, ending in (*KINDS, *([(MASKS, ".png")] if training.options.masks else []))
     )
-    identity = {
-        "code": code_digest(__name__),
-        "options": training.options.model_dump(mode="json"),
-        "prediction": training.prediction.model_dump(mode="json"),
-        "imgsz": training.imgsz,
-        "seed": training.seed,
-        "dataset": digest(files),
-        "start": digest([training.options.start_weights] if training.options.start_weights else []),
-    }
-    folder = training.folder
-    if not (folder / "identity.json").is_file() or read_json(folder / "identity.json") != identity:
-        shutil.rmtree(folder, ignore_errors=True)
-    write_json(folder / "identity.json", identity)
+    start = training.options.start_weights
+    options = (training.options.model_dump_json(), training.prediction.model_dump_json())
+    words = (code_digest(__name__), *options, str(training.imgsz), str(training.seed), digest([start] if start else []))
+    reuse_folder(training.folder, digest(files, *words))

@@ -30,10 +30,7 @@ def write_in_parts(
         Of all that decides the rows. Parts that an earlier call left behind are taken over if it had the same one.
     """
     folder = path.with_name(f".{path.stem}.parts")
-    note = folder / "identity.txt"
-    if not note.is_file() or note.read_text(encoding="utf-8") != identity:
-        shutil.rmtree(folder, ignore_errors=True)
-        write_text(note, identity)
+    reuse_folder(folder, identity)
     parts = []
     for number, start in enumerate(track(range(0, len(items), size), path.stem)):
         part = folder / f"{number:05d}.parquet"
@@ -42,6 +39,14 @@ def write_in_parts(
         parts.append(part)
     _join(parts, path)
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def reuse_folder(folder: Path, identity: str) -> None:
+    """Make a folder for work that can be resumed, emptied unless it holds work of the same identity."""
+    note = folder / "identity.txt"
+    if not note.is_file() or note.read_text(encoding="utf-8") != identity:
+        shutil.rmtree(folder, ignore_errors=True)
+        write_text(note, identity)
 
 
 def _join(parts: Sequence[Path], path: Path) -> None:

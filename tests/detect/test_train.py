@@ -134,7 +134,7 @@ def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on
 
 def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(matched):
     (matched / "work_again" / "training" / "out" / "weights").mkdir(parents=True)
-    (matched / "work_again" / "training" / "identity.json").write_text('{"options": "of another training"}')
+    (matched / "work_again" / "training" / "identity.txt").write_text("of another training")
     (matched / "work_again" / "training" / "out" / "weights" / "last.pt").write_bytes(b"of another training")
     train(matched, "again", OPTIONS)
     assert (matched / "again.pt").read_bytes() == (matched / "real.pt").read_bytes()

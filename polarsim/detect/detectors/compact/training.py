@@ -145,12 +145,16 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
 
 
 def _rate(step: int, steps: int) -> float:
-    """Share of the largest rate: a line up, then half a cosine down."""
+    """Return the share of the peak learning rate: a linear warm-up times a cosine.
+
+    torch's SequentialLR puts the cosine after the warm-up instead, and its recursion rounds otherwise.
+    """
     falling = _LAST_RATE + (1 - _LAST_RATE) * (1 + math.cos(math.pi * step / steps)) / 2
     return min(1.0, (step + 1) / min(_WARM_UP, steps)) * falling
 
 
 def _update_average(state: State) -> None:
+    """Update the moving average of the weights; torch's AveragedModel takes the first step's weights as a whole."""
     keep = min(_AVERAGE, (1 + state.steps) / (10 + state.steps))  # at first the start would weigh too much
     with torch.no_grad():
         for mean, value in zip(state.average.state_dict().values(), state.module.state_dict().values(), strict=True):
