@@ -14,10 +14,10 @@ from scipy.interpolate import RectBivariateSpline
 
 from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
+from polarsim.geometry.heightfields import amplitudes, relief, spacings
 from polarsim.rover.world.craters import dig, strewn_craters
 from polarsim.rover.world.options import CraterOptions, DemOptions, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, with_rocks
-from polarsim.rover.world.relief import amplitudes, relief, spacings
 from polarsim.rover.world.rock_field import (
     RING_RADII,
     RockField,

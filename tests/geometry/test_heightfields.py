@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rover.world.relief import amplitudes, relief, spacings
+from polarsim.geometry.heightfields import amplitudes, relief, spacings
 
 
 def made(x, y, hurst, seed=0, deviation=0.03, finest=0.1):
