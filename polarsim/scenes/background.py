@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from polarsim.geometry.heightfields import smooth_noise
 from polarsim.scenes.options import Range
-from polarsim.scenes.relief import smooth_noise
 
 
 def add_background(

@@ -12,13 +12,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.heightfields import grid_mesh, smooth_noise
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
 from polarsim.rocks.solids import decimated
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.scenes.options import Range, SceneRanges
-from polarsim.scenes.relief import draw_relief, grid_mesh, smooth_noise
+from polarsim.scenes.relief import draw_relief
 from polarsim.scenes.viewpoints import draw_camera
 
 FIRST_ROCK = 1  # number of the first rock of a scene; what a rock was called in its terrain is no part of it

@@ -27,7 +27,7 @@ from polarsim.scenes.background import add_background
 from polarsim.scenes.layout import Scene, Shape, draw_scene
 from polarsim.scenes.names import scene_name
 from polarsim.scenes.options import SceneOptions, SceneRanges
-from polarsim.scenes.strokes import practise
+from polarsim.scenes.strokes import augment_with_annotations
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
 
 _BRIGHT_SAND = 90  # percentile of the sand's light that an exposure is told by: walls and lamps would mislead it
@@ -114,7 +114,7 @@ def draw_pictures(
             if contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.least_contrast
         ]
         picture = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
-        stored = practise(_stored(picture, stored_px), ranges.strokes, random, WIDTH)
+        stored = augment_with_annotations(_stored(picture, stored_px), ranges.strokes, random, WIDTH)
         mask = class_masks.of_ids(ids, {_NUMBERS[kind] + rock for kind, rock, _ in labels})
         yield Shown(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 

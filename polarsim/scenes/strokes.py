@@ -1,4 +1,4 @@
-"""Boxes and digits that people drew into grey photos: found, taken out, and drawn for practice.
+"""Boxes and digits that people drew into grey photos: found, taken out, and drawn into training images.
 
 Published cover photos are grey; what was drawn into them is red or blue. A pixel whose channels differ is thus a
 stroke, and where a line's soft edge lets the photo through, the photo's grey value can be told from the mix.
@@ -115,7 +115,9 @@ def draw_strokes(
     return picture
 
 
-def practise(photo: np.ndarray, most_boxes: int, random: np.random.Generator, size_px: float) -> np.ndarray:
+def augment_with_annotations(
+    photo: np.ndarray, most_boxes: int, random: np.random.Generator, size_px: float
+) -> np.ndarray:
     """A grey photo (h, w) uint8 with boxes and digits drawn at random positions and taken out again.
 
     Positions and sizes know nothing of the photo's labels, so that traces, if any stay, say nothing about rocks.

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.heightfields import amplitudes, relief, spacings
+from polarsim.geometry.heightfields import amplitudes, octave_relief, spacings
 
 
 def made(x, y, hurst, seed=0, deviation=0.03, finest=0.1):
     spacing = spacings(finest, 40.0)
     amplitude = amplitudes(spacing, hurst, deviation)
-    return relief(x, y, spacing=spacing, amplitude=amplitude, half_m=30.0, far_m=30.0, seed=seed)
+    return octave_relief(x, y, spacing=spacing, amplitude=amplitude, half_m=30.0, far_m=30.0, seed=seed)
 
 
 @pytest.mark.parametrize("hurst", [0.4, 0.7])
@@ -43,7 +43,7 @@ def test_fine_columns_show_no_ridges_across_coarse_rows():
 def test_far_away_fine_octaves_fade_without_a_step():
     spacing = np.array([1.0])
     x = np.arange(0.0, 40.0, 0.1)
-    level = relief(x, x[:5], spacing=spacing, amplitude=np.ones(1), half_m=20.0, far_m=100.0, seed=0)
+    level = octave_relief(x, x[:5], spacing=spacing, amplitude=np.ones(1), half_m=20.0, far_m=100.0, seed=0)
     assert np.abs(level[:, x < 20]).max() > 0.3
     assert not level[:, x > 23].any()
     assert np.abs(np.diff(level, axis=1)).max() < 0.2  # as anywhere
@@ -51,7 +51,7 @@ def test_far_away_fine_octaves_fade_without_a_step():
 
 def test_without_octaves_there_is_no_relief():
     assert not len(spacings(0.1, 0.1))
-    assert not relief(
+    assert not octave_relief(
         np.zeros(2), np.zeros(3), spacing=spacings(0.1, 0.05), amplitude=amplitudes(spacings(0.1, 0.05), 0.5, 1.0),
         half_m=1.0, far_m=1.0, seed=0,
     ).any()  # fmt: skip

@@ -5,15 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from polarsim.geometry.heightfields import crater, grid_mesh, rough_waves, smooth_noise, summed_noise
 from polarsim.scenes.options import SceneRanges
-from polarsim.scenes.relief import (
-    crater,
-    draw_relief,
-    grid_mesh,
-    rough_waves,
-    smooth_noise,
-    summed_noise,
-)
+from polarsim.scenes.relief import draw_relief
 
 
 def test_noise_has_mean_0_and_sd_1(rng):

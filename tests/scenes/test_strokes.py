@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from polarsim.formats import png, release
-from polarsim.scenes.strokes import COLOURS, draw_strokes, drawn_boxes, erase_strokes, find_strokes, practise
+from polarsim.scenes.strokes import (
+    COLOURS,
+    augment_with_annotations,
+    draw_strokes,
+    drawn_boxes,
+    erase_strokes,
+    find_strokes,
+)
 
 BOXES = np.array([[40.0, 30, 110, 90], [150, 60, 190, 120]])
 
@@ -70,7 +77,7 @@ def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_spots(rng):
     inside, outside = [], []
     for _ in range(150):
         photo = rng.integers(60, 120, labelled.shape).astype(np.uint8)
-        touched = practise(photo, 12, rng, 480) != photo
+        touched = augment_with_annotations(photo, 12, rng, 480) != photo
         inside.append(touched[labelled].mean())
         outside.append(touched[~labelled].mean())
     difference = np.array(inside) - np.array(outside)
@@ -90,7 +97,7 @@ def test_erased_strokes_have_the_grain_of_their_surroundings(rng):
 
 def test_practice_without_strokes_leaves_the_picture(rng):
     photo = grainy(rng)
-    np.testing.assert_array_equal(practise(photo, 0, rng, 480), photo)
+    np.testing.assert_array_equal(augment_with_annotations(photo, 0, rng, 480), photo)
 
 
 @pytest.mark.parametrize(("terrain", "position", "boxes"), [(1, "A", 15), (1, "C", 15), (11, "C", 9), (4, "C", 0)])

@@ -5,6 +5,7 @@ import pytest
 
 from polarsim.errors import DetectError
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking, yaw_pitch_roll
 from polarsim.photo import NO_ROCK
@@ -14,7 +15,6 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.scenes.options import SceneRanges
-from polarsim.scenes.relief import grid_mesh
 from polarsim.scenes.viewpoints import coarse_sand, draw_camera, draw_lamp, level_sand
 
 LENS = Lens(64, 64, 30, 19, width=60, height=38)

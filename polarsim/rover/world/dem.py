@@ -14,7 +14,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
-from polarsim.geometry.heightfields import amplitudes, relief, spacings
+from polarsim.geometry.heightfields import amplitudes, octave_relief, spacings
 from polarsim.rover.world.craters import dig, strewn_craters
 from polarsim.rover.world.options import CraterOptions, DemOptions, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, with_rocks
@@ -85,7 +85,7 @@ def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevat
         level += heights - centre
     spacing = spacings(2 * cell, elevation.pixel_m if elevation else dem.horizon_m / 4)
     amplitude = amplitudes(spacing, HURST, dem.relief_m)
-    level += relief(
+    level += octave_relief(
         x, y, spacing=spacing, amplitude=amplitude, half_m=dem.size_m / 2, far_m=dem.horizon_m, seed=dem.seed
     )
     dig(level, x, y, strewn_craters(CraterOptions(dem.craters), dem.size_m, dem.seed))
