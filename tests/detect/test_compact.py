@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from polarsim.detect import detectors
 from polarsim.detect.dataset import make_dataset
@@ -142,7 +143,7 @@ def test_a_training_that_diverges_keeps_the_best_weights_until_then(dataset, tmp
     monkeypatch.setattr(training, "_train_epoch", broken)
     options = OPTIONS.model_copy(update={"epochs": 3})
     if first == 1:
-        with pytest.raises(DetectError, match=r"diverged: lower detect\.training\.learning_rate"):
+        with pytest.raises(DetectError, match=r"detect\.training\.learning_rate"):
             train(dataset, tmp_path, "one", options)
         return
     train(dataset, tmp_path, "two", options)
@@ -224,12 +225,12 @@ def test_a_detector_of_ours_is_a_start_for_another(dataset, matched, tmp_path):
 
 def test_weights_of_another_network_are_refused_by_name(dataset, matched, tmp_path):
     options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "model": "compact-l"})
-    with pytest.raises(DetectError, match=r"real\.pt: weights do not fit compact-l"):
+    with pytest.raises(DetectError, match=r"real\.pt"):
         train(dataset, tmp_path, "none", options)
 
 
 def test_mosaic_is_refused_because_compact_has_none():
-    with pytest.raises(ValueError, match="mosaic"):
+    with pytest.raises(ValidationError, match="mosaic"):
         TrainingOptions(model="compact", mosaic=True)
 
 

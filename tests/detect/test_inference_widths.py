@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from polarsim.detect.inference_widths import ClassSizes, Sizes, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
@@ -73,7 +74,7 @@ def test_rocks_and_shadows_have_sizes_of_their_own():
     "given", [{"widths": [512, 896]}, {"widths": [896, 512], "gates_px": [64]}, {"gates_px": [64]}, {"widths": [500]}]
 )
 def test_widths_and_gates_that_do_not_go_together_are_refused(given):
-    with pytest.raises(ValueError, match=r"widths|gates_px|multiple"):
+    with pytest.raises(ValidationError):
         PredictionOptions.model_validate(given)
 
 
