@@ -142,5 +142,5 @@ def test_groups_train_or_choose_weights_and_both_have_some(groups, seed):
 
 def test_an_unknown_part_is_named(tmp_path):
     (tmp_path / "split.csv").write_text("key,part\n01_A_off_180_L_0256,tset\n")
-    with pytest.raises(DetectError, match="split.csv"):
+    with pytest.raises(DetectError, match=r"split\.csv"):
         read_split(tmp_path / "split.csv")
