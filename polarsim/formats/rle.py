@@ -1,7 +1,7 @@
 """Masks as COCO's runs: lengths of background and foreground in turn, down the columns, as text of six bits a sign.
 
-pycocotools writes the same bytes (a test holds both together), but wants whole pictures of 2 million pixels for rocks
-of a thousand, and reads beyond the end of text that is broken.
+pycocotools writes the same bytes (a test compares both), but encodes whole images: 2.9 ms instead of 0.7 ms for a rock
+of 60 x 80 px. It also reads beyond the end of broken text.
 """
 
 from __future__ import annotations

@@ -187,14 +187,7 @@ rule evaluate:
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
-        detection="results/{run}/detect/{split}/seed{seed}/detection.parquet",
-        breakdown="results/{run}/detect/{split}/seed{seed}/breakdown.parquet",
-        curves="results/{run}/detect/{split}/seed{seed}/curves.parquet",
-        false_positives="results/{run}/detect/{split}/seed{seed}/false_positives.parquet",
-        ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
-        rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
-        instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
-        differences="results/{run}/detect/{split}/seed{seed}/differences.parquet",
+        **{table: f"results/{{run}}/detect/{{split}}/seed{{seed}}/{table}.parquet" for table in EVALUATED},
     log:
         "results/{run}/logs/detect/evaluate_{split}_seed{seed}.log",
     benchmark:
@@ -334,14 +327,10 @@ use rule evaluate as evaluate_other with:
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
-        detection="results/{run}/detect/{split}/others/{other}/seed{seed}/detection.parquet",
-        breakdown="results/{run}/detect/{split}/others/{other}/seed{seed}/breakdown.parquet",
-        curves="results/{run}/detect/{split}/others/{other}/seed{seed}/curves.parquet",
-        false_positives="results/{run}/detect/{split}/others/{other}/seed{seed}/false_positives.parquet",
-        ipd="results/{run}/detect/{split}/others/{other}/seed{seed}/ipd.parquet",
-        rocks="results/{run}/detect/{split}/others/{other}/seed{seed}/rocks.parquet",
-        instances="results/{run}/detect/{split}/others/{other}/seed{seed}/instances.parquet",
-        differences="results/{run}/detect/{split}/others/{other}/seed{seed}/differences.parquet",
+        **{
+            table: f"results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/{table}.parquet"
+            for table in EVALUATED
+        },
     log:
         "results/{run}/logs/detect/evaluate_other_{split}_{other}_seed{seed}.log",
     benchmark:
