@@ -41,9 +41,13 @@ def interval(values: np.ndarray, units: int) -> tuple[float, float]:
 
 def resampled_means(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
     """Return (resamples,) means of values (n,) of units (n,) with `draws`; NaN where no unit with a value is drawn."""
-    count, total = (np.bincount(unit, weights, drawn.shape[1]) for weights in (np.ones(len(values)), values))
-    counts = drawn @ count
-    return np.divide(drawn @ total, counts, out=np.full(len(drawn), np.nan), where=counts > 0)
+    return resampled_ratios(values, np.ones(len(values)), unit, drawn)
+
+
+def resampled_ratios(values: np.ndarray, weights: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+    """Return (resamples,) sums of values over sums of weights, both (n,), with units (n,) drawn; NaN for weight 0."""
+    total, weight = (drawn @ np.bincount(unit, each, drawn.shape[1]) for each in (values, weights))
+    return np.divide(total, weight, out=np.full(len(drawn), np.nan), where=weight > 0)
 
 
 def interval_of(

@@ -69,9 +69,9 @@ class DomainEvaluation:
     def rates(self, column: str) -> np.ndarray:
         """(1 + resamples,) a column of `false_positives` over the rock-free area: as it is, then of each draw."""
         unit, drawn = self.draws
-        total, free = (np.bincount(unit, self.false_positives[name], drawn.shape[1]) for name in (column, "free"))
         every = np.concatenate([np.ones((1, drawn.shape[1])), drawn])
-        return np.divide(every @ total, every @ free, out=np.full(len(every), np.nan), where=every @ free > 0)
+        values, free = (self.false_positives[name].to_numpy(float) for name in (column, "free"))
+        return intervals.resampled_ratios(values, free, unit, every)
 
     @cached_property
     def draws(self) -> tuple[np.ndarray, np.ndarray]:

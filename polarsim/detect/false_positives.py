@@ -133,11 +133,8 @@ def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, res
         "photo_areas": float(free.sum()),
         "false_positives": int(false_positives.sum()),
     }
-    frees = drawn @ np.bincount(owner, free, units)
     for name, values in zip(RATES, (false_positives, area), strict=True):
-        totals = drawn @ np.bincount(owner, values, units)
-        again = np.divide(totals, frees, out=np.full(len(totals), np.nan), where=frees > 0)
-        low, high = intervals.interval(again, units)
+        low, high = intervals.interval(intervals.resampled_ratios(values, free, owner, drawn), units)
         value = float(values.sum() / free.sum()) if free.sum() else float("nan")
         row |= {name: value, f"{name}_low": low, f"{name}_high": high}
     return row
