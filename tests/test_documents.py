@@ -123,9 +123,8 @@ def check_snakemake(arguments: list[str]) -> None:
 
 @cache
 def rules() -> set[str]:
-    texts = [
-        path.read_text() for path in (CHECKOUT / "workflow/Snakefile", *(CHECKOUT / "workflow/rules").glob("*.smk"))
-    ]
+    files = (CHECKOUT / "workflow/Snakefile", *(CHECKOUT / "workflow/rules").glob("*.smk"))
+    texts = [path.read_text() for path in files]
     return {
         name
         for text in texts

@@ -105,9 +105,8 @@ def test_a_column_of_a_table_is_declared_and_filled_there():
 def test_these_rules_read_truth_and_no_others():
     files, _ = answer("reads truth")
     given = r"=\s*PATHS\.(truth|true_labels|annotated_labels|annotated_polygons)\b"
-    readers = {
-        path for path in (*RULES.glob("*.smk"), CHECKOUT / "workflow/Snakefile") if re.search(given, path.read_text())
-    }
+    files_of_rules = (*RULES.glob("*.smk"), CHECKOUT / "workflow/Snakefile")
+    readers = {path for path in files_of_rules if re.search(given, path.read_text())}
     assert {str(path.relative_to(CHECKOUT)) for path in readers} == set(files)
 
 

@@ -18,6 +18,7 @@ from snakemake.iocontainers import Snakemake
 from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings, Quietness, ResourceSettings
 
 from polarsim import reporting
+from polarsim.digest import script_digest
 from polarsim.formats.release import polygon_folder
 from tests.workflow.conftest import SMALL
 
@@ -161,6 +162,8 @@ def test_every_script_calls_its_function_with_values_of_the_annotated_types(file
     for content, targets in PLANS:
         with jobs_of(files, content, targets) as jobs:
             for job in jobs:
+                assert job.params.code == script_digest(WORKFLOW / "scripts" / Path(job.rule.script).name)
+                assert len(job.log) == 1
                 run(job, monkeypatch)
             tried |= {Path(job.rule.script).stem for job in jobs}
     assert tried == {path.stem for path in (WORKFLOW / "scripts").glob("*.py")}

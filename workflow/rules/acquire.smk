@@ -14,10 +14,6 @@ if SOURCE.is_generated:
         """One terrain of the analog sandbox: photos, scans, calibration, seeds and truth, in NASA's formats."""
         output:
             receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
-        log:
-            f"results/{RUN}/logs/acquire/generate_analog_{{terrain}}.log",
-        benchmark:
-            f"results/{RUN}/benchmarks/acquire/generate_analog_{{terrain}}.tsv"
         priority: TRAINING_WAITS
         resources:
             mem_mb=growing(2000),
@@ -26,7 +22,6 @@ if SOURCE.is_generated:
             positions=PATHS.positions,
             grid=options("grid"),
             options=options("analog"),
-            code=code_of("generate_analog"),
         script:
             "../scripts/generate_analog.py"
 
@@ -36,17 +31,12 @@ else:
         """One terrain's raw data from the addresses of the configuration: resumed, pinned, verified, unpacked."""
         output:
             receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
-        log:
-            f"results/{RUN}/logs/acquire/fetch_terrain_{{terrain}}.log",
-        benchmark:
-            f"results/{RUN}/benchmarks/acquire/fetch_terrain_{{terrain}}.tsv"
         priority: TRAINING_WAITS
         resources:
             mem_mb=growing(500),
             runtime=240,  # minutes; an archive holds about 0.9 GB
         params:
             source=options("source"),
-            code=code_of("fetch_terrain"),
         script:
             "../scripts/fetch_terrain.py"
 
@@ -60,10 +50,6 @@ rule index_terrain:
         calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         seeds=directory("results/{run}/acquire/Terrain{terrain}/seeds"),
-    log:
-        "results/{run}/logs/acquire/index_terrain_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/acquire/index_terrain_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
@@ -73,7 +59,6 @@ rule index_terrain:
         grid=options("grid"),
         source=options("source"),
         seed_options=CONFIG.labels.model_dump(mode="json")["seeds"],
-        code=code_of("index_terrain"),
     script:
         "../scripts/index_terrain.py"
 
@@ -84,15 +69,9 @@ rule merge_photos:
         tables=of_run("results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/acquire/photos.parquet",
-    log:
-        "results/{run}/logs/acquire/merge_photos.log",
-    benchmark:
-        "results/{run}/benchmarks/acquire/merge_photos.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
         runtime=5,
-    params:
-        code=code_of("merge_photos"),
     script:
         "../scripts/merge_photos.py"

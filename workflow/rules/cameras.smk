@@ -15,10 +15,6 @@ rule locate_cameras:
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
         cameras=directory("results/{run}/cameras/located/Terrain{terrain}"),
-    log:
-        "results/{run}/logs/cameras/locate_cameras_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/cameras/locate_cameras_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(1500),
@@ -26,7 +22,6 @@ rule locate_cameras:
     params:
         positions=PATHS.positions,
         options=options("cameras.localisation"),
-        code=code_of("locate_cameras"),
     script:
         "../scripts/locate_cameras.py"
 
@@ -39,16 +34,11 @@ rule refine_cameras:
         photos=PATHS.photos_of_terrain,
     output:
         cameras=directory("results/{run}/cameras/Terrain{terrain}"),
-    log:
-        "results/{run}/logs/cameras/refine_cameras_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/cameras/refine_cameras_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(1500),
         runtime=20,
     params:
         options=options("cameras.refinement"),
-        code=code_of("refine_cameras"),
     script:
         "../scripts/refine_cameras.py"

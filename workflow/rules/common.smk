@@ -1,6 +1,5 @@
 """The checked configuration, wildcard constraints, and helpers of rules; paths that are computed: polarsim/paths.py."""
 
-import functools
 import re
 import sys
 from pathlib import Path
@@ -82,7 +81,20 @@ def shown(path, category, caption=None, **labels):
     return report(path, caption=f"../report/{caption or own}.rst", category=category, labels=labels or None)
 
 
-@functools.cache
-def code_of(script):
-    """Digest of a rule's script and of the library behind it: Snakemake tracks the script, not what it imports."""
-    return script_digest(SCRIPTS / f"{script}.py")
+def complete(item):
+    """Give a rule the items that all rules have in common.
+
+    - the environment, with `--sdm conda`; otherwise jobs run in Snakemake's own
+    - log and benchmark files, named by the rule file, the rule and the wildcards of its output
+    - `params.code`: the digest of its script and of the library behind it; Snakemake tracks the script only
+    """
+    item.conda_env = "../envs/polarsim.yaml"
+    named = dict.fromkeys(re.findall(r"{(\w+)", " ".join(item.output[:1])))  # in the order of the first output
+    wildcards = [name for name in named if name != "run"]
+    name = "_".join([item.name, *(f"seed{{{name}}}" if name == "seed" else f"{{{name}}}" for name in wildcards)])
+    folder = "results/{run}" if "run" in item.wildcard_names else f"results/{RUN}"
+    stage = Path(item.snakefile).stem
+    item.log_modifier = item.benchmark_modifier = workflow.modifier.path_modifier
+    item.set_log(f"{folder}/logs/{stage}/{name}.log")
+    item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
+    item.set_params(code=script_digest(SCRIPTS / Path(item.script).name))

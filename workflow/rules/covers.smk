@@ -21,10 +21,6 @@ rule read_covers:
         pictures=directory("results/{run}/covers/photos"),
         labels="results/{run}/covers/labels.parquet",
         pairing="results/{run}/covers/pairing.csv",
-    log:
-        "results/{run}/logs/covers/read_covers.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/read_covers.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(1500),
@@ -33,7 +29,6 @@ rule read_covers:
         root=str(CONFIG.annotated_root),
         terrains=COVERS.terrains,
         known=CONFIG.covers.keys,
-        code=code_of("read_covers"),
     script:
         "../scripts/read_covers.py"
 
@@ -42,10 +37,6 @@ rule carve_rocks:
     """Rocks as the analog's generator makes them, for scenes that show no scanned rock."""
     output:
         meshes=directory("results/{run}/covers/carved"),
-    log:
-        "results/{run}/logs/covers/carve_rocks.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/carve_rocks.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
@@ -54,7 +45,6 @@ rule carve_rocks:
         number=COVERS.carved_rocks,
         terrain=CARVED,
         seed=CONFIG.covers.scenes.seed,
-        code=code_of("carve_rocks"),
     script:
         "../scripts/carve_rocks.py"
 
@@ -65,10 +55,6 @@ rule render_scenes:
         meshes=COVERS.rocks,
     output:
         pictures=directory("results/{run}/covers/scenes/Terrain{terrain}"),
-    log:
-        "results/{run}/logs/covers/render_scenes_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/render_scenes_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(2000),
@@ -77,7 +63,6 @@ rule render_scenes:
         number=COVERS.number_of_scenes,
         stored_px=CONFIG.detect.pictures.longer_side,
         options=options("covers.scenes"),
-        code=code_of("render_scenes"),
     script:
         "../scripts/render_scenes.py"
 
@@ -89,10 +74,6 @@ rule make_cover_dataset:
         covers=COVERS.photos_of_fold,
     output:
         dataset=directory("results/{run}/covers/folds/{fold}/dataset"),
-    log:
-        "results/{run}/logs/covers/make_cover_dataset_{fold}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/make_cover_dataset_{fold}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
@@ -101,7 +82,6 @@ rule make_cover_dataset:
         train=COVERS.trained_in,
         test=COVERS.tested_in,
         seed=CONFIG.covers.scenes.seed,
-        code=code_of("make_cover_dataset"),
     script:
         "../scripts/make_cover_dataset.py"
 
@@ -115,16 +95,11 @@ use rule train_detector as train_cover_detector with:
     output:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/rendered/detector.pt",
         curve="results/{run}/covers/folds/{fold}/seed{seed}/rendered/detector.csv",
-    log:
-        "results/{run}/logs/covers/train_cover_detector_{fold}_seed{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/train_cover_detector_{fold}_seed{seed}.tsv"
     params:
         options=COVERS.training,
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/work",
-        code=code_of("train_detector"),
 
 
 rule cut_windows:
@@ -134,10 +109,6 @@ rule cut_windows:
         labels="results/{run}/covers/labels.parquet",
     output:
         windows=directory("results/{run}/covers/windows"),
-    log:
-        "results/{run}/logs/covers/cut_windows.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/cut_windows.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
@@ -146,7 +117,6 @@ rule cut_windows:
         windows=CONFIG.covers.fine_tuning.windows,
         stored_px=CONFIG.detect.pictures.longer_side,
         seed=CONFIG.covers.scenes.seed,
-        code=code_of("cut_windows"),
     script:
         "../scripts/cut_windows.py"
 
@@ -158,10 +128,6 @@ rule make_fine_tuning_dataset:
         windows="results/{run}/covers/windows",
     output:
         dataset=directory("results/{run}/covers/folds/{fold}/fine_tuning"),
-    log:
-        "results/{run}/logs/covers/make_fine_tuning_dataset_{fold}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/make_fine_tuning_dataset_{fold}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
@@ -170,7 +136,6 @@ rule make_fine_tuning_dataset:
         train=COVERS.trained_in,
         test=COVERS.tested_in,
         seed=CONFIG.covers.scenes.seed,
-        code=code_of("make_fine_tuning_dataset"),
     script:
         "../scripts/make_fine_tuning_dataset.py"
 
@@ -184,16 +149,11 @@ use rule train_detector as fine_tune_cover_detector with:
     output:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuned/detector.pt",
         curve="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuned/detector.csv",
-    log:
-        "results/{run}/logs/covers/fine_tune_cover_detector_{fold}_seed{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/fine_tune_cover_detector_{fold}_seed{seed}.tsv"
     params:
         options=COVERS.fine_tuning(),
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuning_work",
-        code=code_of("train_detector"),
 
 
 rule predict_cover_photos:
@@ -204,17 +164,12 @@ rule predict_cover_photos:
         pictures="results/{run}/covers/photos",  # read through dataset
     output:
         found="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/found.parquet",
-    log:
-        "results/{run}/logs/covers/predict_cover_photos_{fold}_seed{seed}_{cover_trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/predict_cover_photos_{fold}_seed{seed}_{cover_trained}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
     params:
         widths=CONFIG.detect.prediction.widths or CONFIG.covers.widths,
         options=options("detect.prediction"),
-        code=code_of("predict_cover_photos"),
     script:
         "../scripts/predict_cover_photos.py"
 
@@ -231,16 +186,11 @@ rule segment_covers:
         pictures="results/{run}/covers/photos",  # read through dataset
     output:
         masks=directory("results/{run}/covers/folds/{fold}/masks"),
-    log:
-        "results/{run}/logs/covers/segment_covers_{fold}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/segment_covers_{fold}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=30,
     params:
         options=options("detect.prediction"),
-        code=code_of("segment_covers"),
     script:
         "../scripts/segment_covers.py"
 
@@ -256,10 +206,6 @@ rule choose_cover_widths:
     output:
         predictions="results/{run}/covers/{cover_trained}/seed{seed}/predictions.parquet",
         sizes="results/{run}/covers/{cover_trained}/seed{seed}/sizes.csv",
-    log:
-        "results/{run}/logs/covers/choose_cover_widths_seed{seed}_{cover_trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/choose_cover_widths_seed{seed}_{cover_trained}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
@@ -267,7 +213,6 @@ rule choose_cover_widths:
         folds=list(COVERS.folds),
         imgsz=CONFIG.detect.pictures.imgsz,
         options=options("detect.prediction"),
-        code=code_of("choose_cover_widths"),
     script:
         "../scripts/choose_cover_widths.py"
 
@@ -278,16 +223,11 @@ rule merge_cover_detectors:
         predictions=of_run("results/{run}/covers/{{cover_trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
     output:
         merged="results/{run}/covers/{cover_trained}/merged/predictions.parquet",
-    log:
-        "results/{run}/logs/covers/merge_cover_detectors_{cover_trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/merge_cover_detectors_{cover_trained}.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         options=options("detect.prediction"),
-        code=code_of("merge_cover_detectors"),
     script:
         "../scripts/merge_cover_detectors.py"
 
@@ -303,10 +243,6 @@ rule score_covers:
         pictures="results/{run}/covers/photos",  # read through datasets
     output:
         scores="results/{run}/covers/{cover_trained}/scores.parquet",
-    log:
-        "results/{run}/logs/covers/score_covers_{cover_trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/score_covers_{cover_trained}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
@@ -316,7 +252,6 @@ rule score_covers:
         training=COVERS.last_training,
         start="carved rocks" if CONFIG.covers.carved_scenes else CONFIG.detect.training.start,
         options=options("detect.comparison"),
-        code=code_of("score_covers"),
     script:
         "../scripts/score_covers.py"
 
@@ -332,17 +267,12 @@ rule publish_detector:
     output:
         detector="results/{run}/covers/detector.pt",
         card="results/{run}/covers/detector.md",
-    log:
-        "results/{run}/logs/covers/publish_detector.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/publish_detector.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
     params:
         folds=list(COVERS.folds),
         options=options("detect.prediction"),
-        code=code_of("publish_detector"),
     script:
         "../scripts/publish_detector.py"
 
@@ -354,16 +284,11 @@ rule tabulate_covers:
     output:
         table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
         others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/covers/tabulate_covers.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/tabulate_covers.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_covers"),
     script:
         "../scripts/tabulate_covers.py"
 
@@ -375,16 +300,11 @@ rule tabulate_masks:
     output:
         table=shown("results/{run}/tables/masks.csv", "Tables", table="masks of real cover photos"),
         others=multiext("results/{run}/tables/masks", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/covers/tabulate_masks.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/tabulate_masks.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_masks"),
     script:
         "../scripts/tabulate_masks.py"
 
@@ -397,15 +317,9 @@ rule draw_covers:
         predictions=COVERS.best_predictions(),
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
-    log:
-        "results/{run}/logs/covers/draw_covers.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/draw_covers.tsv"
     resources:
         mem_mb=growing(1500),
         runtime=5,
-    params:
-        code=code_of("draw_covers"),
     script:
         "../scripts/draw_covers.py"
 
@@ -419,15 +333,10 @@ rule draw_scenes:
         ),
     output:
         figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
-    log:
-        "results/{run}/logs/covers/draw_scenes.log",
-    benchmark:
-        "results/{run}/benchmarks/covers/draw_scenes.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         terrains=COVERS.strewn,
-        code=code_of("draw_scenes"),
     script:
         "../scripts/draw_scenes.py"

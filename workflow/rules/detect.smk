@@ -29,10 +29,6 @@ rule split_photos:
     output:
         split="results/{run}/detect/{split}/split.csv",
         facts="results/{run}/detect/{split}/split.json",  # written through split
-    log:
-        "results/{run}/logs/detect/split_photos_{split}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/split_photos_{split}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
@@ -42,7 +38,6 @@ rule split_photos:
         positions=CONFIG.positions,
         grid=options("grid"),
         options=options("detect.split"),
-        code=code_of("split_photos"),
     script:
         "../scripts/split_photos.py"
 
@@ -55,10 +50,6 @@ rule convert_pictures:
         masks=PATHS.masks_of_domain,
     output:
         pictures=directory("results/{run}/detect/pictures/{domain}"),
-    log:
-        "results/{run}/logs/detect/convert_pictures_{domain}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/convert_pictures_{domain}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(1000),
@@ -69,7 +60,6 @@ rule convert_pictures:
         positions=CONFIG.positions,
         grid=options("grid"),
         options=options("detect.pictures"),
-        code=code_of("convert_pictures"),
     script:
         "../scripts/convert_pictures.py"
 
@@ -81,17 +71,12 @@ rule make_dataset:
         split="results/{run}/detect/{split}/split.csv",
     output:
         dataset=directory("results/{run}/detect/{split}/datasets/{domain}"),
-    log:
-        "results/{run}/logs/detect/make_dataset_{split}_{domain}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/make_dataset_{split}_{domain}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
         runtime=10,
     params:
         options=options("detect.split"),
-        code=code_of("make_dataset"),
     script:
         "../scripts/make_dataset.py"
 
@@ -102,10 +87,6 @@ rule mix_datasets:
         datasets=PATHS.datasets_of_mix,
     output:
         dataset=directory("results/{run}/detect/{split}/datasets/{mix}"),
-    log:
-        "results/{run}/logs/detect/mix_datasets_{split}_{mix}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/mix_datasets_{split}_{mix}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
@@ -113,7 +94,6 @@ rule mix_datasets:
     params:
         weights=PATHS.weights_of_mix,
         options=options("detect.split"),
-        code=code_of("mix_datasets"),
     script:
         "../scripts/mix_datasets.py"
 
@@ -127,10 +107,6 @@ rule train_detector:
     output:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         curve="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.csv",
-    log:
-        "results/{run}/logs/detect/train_detector_{split}_seed{seed}_{trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/train_detector_{split}_seed{seed}_{trained}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(2500),
@@ -142,7 +118,6 @@ rule train_detector:
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
         packaged=PATHS.packaged_digest(),
-        code=code_of("train_detector"),
     script:
         "../scripts/train_detector.py"
 
@@ -160,17 +135,12 @@ rule predict:
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",
             evaluated=DOMAINS,
         ),
-    log:
-        "results/{run}/logs/detect/predict_{split}_seed{seed}_{trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/predict_{split}_seed{seed}_{trained}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=240,
         gpu=PATHS.gpus("detect.prediction"),
     params:
         options=options("detect.prediction"),
-        code=code_of("predict"),
     script:
         "../scripts/predict.py"
 
@@ -188,10 +158,6 @@ rule evaluate:
         split="results/{run}/detect/{split}/split.csv",
     output:
         **{table: f"results/{{run}}/detect/{{split}}/seed{{seed}}/{table}.parquet" for table in EVALUATED},
-    log:
-        "results/{run}/logs/detect/evaluate_{split}_seed{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/evaluate_{split}_seed{seed}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -201,7 +167,6 @@ rule evaluate:
         options=options("detect.comparison"),
         training=options("detect.training"),
         imgsz=CONFIG.detect.pictures.imgsz,
-        code=code_of("evaluate"),
     script:
         "../scripts/evaluate.py"
 
@@ -216,10 +181,6 @@ rule measure_stereo:
     output:
         pairs="results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet",
         rocks="results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/detect/measure_stereo_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/measure_stereo_{terrain}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=240,
@@ -229,7 +190,6 @@ rule measure_stereo:
         domain=CONFIG.photo_domain,
         models=MODELS,
         options=options("detect.stereo"),
-        code=code_of("measure_stereo"),
     script:
         "../scripts/measure_stereo.py"
 
@@ -243,16 +203,11 @@ rule compare_stereo:
         stereo="results/{run}/detect/stereo.parquet",
         instances="results/{run}/detect/stereo_instances.parquet",
         ipd="results/{run}/detect/stereo_ipd.parquet",
-    log:
-        "results/{run}/logs/detect/compare_stereo.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/compare_stereo.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=15,
     params:
         options=options("detect.comparison"),
-        code=code_of("compare_stereo"),
     script:
         "../scripts/compare_stereo.py"
 
@@ -266,17 +221,12 @@ rule gather_tables:
         },
     output:
         **{table: f"results/{{run}}/detect/{table}.parquet" for table in EVALUATED},
-    log:
-        "results/{run}/logs/detect/gather_tables.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/gather_tables.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=10,
     params:
         splits=[split for split in SPLITS for seed in SEEDS],
         seeds=[seed for split in SPLITS for seed in SEEDS],
-        code=code_of("gather_tables"),
     script:
         "../scripts/gather_tables.py"
 
@@ -287,17 +237,12 @@ use rule train_detector as train_other_detector with:
     output:
         weights="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.pt",
         curve="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.csv",
-    log:
-        "results/{run}/logs/detect/train_other_detector_{split}_{other}_seed{seed}_{trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/train_other_detector_{split}_{other}_seed{seed}_{trained}.tsv"
     params:
         options=PATHS.training_of_other,
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
         work="results/{run}/detect/{split}/others/{other}/seed{seed}/work/{trained}",
         packaged=PATHS.packaged_of_other,
-        code=code_of("train_detector"),
 
 
 use rule predict as predict_by_other with:
@@ -313,10 +258,6 @@ use rule predict as predict_by_other with:
             "results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",
             evaluated=DOMAINS,
         ),
-    log:
-        "results/{run}/logs/detect/predict_by_other_{split}_{other}_seed{seed}_{trained}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/predict_by_other_{split}_{other}_seed{seed}_{trained}.tsv"
 
 
 use rule evaluate as evaluate_other with:
@@ -331,17 +272,12 @@ use rule evaluate as evaluate_other with:
             table: f"results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/{table}.parquet"
             for table in EVALUATED
         },
-    log:
-        "results/{run}/logs/detect/evaluate_other_{split}_{other}_seed{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/evaluate_other_{split}_{other}_seed{seed}.tsv"
     params:
         domains=DOMAINS,
         trained=TRAINED,
         options=options("detect.comparison"),
         training=PATHS.training_of_other,
         imgsz=CONFIG.detect.pictures.imgsz,
-        code=code_of("evaluate"),
 
 
 use rule gather_tables as gather_others with:
@@ -355,11 +291,6 @@ use rule gather_tables as gather_others with:
         ),
     output:
         others="results/{run}/detect/others.parquet",
-    log:
-        "results/{run}/logs/detect/gather_others.log",
-    benchmark:
-        "results/{run}/benchmarks/detect/gather_others.tsv"
     params:
         splits=[split for split in SPLITS for other in OTHERS for seed in SEEDS],
         seeds=[seed for split in SPLITS for other in OTHERS for seed in SEEDS],
-        code=code_of("gather_tables"),

@@ -22,16 +22,11 @@ rule write_truth:
     output:
         true_cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
         true_meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
-    log:
-        "results/{run}/logs/gap/write_truth_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/write_truth_{terrain}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=10,
     params:
         truth=PATHS.truth,
-        code=code_of("write_truth"),
     script:
         "../scripts/write_truth.py"
 
@@ -42,15 +37,9 @@ rule thin_meshes:
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
         thinned=directory("results/{run}/gap/thinned/Terrain{terrain}"),
-    log:
-        "results/{run}/logs/gap/thin_meshes_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/thin_meshes_{terrain}.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
-    params:
-        code=code_of("thin_meshes"),
     script:
         "../scripts/thin_meshes.py"
 
@@ -70,10 +59,6 @@ rule render_component:
         instances=directory("results/{run}/gap/twins/{component}/instances/Terrain{terrain}"),
         annotations="results/{run}/gap/twins/{component}/coco/Terrain{terrain}.json",
         table="results/{run}/gap/twins/{component}/tables/Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/gap/render_component_{component}_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/render_component_{component}_{terrain}.tsv"
     resources:
         mem_mb=growing(4000),
         runtime=30,
@@ -83,7 +68,6 @@ rule render_component:
         grid=options("grid"),
         model=CONFIG.ablation_model,
         options=GAP.options,
-        code=code_of("render_component"),
     script:
         "../scripts/render_component.py"
 
@@ -94,10 +78,6 @@ use rule merge_labels as merge_component_labels with:
         tables=expand("results/{{run}}/gap/twins/{{component}}/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/gap/twins/{component}/labels.parquet",
-    log:
-        "results/{run}/logs/gap/merge_component_labels_{component}.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/merge_component_labels_{component}.tsv"
     priority: 0
 
 
@@ -109,16 +89,11 @@ rule convert_component:
         split="results/{run}/detect/{split}/split.csv",
     output:
         dataset=directory("results/{run}/gap/{split}/datasets/{component}"),
-    log:
-        "results/{run}/logs/gap/convert_component_{split}_{component}.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/convert_component_{split}_{component}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=60,
     params:
         options=options("detect.pictures"),
-        code=code_of("convert_component"),
     script:
         "../scripts/convert_component.py"
 
@@ -132,10 +107,6 @@ use rule predict as predict_component with:
         meshes=PATHS.sand("meshes"),
     output:
         predictions=["results/{run}/gap/{split}/seed{seed}/predictions/{trained}_on_{component}.parquet"],
-    log:
-        "results/{run}/logs/gap/predict_component_{split}_seed{seed}_{trained}_{component}.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/predict_component_{split}_seed{seed}_{trained}_{component}.tsv"
 
 
 rule run_ablation:
@@ -146,10 +117,6 @@ rule run_ablation:
         datasets=GAP.datasets(),
     output:
         ablation="results/{run}/gap/{split}/seed{seed}/ablation.parquet",
-    log:
-        "results/{run}/logs/gap/run_ablation_{split}_seed{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/run_ablation_{split}_seed{seed}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -162,7 +129,6 @@ rule run_ablation:
         options=options("detect.comparison"),
         training=options("detect.training"),
         imgsz=CONFIG.detect.pictures.imgsz,
-        code=code_of("run_ablation"),
     script:
         "../scripts/run_ablation.py"
 
@@ -173,10 +139,6 @@ use rule gather_tables as gather_ablation with:
         ablation=of_run("results/{run}/gap/{split}/seed{seed}/ablation.parquet", split=SPLITS, seed=SEEDS),
     output:
         ablation="results/{run}/gap/ablation.parquet",
-    log:
-        "results/{run}/logs/gap/gather_ablation.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/gather_ablation.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
@@ -189,16 +151,11 @@ rule tabulate_gap:
     output:
         table=shown("results/{run}/tables/gap.csv", "Tables", table="ablation"),
         others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/gap/tabulate_gap.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/tabulate_gap.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_gap"),
     script:
         "../scripts/tabulate_gap.py"
 
@@ -209,15 +166,10 @@ rule draw_gap:
         ablation="results/{run}/gap/ablation.parquet",
     output:
         figure=shown("results/{run}/figures/gap.png", "Detection", picture="ablation"),
-    log:
-        "results/{run}/logs/gap/draw_gap.log",
-    benchmark:
-        "results/{run}/benchmarks/gap/draw_gap.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("draw_gap"),
     script:
         "../scripts/draw_gap.py"

@@ -23,10 +23,6 @@ rule propagate_labels:
     output:
         boxes=directory("results/{run}/labels/boxes/Terrain{terrain}"),
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/labels/propagate_labels_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/labels/propagate_labels_{terrain}.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(2000),
@@ -35,7 +31,6 @@ rule propagate_labels:
         positions=PATHS.positions,
         grid=options("grid"),
         options=options("labels"),
-        code=code_of("propagate_labels"),
     script:
         "../scripts/propagate_labels.py"
 
@@ -51,17 +46,12 @@ rule draw_masks:
         polygons=directory("results/{run}/labels/polygons/Terrain{terrain}"),
         masks=directory("results/{run}/labels/masks/Terrain{terrain}"),
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
-    log:
-        "results/{run}/logs/labels/draw_masks_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/labels/draw_masks_{terrain}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=20,
     params:
         positions=PATHS.positions,
         grid=options("grid"),
-        code=code_of("draw_masks"),
     script:
         "../scripts/draw_masks.py"
 
@@ -72,15 +62,9 @@ rule merge_labels:
         tables=of_run("results/{run}/labels/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/labels/labels.parquet",
-    log:
-        "results/{run}/logs/labels/merge_labels.log",
-    benchmark:
-        "results/{run}/benchmarks/labels/merge_labels.tsv"
     priority: TRAINING_WAITS
     resources:
         mem_mb=growing(500),
         runtime=5,
-    params:
-        code=code_of("merge_labels"),
     script:
         "../scripts/merge_labels.py"

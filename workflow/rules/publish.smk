@@ -16,16 +16,11 @@ rule publish_run:
         drives=rules.rover.input,  # read through receipt
     output:
         receipt="results/{run}/publish/{form}.json",
-    log:
-        "results/{run}/logs/publish/publish_run_{form}.log",
-    benchmark:
-        "results/{run}/benchmarks/publish/publish_run_{form}.tsv"
     resources:
         mem_mb=growing(4000),
         runtime=120,
     params:
         options=options("publish"),
         split=SPLITS[0] if DOMAINS else "",
-        code=code_of("publish_run"),
     script:
         "../scripts/publish_run.py"

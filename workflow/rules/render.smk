@@ -18,10 +18,6 @@ rule fit_materials:
         photos=PATHS.photos_of_terrain,
     output:
         materials=directory("results/{run}/renders/materials/Terrain{terrain}"),
-    log:
-        "results/{run}/logs/render/fit_materials_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/render/fit_materials_{terrain}.tsv"
     priority: TWINS_WAIT
     resources:
         mem_mb=growing(6000),
@@ -29,7 +25,6 @@ rule fit_materials:
     params:
         models=MODELS,
         options=options("render"),
-        code=code_of("fit_materials"),
     script:
         "../scripts/fit_materials.py"
 
@@ -48,10 +43,6 @@ rule render_twins:
         instances=directory("results/{run}/renders/instances/Terrain{terrain}"),
         annotations="results/{run}/renders/coco/Terrain{terrain}.json",
         table="results/{run}/renders/tables/Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/render/render_twins_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/render/render_twins_{terrain}.tsv"
     priority: TWINS_WAIT
     resources:
         mem_mb=growing(3000),
@@ -62,7 +53,6 @@ rule render_twins:
         grid=options("grid"),
         models=MODELS,
         options=options("render"),
-        code=code_of("render_twins"),
     script:
         "../scripts/render_twins.py"
 
@@ -71,17 +61,12 @@ rule write_reflectance:
     """How bright every reflectance model is over the phase angle, with the run's parameters."""
     output:
         curves="results/{run}/renders/reflectance.csv",
-    log:
-        "results/{run}/logs/render/write_reflectance.log",
-    benchmark:
-        "results/{run}/benchmarks/render/write_reflectance.tsv"
     priority: TWINS_WAIT
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         options=options("render"),
-        code=code_of("write_reflectance"),
     script:
         "../scripts/write_reflectance.py"
 
@@ -92,8 +77,4 @@ use rule merge_labels as merge_twin_labels with:
         tables=of_run("results/{run}/renders/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
         merged="results/{run}/renders/labels.parquet",
-    log:
-        "results/{run}/logs/render/merge_twin_labels.log",
-    benchmark:
-        "results/{run}/benchmarks/render/merge_twin_labels.tsv"
     priority: TWINS_WAIT

@@ -31,16 +31,11 @@ rule gather_evaluation:
     output:
         table=shown("results/{run}/tables/evaluation.csv", "Tables", table="evaluation of every stage"),
         others=multiext("results/{run}/tables/evaluation", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/report/gather_evaluation.log",
-    benchmark:
-        "results/{run}/benchmarks/report/gather_evaluation.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("gather_evaluation"),
     script:
         "../scripts/gather_evaluation.py"
 
@@ -60,17 +55,12 @@ rule tabulate_cameras:
         # written through table
         others=multiext("results/{run}/tables/cameras", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/alignment", ".md", ".tex", ".parquet"),
-    log:
-        "results/{run}/logs/report/tabulate_cameras.log",
-    benchmark:
-        "results/{run}/benchmarks/report/tabulate_cameras.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
         origin=ORIGIN,
-        code=code_of("tabulate_cameras"),
     script:
         "../scripts/tabulate_cameras.py"
 
@@ -86,17 +76,12 @@ rule tabulate_rocks:
         # written through table
         others=multiext("results/{run}/tables/rocks", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/meshes", ".md", ".tex", ".parquet"),
-    log:
-        "results/{run}/logs/report/tabulate_rocks.log",
-    benchmark:
-        "results/{run}/benchmarks/report/tabulate_rocks.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
         origin=ORIGIN,
-        code=code_of("tabulate_rocks"),
     script:
         "../scripts/tabulate_rocks.py"
 
@@ -111,17 +96,12 @@ rule tabulate_labels:
         # written through table
         others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
-    log:
-        "results/{run}/logs/report/tabulate_labels.log",
-    benchmark:
-        "results/{run}/benchmarks/report/tabulate_labels.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         seeds=PATHS.seeds_text,
         origin=ORIGIN,
-        code=code_of("tabulate_labels"),
     script:
         "../scripts/tabulate_labels.py"
 
@@ -134,16 +114,11 @@ rule tabulate_render:
     output:
         table=shown("results/{run}/tables/render.csv", "Tables", table="twins"),
         others=multiext("results/{run}/tables/render", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/report/tabulate_render.log",
-    benchmark:
-        "results/{run}/benchmarks/report/tabulate_render.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_render"),
     script:
         "../scripts/tabulate_render.py"
 
@@ -177,16 +152,11 @@ rule tabulate_detectors:
             name=[*TABLES_OF_DETECTORS, "ipd_rocks"],
             form=["md", "tex", "parquet"],
         ),
-    log:
-        "results/{run}/logs/report/tabulate_detectors.log",
-    benchmark:
-        "results/{run}/benchmarks/report/tabulate_detectors.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_detectors"),
     script:
         "../scripts/tabulate_detectors.py"
 
@@ -203,16 +173,11 @@ rule draw_detectors:
         curves_figure=shown("results/{run}/figures/precision_recall.png", "Detection", picture="precision and recall"),
         ipd_figure=shown("results/{run}/figures/ipd.png", "Detection", picture="IPD"),
         rocks_figure=shown("results/{run}/figures/ipd_histogram.png", "Detection", picture="IPD of rocks"),
-    log:
-        "results/{run}/logs/report/draw_detectors.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_detectors.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("draw_detectors"),
     script:
         "../scripts/draw_detectors.py"
 
@@ -248,10 +213,6 @@ rule draw_finds:
             )
             for trained in DOMAINS
         ],
-    log:
-        "results/{run}/logs/report/draw_finds.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_finds.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
@@ -259,7 +220,6 @@ rule draw_finds:
         domains=DOMAINS,
         photo_domain=CONFIG.photo_domain,
         origin=ORIGIN,
-        code=code_of("draw_finds"),
     script:
         "../scripts/draw_finds.py"
 
@@ -273,16 +233,11 @@ rule tabulate_stereo:
     output:
         table=shown("results/{run}/tables/stereo.csv", "Tables", table="stereo depth"),
         others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/report/tabulate_stereo.log",
-    benchmark:
-        "results/{run}/benchmarks/report/tabulate_stereo.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_stereo"),
     script:
         "../scripts/tabulate_stereo.py"
 
@@ -320,10 +275,6 @@ rule draw_photos:
             )
             for position in USUAL_POSITIONS
         ],
-    log:
-        "results/{run}/logs/report/draw_photos_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_photos_{terrain}.tsv"
     wildcard_constraints:
         terrain=one_of(TERRAINS, but=["13"]),
     resources:
@@ -334,7 +285,6 @@ rule draw_photos:
         grid=options("grid"),
         models=MODELS,
         stand_ins=PATHS.stand_ins,
-        code=code_of("draw_photos"),
     script:
         "../scripts/draw_photos.py"
 
@@ -366,7 +316,6 @@ use rule draw_photos as draw_photos_of_terrain_13 with:
         grid=options("grid"),
         models=MODELS,
         stand_ins=PATHS.stand_ins,
-        code=code_of("draw_photos"),
 
 
 rule draw_reflectance:
@@ -377,15 +326,9 @@ rule draw_reflectance:
         figure=shown(
             "results/{run}/figures/reflectance.png", "Photos and twins", terrain="all", position="reflectance models"
         ),
-    log:
-        "results/{run}/logs/report/draw_reflectance.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_reflectance.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
-    params:
-        code=code_of("draw_reflectance"),
     script:
         "../scripts/draw_reflectance.py"
 
@@ -420,15 +363,9 @@ rule draw_geometry:
             if SOURCE.is_generated
             else []
         ),
-    log:
-        "results/{run}/logs/report/draw_geometry_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_geometry_{terrain}.tsv"
     resources:
         mem_mb=growing(1500),
         runtime=5,
-    params:
-        code=code_of("draw_geometry"),
     script:
         "../scripts/draw_geometry.py"
 
@@ -450,17 +387,12 @@ rule draw_label_scores:
             for terrain in PATHS.scored_terrains
         ],
         reliability_figure=shown("results/{run}/figures/reliability.png", "Labels", terrain="all", picture="confidence"),
-    log:
-        "results/{run}/logs/report/draw_label_scores.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_label_scores.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         terrains=PATHS.scored_terrains,
         origin=ORIGIN,
-        code=code_of("draw_label_scores"),
     script:
         "../scripts/draw_label_scores.py"
 
@@ -476,17 +408,12 @@ if PATHS.has_errata:
         output:
             page=shown("results/{run}/errata.html", "Labels"),
             table="results/{run}/tables/defects.csv",
-        log:
-            "results/{run}/logs/report/draw_errata.log",
-        benchmark:
-            "results/{run}/benchmarks/report/draw_errata.tsv"
         threads: 2
         resources:
             mem_mb=growing(2000),
             runtime=5,
         params:
             root=str(CONFIG.source.root),
-            code=code_of("draw_errata"),
         script:
             "../scripts/draw_errata.py"
 
@@ -501,10 +428,6 @@ rule draw_opposition:
             "results/{run}/figures/opposition.png", "Photos and twins", terrain="nearest", position="opposition effect"
         ),
         text="results/{run}/figures/opposition.json",
-    log:
-        "results/{run}/logs/report/draw_opposition.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_opposition.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
@@ -514,7 +437,6 @@ rule draw_opposition:
         grid=options("grid"),
         photo_domain=CONFIG.photo_domain,
         models=MODELS,
-        code=code_of("draw_opposition"),
     script:
         "../scripts/draw_opposition.py"
 
@@ -528,17 +450,12 @@ rule draw_strip:
         predictions=PATHS.predictions_of_strip(),
     output:
         strip=directory("results/{run}/figures/strip"),
-    log:
-        "results/{run}/logs/report/draw_strip.log",
-    benchmark:
-        "results/{run}/benchmarks/report/draw_strip.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         model=MODELS[-1],
         trained=CONFIG.photo_domain,
-        code=code_of("draw_strip"),
     script:
         "../scripts/draw_strip.py"
 
@@ -554,10 +471,6 @@ rule write_results_page:
         datasets=of_run("results/{run}/detect/{split}/datasets/{trained}", split=SPLITS, trained=TRAINED),
     output:
         page=shown("results/{run}/results.html", "Results"),
-    log:
-        "results/{run}/logs/report/write_results_page.log",
-    benchmark:
-        "results/{run}/benchmarks/report/write_results_page.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
@@ -569,6 +482,5 @@ rule write_results_page:
         models=MODELS,
         photo_domain=CONFIG.photo_domain,
         others=PATHS.further_pages(),
-        code=code_of("write_results_page"),
     script:
         "../scripts/write_results_page.py"

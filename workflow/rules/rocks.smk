@@ -20,16 +20,10 @@ if not SOURCE.has_scans:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",
             meshes=directory("results/{run}/meshes/Terrain{terrain}"),
-        log:
-            "results/{run}/logs/rocks/adopt_rocks_{terrain}.log",
-        benchmark:
-            "results/{run}/benchmarks/rocks/adopt_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
             mem_mb=growing(1500),
             runtime=10,
-        params:
-            code=code_of("adopt_rocks"),
         script:
             "../scripts/adopt_rocks.py"
 
@@ -41,16 +35,11 @@ if not SOURCE.has_scans:
             meshes="results/{run}/meshes/Terrain{terrain}",
         output:
             copies=directory("results/{run}/repaired/Terrain{terrain}"),
-        log:
-            "results/{run}/logs/rocks/repair_rocks_{terrain}.log",
-        benchmark:
-            "results/{run}/benchmarks/rocks/repair_rocks_{terrain}.tsv"
         resources:
             mem_mb=growing(1500),
             runtime=20,
         params:
             options=options("rocks"),
-            code=code_of("repair_rocks"),
         script:
             "../scripts/repair_rocks.py"
 
@@ -68,17 +57,12 @@ else:
             cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",
             ids="results/{run}/rocks/Terrain{terrain}/ids.yaml",
             clouds=directory("results/{run}/rocks/Terrain{terrain}/clouds"),
-        log:
-            "results/{run}/logs/rocks/find_rocks_{terrain}.log",
-        benchmark:
-            "results/{run}/benchmarks/rocks/find_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
             mem_mb=growing(1500),
             runtime=20,
         params:
             options=options("rocks"),
-            code=code_of("find_rocks"),
         script:
             "../scripts/find_rocks.py"
 
@@ -89,16 +73,11 @@ else:
             clouds="results/{run}/rocks/Terrain{terrain}/clouds",
         output:
             meshes=directory("results/{run}/meshes/Terrain{terrain}"),
-        log:
-            "results/{run}/logs/rocks/mesh_rocks_{terrain}.log",
-        benchmark:
-            "results/{run}/benchmarks/rocks/mesh_rocks_{terrain}.tsv"
         priority: TRAINING_WAITS
         resources:
             mem_mb=growing(3000),
             runtime=20,
         params:
             options=options("rocks"),
-            code=code_of("mesh_rocks"),
         script:
             "../scripts/mesh_rocks.py"

@@ -28,10 +28,6 @@ rule drive_rover:
         drive="results/{run}/rover/seed{seed}/drive.json",  # written through trace
         # written through trace
         world=multiext("results/{run}/rover/seed{seed}/world/", "ground.npz", "rocks.npz", "rocks.parquet"),
-    log:
-        "results/{run}/logs/rover/drive_rover_{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/drive_rover_{seed}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -39,7 +35,6 @@ rule drive_rover:
         world=options("rover.world"),
         soil=options("rover.soil"),
         drive=options("rover.drive"),
-        code=code_of("drive_rover"),
     script:
         "../scripts/drive_rover.py"
 
@@ -55,17 +50,12 @@ rule see_drive:
         poses="results/{run}/rover/seed{seed}/{view}/poses.parquet",  # written through trace
         truth=of_drive("{{view}}/{sun}_truth.parquet", sun=SUNS),  # written through trace
         annotations=of_drive("{{view}}/{sun}_coco.json", sun=SUNS),  # written through trace
-    log:
-        "results/{run}/logs/rover/see_drive_{seed}_{view}.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/see_drive_{seed}_{view}.tsv"
     resources:
         mem_mb=growing(4000),
         runtime=720,
     params:
         options=camera_suite_options(*AFTER_PICTURES),
         render=rover_render(CONFIG.render),
-        code=code_of("see_drive"),
     script:
         "../scripts/see_drive.py"
 
@@ -76,16 +66,11 @@ rule make_drive_dataset:
         poses=poses_of_other_drives(),  # read through params.options
     output:
         dataset=directory("results/{run}/rover/fine_tuning"),
-    log:
-        "results/{run}/logs/rover/make_drive_dataset.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/make_drive_dataset.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=60,
     params:
         options=ROVER.fine_tuning.model_dump(mode="json", exclude={"epochs"}),
-        code=code_of("make_drive_dataset"),
     script:
         "../scripts/make_drive_dataset.py"
 
@@ -98,10 +83,6 @@ rule fine_tune_on_drives:
     output:
         weights="results/{run}/rover/fine_tuned.pt",
         curve="results/{run}/rover/fine_tuned.csv",
-    log:
-        "results/{run}/logs/rover/fine_tune_on_drives.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/fine_tune_on_drives.tsv"
     resources:
         mem_mb=growing(2500),
         runtime=720,
@@ -110,7 +91,6 @@ rule fine_tune_on_drives:
         options=options("rover.fine_tuning"),
         prediction=PATHS.validation_options(DETECTOR_ON_BOARD.prediction) if DETECTOR_ON_BOARD else None,
         work="results/{run}/rover/fine_tuning_work",
-        code=code_of("fine_tune_on_drives"),
     script:
         "../scripts/fine_tune_on_drives.py"
 
@@ -124,17 +104,12 @@ rule detect_drive:
         weights=str(DETECTOR_ON_BOARD.weights) if DETECTOR_ON_BOARD else [],  # read through params.detector
     output:
         detections=detections_on_board(),  # written through poses
-    log:
-        "results/{run}/logs/rover/detect_drive_{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/detect_drive_{seed}.tsv"
     resources:
         mem_mb=growing(3000),
         runtime=240,
     params:
         options=camera_suite_options("videos"),
         detector=detector_options(),
-        code=code_of("detect_drive"),
     script:
         "../scripts/detect_drive.py"
 
@@ -149,17 +124,12 @@ rule measure_drive:
     output:
         # written through poses
         tables=of_drive("onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]),
-    log:
-        "results/{run}/logs/rover/measure_drive_{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/measure_drive_{seed}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=30,
     params:
         options=camera_suite_options("videos"),
         detector=detector_options(),
-        code=code_of("measure_drive"),
     script:
         "../scripts/measure_drive.py"
 
@@ -172,17 +142,12 @@ rule film_drive:
         vehicle=str(ROVER.drive.vehicle),
     output:
         videos=directory("results/{run}/rover/seed{seed}/videos"),
-    log:
-        "results/{run}/logs/rover/film_drive_{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/film_drive_{seed}.tsv"
     threads: 2
     resources:
         mem_mb=growing(2000),
         runtime=720,
     params:
         options=camera_suite_options(),
-        code=code_of("film_drive"),
     script:
         "../scripts/film_drive.py"
 
@@ -197,16 +162,11 @@ rule write_bag:
         vehicle=str(ROVER.drive.vehicle),
     output:
         bag="results/{run}/rover/seed{seed}/drive.mcap",
-    log:
-        "results/{run}/logs/rover/write_bag_{seed}.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/write_bag_{seed}.tsv"
     resources:
         mem_mb=growing(1500),
         runtime=60,
     params:
         options=options("rover.bag"),
-        code=code_of("write_bag"),
     script:
         "../scripts/write_bag.py"
 
@@ -217,15 +177,9 @@ rule write_urdf:
         vehicle=str(ROVER.drive.vehicle),
     output:
         urdf="results/{run}/rover/rover.urdf",
-    log:
-        "results/{run}/logs/rover/write_urdf.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/write_urdf.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
-    params:
-        code=code_of("write_urdf"),
     script:
         "../scripts/write_urdf.py"
 
@@ -238,15 +192,9 @@ rule summarise_drives:
     output:
         each="results/{run}/rover/every_drive.parquet",
         together="results/{run}/rover/drives.parquet",
-    log:
-        "results/{run}/logs/rover/summarise_drives.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/summarise_drives.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=10,
-    params:
-        code=code_of("summarise_drives"),
     script:
         "../scripts/summarise_drives.py"
 
@@ -257,15 +205,9 @@ rule summarise_onboard:
         tables=of_drives("onboard/stops.parquet"),
     output:
         table="results/{run}/rover/onboard.parquet",
-    log:
-        "results/{run}/logs/rover/summarise_onboard.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/summarise_onboard.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=20,
-    params:
-        code=code_of("summarise_onboard"),
     script:
         "../scripts/summarise_onboard.py"
 
@@ -286,16 +228,11 @@ rule tabulate_rover:
             name=["rover", "rover_drives"],
             form=["md", "tex", "parquet"],
         ),
-    log:
-        "results/{run}/logs/rover/tabulate_rover.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/tabulate_rover.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_rover"),
     script:
         "../scripts/tabulate_rover.py"
 
@@ -307,16 +244,11 @@ rule tabulate_onboard:
     output:
         table=shown("results/{run}/tables/rover_onboard.csv", "Rover", picture="on board"),
         others=multiext("results/{run}/tables/rover_onboard", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/rover/tabulate_onboard.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/tabulate_onboard.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_onboard"),
     script:
         "../scripts/tabulate_onboard.py"
 
@@ -327,16 +259,11 @@ rule draw_drive:
         traces=of_drives("trace.parquet"),
     output:
         figure=shown("results/{run}/figures/rover_drive.png", "Rover", picture="slip and sinkage"),
-    log:
-        "results/{run}/logs/rover/draw_drive.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/draw_drive.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("draw_drive"),
     script:
         "../scripts/draw_drive.py"
 
@@ -347,16 +274,11 @@ rule draw_sequence:
         poses=of_first_drive(f"{ROVER.shown_view}/poses.parquet"),
     output:
         figure=shown("results/{run}/figures/rover_sequence.png", "Rover", picture="the drive"),
-    log:
-        "results/{run}/logs/rover/draw_sequence.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/draw_sequence.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         pictures=ROVER.shown_set,
-        code=code_of("draw_sequence"),
     script:
         "../scripts/draw_sequence.py"
 
@@ -369,16 +291,11 @@ rule draw_front:
         detections=shown_detections,
     output:
         figure=shown("results/{run}/figures/rover_front.png", "Rover", picture="front camera"),
-    log:
-        "results/{run}/logs/rover/draw_front.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/draw_front.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         pictures=ROVER.shown_set,
         confidence=ROVER.cameras.onboard.confidence,
-        code=code_of("draw_front"),
     script:
         "../scripts/draw_front.py"

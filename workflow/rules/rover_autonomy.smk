@@ -25,10 +25,6 @@ rule drive_alone:
         events="results/{run}/rover/autonomy/{case}/events.parquet",  # written through figures
         pictures=directory("results/{run}/rover/autonomy/{case}/pictures"),  # written through figures
         drive="results/{run}/rover/autonomy/{case}/drive.json",  # written through figures
-    log:
-        "results/{run}/logs/rover/drive_alone_{case}.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/drive_alone_{case}.tsv"
     resources:
         mem_mb=growing(3000),
         runtime=60,
@@ -40,7 +36,6 @@ rule drive_alone:
         cameras=cameras_of_case,
         render=render_of_case,
         detector=detector_of_case,
-        code=code_of("drive_alone"),
     script:
         "../scripts/drive_alone.py"
 
@@ -53,15 +48,9 @@ rule summarise_autonomy:
         each="results/{run}/rover/every_autonomy.parquet",
         together="results/{run}/rover/autonomy.parquet",
         effects="results/{run}/rover/autonomy_effects.parquet",
-    log:
-        "results/{run}/logs/rover/summarise_autonomy.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/summarise_autonomy.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=10,
-    params:
-        code=code_of("summarise_autonomy"),
     script:
         "../scripts/summarise_autonomy.py"
 
@@ -82,16 +71,11 @@ rule tabulate_autonomy:
             name=["rover_autonomy", "rover_autonomy_effects"],
             form=["md", "tex", "parquet"],
         ),
-    log:
-        "results/{run}/logs/rover/tabulate_autonomy.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/tabulate_autonomy.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_autonomy"),
     script:
         "../scripts/tabulate_autonomy.py"
 
@@ -105,17 +89,12 @@ rule rank_detectors:
     output:
         by_detector="results/{run}/rover/autonomy_detectors.parquet",
         ranks="results/{run}/rover/autonomy_rank.parquet",
-    log:
-        "results/{run}/logs/rover/rank_detectors.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/rank_detectors.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=10,
     params:
         pair=[CONFIG.photo_domain, ROVER.cameras.models[0]],
         split=SPLITS[0],
-        code=code_of("rank_detectors"),
     script:
         "../scripts/rank_detectors.py"
 
@@ -128,16 +107,11 @@ rule tabulate_rank:
     output:
         table=shown("results/{run}/tables/rover_rank.csv", "Rover", picture="gap and drive"),
         others=multiext("results/{run}/tables/rover_rank", ".md", ".tex", ".parquet"),  # written through table
-    log:
-        "results/{run}/logs/rover/tabulate_rank.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/tabulate_rank.tsv"
     resources:
         mem_mb=growing(500),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("tabulate_rank"),
     script:
         "../scripts/tabulate_rank.py"
 
@@ -150,16 +124,11 @@ rule draw_autonomy:
     output:
         figure=shown("results/{run}/figures/rover_autonomy.png", "Rover", picture="modes"),
         ways=shown("results/{run}/figures/rover_ways.png", "Rover", picture="ways"),
-    log:
-        "results/{run}/logs/rover/draw_autonomy.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/draw_autonomy.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("draw_autonomy"),
     script:
         "../scripts/draw_autonomy.py"
 
@@ -172,15 +141,10 @@ rule draw_autonomy_maps:
         pictures=autonomy_of("pictures"),  # read through drives
     output:
         figure=shown("results/{run}/figures/rover_maps.png", "Rover", picture="map, way, hits and pictures"),
-    log:
-        "results/{run}/logs/rover/draw_autonomy_maps.log",
-    benchmark:
-        "results/{run}/benchmarks/rover/draw_autonomy_maps.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
         origin=ORIGIN,
-        code=code_of("draw_autonomy_maps"),
     script:
         "../scripts/draw_autonomy_maps.py"

@@ -9,17 +9,12 @@ rule score_cameras:
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
         evaluation="results/{run}/evaluation/cameras_Terrain{terrain}.csv",
-    log:
-        "results/{run}/logs/scoring/score_cameras_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/score_cameras_{terrain}.tsv"
     resources:
         mem_mb=growing(500),
         runtime=10,
     params:
         truth=PATHS.truth,
         annotated=PATHS.annotated_labels,
-        code=code_of("score_cameras"),
     script:
         "../scripts/score_cameras.py"
 
@@ -37,16 +32,11 @@ rule score_rocks:
         evaluation="results/{run}/evaluation/rocks_Terrain{terrain}.csv",
         scores="results/{run}/evaluation/meshes_Terrain{terrain}.csv",
         offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/scoring/score_rocks_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/score_rocks_{terrain}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=10,
     params:
         truth=PATHS.truth,
-        code=code_of("score_rocks"),
     script:
         "../scripts/score_rocks.py"
 
@@ -62,16 +52,11 @@ rule check_consistency:
         photos=PATHS.photos_of_terrain,
     output:
         evaluation="results/{run}/evaluation/consistency_Terrain{terrain}.csv",
-    log:
-        "results/{run}/logs/scoring/check_consistency_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/check_consistency_{terrain}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=10,
     params:
         annotated=PATHS.annotated_labels,
-        code=code_of("check_consistency"),
     script:
         "../scripts/check_consistency.py"
 
@@ -85,10 +70,6 @@ rule score_labels:
     output:
         evaluation="results/{run}/evaluation/labels_Terrain{terrain}.csv",
         pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/scoring/score_labels_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/score_labels_{terrain}.tsv"
     resources:
         mem_mb=growing(500),
         runtime=10,
@@ -97,7 +78,6 @@ rule score_labels:
         grid=options("grid"),
         truth=PATHS.true_labels,
         options=options("scoring"),
-        code=code_of("score_labels"),
     script:
         "../scripts/score_labels.py"
 
@@ -110,10 +90,6 @@ rule score_outlines:
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     output:
         evaluation="results/{run}/evaluation/outlines_Terrain{terrain}.csv",
-    log:
-        "results/{run}/logs/scoring/score_outlines_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/score_outlines_{terrain}.tsv"
     resources:
         mem_mb=growing(1500),
         runtime=10,
@@ -122,7 +98,6 @@ rule score_outlines:
         grid=options("grid"),
         root=str(CONFIG.annotated_root),
         options=options("scoring"),
-        code=code_of("score_outlines"),
     script:
         "../scripts/score_outlines.py"
 
@@ -134,17 +109,12 @@ rule score_masks:
         polygons=PATHS.annotated_polygons_of_covers(),  # read through params.root
     output:
         scores="results/{run}/covers/mask_scores.parquet",
-    log:
-        "results/{run}/logs/scoring/score_masks.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/score_masks.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=10,
     params:
         root=str(CONFIG.annotated_root),
         resamples=CONFIG.detect.comparison.resamples,
-        code=code_of("score_masks"),
     script:
         "../scripts/score_masks.py"
 
@@ -159,10 +129,6 @@ rule score_twins:
     output:
         evaluation="results/{run}/evaluation/twins_Terrain{terrain}.csv",
         pairs="results/{run}/evaluation/twin_pairs_Terrain{terrain}.parquet",
-    log:
-        "results/{run}/logs/scoring/score_twins_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/score_twins_{terrain}.tsv"
     resources:
         mem_mb=growing(1000),
         runtime=20,
@@ -170,7 +136,6 @@ rule score_twins:
         truth=PATHS.true_labels,
         models=MODELS,
         options=options("scoring"),
-        code=code_of("score_twins"),
     script:
         "../scripts/score_twins.py"
 
@@ -184,15 +149,10 @@ rule score_materials:
         cameras="results/{run}/cameras/Terrain{terrain}",
     output:
         evaluation="results/{run}/evaluation/materials_Terrain{terrain}.csv",
-    log:
-        "results/{run}/logs/scoring/score_materials_{terrain}.log",
-    benchmark:
-        "results/{run}/benchmarks/scoring/score_materials_{terrain}.tsv"
     resources:
         mem_mb=growing(2000),
         runtime=10,
     params:
         truth=PATHS.truth,
-        code=code_of("score_materials"),
     script:
         "../scripts/score_materials.py"
