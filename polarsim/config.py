@@ -33,7 +33,7 @@ from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.options import FINE_TUNED, OnboardDetector
 from polarsim.scoring.options import ScoringOptions
 from polarsim.sources.registry import SOURCES
-from polarsim.sources.source import Source
+from polarsim.sources.source import DataSource
 
 RELEASE_ROOT = "POLAR_SIM_ROOT"  # environment variable that names a local copy of the release
 
@@ -239,7 +239,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self.photo_domain, self.ablation_model
 
     @property
-    def data_source(self) -> Source:
+    def data_source(self) -> DataSource:
         """The source of the raw data."""
         return SOURCES[self.source.kind]
 

@@ -12,7 +12,7 @@ from polarsim.formats import nasa
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import PhotoKey
 from polarsim.run_files.inventory import Inventory
-from polarsim.sources.source import TerrainContent, as_text, below
+from polarsim.sources.source import TerrainContent, below, path_texts
 
 log = logging.getLogger("polarsim")
 
@@ -62,8 +62,8 @@ class NasaSource:
             terrain,
             self.kind,
             calibration=stated.as_posix() if stated else "",
-            range_maps=as_text({name: path for name, path in range_maps.items() if name in positions}),
-            clouds=as_text({name: path for name, path in clouds.items() if name in positions}),
+            range_maps=path_texts({name: path for name, path in range_maps.items() if name in positions}),
+            clouds=path_texts({name: path for name, path in clouds.items() if name in positions}),
             stray=below(root, nasa.find_strays(folder, terrain) if folder else []),
         )
         return TerrainContent(inventory, photos)

@@ -11,7 +11,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import release
 from polarsim.grid import GridOptions
 from polarsim.run_files.inventory import Inventory
-from polarsim.sources.source import TerrainContent, as_text, below
+from polarsim.sources.source import TerrainContent, below, path_texts
 
 _FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)
 
@@ -52,9 +52,9 @@ class ReleaseSource:
         inventory = Inventory(
             terrain,
             "release",
-            meshes=as_text(release.mesh_files(root, terrain)),
+            meshes=path_texts(release.mesh_files(root, terrain)),
             ground=ground.as_posix() if ground else "",
-            cover_photos=as_text(release.cover_photos(root, terrain)),
+            cover_photos=path_texts(release.cover_photos(root, terrain)),
             stray=below(root, stray),
         )
         return TerrainContent(inventory, [])

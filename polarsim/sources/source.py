@@ -21,7 +21,7 @@ class TerrainContent:
     photos: Sequence[tuple[PhotoKey, Path]]  # of the run's positions
 
 
-class Source(Protocol):
+class DataSource(Protocol):
     """Layout and properties of the raw data below `source.root`.
 
     Methods take the root and the number of a terrain. They read the layout; the acquire stage reads the files.
@@ -80,7 +80,7 @@ class Source(Protocol):
         ...
 
 
-def as_text(files: Mapping[str, Path] | Mapping[int, Path]) -> dict[str, str]:
+def path_texts(files: Mapping[str, Path] | Mapping[int, Path]) -> dict[str, str]:
     """Return the files of an inventory by name."""
     return {str(name): path.as_posix() for name, path in files.items()}
 

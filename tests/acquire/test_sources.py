@@ -11,7 +11,7 @@ from polarsim.config import parse_config
 from polarsim.formats.tables import read_parquet
 from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.sources.registry import SOURCES
-from polarsim.sources.source import Source, TerrainContent, as_text
+from polarsim.sources.source import DataSource, TerrainContent, path_texts
 
 
 class SandboxSource:
@@ -34,7 +34,7 @@ class SandboxSource:
 
     def index(self, root, terrain, positions, grid):
         clouds = {path.stem: path for path in self.inputs(root, terrain) if path.stem in positions}
-        return TerrainContent(Inventory(terrain, "sandbox", clouds=as_text(clouds)), [])
+        return TerrainContent(Inventory(terrain, "sandbox", clouds=path_texts(clouds)), [])
 
     def truth(self, root, terrain):
         return None
@@ -74,7 +74,7 @@ def test_a_configuration_takes_the_properties_of_its_source(sandbox):
 
 @pytest.mark.parametrize("kind", SOURCES)
 def test_every_source_implements_the_protocol(kind, tmp_path):
-    source: Source = SOURCES[kind]
+    source: DataSource = SOURCES[kind]
     assert source.folders(tmp_path, 4) == source.inputs(tmp_path, 4) == []
     assert (source.truth(tmp_path, 4) is not None) == source.is_generated
     assert source.layout.fullmatch(source.expected(4).split("/")[0].split(" ")[0].replace("*", "A"))
