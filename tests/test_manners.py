@@ -52,73 +52,41 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-# A call a line; what follows :: are its endings, one a call.
+# A call a line; its endings follow ::, one for each call.
 HOSTILE = """
-:: nonsense | --nonsense
-:: render | score boxes | masks polygons | outline labels.json | export | show | detect | compare | brdf | ipd boxes
-
-render meshes out.png --yaw :: nan | inf | -inf | x | ''
-render meshes out.png --pitch :: nan | inf | -inf | 91 | x
-render meshes out.png --roll :: nan | inf | -inf | x
-render meshes out.png --intensity :: nan | inf | -1
-render meshes out.png --lamp-radius :: nan | inf | -1
-render meshes out.png --exposure :: nan | inf | -1
-render meshes out.png --camera :: nan 0 1 | 0 inf 1 | 0 0 1e9 | 0 0 -1 | 9 9 -1 | 0 0
-render meshes out.png --lamp :: nan 0 1 | 0 inf 1 | 0 0 1e9 | 0 0 -1 | 9 9 -1 | 0 0
-render meshes out.png --sun :: 30 95 | 30 0 | 30 -5 | nan 10 | 30 inf | 30
-render meshes out.png --terrain :: 0 | 14 | 1.5 | nan | 7
-render meshes out.png :: --threads 0 | --model marble | --engine cuda
-render meshes out.png --option :: samples | samples=nan | samples=0 | nothing=1 | '' | = | blur_px=inf | blur_px=-1
-render good.yaml views :: --limit 0 | --scale nan | --scale 0 | --scale 1e9 | --threads 0 | --exposure 3
-render :: buried.yaml views | far.yaml views | no.yaml views | missing.yaml views
-score boxes boxes --threshold :: nan | 0 | 2 | x
-ipd boxes boxes boxes boxes :: --confidence nan | --confidence 2 | --pair-iou 0 | --pair-iou nan | --resamples 1
-ipd boxes boxes boxes boxes :: --seed -1 | --unit rock | --missing maybe
-brdf hapke :: --incidence nan | --incidence 91 | --emergence -1 | --azimuth inf | --azimuth 181 | --set basalt
-brdf :: hapke --set '' | lambert --set chrono_lunar | marble
-outline labels.json out.json --simplify-px :: nan | -1 | 11
-detect picture.png --weights text.pt --out new :: --confidence nan | --confidence 0 | --threads 0 | --device tpu
-detect picture.png --weights text.pt --out new :: --widths x | --widths nan | --widths 0 | --gates 30
-show KEY :: --scale nan | --scale 0 | --scale -1 | --scale 1e9 | --kinds pebble | --domain marble
-show :: 01_A | ''
-validate boxes :: --workers 0 | --select X9 | --format xml
-export new :: --terrain 0 | --tool paint | --keys '[' | --domain marble
-:: report --cores 0 | drive --seed -1 | drive --threads 0
-
-render meshes :: folder | out.jpg | out | file/out.png | folder/out.png | '' | LONG.png
-render meshes out.png :: --maps file | --maps file/maps | --cameras folder | --cameras file | --cameras missing
-render :: missing out.png | file out.png | boxes out.png | good.yaml file | good.yaml file/views | folder views
-brdf hapke --plot :: x.xyz | folder | file/x.png | plain
-score :: missing boxes | boxes missing | file boxes | boxes file | folder boxes
-score boxes boxes --json :: folder | file/x.json
-ipd :: missing boxes boxes boxes | boxes file boxes boxes | boxes boxes text.pt boxes | boxes boxes boxes folder
-ipd boxes boxes boxes boxes :: --json folder
-masks :: missing out | file out | folder out | polygons file | polygons file/out
-outline :: missing out.json | folder out.json | file out.json
-outline labels.json :: folder | file/out.json
-show KEY :: --out folder | --out x.jpg | --run nowhere | --run '' | --run ../results | --results missing |
-export :: file | folder | new --run nowhere | new --results file | new
-compare demo :: | demo | nowhere | --out folder | --out file/x | --results missing
-report :: nowhere | demo
-drive :: --config missing | --config file | --config folder | --config no.yaml | --out file
-validate :: missing | file | folder | boxes --json folder | boxes --fix file | boxes --fix boxes
-detect picture.png :: --weights missing --out new | --weights folder --out new
-detect picture.png :: --weights text.pt --out new | --weights text.pt --out file
-publish demo new --format :: coco | csv | '' | coco,csv
-publish demo new --format coco :: --subset colour=red | --subset terrain=1e9
-publish demo new --format coco :: --max-size much | --max-size -1 | --max-size nan
-publish :: nowhere new --format coco | demo file --format coco | demo file/new --format coco | demo new
-publish demo new --format coco --results :: missing | file
-import labels.json :: file | folder | file/new | new --format csv | new --as truth | new --name boulder | new --name a=b
-import :: missing new | missing.json new | missing.xml new | file new | picture.png new
-import :: folder new | no.yaml new | '' new
-explore :: nowhere | demo | demo --out file | demo --out folder | demo --width 0 | demo --width nan | demo --port -1
-explore :: demo --port 99999 | demo --results missing
-rerun :: nowhere 01_A | demo 01_A | demo A | demo 01_A --out folder | demo 01_A --out x.png | demo 01_A --out file/x.rrd
-fiftyone :: nowhere new | demo new | demo file | demo folder | demo new --width 1e9 | demo new --domain marble
-undo KEY :: --run nowhere | --run demo | --configfile missing | --configfile folder | --configfile no.yaml
-undo :: 01_A | ''
-detect :: missing --weights text.pt --out new | folder --weights text.pt --out new | file --weights text.pt --out new
+:: nonsense | --nonsense | render | score boxes | show | detect | ipd boxes
+render meshes out.png --yaw :: nan | inf | x
+render meshes out.png --pitch :: nan | 91
+render meshes out.png :: --intensity -1 | --lamp-radius nan | --exposure inf | --threads 0 | --model marble
+render meshes out.png --camera :: nan 0 1 | 0 0 1e9 | 9 9 -1 | 0 0
+render meshes out.png --lamp :: nan 0 1 | 0 0 -1
+render meshes out.png --sun :: 30 95 | nan 10 | 30
+render meshes out.png --terrain :: 0 | 1.5 | 7
+render meshes out.png --option :: samples | samples=nan | nothing=1 | '' | blur_px=-1
+render meshes :: folder | out.jpg | file/out.png | folder/out.png | LONG.png | out.png --maps file/maps
+render :: file out.png | buried.yaml views | far.yaml views | no.yaml views | good.yaml file/views
+render good.yaml views :: --limit 0 | --scale nan | --exposure 3
+score boxes boxes :: --threshold nan | --threshold 2 | --json folder
+ipd boxes boxes boxes boxes :: --confidence 2 | --pair-iou nan | --resamples 1 | --seed -1 | --unit rock | --json folder
+brdf hapke :: --incidence 91 | --azimuth inf | --set basalt | --plot x.xyz | --plot file/x.png
+outline labels.json out.json --simplify-px :: nan | 11
+outline :: folder out.json | labels.json folder
+masks :: polygons file | folder out
+detect picture.png --weights text.pt --out new :: --confidence 0 | --device tpu | --widths x | --gates 30
+detect picture.png :: --weights missing --out new | --weights text.pt --out file
+show KEY :: --scale nan | --scale 1e9 | --kinds pebble | --out folder | --run ../results
+validate boxes :: --workers 0 | --select X9 | --format xml | --json folder | --fix boxes
+export new :: --terrain 0 | --tool paint | --keys '[' | --results file
+compare demo :: nowhere | --out folder
+report :: --cores 0 | nowhere
+drive :: --seed -1 | --threads 0 | --config no.yaml | --out file
+publish demo new --format :: csv | coco,csv | coco --subset colour=red | coco --max-size much | coco --results file
+import labels.json :: file | folder | new --format csv | new --as truth | new --name a=b
+import :: missing.json new | picture.png new
+explore demo :: --out file | --width 0 | --port 99999
+rerun demo :: A | 01_A --out x.png
+fiftyone demo :: file | new --domain marble
+undo KEY :: --run demo | --configfile no.yaml
 """
 
 
@@ -142,30 +110,10 @@ def test_the_version_is_that_of_the_package(polarsim):
         assert (done.returncode, done.stdout) == (0, f"polarsim {package.__version__}\n")
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_its_help_in_short_too(polarsim, command):
-    short, long = polarsim(command, "-h"), polarsim(command, "--help")
-    assert short.returncode == 0
-    assert f"Usage: polarsim {command}" in short.stdout
-    assert short.stdout == long.stdout
-
-
-def test_help_loses_no_word_to_markup(polarsim):
-    for command in typer.main.get_command(app).commands.values():
-        assert "[" not in (command.help or "")  # Rich takes what stands in brackets for a style
-    assert "Needs the extra `rerun`." in " ".join(polarsim("rerun", "-h").stdout.split())
-
-
 def test_a_shell_completes_commands_options_and_values():
     assert completed("polarsim ren") == ["render"]
     assert "--exposure" in completed("polarsim render --exp")
     assert completed("polarsim brdf hapke_") == ["hapke_chrono"]
-
-
-def test_without_a_command_the_commands_are_listed(polarsim):
-    done = polarsim()
-    assert done.returncode == 2
-    assert all(command in done.stdout for command in COMMANDS)
 
 
 @pytest.mark.parametrize(
@@ -181,8 +129,8 @@ def test_without_a_command_the_commands_are_listed(polarsim):
     ids=lambda call: call[0],
 )
 def test_a_mistyped_run_gets_the_runs_that_are_there_the_nearest_first(polarsim, here, call):
-    told = polarsim(*call).stderr
-    assert told == "error: results: no run 'realease'; there are release, demo\n"
+    (line,) = polarsim(*call).stderr.splitlines()
+    assert line.index("realease") < line.index("release") < line.index("demo")
 
 
 def test_ctrl_c_ends_a_call_in_one_line(polarsim, monkeypatch):

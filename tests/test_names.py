@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
 
-import pytest
-
 from polarsim.photo import HEIGHT, WIDTH
 
 CHECKOUT = Path(__file__).parent.parent
@@ -65,30 +63,6 @@ def test_no_name_of_a_module_or_class_is_assigned_twice():
     assert {path: names for path, names in found.items() if names} == {}
 
 
-@pytest.mark.parametrize(
-    "second",
-    [
-        "ROUNDS = 3",
-        "ROUNDS: int = 3",
-        "FEW, (ROUNDS, *_) = 1, (3,)",
-        "FEW = ROUNDS = 3",
-        "ROUNDS += 3",
-        "for ROUNDS in range(3): pass",
-        "if True:\n    ROUNDS = 3",
-        "try:\n    pass\nexcept ValueError:\n    ROUNDS = 3",
-        "from polarsim.grid import ROUNDS",
-        "import numpy as ROUNDS",
-        "def ROUNDS(): pass",
-        "class ROUNDS: pass",
-    ],
-)
-def test_a_second_binding_is_found_in_a_module_and_in_a_class(second):
-    module = f"ROUNDS = 5\n{second}\n"
-    indented = "".join(f"    {line}\n" for line in module.splitlines())
-    assert [one.split(": ")[1] for one in repeated(module)] == ["ROUNDS"]
-    assert [one.split(": ")[1] for one in repeated(f"class Options:\n{indented}")] == ["ROUNDS"]
-
-
 # Public functions and classes with one name in more than one package. The list may only shrink.
 DUPLICATED = """
 Body Caster Drive Grid Ground Hits Job Lamp Light Material Picture Region Rock Rule Samples Sand Scene Section Seen
@@ -111,10 +85,6 @@ def test_a_public_function_or_class_has_its_name_in_one_package_only():
                 packages.setdefault(node.name, set()).add(package)
     duplicated = {name: found for name, found in packages.items() if len(found) > 1}
     assert {name: found for name, found in duplicated.items() if name not in DUPLICATED.split()} == {}
-
-
-def test_other_scopes_and_attributes_are_no_second_binding():
-    assert repeated("ROUNDS = 5\ndef f():\n    ROUNDS = 3\nROUNDS.real = {}\nROUNDS[0] = 1\nFEW: int\nFEW = 3\n") == []
 
 
 def test_the_size_of_a_photo_is_written_in_one_module():

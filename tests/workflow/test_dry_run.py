@@ -3,7 +3,6 @@
 import re
 import shutil
 import subprocess
-from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -131,29 +130,6 @@ def test_maps_and_materials_are_planned_where_they_are_asked_for(dry_run):
     assert not {"fit_materials", "score_materials"} & set(planned(done))
 
 
-def test_fitted_materials_are_not_scored_where_no_truth_is_known(dry_run, release_like):
-    asked = ("--configfile", "config/release.yaml", "--config", "render={materials_from_photos: true}")
-    done = dry_run(*asked, POLAR_SIM_ROOT=str(release_like))
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "score_materials" not in planned(done)
-
-
-def test_labels_that_nobody_drew_are_not_scored(checkout, snakemake, tmp_path):
-    root = tmp_path / "release"
-    polygons = root / "SegmentationLabels/terrain06/labels"  # the seeds, since nobody drew boxes
-    polygons.mkdir(parents=True)
-    (polygons / "06_A_off_30_L_0256.txt").write_text("2 0.1 0.1 0.2 0.1 0.2 0.2\n")
-    content = yaml.safe_load((checkout / "config/release.yaml").read_text()) | {"terrains": [6]}
-    (checkout / "config/unannotated.yaml").write_text(yaml.safe_dump(content))
-    done = snakemake(
-        checkout, "tables", "--dry-run", "--configfile", "config/unannotated.yaml", POLAR_SIM_ROOT=str(root)
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    jobs = planned(done)
-    assert "score_rocks" in jobs
-    assert not {"score_labels", "tabulate_labels", "draw_label_scores"} & set(jobs)
-
-
 def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_detectors_alone(dry_run):
     files = ("--configfile", "config/config.yaml", "config/overlays/gap.yaml")
     done = dry_run("gap", *files)
@@ -188,12 +164,6 @@ def test_a_run_is_published_once_a_form_and_only_where_it_is_asked_for(dry_run):
     assert "publish_run" not in planned(dry_run("--configfile", "config/config.yaml"))
 
 
-def test_without_components_there_is_no_ablation(dry_run):
-    done = dry_run("--configfile", "config/config.yaml")
-    assert "gap/" not in (done.stdout + done.stderr).replace("figures/gap", "")
-    assert not {"write_truth", "render_component", "run_ablation", "tabulate_gap"} & set(planned(done))
-
-
 def test_accuracy_is_measured_without_labels_and_twins(dry_run):
     done = dry_run("geometry", "--configfile", "config/accuracy.yaml")
     assert done.returncode == 0, done.stderr
@@ -210,17 +180,6 @@ def test_thirteen_terrains_plan_fewer_than_1000_jobs(checkout, snakemake):
     done = snakemake(checkout, "--dry-run", "--configfile", "config/all.yaml")
     assert done.returncode == 0, done.stderr
     assert planned(done)["total"] < 1000
-
-
-def test_an_impossible_configuration_ends_in_one_line_that_names_the_key(checkout, snakemake):
-    content = {**yaml.safe_load((checkout / "config/config.yaml").read_text()), "terains": [1]}
-    (checkout / "config/broken.yaml").write_text(yaml.safe_dump(content))
-    done = snakemake(checkout, "--dry-run", "--configfile", "config/broken.yaml")
-    assert done.returncode == 1
-    lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
-    assert len(lines) == 1
-    assert "terains" in lines[0]
-    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -296,15 +255,3 @@ def test_a_fold_of_a_terrain_that_the_run_has_not_is_named(dry_run, release_with
     assert done.returncode == 1
     assert "covers.folds: 2 is none of the run's" in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr
-
-
-def test_each_wildcard_is_constrained_once():
-    """Constraints are global: of two for one wildcard each rule would take the one before it."""
-    blocks = [
-        block
-        for path in (CONFIGURATIONS.parent / "workflow/rules").glob("*.smk")
-        for block in re.findall(r"^wildcard_constraints:\n((?:    .*\n)+)", path.read_text(), re.MULTILINE)
-    ]
-    names = Counter(name for block in blocks for name in re.findall(r"^    (\w+)=", block, re.MULTILINE))
-    assert {"trained", "cover_trained"} <= set(names)
-    assert [name for name, count in names.items() if count > 1] == []
