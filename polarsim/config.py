@@ -334,7 +334,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             "rover": not self.rover.run,
         }
         parts: dict[str, Any] = {
-            "source": {"root", "urls", "fetch"},
+            "source": {"root", "urls"},
             "labels": {"seeds": {"root"}} if isinstance(self.labels.seeds, SeedOptions) else set(),
             "scoring": {"annotated_root"},
             "covers": {"publish"},

@@ -32,16 +32,14 @@ few = settings(max_examples=30)
     run=st.text("aZ09_.-", max_size=9).map(lambda text: f"r{text}"),
     root=folders,
     seeds_root=folders,
-    tries=st.integers(1, 100),
     forms=st.sampled_from([[], ["coco"], ["pds4", "usd"]]),
 )
-def test_neither_names_nor_folders_nor_downloads_change_the_digest(name, run, root, seeds_root, tries, forms):
+def test_neither_names_nor_folders_nor_downloads_change_the_digest(name, run, root, seeds_root, forms):
     changed = copy.deepcopy(CONTENTS[name])
     changed["run"] = run
     changed["source"] |= {
         "root": root,
         "urls": {"Terrain11_FreshCrater.zip": f"https://host/{run}"},
-        "fetch": {"tries": tries},
     }
     changed["publish"] = {"forms": forms}
     if "root" in changed.get("labels", {}).get("seeds", {}):

@@ -8,7 +8,7 @@ import stat
 import zipfile
 from pathlib import Path, PurePosixPath
 
-from polarsim.acquire.options import FetchOptions
+from polarsim.acquire.options import FetchLimits
 from polarsim.errors import FetchError, FormatError
 from polarsim.formats.files import writing_folder
 from polarsim.formats.readers import reader
@@ -22,13 +22,12 @@ _OUTSIDE = re.compile(r"^/|^[A-Za-z]:|\0|(^|/)\.\.(/|$)")
 _OF_MACOS = ("__MACOSX", ".DS_Store")  # beside the content of every archive that macOS packs
 _READ = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 _DEFLATE64 = 9
+_DEFAULT = FetchLimits()
 _ENCRYPTED = 0x1  # of an entry's flags
 
 
 @reader("zip archive", largest_mb=1e6)
-def unpack(
-    archive: Path, folder: Path, options: FetchOptions | None = None, layout: re.Pattern[str] | None = None
-) -> None:
+def unpack(archive: Path, folder: Path, limits: FetchLimits = _DEFAULT, layout: re.Pattern[str] | None = None) -> None:
     """Unpack a zip into `folder`, which appears when it is complete.
 
     A single top folder with the name of `folder` is left out and, where a layout is given, every single top folder that
@@ -43,17 +42,16 @@ def unpack(
     ------
     FormatError
         No zip, cut or damaged (every entry's checksum is tested), or an entry that points outside, is a link, is there
-        twice, is encrypted or compressed in a way that Python does not read, or unpacks to more than the options allow.
+        twice, is encrypted or compressed in a way that Python does not read, or exceeds the limits.
     FetchError
         The disk has too little room.
     """
-    options = options or FetchOptions()
     with zipfile.ZipFile(archive) as source:
         entries = [entry for entry in source.infolist() if not _name(entry).endswith("/")]
-        check_entries(entries, options)
+        check_entries(entries, limits)
         total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
-        if total > max(HARMLESS, options.max_ratio * packed):  # many small ones, or several that share their bytes
-            raise FormatError(f"unpacks to {total / MB:.0f} MB, more than {options.max_ratio:g} times its size: a bomb")
+        if total > max(HARMLESS, limits.max_ratio * packed):  # many small ones, or several that share their bytes
+            raise FormatError(f"unpacks to {total / MB:.0f} MB, more than {limits.max_ratio:g} times its size: a bomb")
         _check_room(total, folder)
         with writing_folder(folder) as temporary:
             for entry in track(entries, f"unpacking {archive.name}"):
@@ -63,7 +61,7 @@ def unpack(
                 pass
 
 
-def check_entries(entries: list[zipfile.ZipInfo], options: FetchOptions) -> None:
+def check_entries(entries: list[zipfile.ZipInfo], limits: FetchLimits) -> None:
     """Refuse entries by what the archive's list says of them, before anything is written."""
     seen: set[str] = set()
     for entry in entries:
@@ -82,11 +80,11 @@ def check_entries(entries: list[zipfile.ZipInfo], options: FetchOptions) -> None
             raise FormatError(f"entry {name!r} is a link")
         if str(PurePosixPath(name)) in seen:
             raise FormatError(f"entry {name!r} is there twice")
-        if entry.file_size > options.max_file_mb * MB:
+        if entry.file_size > limits.max_file_mb * MB:
             size = entry.file_size / MB
-            raise FormatError(f"entry {name!r} unpacks to {size:.0f} MB, {options.max_file_mb:g} MB allowed")
-        if entry.file_size > max(HARMLESS, options.max_ratio * entry.compress_size):
-            raise FormatError(f"entry {name!r} unpacks to more than {options.max_ratio:g} times its size: a bomb")
+            raise FormatError(f"entry {name!r} unpacks to {size:.0f} MB, {limits.max_file_mb:g} MB allowed")
+        if entry.file_size > max(HARMLESS, limits.max_ratio * entry.compress_size):
+            raise FormatError(f"entry {name!r} unpacks to more than {limits.max_ratio:g} times its size: a bomb")
         seen.add(str(PurePosixPath(name)))
 
 

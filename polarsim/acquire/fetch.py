@@ -9,7 +9,7 @@ import zipfile
 from pathlib import Path
 
 from polarsim.acquire.archives import unpack
-from polarsim.acquire.options import FetchOptions, SourceOptions
+from polarsim.acquire.options import FetchLimits, SourceOptions
 from polarsim.download import alone, downloaded
 from polarsim.errors import ConfigError, FetchError, FormatError
 from polarsim.formats.files import read_json, write_json
@@ -18,10 +18,12 @@ from polarsim.sources.registry import SOURCES
 
 PINS = "checksums.json"  # archive name -> SHA-256, written on first sight
 
+_DEFAULT = FetchLimits()
+
 log = logging.getLogger("polarsim")
 
 
-def fetch_archive(*, name: str, url: str | None, root: Path, options: FetchOptions) -> Path:
+def fetch_archive(*, name: str, url: str | None, root: Path, limits: FetchLimits) -> Path:
     """The archive `root/name`, downloaded where it is not there, and checked against its pinned checksum.
 
     What an interrupted download brought is kept in a hidden file beside it, and the next call goes on from there as
@@ -40,14 +42,14 @@ def fetch_archive(*, name: str, url: str | None, root: Path, options: FetchOptio
             return path
         if url is None:
             raise FetchError("not there, and no address is configured for it", path=path)
-        with downloaded(url, path, options.tries, options.backoff_s, options.timeout_s) as partial:
+        with downloaded(url, path, limits.tries, limits.backoff_s, limits.timeout_s) as partial:
             if not zipfile.is_zipfile(partial):  # such as the page of a portal: its checksum would be pinned
                 raise FetchError(f"{url} gives no zip archive", path=path)
             _check_pin(partial, path, root)
     return path
 
 
-def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
+def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: FetchLimits = _DEFAULT) -> None:
     """Make sure that the source's root has a terrain's folders, and write a receipt of what was used.
 
     Archives are those of the configuration, and those that already lie in the root. Folders that are there stay as
@@ -67,10 +69,10 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path) -> None:
         folder = source.root / Path(name).stem
         named = _terrain_in(name) == terrain and data.unpacked(source.root, terrain)
         if not named and not folder.is_dir():
-            path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, options=source.fetch)
+            path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, limits=limits)
             with alone(source.root):
                 if not folder.is_dir():  # another terrain's job may have been here
-                    unpack(path, folder, source.fetch, data.layout)
+                    unpack(path, folder, limits, data.layout)
         data.arrange(folder, source.root)
     pins = read_pins(source.root)
     used = {name: pins[name] for name in archives_of(terrain, source) if name in pins}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -16,30 +17,15 @@ from polarsim.user_path import UserPath
 NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
 
 
-class FetchOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say how archives are downloaded and unpacked."""
+@dataclass(frozen=True)
+class FetchLimits:
+    """Limits of downloads and of archives; an archive of NASA has about 0.9 GB."""
 
-    tries: int = Field(
-        default=5,
-        ge=1,
-        le=100,
-        description="A download is tried so many times before it fails; each try goes on where the last one ended.",
-    )
-    backoff_s: float = Field(
-        default=2.0,
-        ge=0,
-        description="A download pauses for this long before the second try, s; the pause doubles with every "
-        "further one.",
-    )
-    timeout_s: float = Field(
-        default=60.0, gt=0, description="A server may be silent for this long, s, before a try ends."
-    )
-    max_file_mb: float = Field(
-        default=4000.0, gt=0, description="No file of an archive may unpack to more than this, MB."
-    )
-    max_ratio: float = Field(
-        default=200.0, gt=1, description="A file may be at most so many times as large as it is compressed."
-    )
+    tries: int = 5  # each goes on from the bytes of the one before
+    backoff_s: float = 2.0  # pause before the second try, doubled before each further one
+    timeout_s: float = 60.0  # without a byte from the server
+    max_file_mb: float = 4000.0  # of one file of an archive
+    max_ratio: float = 200.0  # of a file's size to its compressed size: beyond it, an archive is a bomb
 
 
 class SourceOptions(BaseModel, extra="forbid", frozen=True):
@@ -57,9 +43,6 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
         default_factory=dict,
         description="These archives are downloaded into the root: file name -> http(s) address. A name that "
         "begins with TerrainNN is fetched for that terrain alone, every other one for all.",
-    )
-    fetch: FetchOptions = Field(
-        default=FetchOptions(), description="This section says how archives are downloaded and unpacked."
     )
 
     @field_validator("urls")

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from polarsim.acquire.archives import unpack
-from polarsim.acquire.options import FetchOptions
+from polarsim.acquire.options import FetchLimits
 from polarsim.errors import FetchError, FormatError, PolarsimError
 
 
@@ -134,7 +134,7 @@ def test_many_entries_that_are_harmless_alone_are_a_bomb(tmp_path):
 
 def test_a_file_over_the_allowed_size_is_refused(tmp_path, archive):
     with pytest.raises(FormatError, match=r"CamL_7_0256\.png"):
-        unpack(archive, tmp_path / "a", FetchOptions(max_file_mb=0.01))
+        unpack(archive, tmp_path / "a", FetchLimits(max_file_mb=0.01))
 
 
 def test_a_size_that_lies_is_found(tmp_path, rng):

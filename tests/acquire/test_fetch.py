@@ -16,13 +16,13 @@ import pytest
 
 from polarsim import download
 from polarsim.acquire.fetch import PINS, archives_of, fetch_archive, fetch_terrain
-from polarsim.acquire.options import FetchOptions, SourceOptions
+from polarsim.acquire.options import FetchLimits, SourceOptions
 from polarsim.errors import ConfigError, FetchError, FormatError
 from polarsim.formats import nasa
 
 NAME = "Terrain11_FreshCrater.zip"
-FAST = FetchOptions(tries=3, backoff_s=0, timeout_s=5)
-ONCE = FetchOptions(tries=1, backoff_s=0, timeout_s=5)
+FAST = FetchLimits(tries=3, backoff_s=0, timeout_s=5)
+ONCE = FetchLimits(tries=1, backoff_s=0, timeout_s=5)
 
 
 @dataclass
@@ -113,7 +113,7 @@ def content(rng):
 
 
 def fetch(site, root, options=FAST, name=NAME):
-    return fetch_archive(name=name, url=f"{site.url}/{name}", root=root, options=options)
+    return fetch_archive(name=name, url=f"{site.url}/{name}", root=root, limits=options)
 
 
 def names(root):
@@ -186,13 +186,13 @@ def test_a_length_beyond_the_disk_is_refused_before_a_byte_is_written(site, tmp_
 def test_a_server_that_never_is_silent_and_never_ends_is_left(site, tmp_path, content):
     site.files[NAME], site.pause_s = content, 0.02
     with pytest.raises(FetchError, match=NAME):
-        fetch(site, tmp_path, FetchOptions(tries=1, backoff_s=0, timeout_s=0.2))
+        fetch(site, tmp_path, FetchLimits(tries=1, backoff_s=0, timeout_s=0.2))
 
 
 def test_a_silent_server_is_left(site, tmp_path, content):
     site.files[NAME], site.pause_s = content, 1.0
     with pytest.raises(FetchError, match=NAME):
-        fetch(site, tmp_path, FetchOptions(tries=1, backoff_s=0, timeout_s=0.2))
+        fetch(site, tmp_path, FetchLimits(tries=1, backoff_s=0, timeout_s=0.2))
 
 
 def test_a_file_that_moved_is_fetched_from_there(site, tmp_path, content):
@@ -242,7 +242,7 @@ def test_a_proxy_is_asked(site, tmp_path, content, monkeypatch):
     site.files[NAME] = content
     monkeypatch.setenv("http_proxy", site.url)
     monkeypatch.setenv("no_proxy", "")
-    path = fetch_archive(name=NAME, url=f"http://archive.invalid/{NAME}", root=tmp_path, options=ONCE)
+    path = fetch_archive(name=NAME, url=f"http://archive.invalid/{NAME}", root=tmp_path, limits=ONCE)
     assert path.read_bytes() == content
 
 
@@ -304,13 +304,13 @@ def test_a_server_that_stays_busy_fails_after_the_stated_tries(site, tmp_path):
 
 def test_a_server_that_is_not_there_is_one_line(tmp_path):
     with pytest.raises(FetchError, match=r"http://127\.0\.0\.1:9/a\.zip") as caught:
-        fetch_archive(name="a.zip", url="http://127.0.0.1:9/a.zip", root=tmp_path, options=FAST)
+        fetch_archive(name="a.zip", url="http://127.0.0.1:9/a.zip", root=tmp_path, limits=FAST)
     assert "\n" not in str(caught.value)
 
 
 def test_an_archive_that_is_neither_there_nor_has_an_address_is_named(tmp_path):
     with pytest.raises(FetchError, match=NAME):
-        fetch_archive(name=NAME, url=None, root=tmp_path, options=FAST)
+        fetch_archive(name=NAME, url=None, root=tmp_path, limits=FAST)
 
 
 @pytest.mark.parametrize("pins", ["[]", "{", '{"a.zip": 1}'])
@@ -318,7 +318,7 @@ def test_a_broken_list_of_checksums_is_one_line(tmp_path, pins):
     (tmp_path / NAME).write_bytes(b"local")
     (tmp_path / PINS).write_text(pins)
     with pytest.raises(FormatError, match=PINS):
-        fetch_archive(name=NAME, url=None, root=tmp_path, options=FAST)
+        fetch_archive(name=NAME, url=None, root=tmp_path, limits=FAST)
 
 
 NASA = {
@@ -334,7 +334,7 @@ def polar(site, tmp_path):
     site.files[RANGES] = packed({"GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif": "tif"})
     site.files["Terrain03_MeanDistr.zip"] = packed({"Terrain03_MeanDistr/stereo.calibration": "KEY: 1\n"})
     urls = {name: f"{site.url}/{name}" for name in site.files}
-    return SourceOptions(kind="polar", root=tmp_path / "polar", urls=urls, fetch=FAST)
+    return SourceOptions(kind="polar", root=tmp_path / "polar", urls=urls)
 
 
 def test_a_terrains_archives_become_its_folders_and_a_receipt(site, tmp_path, polar):
@@ -458,7 +458,7 @@ def test_a_releases_folders_come_to_the_root(site, tmp_path):
         }
     )
     urls = {"POLAR-Sim.zip": f"{site.url}/POLAR-Sim.zip"}
-    source = SourceOptions(kind="release", root=tmp_path / "release", urls=urls, fetch=FAST)
+    source = SourceOptions(kind="release", root=tmp_path / "release", urls=urls)
     fetch_terrain(terrain=1, source=source, done=tmp_path / "first.json")
     assert json.loads((tmp_path / "first.json").read_text())["files"] == [
         "Labels/Terrain01/01_A_off_30_L_0256.txt",

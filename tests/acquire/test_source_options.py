@@ -16,7 +16,6 @@ from polarsim.acquire.options import SeedOptions, SourceOptions, describe_seeds,
         ({"kind": "polar", "root": "x", "urls": {"../a.zip": "http://x/a.zip"}}, ("urls",)),
         ({"kind": "polar", "root": "x", "urls": {"a.tar": "http://x/a.tar"}}, ("urls",)),
         ({"kind": "polar", "root": "x", "urls": {"a.zip": "file:///etc/passwd"}}, ("urls",)),
-        ({"kind": "polar", "root": "x", "fetch": {"tries": 0}}, ("fetch", "tries")),
     ],
 )
 def test_an_impossible_source_is_refused(content, key):

@@ -74,7 +74,7 @@ def test_tables_depend_neither_on_the_name_of_the_run_nor_on_the_folder_of_its_d
     rules = {"cameras": "tabulate_cameras", "rocks": "tabulate_rocks", "evaluation": "gather_evaluation"}
     call = [f"results/other/tables/{name}.csv" for name in rules] + ["--configfile", "config/small.yaml"]
     call += ["--rerun-triggers", "mtime", "--allowed-rules", *rules.values()]
-    built = snakemake(checkout, *call, "--config", "run=other", "source={kind: analog, root: moved, fetch: {tries: 9}}")
+    built = snakemake(checkout, *call, "--config", "run=other", "source={kind: analog, root: moved}")
     assert built.returncode == 0, built.stderr[-3000:]
 
     def without_run(table: Path) -> list[str]:
