@@ -56,7 +56,7 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     content["rover"]["world"] = {"dem": {"path": "site.tif"}}
     (checkout / "site.tif").touch()
     (checkout / "config/lights.yaml").write_text(yaml.safe_dump(content | {"detect": {"seeds": [0, 1]}}))
-    files = [f"config/{name}.yaml" for name in ("rover", "rover_autonomy", "lights")]
+    files = [f"config/{name}.yaml" for name in ("rover", "overlays/rover_autonomy", "lights")]
     done = snakemake(checkout, "rover_autonomy", "--dry-run", "--configfile", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
