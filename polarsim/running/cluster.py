@@ -1,4 +1,4 @@
-"""Jobs that a killed run of a folder left to SLURM: what runs on another machine, or waits, shows no mark here."""
+"""Jobs of SLURM that a killed run of a folder has submitted: they run on other machines, or wait."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _GONE_S = 120.0  # SLURM kills what does not end by itself 30 s after it was tol
 
 
 def end_submitted(folder: Path) -> int:
-    """Cancel the jobs that Snakemake submitted for a folder and that SLURM still has; how many these were.
+    """Cancel the unfinished jobs that Snakemake submitted for a folder; return their number.
 
     Raises
     ------
     PolarsimError
-        They are still there minutes later: two would write the same files.
+        They are still running minutes later: two jobs would write the same files.
     """
     found = submitted(folder)
     if found:
@@ -36,7 +36,7 @@ def end_submitted(folder: Path) -> int:
 
 
 def submitted(folder: Path) -> list[str]:
-    """Numbers of the jobs that Snakemake submitted for a folder and that wait, run or end; none without SLURM."""
+    """Return the numbers of the unfinished jobs that Snakemake submitted for a folder; none without SLURM."""
     if shutil.which("squeue") is None:
         return []
     known = {number for log in logs_in(folder) for number in _SUBMITTED.findall(_text(folder / LOGS / log))}

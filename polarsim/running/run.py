@@ -37,7 +37,7 @@ _LATENCY = ("--latency-wait", "10")
 _REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # two at work in one folder, half-written files
 _DRY = {"-n", "--dry-run", "--dryrun"}
 _GRACE_S = 30.0  # for Snakemake to cancel the jobs that it submitted to a cluster
-_POLL_S = 0.2  # between looks for a signal
+_POLL_S = 0.2  # between checks for a signal
 
 
 @dataclass(frozen=True)
@@ -71,19 +71,19 @@ class Call:
 
 
 def run(call: Call, min_free_bytes: int | None = None) -> int:
-    """Check, run Snakemake in this folder, say what became of it.
+    """Check the call, run Snakemake in this folder and report the result.
 
     Returns
     -------
     int
-        Exit code: 0 all is there, 1 something failed, 130 stopped by Ctrl-C, SIGTERM or SIGHUP.
+        Exit code: 0 complete, 1 a job failed, 130 stopped by Ctrl-C, SIGTERM or SIGHUP.
 
     Raises
     ------
     CallError
-        The words are no call of Snakemake, or no rule makes a target.
+        Snakemake does not accept the words, or no rule makes a target.
     PolarsimError
-        The run cannot start: no room, no permission, another one at work here, an impossible configuration.
+        The run cannot start: too little space, no permission, another run in this folder, an invalid configuration.
     """
     folder = Path.cwd().resolve()
     if not (folder / "Snakefile").exists():
@@ -166,7 +166,7 @@ def _snakemake(*words: str) -> list[str]:
 
 
 def _lost_outputs(folder: Path, call: Call) -> list[str]:
-    """Outputs of what is asked for that jobs were to make anew when they were stopped, and that are gone since."""
+    """Return the requested outputs that jobs were repeating when they were stopped, and that are missing since."""
     started = [job for log in latest_log(folder) for job in jobs_of(folder, log) if not job.finished]
     gone = sorted(path for path in {*_remembered(folder), *_outputs(started)} if not (folder / path).exists())
     if not gone:
@@ -176,7 +176,7 @@ def _lost_outputs(folder: Path, call: Call) -> list[str]:
 
 
 def _summary(call: Call) -> list[tuple[str, str, bool]]:
-    """Files that a call asks for and all that they need: the name, the rule, whether it is there."""
+    """Return the files of a call and all files behind them: the name, the rule, whether it exists."""
     done = subprocess.run(_snakemake(*call.words(), "--summary"), capture_output=True, text=True, check=False)
     rows = [line.split("\t") for line in done.stdout.splitlines()[1:] if line.count("\t") == 5]
     return [(name, rule, status != "missing") for name, _, rule, _, status, _ in rows]
@@ -192,7 +192,7 @@ def _remembered(folder: Path) -> list[str]:
 
 
 def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[Job]) -> None:
-    """Keep the names of outputs that are gone, for calls that ask for them."""
+    """Store the names of missing outputs for later calls."""
     started = _outputs([job for job in jobs if not job.finished])
     names = sorted(name for name in {*_remembered(folder), *lost, *started} if not (folder / name).exists())
     if names:
@@ -202,7 +202,7 @@ def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[Job]) -> None:
 
 
 def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: int, stopped: bool) -> None:
-    """Say what was made, what failed, why, and how to go on; kept in the run's folder while something is missing."""
+    """Report finished and failed jobs, reasons and remedy; keep the report in the folder while files are missing."""
     made = [job for job in jobs if job.finished]
     failed = [job for job in jobs if job.failed and not (stopped and job.error(folder) is None)]
     page = results / MISSING
@@ -236,7 +236,7 @@ def _named(job: Job) -> str:
 
 
 def _missing(call: Call) -> list[str]:
-    """How many files of each terrain, and of all together, are missing."""
+    """Return the number of missing files of each terrain, and of all terrains together."""
     there, gone = Counter[str](), Counter[str]()
     for name, rule, is_there in _summary(call):
         part = Job(rule, 0, (name,), "", "").terrain or "of all terrains together"
@@ -248,7 +248,7 @@ def _missing(call: Call) -> list[str]:
 
 
 def _say(line: str) -> None:
-    """A line for the user; a terminal that is gone hears nothing."""
+    """Write a line for the user; ignore a closed terminal."""
     try:
         sys.stderr.write(f"polarsim run: {line}\n")
         sys.stderr.flush()
