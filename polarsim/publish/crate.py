@@ -64,11 +64,8 @@ def _write_files(catalogue: Catalogue, bundle: Bundle) -> dict[str, str]:
 def _workflow() -> list[Path]:
     """The workflow's own files, where polarsim runs from its checkout."""
     rules = sorted((_CHECKOUT / "workflow").glob("*/*.py")) + sorted((_CHECKOUT / "workflow").glob("rules/*.smk"))
-    return [
-        path
-        for path in (*(_CHECKOUT / name for name in ("Snakefile", "workflow/Snakefile", "requirements.lock")), *rules)
-        if path.is_file()
-    ]
+    files = [_CHECKOUT / name for name in ("Snakefile", "workflow/Snakefile", "requirements.lock")]
+    return [path for path in (*files, *rules) if path.is_file()]
 
 
 def _metadata(catalogue: Catalogue, bundle: Bundle, said: dict[str, str]) -> Any:
