@@ -1,4 +1,5 @@
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -34,6 +35,14 @@ SMALL = {
         },
     },
 }
+
+
+def planned(done: subprocess.CompletedProcess) -> dict[str, int]:
+    """Return the number of jobs of each rule in a dry-run that succeeded."""
+    assert done.returncode == 0, done.stdout + done.stderr
+    table = re.search(r"Job stats:\n.*?\n-+ .*?\n(.*?)\n\n", done.stdout + done.stderr, re.DOTALL)
+    assert table, done.stdout + done.stderr
+    return {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
 
 
 @pytest.fixture(scope="session")

@@ -14,19 +14,12 @@ from polarsim.errors import ConfigError
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.running.configuration import read_configs
 from tests.rover.drives import DEMO, SMALL, configured, write_meshes
-
-
-def planned(text: str) -> dict[str, int]:
-    """Jobs by rule of a dry-run."""
-    table = re.search(r"Job stats:\n.*?\n-+ .*?\n(.*?)\n\n", text, re.DOTALL)
-    assert table, text
-    return {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
+from tests.workflow.conftest import planned
 
 
 def test_the_demo_does_not_drive(dry_run):
     done = dry_run("--configfile", "config/config.yaml")
-    assert done.returncode == 0, done.stderr
-    jobs = planned(done.stdout + done.stderr)
+    jobs = planned(done)
     assert not {name for name in jobs if "rover" in name or "drive" in name}
     assert "results/demo/rover" not in done.stdout + done.stderr
 
@@ -38,8 +31,7 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
         (root / f"Labels/Terrain{terrain:02d}").mkdir(parents=True)
         (root / f"Labels/Terrain{terrain:02d}/{terrain:02d}_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
     done = dry_run("rover", "--configfile", f"config/{name}.yaml", POLAR_SIM_ROOT=str(root))
-    assert done.returncode == 0, done.stdout + done.stderr
-    jobs = planned(done.stdout + done.stderr)
+    jobs = planned(done)
     assert (jobs["drive_rover"], jobs["see_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
     assert jobs["measure_drive"] == drives
     assert jobs["detect_drive"] == drives  # by a detector that comes with polarsim
@@ -60,7 +52,7 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     done = snakemake(checkout, "rover_autonomy", "--dry-run", "--configfile", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
-    jobs = planned(text)
+    jobs = planned(done)
     lights = [f"{sun}_{ms}_{lit}_hapke" for sun in "13" for ms in ("0064", "0128") for lit in ("off", "on")]
     own = {"truth", "blind", *(f"stereo_{light}" for light in lights)}
     own |= {f"both_{light}_{name}" for light in lights for name in ("packaged", "hapke-seed0", "hapke-seed1")}
@@ -143,7 +135,7 @@ def test_a_detector_is_trained_on_other_drives_before_it_looks(checkout, snakema
     done = snakemake(checkout, "rover", "--dry-run", "--configfile", "config/rover.yaml", "config/tuned.yaml")
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
-    jobs = planned(text)
+    jobs = planned(done)
     assert jobs["make_drive_dataset"] == jobs["fine_tune_on_drives"] == 1
     assert "train_detector" not in jobs
     assert len(re.findall(r"rule detect_drive:\n +input: .*results/demo/rover/fine_tuned\.pt", text)) == 3
@@ -164,7 +156,7 @@ def test_one_more_seed_leaves_finished_drives_as_they_are(checkout, snakemake):
         assert done.returncode == 0, done.stderr[-3000:]
     table = pd.read_parquet(checkout / "results/small/rover/autonomy.parquet").set_index("metric")
     assert table.loc["time", ["mode", "sun", "drives", "value"]].tolist() == ["blind", "any", 1, 1.0]
-    assert planned(done.stdout + done.stderr) == {"drive_alone": 1, "summarise_autonomy": 1, "total": 2}
+    assert planned(done) == {"drive_alone": 1, "summarise_autonomy": 1, "total": 2}
 
 
 def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout, snakemake):
