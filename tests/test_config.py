@@ -193,3 +193,28 @@ def test_a_number_that_is_not_finite_is_an_error_with_its_key(key, value):
     with pytest.raises(ConfigError) as caught:
         parse_config({"source": {"kind": "analog"}, **content})
     assert key in caught.value.reason
+
+
+CHECKOUT = Path(__file__).parents[1]
+
+
+def leaves(schema: dict, node: dict, key: tuple[str, ...] = (), seen: tuple[str, ...] = ()) -> set[tuple[str, ...]]:
+    """Return the keys of a JSON schema without keys below them; keys that a user names are left out."""
+    if "$ref" in node:
+        name = node["$ref"].split("/")[-1]
+        return {key} if name in seen else leaves(schema, schema["$defs"][name], key, (*seen, name))
+    if union := node.get("anyOf") or node.get("oneOf") or node.get("allOf"):
+        found = set().union(*(leaves(schema, part, key, seen) for part in union))
+        return found - {key} if len(found) > 1 else found
+    if properties := node.get("properties"):
+        return set().union(*(leaves(schema, part, (*key, name), seen) for name, part in properties.items()))
+    inner = node.get("additionalProperties") or node.get("items")
+    return leaves(schema, inner, key, seen) if isinstance(inner, dict) else {key}
+
+
+def test_every_key_is_in_a_configuration_or_in_the_manual():
+    schema = json.loads((CHECKOUT / "config/schema.json").read_text())
+    pages = [*(CHECKOUT / "docs").rglob("*.md"), CHECKOUT / "README.md", CHECKOUT / "config/README.md"]
+    files = [*pages, *(CHECKOUT / "config").glob("*.yaml"), *(CHECKOUT / "config/overlays").glob("*.yaml")]
+    words = {word for path in files for word in re.findall(r"\w+", path.read_text())}
+    assert sorted(".".join(key) for key in leaves(schema, schema) if key[-1] not in words) == []
