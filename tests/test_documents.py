@@ -26,6 +26,7 @@ from typer.testing import CliRunner
 
 from polarsim import config
 from polarsim.cli import app
+from polarsim.running.configuration import base_of
 
 CHECKOUT = Path(__file__).parent.parent
 DOCUMENTS = [

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from polarsim.formats.scene import read_terrain
 from polarsim.labels.association import dome_behind, find_tracks, match_ids, number_domes
 from polarsim.labels.bodies import Dome, build_world
 from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK
+from polarsim.run_files.scene import read_terrain
 
 from .conftest import TERRAIN, localised
 
