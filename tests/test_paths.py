@@ -106,16 +106,20 @@ def test_a_run_without_photos_has_no_tables_of_detectors(release):
 
 def test_a_component_of_the_ablation_takes_truth_or_the_run():
     components = {"pose": {"cameras": "truth"}, "labels": {"labels": "propagated"}}
-    gap = GapPaths(paths(gap={"components": components, "trained_on": ["hapke"]}))
+    gap = GapPaths(paths(gap={"components": components}))
     assert gap.rendered == ["pose"]
     assert gap.cameras(job(component="pose")) == "results/{run}/gap/truth/cameras/Terrain{terrain}"
     assert gap.meshes(job(component="pose")) == "results/{run}/meshes/Terrain{terrain}"
     folder = "results/{run}/detect/{split}/seed{seed}/predictions"
     assert gap.predictions() == [
-        f"{folder}/hapke_on_analog.parquet",
-        f"{folder}/hapke_on_hapke.parquet",
-        "results/{run}/gap/{split}/seed{seed}/predictions/hapke_on_pose.parquet",
-        f"{folder}/hapke_on_hapke.parquet",
+        path
+        for trained in ("analog", "hapke")
+        for path in (
+            f"{folder}/{trained}_on_analog.parquet",
+            f"{folder}/{trained}_on_hapke.parquet",
+            f"results/{{run}}/gap/{{split}}/seed{{seed}}/predictions/{trained}_on_pose.parquet",
+            f"{folder}/{trained}_on_hapke.parquet",
+        )
     ]
     assert gap.labels()[-2:] == ["results/{run}/gap/twins/pose/labels.parquet", "results/one/labels/labels.parquet"]
 

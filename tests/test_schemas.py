@@ -8,7 +8,7 @@ from polarsim.acquire.index import photo_table
 from polarsim.detect.predict import prediction_table
 from polarsim.formats.tables import label_table
 from polarsim.rocks.table import rock_table
-from polarsim.schemas.__main__ import REPORT_TABLES, STAGE_TABLES, filled
+from polarsim.schemas.__main__ import REPORT_TABLES, STAGE_TABLES, filled_page
 from polarsim.schemas.detect import PREDICTIONS
 from polarsim.schemas.photos import LABELS, PHOTOS
 from polarsim.schemas.stages import ROCKS
@@ -20,7 +20,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 @pytest.mark.parametrize("name", ["tables.md", "formats.md"])
 def test_a_page_has_the_columns_of_the_code(name):
     page = (DOCS / name).read_text(encoding="utf-8")
-    assert filled(page) == page, "run: make columns"
+    assert filled_page(page) == page, "run: make columns"
 
 
 def test_every_table_of_the_report_is_on_its_page():

@@ -19,7 +19,7 @@ STAGE_TABLES = tuple(table for module in (photos, stages, detect, covers, evalua
 _BLOCK = re.compile(r"(<!-- columns of (.+?) -->\n)(.*?)(<!-- end of columns -->)", re.DOTALL)
 
 
-def filled(page: str) -> str:
+def filled_page(page: str) -> str:
     """Return a page with the columns of its tables."""
     known = {table.path: table for table in (*REPORT_TABLES, *STAGE_TABLES)}
     named = {found[2] for found in _BLOCK.finditer(page)}
@@ -38,4 +38,4 @@ def _sections(tables: Iterable[Table]) -> str:
 if __name__ == "__main__":
     for name in sys.argv[1:]:
         path = Path(name)
-        path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8")
+        path.write_text(filled_page(path.read_text(encoding="utf-8")), encoding="utf-8")

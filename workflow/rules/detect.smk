@@ -157,7 +157,14 @@ rule evaluate:
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
-        **{table: f"results/{{run}}/detect/{{split}}/seed{{seed}}/{table}.parquet" for table in EVALUATED},
+        detection="results/{run}/detect/{split}/seed{seed}/detection.parquet",
+        breakdown="results/{run}/detect/{split}/seed{seed}/breakdown.parquet",
+        curves="results/{run}/detect/{split}/seed{seed}/curves.parquet",
+        false_positives="results/{run}/detect/{split}/seed{seed}/false_positives.parquet",
+        ipd="results/{run}/detect/{split}/seed{seed}/ipd.parquet",
+        rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
+        instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
+        differences="results/{run}/detect/{split}/seed{seed}/differences.parquet",
     resources:
         mem_mb=growing(2000),
         runtime=60,
@@ -268,10 +275,14 @@ use rule evaluate as evaluate_other with:
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),
         split="results/{run}/detect/{split}/split.csv",
     output:
-        **{
-            table: f"results/{{run}}/detect/{{split}}/others/{{other}}/seed{{seed}}/{table}.parquet"
-            for table in EVALUATED
-        },
+        detection="results/{run}/detect/{split}/others/{other}/seed{seed}/detection.parquet",
+        breakdown="results/{run}/detect/{split}/others/{other}/seed{seed}/breakdown.parquet",
+        curves="results/{run}/detect/{split}/others/{other}/seed{seed}/curves.parquet",
+        false_positives="results/{run}/detect/{split}/others/{other}/seed{seed}/false_positives.parquet",
+        ipd="results/{run}/detect/{split}/others/{other}/seed{seed}/ipd.parquet",
+        rocks="results/{run}/detect/{split}/others/{other}/seed{seed}/rocks.parquet",
+        instances="results/{run}/detect/{split}/others/{other}/seed{seed}/instances.parquet",
+        differences="results/{run}/detect/{split}/others/{other}/seed{seed}/differences.parquet",
     params:
         domains=DOMAINS,
         trained=TRAINED,

@@ -7,13 +7,12 @@ from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.perception.options import OnboardDetector
+from polarsim.rover.perception.options import onboard_detector
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.summary import drive_case
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
-detector = snakemake.params.detector
 with reporting(log=snakemake.log[0]):
     drive_case(
         case=snakemake.wildcards.case,
@@ -25,6 +24,6 @@ with reporting(log=snakemake.log[0]):
         options=AutonomyOptions(**snakemake.params.options),
         cameras=CameraSuiteOptions(**snakemake.params.cameras),
         render=RenderOptions(**snakemake.params.render),
-        detector=detector and OnboardDetector(**detector),
+        detector=onboard_detector(snakemake.params.detector),
         threads=snakemake.threads,
     )

@@ -64,7 +64,7 @@ def update_from_boxes(
     return MapUpdate(np.where(known, _weight(far), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
 
 
-def lit_pixels(grey: np.ndarray, least: float) -> np.ndarray:
+def bright_pixels(grey: np.ndarray, least: float) -> np.ndarray:
     """Return (h, w) bool: pixels of a 12-bit picture with a local mean of at least `least` above the black level."""
     above = grey.astype(np.float32) - BLACK_LEVEL
     return np.asarray(ndimage.uniform_filter(above, _ABOUT_PX) >= least)

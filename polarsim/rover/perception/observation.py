@@ -34,7 +34,7 @@ from polarsim.rover.perception.ground_view import plane_under
 from polarsim.rover.perception.hazard_grid import HazardGrid, MapUpdate
 from polarsim.rover.perception.map_updates import (
     FARTHEST_M,
-    lit_pixels,
+    bright_pixels,
     update_from_boxes,
     update_from_depth,
     update_from_pixels,
@@ -198,7 +198,7 @@ class Perception:
         return left, right
 
     def _lit(self, grey: np.ndarray) -> np.ndarray:
-        return lit_pixels(grey, _LEAST_GREY)
+        return bright_pixels(grey, _LEAST_GREY)
 
     def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, lit: np.ndarray, camera: Camera) -> np.ndarray:
         assert pair is not None

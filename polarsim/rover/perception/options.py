@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
@@ -22,6 +23,11 @@ class OnboardDetector(BaseModel, extra="forbid", frozen=True):
 
     weights: Path
     prediction: PredictionOptions = PredictionOptions()
+
+
+def onboard_detector(options: Mapping[str, Any] | None) -> OnboardDetector | None:
+    """Return the detector of options from a rule; None without a detector."""
+    return None if options is None else OnboardDetector(**options)
 
 
 class DriveTuningOptions(BaseModel, extra="forbid", frozen=True):

@@ -8,7 +8,12 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
-from polarsim.rover.perception.map_updates import lit_pixels, update_from_boxes, update_from_depth, update_from_pixels
+from polarsim.rover.perception.map_updates import (
+    bright_pixels,
+    update_from_boxes,
+    update_from_depth,
+    update_from_pixels,
+)
 from polarsim.rover.perception.observation import has_texture
 from polarsim.rover.world.surface import bare_world
 
@@ -93,9 +98,9 @@ def test_noise_is_no_light(rng):
     read = rng.normal(0, 1, (40, 60))
     black = np.clip(BLACK_LEVEL + read, 0, None).round().astype(np.uint16)
     dim = (BLACK_LEVEL + 20 + 2 * read).round().astype(np.uint16)
-    assert not lit_pixels(black, 12).any()
-    assert lit_pixels(dim, 12).all()
-    assert lit_pixels(np.hstack([black, dim]), 12)[:, 65:].all()
+    assert not bright_pixels(black, 12).any()
+    assert bright_pixels(dim, 12).all()
+    assert bright_pixels(np.hstack([black, dim]), 12)[:, 65:].all()
 
 
 def test_depth_tells_heights_by_parts():
