@@ -23,7 +23,7 @@ demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
 	@$(BIN)/polarsim report demo --cores $(CORES)
 	@echo "to look at it in the browser: $(BIN)/polarsim explore demo"
 
-ROVER := rover_autonomy --configfile config/rover.yaml
+ROVER := rover_autonomy --configfile config/overlays/rover.yaml
 
 rover: setup ## a rover that finds its own way over the demo's terrains: config/overlays/rover_autonomy.yaml
 	$(RUN) $(ROVER) --configfile config/overlays/rover_autonomy.yaml

@@ -102,7 +102,7 @@ def test_commands_need_no_extra_and_no_clone(call, tmp_path):
     ("arguments", "told"),
     [
         (("detect", "picture.png", "--weights", "x.pt", "--out", "new"), "polarsim[detect]"),
-        (("drive", "--configfile", "config/rover.yaml"), "polarsim[rover]"),  # the wheel's configuration
+        (("drive", "--configfile", "config/overlays/rover.yaml"), "polarsim[rover]"),  # the wheel's configuration
         (("drive",), "no stored configuration"),
         (("report",), "results: no such folder"),
         (("render", "config/views.yaml", "out"), "the ground mesh is missing"),  # of a run

@@ -32,7 +32,7 @@ def drive(
     """Drive over a run's terrains once, without Snakemake: physics, pictures, what a detector sees, an MCAP bag, a
     URDF.
 
-    The configuration is the run's stored one, unless --configfile names another, such as config/rover.yaml.
+    The configuration is the run's stored one, unless --configfile names another, such as config/overlays/rover.yaml.
     A stopped drive goes on from its last saved state, pictures from the last one that was written.
     """
     from polarsim.errors import ConfigError, PolarsimError
@@ -48,7 +48,7 @@ def drive(
     rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
     if not configfile and not rover.run:
         raise ConfigError(
-            "this run drives no rover (rover.run): name a configuration with --configfile, such as config/rover.yaml",
+            "this run drives no rover (rover.run): add --configfile config/overlays/rover.yaml",
             path=run_folder / STORED,
         )
     meshes = run_folder / "meshes"

@@ -24,7 +24,7 @@ def test_the_demo_does_not_drive(dry_run):
     assert "results/demo/rover" not in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize(("name", "drives", "views"), [("rover", 3, 2), ("rover_release", 10, 7)])
+@pytest.mark.parametrize(("name", "drives", "views"), [("overlays/rover", 3, 2), ("rover_release", 10, 7)])
 def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, views):
     root = tmp_path / "release"
     for terrain in (1, 4, 11):
@@ -48,7 +48,7 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     content["rover"]["world"] = {"dem": {"path": "site.tif"}}
     (checkout / "site.tif").touch()
     (checkout / "config/lights.yaml").write_text(yaml.safe_dump(content | {"detect": {"seeds": [0, 1]}}))
-    files = [f"config/{name}.yaml" for name in ("rover", "overlays/rover_autonomy", "lights")]
+    files = [f"config/{name}.yaml" for name in ("overlays/rover", "overlays/rover_autonomy", "lights")]
     done = snakemake(checkout, "rover_autonomy", "--dry-run", "--configfile", *files)
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
@@ -119,10 +119,9 @@ def test_detectors_by_which_the_rover_decides_have_names(rover, names):
 def test_a_detector_of_the_run_is_applied_as_detect_says_and_others_by_the_defaults_on_its_device():
     content = configured(run=True, world={"terrains": [1]}, autonomy={"detectors": ["packaged", "hapke"]})
     content["detect"]["prediction"] = {"mirrored": True, "device": "auto"}
-    content["detect"]["pictures"] = {"tone": "linear"}
     config = parse_config(content)
     own, packaged = (config.deciding_detectors(Path("run"))[name] for name in ("hapke-seed0", "packaged"))
-    assert (own.prediction, own.pictures) == (config.detect.prediction, config.detect.pictures)
+    assert own.prediction == config.detect.prediction
     assert packaged == OnboardDetector(weights=PACKAGED, prediction=PredictionOptions(device="auto"))
 
 
@@ -132,7 +131,7 @@ def test_a_detector_is_trained_on_other_drives_before_it_looks(checkout, snakema
     (other / "front_end_cam/poses.parquet").touch()
     tuned = {"rover": {"fine_tuning": {"drives": ["results/other/rover/seed0"]}}}
     (checkout / "config/tuned.yaml").write_text(yaml.safe_dump(tuned))
-    done = snakemake(checkout, "rover", "--dry-run", "--configfile", "config/rover.yaml", "config/tuned.yaml")
+    done = snakemake(checkout, "rover", "--dry-run", "--configfile", "config/overlays/rover.yaml", "config/tuned.yaml")
     assert done.returncode == 0, done.stdout + done.stderr
     text = done.stdout + done.stderr
     jobs = planned(done)
@@ -160,7 +159,7 @@ def test_one_more_seed_leaves_finished_drives_as_they_are(checkout, snakemake):
 
 
 def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout, snakemake):
-    content = yaml.safe_load((checkout / "config/rover.yaml").read_text())
+    content = yaml.safe_load((checkout / "config/overlays/rover.yaml").read_text())
     text = {}
     for detector in ("hapke", "analog"):
         content["rover"]["detector"] = detector
@@ -251,6 +250,6 @@ RULES = (
 def test_the_rover_takes_a_finished_demo_as_it_is():
     """Its configurations are overlays of the demo's: else its stages would run again."""
     demo = read_configs([DEMO])
-    files = [DEMO.with_name("rover.yaml"), DEMO.with_name("rover_autonomy.yaml")]
+    files = [DEMO.parent / "overlays" / name for name in ("rover.yaml", "rover_autonomy.yaml")]
     rover = read_configs(files)
     assert rover.model_copy(update={"rover": demo.rover}) == demo

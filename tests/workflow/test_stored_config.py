@@ -161,7 +161,7 @@ def test_base_configurations_define_the_source_and_overlays_do_not():
 @pytest.mark.parametrize("name", sorted([*BASES, *OVERLAYS]))
 def test_a_stored_configuration_reads_back_the_same(tmp_path, monkeypatch, name):
     monkeypatch.chdir(CONFIGURATIONS.parent)
-    base = [CONFIGURATIONS / "rover.yaml"] if name == "overlays/rover_autonomy.yaml" else []
+    base = [CONFIGURATIONS / "overlays/rover.yaml"] if name == "overlays/rover_autonomy.yaml" else []
     files = [*base, CONFIGURATIONS / name]
     config = read_configs(files)
     store_config(config, tmp_path / config.run)
