@@ -35,7 +35,7 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
     assert (jobs["drive_rover"], jobs["see_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
     assert jobs["measure_drive"] == drives
     assert jobs["detect_drive"] == drives  # by a detector that comes with polarsim
-    assert jobs.get("film_drive") == (None if name == "rover" else drives)
+    assert jobs.get("film_drive") == (None if name == "overlays/rover" else drives)
     assert jobs["draw_front"] == jobs["draw_sequence"] == jobs["tabulate_rover"] == jobs["tabulate_onboard"] == 1
     assert "train_detector" not in jobs
 
