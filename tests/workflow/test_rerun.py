@@ -92,7 +92,7 @@ def test_a_seed_or_split_or_mix_more_leaves_finished_detectors_alone(finished, s
 
 def test_another_comparison_or_a_detector_that_is_not_trained_leaves_detectors_and_pictures_alone(finished, snakemake):
     content = yaml.safe_load((finished / "config/config.yaml").read_text())
-    content["detect"] |= {"comparison": {"undetected": "left_out"}, "stereo": {"run": True}}
+    content["detect"] |= {"comparison": {"iou_confidence": 0.3}, "stereo": {"run": True}}
     (finished / "config/config.yaml").write_text(yaml.safe_dump(content))
     stale = stale_rules(snakemake, finished)
     assert {"evaluate", "measure_stereo", "compare_stereo"} <= stale
