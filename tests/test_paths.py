@@ -8,6 +8,12 @@ from polarsim.config import parse_config
 from polarsim.paths import CoverPaths, GapPaths, RunPaths, growing
 
 
+@pytest.fixture(autouse=True)
+def without_release(monkeypatch):
+    """Unset the variable that replaces the root of a release."""
+    monkeypatch.delenv("POLAR_SIM_ROOT", raising=False)
+
+
 def paths(kind: str = "analog", root: object = "data", **sections: object) -> RunPaths:
     content = {"run": "one", "terrains": [1, 3], "positions": ["A"], "source": {"kind": kind, "root": str(root)}}
     return RunPaths(parse_config(content | sections))
