@@ -41,40 +41,43 @@ def parse_yaml(text: str) -> Any:
     yaml.YAMLError
         No YAML.
     ConfigError
-        A key given twice in one mapping; a number with leading zeros or with colons.
+        A key given twice in one mapping; a number with leading zeros or with colons; a value that contains itself.
     """
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
         if node is None:
             return None
-        _check_nodes(node, set())
+        _check_nodes(node, set(), frozenset())
         return loader.construct_document(node)
     finally:
         loader.dispose()
 
 
-def _check_nodes(node: yaml.Node, checked: set[int]) -> None:
-    """Refuse repeated keys and ambiguous numbers in a node and in all nodes below it, with their lines."""
+def _check_nodes(node: yaml.Node, checked: set[int], above: frozenset[int]) -> None:
+    """Refuse repeated keys, ambiguous numbers and values that contain themselves, in a node and all nodes below it."""
+    if id(node) in above:
+        raise ConfigError("an alias in this value stands for the value itself", line=node.start_mark.line + 1)
     if id(node) in checked:  # an alias
         return
     checked.add(id(node))
+    above |= {id(node)}
     if isinstance(node, yaml.ScalarNode):
         _check_number(node)
     elif isinstance(node, yaml.SequenceNode):
         for item in node.value:
-            _check_nodes(item, checked)
+            _check_nodes(item, checked, above)
     elif isinstance(node, yaml.MappingNode):
         first_line: dict[tuple[str, str], int] = {}
         for key, value in node.value:
-            _check_nodes(key, checked)
+            _check_nodes(key, checked, above)
             if isinstance(key, yaml.ScalarNode):
                 name, line = (key.tag, key.value), key.start_mark.line + 1
                 if name in first_line and not key.tag.endswith(":merge"):
                     reason = f"the key {key.value!r} is given twice, first in line {first_line[name]}: merge the two"
                     raise ConfigError(reason, line=line)
                 first_line[name] = line
-            _check_nodes(value, checked)
+            _check_nodes(value, checked, above)
 
 
 def _check_number(node: yaml.ScalarNode) -> None:

@@ -70,3 +70,10 @@ def test_a_configuration_with_two_sections_of_one_name_is_refused(tmp_path):
 def test_values_on_the_command_line_follow_the_same_rules():
     with pytest.raises(ConfigError):
         render_options(["samples=04"])
+
+
+@pytest.mark.parametrize("text", ["a: &a [*a]\n", "a: &a {b: *a}\n", "&a [1, [*a]]\n"])
+def test_a_value_that_contains_itself_is_refused(text):
+    with pytest.raises(ConfigError) as error:
+        parse_yaml(text)
+    assert "\n" not in str(error.value)
