@@ -79,7 +79,7 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
     folders = data.folders(source.root, terrain)
     if not folders:
         raise FetchError(
-            f"nothing of terrain {terrain:02d}, looked for {data.expected(terrain)}, ({len(used)} archives)",
+            f"no data of terrain {terrain:02d} in {len(used)} archives: expected {data.expected(terrain)}",
             path=source.root,
         )
     files = sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())

@@ -57,7 +57,7 @@ def parse_yaml(text: str) -> Any:
 def _check_nodes(node: yaml.Node, checked: set[int], above: frozenset[int]) -> None:
     """Refuse repeated keys, ambiguous numbers and values that contain themselves, in a node and all nodes below it."""
     if id(node) in above:
-        raise ConfigError("an alias in this value stands for the value itself", line=node.start_mark.line + 1)
+        raise ConfigError("this value contains itself through an alias", line=node.start_mark.line + 1)
     if id(node) in checked:  # an alias
         return
     checked.add(id(node))

@@ -37,7 +37,6 @@ class DrivePicture:
     name: str
     path: Path
     labels: Path
-    exposure_ms: float
 
 
 def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions) -> None:
@@ -134,4 +133,4 @@ def _pictures(drive: Path, every: int) -> Iterator[DrivePicture]:
             named = PictureSet.parse(folder.name)
         for path in sorted(folder.glob("*.png"))[::every]:
             labels = labels_folder(drive, FRONT, named.sun) / f"{path.stem}.txt"
-            yield DrivePicture(f"{folder.name}_{path.stem}", path, labels, named.exposure_ms)
+            yield DrivePicture(f"{folder.name}_{path.stem}", path, labels)
