@@ -2,6 +2,8 @@
 
 import ast
 import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -123,3 +125,15 @@ def test_one_module_alone_imports_ultralytics_and_torch_stays_out_of_what_all_de
                 assert not {name.split(".")[0] for name in names} & heavy
                 assert path.parent.name == "compact" or not any(".compact." in name for name in names)
     assert importers == {"detectors/yolo/library.py"}
+
+
+def test_the_import_of_ultralytics_leaves_the_environment_of_later_processes(tmp_path):
+    """It limits threads by variables; a library in a process started later complained of that on standard error."""
+    script = (
+        "import os, sys; from pathlib import Path;"
+        "from polarsim.detect.detectors.yolo.library import ultralytics;"
+        "os.environ.pop('OMP_NUM_THREADS', None); before = dict(os.environ); ultralytics(Path(sys.argv[1]));"
+        "print({k: v for k, v in os.environ.items() if before.get(k) != v and not k.startswith(('YOLO_', 'ULTRA'))})"
+    )
+    call = [sys.executable, "-c", script, str(tmp_path)]
+    assert subprocess.run(call, capture_output=True, text=True, check=True).stdout == "{}\n"

@@ -28,6 +28,7 @@ def ultralytics(folder: Path) -> SimpleNamespace:
     if "ultralytics" not in sys.modules:
         _isolate(folder / f".ultralytics.{os.getpid()}")
     load_torch()
+    environment = dict(os.environ)
     try:
         from ultralytics import YOLO, settings
         from ultralytics.models.yolo.detect import DetectionTrainer, DetectionValidator
@@ -37,6 +38,10 @@ def ultralytics(folder: Path) -> SimpleNamespace:
         from ultralytics.utils.nms import non_max_suppression
     except ImportError as error:
         raise DetectError(f"Ultralytics cannot be imported ({error}): pip install 'polarsim[detect]'") from error
+    finally:  # its import sets limits of threads, which the processes that we start would inherit
+        for name in os.environ.keys() - environment.keys():
+            del os.environ[name]
+        os.environ.update(environment)
     tasks.SAFE_LOAD = True  # whoever imported it first: no code in checkpoints is run
     LOGGER.setLevel(logging.ERROR)  # its progress comes through our log, from callbacks
     if settings["sync"]:
