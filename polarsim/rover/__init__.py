@@ -1,1 +1,1 @@
-"""A rover on soft ground, room by room: what bears it, what it is, how it drives, what it sees and makes of it."""
+"""Rover drives on deformable soil: soil, vehicle, drive, world, cameras, perception, planning, learning and export."""

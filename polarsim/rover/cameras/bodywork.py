@@ -1,4 +1,4 @@
-"""The rover's body as simple shapes: enough for its shadow, and to be known in pictures."""
+"""Mesh of the rover's body: boxes and cylinders that cast its shadow and appear in images."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from polarsim.render.surfaces import box
 from polarsim.rover.vehicle.mounts import link_from_part
 from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart
 
-_SIDES = 48  # of a cylinder
-_METAL = 0.4  # albedo of grousers without a rim
-_ROOT = 0.5  # of a grouser's height, how deep it reaches into the rim: no light beneath it
+_SIDES = 48  # number of sides of a cylinder
+_METAL = 0.4  # albedo of grousers on wheels without a rim shape
+_ROOT = 0.5  # share of a grouser's height that is inside the rim, so that no light passes below it
 
 
 @dataclass(frozen=True)
 class Solid:
-    """Triangles that move with a link: vertices (v, 3) in the link's frame, metres, faces (f, 3), normals (v, 3)."""
+    """Triangles fixed to a link: vertices (v, 3) in the link's frame, metres, faces (f, 3), normals (v, 3)."""
 
     link: str
     vertices: np.ndarray
@@ -29,7 +29,7 @@ class Solid:
 
 
 def body_of(vehicle: Vehicle) -> Body:
-    """The shapes of a vehicle's table, and grousers on its wheels."""
+    """Return the shapes and the grousers of a vehicle's table."""
     solids = [_shape(shape) for shape in vehicle.shapes]
     treads = [grousers(f"{wheel.code}_wheel", wheel) for wheel in vehicle.wheels if wheel.grousers]
     rims = {shape.link: shape.albedo for shape in vehicle.shapes}
@@ -40,18 +40,18 @@ def body_of(vehicle: Vehicle) -> Body:
 
 
 def upright_box(link: str, size: np.ndarray, link_from_box: Pose) -> Solid:
-    """A box of sides `size` (3,), metres, about its own origin."""
+    """Return a box with sides `size` (3,), metres, centred at the origin of the box frame."""
     half = np.asarray(size, float) / 2
     return _placed(link, *box(-half, half), link_from_box)
 
 
 def cylinder(link: str, radius: float, length: float, link_from_cylinder: Pose) -> Solid:
-    """A closed cylinder about its own y axis and origin, metres."""
+    """Return a closed cylinder along the y axis, centred at the origin of the cylinder frame; metres."""
     return _placed(link, *_cylinder(radius, length, _SIDES), link_from_cylinder)
 
 
 def grousers(link: str, wheel: WheelPart) -> Solid:
-    """Straight bars across a wheel's rim, about the link's y axis."""
+    """Return straight bars across a wheel's rim, arranged about the link's y axis."""
     half = wheel.grouser_thickness_m / 2, wheel.width_m / 2
     foot, crest = wheel.radius_m - _ROOT * wheel.grouser_height_m, wheel.radius_m + wheel.grouser_height_m
     bar = box(np.array([-half[0], -half[1], foot]), np.array([half[0], half[1], crest]))
@@ -64,10 +64,10 @@ def grousers(link: str, wheel: WheelPart) -> Solid:
 
 @dataclass(frozen=True)
 class Body:
-    """All solids of a rover, as one mesh whose vertices know their link."""
+    """All solids of a rover, joined into a single mesh."""
 
     solids: tuple[Solid, ...]
-    albedo: tuple[float, ...]  # of each
+    albedo: tuple[float, ...]  # of each solid
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -75,16 +75,16 @@ class Body:
 
     @cached_property
     def faces(self) -> np.ndarray:
-        """(f, 3) that stay the same however the rover moves."""
+        """(f, 3) vertex indices; the motion of the rover does not change them."""
         return _joined([(solid.vertices, solid.faces, solid.normals) for solid in self.solids])[1]
 
     @cached_property
     def solid_of_face(self) -> np.ndarray:
-        """(f,) numbers of the solids."""
+        """(f,) index of the solid of each face."""
         return np.repeat(np.arange(len(self.solids)), [len(solid.faces) for solid in self.solids])
 
     def posed(self, world_from_link: Mapping[str, Pose]) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices and normals (v, 3) with every link at its pose."""
+        """Return vertices and normals (v, 3) for given poses of the links."""
         vertices = [world_from_link[solid.link].apply(solid.vertices) for solid in self.solids]
         normals = [world_from_link[solid.link].rotate(solid.normals) for solid in self.solids]
         return np.concatenate(vertices), np.concatenate(normals)
@@ -97,7 +97,10 @@ def links_at(
     lift: Mapping[str, float],
     steer: Mapping[str, float],
 ) -> dict[str, Pose]:
-    """Poses of all links: arms slide along the rover's z, uprights steer on them, wheels are where they are."""
+    """Return the poses of all links.
+
+    Arms slide along the rover's z axis and uprights rotate about it; the poses of wheels are arguments.
+    """
     poses = {"base_link": world_from_base}
     for wheel in vehicle.wheels:
         code = wheel.code

@@ -1,9 +1,9 @@
-"""Files of the pictures of a drive, of every view, Sun, model and exposure at every picture time, and of their labels.
+"""Write the images and labels of a drive, for each view, Sun, model, exposure and picture time.
 
 Below a drive's folder: `<view>/<Sun>_<model>_<exposure>/NNNNN.png`, `<view>/<Sun>_labels/NNNNN.txt` and `.json`,
-`<view>/<Sun>_truth.parquet`, `<view>/<Sun>_coco.json`, `<view>/poses.parquet`. A frame's labels are those of all its
-models and exposures under one Sun. Each frame has a label file of its own, so that a stopped run can be resumed; tables
-and COCO files are made from these at the end.
+`<view>/<Sun>_truth.parquet`, `<view>/<Sun>_coco.json`, `<view>/poses.parquet`. All models and exposures of a frame
+share the labels of the Sun. Each frame has a separate label file, so that an interrupted run can be resumed; tables and COCO
+files are made from the label files at the end.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ log = logging.getLogger("polarsim.rover")
 
 @dataclass(frozen=True)
 class Truth:
-    """Labels of one frame of a view under one Sun, with the world's numbers of rocks."""
+    """Labels of a frame of a view under a Sun; `rock` is the number in the world's table."""
 
     frame: int
     time_s: float
@@ -50,7 +50,7 @@ class Truth:
 
 
 def write_truth(folder: Path, truth: Truth, size: tuple[int, int], identity: str) -> None:
-    """Write `NNNNN.txt`, boxes as YOLO has them in a picture of `size` (width, height), and then `NNNNN.json`."""
+    """Write `NNNNN.txt`, YOLO boxes in an image of `size` (width, height), and then `NNNNN.json`."""
     yolo.write_boxes(
         folder / f"{truth.frame:05d}.txt",
         np.array([BOX_CLASSES.index(label.kind) for label in truth.labels], int),
@@ -71,7 +71,7 @@ def write_truth(folder: Path, truth: Truth, size: tuple[int, int], identity: str
 
 
 def read_truth(folder: Path, frame: int, identity: str | None = None) -> Truth | None:
-    """Read a frame written by `write_truth`; None if it is missing, broken or of another identity."""
+    """Read a frame written by `write_truth`; None if it is missing, broken or has another identity."""
     path = folder / f"{frame:05d}.json"
     if not path.is_file() or not path.with_suffix(".txt").is_file():
         return None
@@ -83,11 +83,14 @@ def read_truth(folder: Path, frame: int, identity: str | None = None) -> Truth |
         labels = [_annotation(row, height, width) for row in content["labels"]]
         return Truth(frame, float(content["time_s"]), tuple(labels))
     except (PolarsimError, KeyError, TypeError, ValueError):
-        return None  # broken: rendered again
+        return None  # broken file: the frame is rendered again
 
 
 def truth_table(truths: Sequence[Truth], world: World, cameras: Mapping[int, Pose]) -> pd.DataFrame:
-    """A row a label, `TRUTH_COLUMNS`; distances along the ground from the camera at its frame to the rock's centre."""
+    """Return a row per label, `TRUTH_COLUMNS`.
+
+    Distances are horizontal, from the camera to the centre of the rock.
+    """
     rocks = {row["rock"]: row for row in world.rocks.to_dict("records")}
     rows = []
     for truth in truths:
@@ -96,15 +99,15 @@ def truth_table(truths: Sequence[Truth], world: World, cameras: Mapping[int, Pos
             rock = rocks[label.rock]
             distance = float(np.hypot(rock["x_m"] - eye[0], rock["y_m"] - eye[1]))
             pixels = label.mask.area if label.mask else 0
-            own = (truth.frame, truth.time_s, label.kind, label.rock, *label.box.tolist(), pixels)
-            rows.append((*own, distance, float(rock["height_m"])))
+            label_values = (truth.frame, truth.time_s, label.kind, label.rock, *label.box.tolist(), pixels)
+            rows.append((*label_values, distance, float(rock["height_m"])))
     dtypes = {"kind": "str", **dict.fromkeys(("frame", "rock", "pixels"), "int64")}
     table = pd.DataFrame(rows, columns=list(TRUTH_COLUMNS))
     return table.astype({name: dtypes.get(name, "float64") for name in TRUTH_COLUMNS})
 
 
 def pose_table(cameras: Mapping[int, Pose], times: np.ndarray) -> pd.DataFrame:
-    """A row a frame, `POSE_COLUMNS`: `world_from_camera`, x right, y down, z forward."""
+    """Return a row per frame, `POSE_COLUMNS`: `world_from_camera`, x right, y down, z forward."""
     rows = []
     for frame, pose in sorted(cameras.items()):
         x, y, z, w = Rotation.from_matrix(pose.rotation).as_quat(canonical=True)
@@ -121,8 +124,9 @@ def write_tables(
     size: tuple[int, int],
     pictures_in: str,
 ) -> None:
-    """`<Sun>_truth.parquet` and `<Sun>_coco.json` of a view; the latter names the pictures of the folder
-    `pictures_in` beside it, of all models and exposures that show the same.
+    """Write `<Sun>_truth.parquet` and `<Sun>_coco.json` of a view.
+
+    The COCO file names the images of the folder `pictures_in`. The labels are valid for all models and exposures.
     """
     tables.write_parquet(folder / f"{sun}_truth.parquet", truth_table(truths, world, cameras))
     pictures: list[tuple[Mapping[str, Any], Sequence[coco.Annotation]]] = [
@@ -156,13 +160,13 @@ def render_frames(
 ) -> int:
     """Render the missing pictures and labels of a drive and return the number of rendered pictures.
 
-    Pictures of other options, code or drives are rendered again. Their bytes depend neither on `threads` nor on where
-    an earlier run stopped.
+    Pictures of other options, code or drives are rendered again. Their bytes depend neither on `threads` nor on the
+    frame at which an earlier run stopped.
 
     Raises
     ------
     PolarsimError
-        No drive in the folder, an unknown camera, a full disk.
+        The folder contains no drive, a camera is unknown or the disk is full.
     """
     suite = CameraSuite(read_trace(folder), vehicle, options, render, seed=seed)
     identity = _identity(folder, vehicle, options, render, seed)
@@ -182,7 +186,7 @@ def render_frames(
                     made += _write(folder, suite, rendering, view, sun, frame, identity, pool)
     for view in options.views:
         _write_tables(folder, suite, view)
-    log.info("%s: %d pictures made", folder, made)
+    log.info("%s: %d pictures rendered", folder, made)
     return made
 
 
@@ -202,7 +206,7 @@ def _write(
     identity: str,
     pool: ThreadPoolExecutor,
 ) -> int:
-    """Write a frame's pictures under a Sun and then its labels, which mark the frame as complete."""
+    """Write the pictures of a frame under a Sun, then its labels; the label file marks the frame as complete."""
 
     def write(what: tuple[Model, float]) -> None:
         path = picture_folder(folder, view, sun, *what) / f"{frame:05d}.png"
@@ -214,10 +218,10 @@ def _write(
 
 
 def truth_of(suite: CameraSuite, rendering: Rendering, sun: str, frame: int) -> Truth:
-    """Labels of a frame as the renderer makes them; its rocks are indices of the world's table, those here ids."""
+    """Return the labels of a frame; indices of the world's table of rocks become rock numbers."""
     numbers = suite.trace.world.rocks["rock"].to_numpy()
-    found = annotations_of(rendering.ids[sun], suite.rover_camera.render_options)
-    labels = [replace(label, rock=int(numbers[label.rock - 1])) for label in found]
+    annotations = annotations_of(rendering.ids[sun], suite.rover_camera.render_options)
+    labels = [replace(label, rock=int(numbers[label.rock - 1])) for label in annotations]
     return Truth(frame, float(suite.trace.tracks.time[frame]), tuple(labels))
 
 
@@ -226,9 +230,9 @@ def _write_tables(folder: Path, suite: CameraSuite, view: str) -> None:
     tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, np.asarray(suite.trace.tracks.time)))
     for sun in suite.suns:
         truths = [read_truth(labels_folder(folder, view, sun), frame) for frame in suite.frames]
-        there: Sequence[Truth] = [truth for truth in truths if truth is not None]
+        complete: Sequence[Truth] = [truth for truth in truths if truth is not None]
         first = picture_folder(folder, view, sun, *suite.options.pictures[0]).name
-        write_tables(folder / view, sun, there, suite.trace.world, cameras, _size(suite, view), first)
+        write_tables(folder / view, sun, complete, suite.trace.world, cameras, _size(suite, view), first)
 
 
 def _size(suite: CameraSuite, view: str) -> tuple[int, int]:
@@ -237,7 +241,7 @@ def _size(suite: CameraSuite, view: str) -> tuple[int, int]:
 
 
 def _identity(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, render: RenderOptions, seed: int) -> str:
-    """Return the digest of all inputs of a picture, code included; the choice of views, Suns and exposures is none."""
+    """Return the digest of all inputs of a picture, including code but not the choice of views, Suns and exposures."""
     which = {"views", "suns", "exposures_ms", "every", "onboard", "videos"}
     names = (TRACE, TRACKS, f"{WORLD}/ground.npz", f"{WORLD}/rocks.npz", f"{WORLD}/rocks.parquet")
     chosen = json.dumps([options.model_dump(mode="json", exclude=which), rover_render(render)])

@@ -1,7 +1,7 @@
-"""What grousers leave in a rut: a groove across it wherever one of them stood straight down.
+"""Grooves that grousers press into a rut, each at the place where a grouser points straight down.
 
-The drive's soil knows smooth wheels; marks are added to the pictures' ground alone. They lie as far apart as the wheel
-really rolled and slipped, and a wheel that comes second wipes out those of the first.
+The soil of the drive has smooth wheels; marks are added to the rendered ground only. Their spacing follows the rotation
+and slip of the wheel. Marks of a later wheel replace earlier marks.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.rover.cameras.tracks import WheelTracks
 
-DEPTH_M, SD_M = 0.006, 0.006  # of a mark, and the standard deviation of its profile along the rut
-_EDGE_M = 0.01  # over which a mark ends at the wheel's side
+DEPTH_M, SD_M = 0.006, 0.006  # depth of a mark, and standard deviation of its profile along the rut
+_EDGE_M = 0.01  # width of the transition at the side of the wheel
 
 
 @dataclass(frozen=True)
 class GrouserMark:
-    """One groove: when, where (2,), and which way (2,) the wheel was heading there."""
+    """Time, position (2,) and heading (2,) of the wheel at a groove."""
 
     time_s: float
     position: np.ndarray
@@ -29,7 +29,7 @@ class GrouserMark:
 
 @dataclass(frozen=True)
 class Tread:
-    """A wheel's grousers, and the grooves that they leave; metres."""
+    """Grousers of a wheel and the shape of their grooves; metres."""
 
     grousers: int
     radius: float
@@ -39,28 +39,28 @@ class Tread:
 
     @property
     def spacing(self) -> float:
-        """Of marks where the wheel does not slip."""
+        """Distance between marks of a wheel without slip."""
         return 2 * np.pi * self.radius / self.grousers
 
 
 def marks_of(
     time_s: np.ndarray, spin: np.ndarray, centres: np.ndarray, quaternions: np.ndarray, soil: np.ndarray, grousers: int
 ) -> list[GrouserMark]:
-    """The marks of a wheel along its way.
+    """Return the marks of a wheel along its path.
 
     Parameters
     ----------
     time_s, spin : (n,)
-        Moments, and how far the wheel had rotated by then, radians.
+        Times, and the rotation angle of the wheel, radians.
     centres, quaternions : (n, 3), (n, 4)
-        Of the wheel; its axle is the y axis, quaternions are w, x, y, z.
+        Pose of the wheel; the axle is the y axis, quaternions are w, x, y, z.
     soil : (n,) bool
-        It stands on soil.
+        The wheel touches soil.
     """
     strikes = spin * grousers / (2 * np.pi)
     axle = Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).apply([0.0, 1, 0])
-    ahead = np.stack([axle[:, 1], -axle[:, 0]], axis=1)  # axle x up: level
-    found = []
+    ahead = np.stack([axle[:, 1], -axle[:, 0]], axis=1)  # horizontal cross product of axle and up
+    marks = []
     for row in np.flatnonzero(np.floor(strikes[1:]) != np.floor(strikes[:-1])):
         if not soil[row]:
             continue
@@ -68,12 +68,12 @@ def marks_of(
         share = (whole - strikes[row]) / (strikes[row + 1] - strikes[row])
         position = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
         direction = ahead[row] / max(np.linalg.norm(ahead[row]), 1e-9)
-        found.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), position, direction))
-    return found
+        marks.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), position, direction))
+    return marks
 
 
 def stamp(tracks: WheelTracks, events: Sequence[GrouserMark], tread: Tread) -> None:
-    """Write marks into the tracks, in their order."""
+    """Write marks into the tracks, in the given order."""
     lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
     reach = np.hypot(tread.spacing, tread.width) / 2 + fine
     for event in events:

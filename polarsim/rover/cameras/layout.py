@@ -16,7 +16,7 @@ DETECTION_COLUMNS = ("frame", "kind", "confidence", *BOX)
 
 
 def picture_set(sun: str, model: Model, exposure_ms: float) -> str:
-    """Name of the pictures of a view in one light: `<Sun>_<model>_<exposure>`, see `formats.picture_sets`."""
+    """Name of the pictures of a view in a light, `<Sun>_<model>_<exposure>`: see `run_files.picture_sets`."""
     return str(PictureSet(sun, model, exposure_ms))
 
 
@@ -31,7 +31,7 @@ def require_pictures(paths: Iterable[Path]) -> None:
     Raises
     ------
     RoverError
-        A picture is missing; names the first.
+        A picture is missing; the path is that of the first missing picture.
     """
     for path in paths:
         if not path.is_file():

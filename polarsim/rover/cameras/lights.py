@@ -1,4 +1,4 @@
-"""The light on a drive: Suns that the paper names, the real one over a site and at a date, none; the rover's own."""
+"""Light sources of a drive: the Suns of the paper, the real Sun over a site at a date, night, and the headlights."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from polarsim.rover.cameras.options import NIGHT, REAL, SUN_AZIMUTHS_DEG, Camera
 from polarsim.rover.vehicle.mounts import link_from_part
 from polarsim.rover.vehicle.table import LightPart
 
-# W/m2 of the Sun at 1 AU between 400 and 1000 nm, where a silicon sensor sees: 60 % of 1361, as of a black body of
-# 5772 K. Sun lamps of intensity 1 stand for it.
+# W/m2 of the Sun at 1 AU between 400 and 1000 nm, the range of a silicon sensor: 60 % of 1361, for a black body of
+# 5772 K. Sun lamps of intensity 1 represent this irradiance.
 SUN_IN_BAND_W_M2 = 810.0
 
 
 @dataclass(frozen=True)
 class Sun:
-    """A Sun's light, where it stands (from east to north), and how the stars lie over the world; no light at night."""
+    """Lamp of a Sun (None at night), its direction (azimuth from east to north) and the orientation of the stars."""
 
     name: str
     lamp: Lamp | None
@@ -32,14 +32,14 @@ class Sun:
 
 
 def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
-    """All Suns by name, in the order of the options.
+    """Return all Suns by name, in the order of the options.
 
     Raises
     ------
     RoverError
-        None is asked for, or the real one is down.
+        The options contain no Sun, or the real Sun is below the horizon.
     """
-    found: dict[str, Sun] = {name: named_sun(name, options.sun_elevation_deg) for name in options.suns}
+    suns: dict[str, Sun] = {name: named_sun(name, options.sun_elevation_deg) for name in options.suns}
     real = options.real_sun
     if real is not None:
         compass, height = sun_over(real.latitude_deg, real.longitude_deg, real.moment_utc)
@@ -49,34 +49,34 @@ def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
             )
         azimuth = (90 - compass) % 360
         sky = local_from_celestial(real.latitude_deg, real.longitude_deg, real.moment_utc)
-        found[REAL] = Sun(REAL, Lamp.sun(azimuth, height), azimuth, height, sky)
-    if not found:
-        raise RoverError("rover.cameras.suns: no Sun is named, and no rover.cameras.real_sun")
-    return found
+        suns[REAL] = Sun(REAL, Lamp.sun(azimuth, height), azimuth, height, sky)
+    if not suns:
+        raise RoverError("rover.cameras: no Sun is given; set suns or real_sun")
+    return suns
 
 
 def sun_at(name: str, azimuth_deg: float | None, elevation_deg: float) -> Sun:
-    """Return a Sun in this direction, from east to north; without an azimuth it is night."""
+    """Return a Sun at an azimuth, from east to north; None means night."""
     if azimuth_deg is None:
         return Sun(name, None, 0.0, -90.0, np.eye(3))
     return Sun(name, Lamp.sun(azimuth_deg, elevation_deg), azimuth_deg, elevation_deg, np.eye(3))
 
 
 def named_sun(name: str, elevation_deg: float) -> Sun:
-    """Return one of the paper's Suns, or night."""
+    """Return a Sun of the paper, or night."""
     return sun_at(name, None if name == NIGHT else SUN_AZIMUTHS_DEG[name], elevation_deg)
 
 
 def headlights(lights: Sequence[LightPart], world_from_link: Mapping[str, Pose]) -> dict[str, Spot]:
-    """Lamps by name, where the rover's links are."""
-    found = {}
+    """Return the lamps by name, at the current poses of their links."""
+    spots = {}
     for light in lights:
         pose = world_from_link[light.link] @ link_from_part(light.position_m, light.yaw_deg, light.pitch_deg)
-        found[light.name] = Spot(pose.translation, _intensity(light), axis=pose.rotation[:, 0], beam_deg=light.beam_deg)
-    return found
+        spots[light.name] = Spot(pose.translation, _intensity(light), axis=pose.rotation[:, 0], beam_deg=light.beam_deg)
+    return spots
 
 
 def _intensity(light: LightPart) -> float:
-    """Over that of a Sun lamp of intensity 1: what `power_w` in a beam of cos^m sends along its axis."""
+    """Return the axial intensity of a cos^m beam of `power_w`, relative to a Sun lamp of intensity 1."""
     watts_per_steradian = light.power_w * (beam_power(light.beam_deg) + 1) / (2 * np.pi)
     return float(watts_per_steradian / REFERENCE_DISTANCE**2 / SUN_IN_BAND_W_M2)

@@ -21,19 +21,20 @@ PAPER_VIEWS = (
     "WheelCam_RightFront", "WheelCam_RightBack", "WheelCam_LeftFront", "WheelCam_LeftBack",
     FRONT,
 )  # fmt: skip
-SUN_AZIMUTHS_DEG = {"1": 0.0, "2": 315.0, "3": 225.0, "4": 180.0}  # the paper's, from east to north
-NIGHT = "night"  # name of no Sun at all
+SUN_AZIMUTHS_DEG = {"1": 0.0, "2": 315.0, "3": 225.0, "4": 180.0}  # of the paper, from east to north
+NIGHT = "night"  # name of a light without a Sun
 SunName = Literal["1", "2", "3", "4", "night"]
 REAL = "real"  # name of the real Sun
 PackagedName = Literal["packaged", "packaged_rover"]
-# Pictures of the rover are rendered with the run's section `render`, but for these options: a drive has no walls that
-# return light (`bounce`), headlights weaken with the distance, large pictures need few rays to the Sun's disc.
+# Options of the section `render` that the rover's pictures replace: a drive has no walls that reflect light
+# (`bounce`), the light of headlights decreases with distance, and large pictures need few rays to the Sun's disc.
 ROVER_RENDER = {"bounce": 0.0, "falloff": True, "lamp_probe_px": 16, "lamp_samples": 8}
-_NO_EFFECT = {  # of the section `render` on the rover's pictures and labels
+_NO_EFFECT = {  # options of the section `render` that do not change the rover's pictures and labels
     "models", "maps", "materials_from_photos", "fitting", "lamp_radius_m",
     "rim", "rim_half_width_m", "rim_height_m", "rim_albedo", *ROVER_RENDER,
 }  # fmt: skip
-PACKAGED_FILES: dict[str, Path] = {"packaged": PACKAGED, "packaged_rover": PACKAGED_ROVER}  # that come with polarsim
+# Weights shipped with polarsim.
+PACKAGED_FILES: dict[str, Path] = {"packaged": PACKAGED, "packaged_rover": PACKAGED_ROVER}
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Light:
 
 
 def lights_ahead(vehicle: Vehicle) -> tuple[str, ...]:
-    """Return the names of the vehicle's lights that point ahead: on VIPER those of the mast and the front."""
+    """Return the names of the vehicle's lights that point forward (VIPER: mast and front lights)."""
     return tuple(light.name for light in vehicle.lights if abs(light.yaw_deg) < 45)
 
 
@@ -77,31 +78,33 @@ class OnboardOptions(BaseModel, extra="forbid", frozen=True):
 
     weights: UserPath | PackagedName | None = Field(
         None,
-        description="Weights of the detector: a file, `packaged_rover` (trained on drives too) or `packaged` (on "
-        "photos). None: the truth is measured alone.",
+        description="Weights of the detector: a file, `packaged_rover` (trained on drives and photos) or `packaged` "
+        "(photos only). None: no detector.",
     )
-    confidence: float = Field(0.3, gt=0, lt=1, description="Minimum confidence of a detection that counts.")
+    confidence: float = Field(0.3, gt=0, lt=1, description="Minimum confidence of a detection.")
     ground: Literal["surveyed", "plane"] = Field(
         "surveyed",
-        description="Ground on which boxes are located: heights before the drive, or the plane under the wheels.",
+        description="Ground for locating boxes: heights before the drive, or the plane under the wheels.",
     )
 
     @property
     def weights_file(self) -> Path | None:
-        """File of the weights."""
+        """Path of the weights."""
         return PACKAGED_FILES[self.weights] if isinstance(self.weights, str) else self.weights
 
 
 class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
-    """Pictures of a drive; all else is the section `render` of the run."""
+    """Pictures of a drive; other options are in the section `render`."""
 
-    views: tuple[str, ...] = Field(PAPER_VIEWS, min_length=1, description="Cameras of the vehicle that take pictures.")
+    views: tuple[str, ...] = Field(PAPER_VIEWS, min_length=1, description="Names of the vehicle's cameras to render.")
     suns: tuple[SunName, ...] = Field(
         ("1", "2", "3", "4"),
-        description="Suns of the paper: 1 east, 2 southeast, 3 southwest, 4 west; `night`: the rover's lights alone.",
+        description="Suns of the paper: 1 east, 2 southeast, 3 southwest, 4 west; `night`: headlights only.",
     )
     sun_elevation_deg: float = Field(8.0, gt=0, le=90, description="Elevation of these Suns, degrees.")
-    real_sun: RealSun | None = Field(None, description="A further Sun, `real`, at its position over a site at a time.")
+    real_sun: RealSun | None = Field(
+        None, description="Additional Sun `real` at its true direction over a site at a time."
+    )
     lights: tuple[str, ...] = Field((), description="Names of the vehicle's lights that are on.")
     models: tuple[Model, ...] = Field(
         ("hapke", "principled"), min_length=1, description="Reflectance models of the pictures."
@@ -109,30 +112,30 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     exposures_ms: tuple[PositiveFloat, ...] = Field(
         (256, 512, 1024), min_length=1, description="Exposures of the pictures, ms."
     )
-    scale: float = Field(1.0, gt=0, le=1, description="Size of the pictures over that of the cameras.")
+    scale: float = Field(1.0, gt=0, le=1, description="Picture size relative to the camera's size. Lower is faster.")
     every: int = Field(1, ge=1, description="Step between rendered picture times of the drive.")
-    finer: int = Field(4, ge=1, le=16, description="Cells of the rendered ground along one cell of the drive's ground.")
+    finer: int = Field(4, ge=1, le=16, description="Cells of the rendered ground per cell of the drive's ground.")
     stars: Literal["none", "physical", "bright"] = Field(
         "physical",
-        description="Brightness of stars: physical, invisible at sunlit exposures; bright, as in the paper's videos.",
+        description="Brightness of stars: physical (invisible at sunlit exposures) or bright as in the paper's videos.",
     )
     onboard: OnboardOptions = OnboardOptions()
-    videos: bool = Field(False, description="Make a video of every view, Sun, model and exposure.")
+    videos: bool = Field(False, description="Write a video for each view, Sun, model and exposure.")
 
     @property
     def pictures(self) -> list[tuple[Model, float]]:
-        """Model and exposure, ms, of every picture of a view under a Sun."""
+        """Return model and exposure, ms, of each picture of a view under a Sun."""
         return list(product(self.models, self.exposures_ms))
 
     @field_validator("views", "suns", "lights", "models", "exposures_ms")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(values)) < len(values):
-            raise ValueError("named twice")
+            raise ValueError("contains a value twice")
         return values
 
     @model_validator(mode="after")
     def _light_at_night(self) -> CameraSuiteOptions:
         if NIGHT in self.suns and not self.lights:
-            raise ValueError("suns: at night the rover sees by `lights` alone, and none is named")
+            raise ValueError("suns: 'night' needs at least one of the vehicle's `lights`")
         return self

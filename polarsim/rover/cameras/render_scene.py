@@ -1,6 +1,6 @@
-"""The scene of a drive, ready for rays: still ground and rocks, and the tracks and the rover as they are at a moment.
+"""Ray-tracing scene of a drive: static ground and rocks, and the tracks and the rover at a time.
 
-Only tiles of the tracks that changed, and the rover, are built anew from moment to moment.
+From frame to frame, only the rover and the changed tiles of the tracks are rebuilt.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ from polarsim.rover.world.surface import Surroundings, World
 from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.run_files.scene import TerrainMesh
 
-_REST, _ROCKS = 1, 2  # bits of parts
-_FAR_M = 80.0  # the ground continues this far beyond the drive's grid: the horizon of a camera at 2 m
-_FADE_M = 0.6  # over which the rim's heights fade out beyond it
-_BLUR = 0.5  # along the rim, over the distance beyond it: else its heights would be seen as rays
-_GROWTH = 1.35  # of the far ground's cells, from one to the next
-Still = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertices (v, 3), faces (f, 3), unit normals (v, 3) of what stands
+_REST, _ROCKS = 1, 2  # mask bits of parts
+_FAR_M = 80.0  # extension of the ground at each side of the drive's grid, up to the horizon of a camera at 2 m
+_FADE_M = 0.6  # length over which the heights of the rim fade outside the grid
+_BLUR = 0.5  # standard deviation of the blur along the rim per distance from it: prevents radial streaks
+_GROWTH = 1.35  # ratio of adjacent cell sizes outside the grid
+# Static surfaces: vertices (v, 3), faces (f, 3), unit normals (v, 3).
+Still = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Rocks:
-    """Rocks of a world: vertices (v, 3), faces (f, 3), and by face a number from 1 on; metres."""
+    """Rocks of a world: vertices (v, 3), metres, faces (f, 3), and the rock number of each face, from 1."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -44,7 +45,7 @@ class Rocks:
 
 @dataclass(frozen=True)
 class MovingSurfaces(Surfaces):
-    """Surfaces in parts. The faces of ground and body come first, the rocks' last; arrays change in place."""
+    """Surfaces in parts: faces of ground and body first, faces of rocks last. Arrays change in place."""
 
     parts: MovableScene | None = None
 
@@ -60,7 +61,7 @@ class MovingSurfaces(Surfaces):
 
 
 class RenderScene:
-    """All that is seen on a drive; `show` moves it to a moment."""
+    """All visible surfaces of a drive; `show` moves the scene to a time."""
 
     def __init__(
         self,
@@ -75,14 +76,14 @@ class RenderScene:
         Parameters
         ----------
         skirt_m : float
-            Open feet of rocks are drawn out downwards so far: no light beneath them.
+            Length by which the open lower edges of rocks are extended downwards, so that no light passes below.
         around : Surroundings
-            What lies beyond the grid; to labels its rocks are relief of the ground.
+            Ground outside the grid. Rocks there have no labels; they are part of the ground.
 
         Raises
         ------
         RoverError
-            More rocks than instance maps have ids for.
+            More rocks than ids of instance maps.
         """
         self.tracks, self._body = tracks, body
         if around is None:
@@ -90,35 +91,35 @@ class RenderScene:
         else:
             still = _joined(surrounding_ground(tracks, around), _scenery(around))
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
-        here = {link: Pose.identity() for link in body.links}
-        standing = rocks_with_skirts(rocks, skirt_m)
-        faces = [still[1], *(tile_faces(tracks.side) for _ in tiles), body.faces, standing.faces]
-        vertices = [still[0], *(tile[0] for tile in tiles), body.posed(here)[0], standing.vertices]
-        normals = [still[2], *(tile[1] for tile in tiles), body.posed(here)[1], standing.normals]
+        rest_pose = {link: Pose.identity() for link in body.links}
+        skirted = rocks_with_skirts(rocks, skirt_m)
+        faces = [still[1], *(tile_faces(tracks.side) for _ in tiles), body.faces, skirted.faces]
+        vertices = [still[0], *(tile[0] for tile in tiles), body.posed(rest_pose)[0], skirted.vertices]
+        normals = [still[2], *(tile[1] for tile in tiles), body.posed(rest_pose)[1], skirted.normals]
         ids = [
-            *(np.full(len(own), GROUND) for own in faces[:-2]),
+            *(np.full(len(part), GROUND) for part in faces[:-2]),
             BODY + body.solid_of_face,
-            ROCK_IDS + standing.rock_of_face,
+            ROCK_IDS + skirted.rock_of_face,
         ]
-        if standing.rock_of_face.max(initial=0) >= SHADOW_IDS - ROCK_IDS:
+        if skirted.rock_of_face.max(initial=0) >= SHADOW_IDS - ROCK_IDS:
             raise RoverError(
-                f"{standing.rock_of_face.max()} rocks, instance maps have ids for {SHADOW_IDS - ROCK_IDS - 1}"
+                f"{skirted.rock_of_face.max()} rocks, instance maps have ids for {SHADOW_IDS - ROCK_IDS - 1}"
             )
-        self._first_vertex = np.cumsum([0, *(len(own) for own in vertices)])
-        self._first_face = np.cumsum([0, *(len(own) for own in faces)])
+        self._first_vertex = np.cumsum([0, *(len(part) for part in vertices)])
+        self._first_face = np.cumsum([0, *(len(part) for part in faces)])
         masks = [_REST] * (len(faces) - 1) + [_ROCKS]
         parts = [(v, f, mask) for v, f, mask in zip(vertices, faces, masks, strict=True)]
         self._parts = MovableScene([MovableMesh(*part) for part in parts])
         self.surfaces = MovingSurfaces(
             np.concatenate(vertices),
-            np.concatenate([own + first for own, first in zip(faces, self._first_vertex, strict=False)]),
+            np.concatenate([part + first for part, first in zip(faces, self._first_vertex, strict=False)]),
             np.concatenate(normals),
             np.concatenate(ids).astype(np.int32),
             parts=self._parts,
         )
 
     def show(self, level: np.ndarray, world_from_link: Mapping[str, Pose]) -> int:
-        """Bring ground levels (rows, columns) and rover to a moment; how many tiles were built anew."""
+        """Move ground levels (rows, columns) and rover to a time; return the number of rebuilt tiles."""
         changed = self.tracks.show(level)
         for number in changed:
             self._move(1 + number, *self.tracks.mesh(number))
@@ -136,9 +137,9 @@ class RenderScene:
 
 
 def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> Still:
-    """Vertices, faces and normals of the ground without the covered cells (rows - 1, columns - 1), and of what is far.
+    """Return the mesh of the ground without the covered cells (rows - 1, columns - 1), extended by `far_m`.
 
-    Beyond the grid cells grow, and the level goes from that of the rim to the rim's median.
+    Outside the grid, cells grow with distance and the level approaches the median level of the rim.
     """
     steps = _growing(lattice.cell, far_m)
     count = len(steps)
@@ -158,7 +159,7 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> Still:
 
 
 def surrounding_ground(tracks: WheelTracks, around: Surroundings) -> Still:
-    """The same where something lies around the grid: its ground, on a spline through all nodes."""
+    """Return the mesh of the ground and the surroundings, on a spline through all nodes."""
     coarse, fine = tracks.lattice, tracks.fine
     first = tuple(
         int(np.searchsorted(nodes, start - coarse.cell / 2))
@@ -169,8 +170,8 @@ def surrounding_ground(tracks: WheelTracks, around: Surroundings) -> Still:
         coarse.level
     )
     y, x = (
-        np.concatenate([nodes[:start], origin + fine.cell * np.arange(own), nodes[start + size :]])
-        for nodes, start, origin, size, own in zip(
+        np.concatenate([nodes[:start], origin + fine.cell * np.arange(count), nodes[start + size :]])
+        for nodes, start, origin, size, count in zip(
             (around.y, around.x), first, (coarse.y0, coarse.x0), coarse.level.shape, fine.level.shape, strict=True
         )
     )
@@ -182,10 +183,13 @@ def surrounding_ground(tracks: WheelTracks, around: Surroundings) -> Still:
 def _mesh(
     x: np.ndarray, y: np.ndarray, z: np.ndarray, first: tuple[int, ...], lattice: Lattice, covered: np.ndarray
 ) -> Still:
-    """Of nodes among which those of a lattice begin at row and column `first`, without its covered cells."""
+    """Return the mesh of nodes without the covered cells of a lattice.
+
+    `first`: row and column of the lattice's first node among the nodes.
+    """
     along_y, along_x = np.gradient(z, y, x)
     inner = tuple(slice(start, start + size) for start, size in zip(first, lattice.level.shape, strict=True))
-    along_y[inner], along_x[inner] = lattice.slopes  # what tiles continue
+    along_y[inner], along_x[inner] = lattice.slopes  # agree with the slopes of the tiles
     normals = np.stack([-along_x, -along_y, np.ones_like(z)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     kept = np.ones((len(y) - 1, len(x) - 1), bool)
@@ -202,16 +206,16 @@ def _scenery(around: Surroundings) -> Still:
     return vertices, faces, Mesh(vertices, faces).normals() if len(faces) else vertices
 
 
-def _joined(one: Still, two: Still) -> Still:
+def _joined(first: Still, second: Still) -> Still:
     return (
-        np.concatenate([one[0], two[0]]),
-        np.concatenate([one[1], two[1] + len(one[0])]),
-        np.concatenate([one[2], two[2]]),
+        np.concatenate([first[0], second[0]]),
+        np.concatenate([first[1], second[1] + len(first[0])]),
+        np.concatenate([first[2], second[2]]),
     )
 
 
 def rocks_of(world: World) -> Rocks:
-    """A world's rocks; rock numbers here are indices in its table, from 1 on."""
+    """Return the rocks of a world, numbered from 1 in the order of the world's table."""
     number = np.zeros(len(world.triangles), np.int64)
     spans = world.rocks[["first_face", "faces"]].to_numpy(int)
     for label, (first, count) in enumerate(spans, 1):
@@ -220,14 +224,14 @@ def rocks_of(world: World) -> Rocks:
 
 
 def rocks_with_skirts(rocks: Rocks, skirt_m: float) -> TerrainMesh:
-    """Rocks with smooth normals of their own, with skirts that reach into the sand."""
+    """Return rocks with smooth normals, computed for each rock, and skirts that reach into the sand."""
     parts = []
     for number in np.unique(rocks.number_of_face):
         used, faces = np.unique(rocks.faces[rocks.number_of_face == number], return_inverse=True)
         parts.append((int(number), Mesh(rocks.vertices[used].astype(float), faces.reshape(-1, 3))))
     if not parts:
-        none = np.zeros((0, 3))
-        return TerrainMesh(none, none.astype(int), np.zeros(0, int), none)
+        empty = np.zeros((0, 3))
+        return TerrainMesh(empty, empty.astype(int), np.zeros(0, int), empty)
     starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
     mesh = TerrainMesh(
         np.concatenate([mesh.vertices for _, mesh in parts]),
@@ -238,7 +242,7 @@ def rocks_with_skirts(rocks: Rocks, skirt_m: float) -> TerrainMesh:
 
 
 def _beyond_rim(level: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Level (rows, columns) with the rim's heights so many cells beyond it, the smoother the farther."""
+    """Return levels (rows, columns) extended beyond the rim by `cells`; the blur along the rim grows outwards."""
     count = len(cells)
     padded = np.pad(level, count, mode="edge")
     for lines in (padded, padded.T):
@@ -249,7 +253,7 @@ def _beyond_rim(level: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def _growing(cell: float, far_m: float) -> np.ndarray:
-    """Distances from the grid's rim, each step larger than the one before."""
+    """Return distances from the rim of the grid, with growing steps."""
     steps: list[float] = []
     while far_m > 0 and (not steps or steps[-1] < far_m):
         steps.append((steps[-1] if steps else 0.0) + cell * _GROWTH ** len(steps))

@@ -1,7 +1,7 @@
-"""Pictures of the rover's cameras: light of Suns and headlights, lens, stars, sensor.
+"""Images of the rover's cameras: light of Suns and headlights, lens, stars, sensor.
 
-All pictures of the rover are made here: those of a recorded drive (`suite`), those by which the rover decides
-(`perception.observation`) and those of the Gymnasium environment.
+All callers use this module: recorded drives (`suite`), perception (`perception.observation`) and the Gymnasium
+environment.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import BACKGROUND
 from polarsim.run_files.picture_sets import AUTO
 
-BRIGHT_STARS = 300.0  # flux of the stars of the paper's videos over that of real ones
-GROUND_ALBEDO = 0.12  # of lunar soil; albedos of the body are relative to it
-# Factor of the body's albedos: upright walls receive seven times the ground's light from a Sun at 8 degrees, and
-# would be white at all exposures that show the ground.
+BRIGHT_STARS = 300.0  # flux of stars in the paper's videos relative to real stars
+GROUND_ALBEDO = 0.12  # of lunar soil; albedos of the body are relative to this value
+# Factor of the body's albedos: with a Sun at 8 degrees, the irradiance of upright walls is seven times that of the
+# ground, and the walls would be saturated at all exposures suited to the ground.
 _BODY_DARKER = 0.25
-_CLIPPED_PERCENT = 99.0  # auto exposure puts this percentile of the light at the sensor's white
+_CLIPPED_PERCENT = 99.0  # percentile of the light that auto exposure maps to the white level
 _EXPOSURES_MS = (1.0, 10_000.0)  # limits of auto exposure
 
 
 class RoverCamera:
-    """World, rover and light of one moment, and pictures of them by any camera.
+    """World, rover and light at a time, and images of them from any camera.
 
-    Call `show` or `show_state` before the first picture.
+    Call `show` or `show_state` before the first image.
     """
 
     def __init__(
@@ -63,11 +63,11 @@ class RoverCamera:
         Parameters
         ----------
         followed : (rows, columns) bool
-            Nodes of the ground whose changes are drawn.
+            Nodes of the ground whose changes are rendered.
         render
-            The run's options; `ROVER_RENDER` and `models` replace some of them.
+            Options of the run; `ROVER_RENDER` and `models` replace some of them.
         finer
-            Cells of the rendered ground along one cell of the world's.
+            Cells of the rendered ground per cell of the world's ground.
 
         Raises
         ------
@@ -89,7 +89,7 @@ class RoverCamera:
         self.scene.show(level, links)
 
     def show_state(self, state: State, level: np.ndarray) -> Pose:
-        """Move on to a state of the physics and return `world_from_base`."""
+        """Move the scene to a state of the physics and return `world_from_base`."""
         base = pose_of(state.position, state.rotation)
         positions = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
         quaternions = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
@@ -110,47 +110,47 @@ class RoverCamera:
         labels: bool,
         threads: int = 1,
     ) -> Rendering:
-        """Return radiance by model and Sun, each with the rover's lights, and ids by Sun where `labels` is true.
+        """Return radiance by model and Sun, including the headlights, and ids by Sun if `labels` is true.
 
-        Shadows among the ids are those of the Sun: at night there are none.
+        The ids contain shadows of the Sun only; there are none at night.
         """
         options, models, surfaces = self.render_options, self.render_options.models, self.scene.surfaces
         lamps = {name: sun.lamp for name, sun in suns.items() if sun.lamp is not None}
-        own = {f"light {name}": spot for name, spot in headlights(lights, self.links).items()}  # no Sun's name
+        spots = {f"light {name}": spot for name, spot in headlights(lights, self.links).items()}  # distinct from Suns
         shadows = list(lamps) if labels else None if self.sky is None else []
-        found = render_view(surfaces, camera, lamps | own, models, shadows, options, threads)
-        whole = found.whole
+        olat = render_view(surfaces, camera, lamps | spots, models, shadows, options, threads)
+        whole = olat.whole
         light = {
-            (model, name): _sum([whole[model, lamp] for lamp in (name, *own) if (model, lamp) in whole], camera)
+            (model, name): _sum([whole[model, lamp] for lamp in (name, *spots) if (model, lamp) in whole], camera)
             for model in models
             for name in suns
         }
         radiance = through_lens(light, lamps, surfaces, camera, options, threads)
         if self.sky is not None:
-            empty = found.ids[NO_LAMP] == BACKGROUND
+            empty = olat.ids[NO_LAMP] == BACKGROUND
             for name, sun in suns.items():
                 stars = imaged(empty * star_radiance(self.sky, sun.world_from_celestial, camera), camera.lens, options)
                 radiance |= {(model, name): radiance[model, name] + stars for model in models}
-        ids = {name: found.ids[name if name in lamps else NO_LAMP] for name in (NO_LAMP, *suns)} if labels else {}
+        ids = {name: olat.ids[name if name in lamps else NO_LAMP] for name in (NO_LAMP, *suns)} if labels else {}
         return Rendering(radiance, ids)
 
     def expose(self, radiance: np.ndarray, model: Model, exposure_ms: float, *name: object) -> np.ndarray:
-        """Return the 12-bit picture (h, w) uint16 of radiance (h, w); its noise is drawn by its `name`."""
+        """Return the 12-bit image (h, w) uint16 of radiance (h, w); `name` selects the noise."""
         noise = noise_of(self.render_options, *name)
         return expose(radiance, exposure_ms * self._gain(model), self.render_options, noise)
 
     def picture(self, camera: Camera, light: Light, *name: object, threads: int = 1) -> tuple[np.ndarray, float]:
-        """Return the 12-bit picture (h, w) uint16 of the moment in a light, and its exposure, ms.
+        """Return the 12-bit image (h, w) uint16 in a light, and its exposure, ms.
 
         Raises
         ------
         ConfigError
-            A light that the vehicle does not have.
+            The vehicle does not have a light of that name.
         """
         sun = named_sun(light.sun, self._sun_elevation_deg)
-        lights = [self.vehicle.light(own) for own in light.lights]
-        found = self.render(camera, {sun.name: sun}, lights, labels=False, threads=threads)
-        radiance, exposure_ms = found.olat_images[light.model, sun.name], light.exposure_ms
+        lights = [self.vehicle.light(name) for name in light.lights]
+        rendering = self.render(camera, {sun.name: sun}, lights, labels=False, threads=threads)
+        radiance, exposure_ms = rendering.olat_images[light.model, sun.name], light.exposure_ms
         if isinstance(exposure_ms, str):
             assert exposure_ms == AUTO
             exposure_ms = auto_exposure_ms(radiance, self._gain(light.model))
@@ -163,12 +163,13 @@ class RoverCamera:
 def _resolved(render: RenderOptions, models: Sequence[Model], body: Body) -> RenderOptions:
     """Return a run's options with `ROVER_RENDER`, these models and the materials of the rover's body."""
     factor = _BODY_DARKER / GROUND_ALBEDO
-    own = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}
-    return render.model_copy(update={**ROVER_RENDER, "models": tuple(models), "materials": {**own, **render.materials}})
+    body_materials = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}
+    materials = {**body_materials, **render.materials}
+    return render.model_copy(update={**ROVER_RENDER, "models": tuple(models), "materials": materials})
 
 
 def auto_exposure_ms(light: np.ndarray, gain: float) -> float:
-    """Return the exposure that puts the brightest percent of the light (h, w) at the sensor's white or above."""
+    """Return the exposure at which the brightest percent of the light (h, w) reaches the white level."""
     bright = float(np.percentile(light, _CLIPPED_PERCENT))
     return float(np.clip((WHITE_LEVEL - BLACK_LEVEL) / max(bright * gain, 1e-9), *_EXPOSURES_MS))
 
@@ -186,7 +187,7 @@ def near_path(world: World, path: Path, beside_m: float) -> np.ndarray:
 
 
 def _sum(images: Iterable[np.ndarray], camera: Camera) -> np.ndarray:
-    """Return the sum of images (h, w); without any there is no light."""
+    """Return the sum of images (h, w), or zeros if there are none."""
     parts = list(images)
     if not parts:
         return np.zeros(camera.lens.shape, np.float32)

@@ -1,4 +1,4 @@
-"""Pictures of a recorded drive at its picture times: radiance by model and Sun, and instance ids."""
+"""Render the images of a recorded drive: radiance by model and Sun, and instance ids."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from polarsim.rover.vehicle.table import Vehicle
 
 
 class CameraSuite:
-    """Pictures of a recorded drive. Frames are its picture times; `show` moves to a frame, in any order."""
+    """Images of a recorded drive. A frame is a picture time; `show` moves to a frame, in any order."""
 
     def __init__(
         self,
@@ -39,7 +39,7 @@ class CameraSuite:
         Raises
         ------
         RoverError, ConfigError
-            No Sun, an unknown camera or light, too many rocks.
+            No Sun, an unknown camera or light, or too many rocks.
         """
         self.trace, self.vehicle, self.options, self.seed, self._render = trace, vehicle, options, seed, render
         self.mounts = {name: mount_of(vehicle.camera(name), options.scale) for name in options.views}
@@ -54,13 +54,13 @@ class CameraSuite:
 
     @property
     def frames(self) -> list[int]:
-        """Numbers of the frames to render."""
+        """Return the indices of the frames to render."""
         return list(range(0, len(self.trace.tracks.time), self.options.every))
 
     def show(self, frame: int) -> None:
         """Move ground, marks and rover to a frame."""
         if frame < self._frame:
-            self.__dict__.pop("rover_camera", None)  # marks cannot be taken back
+            self.__dict__.pop("rover_camera", None)  # marks cannot be removed, so the scene is rebuilt
             self._frame = -1
         if self._frame < 0:
             self._level = self.trace.world.level.copy()
@@ -74,7 +74,7 @@ class CameraSuite:
         self._frame = frame
 
     def links_at(self, time_s: float) -> dict[str, Pose]:
-        """Poses of all links."""
+        """Return the poses of all links."""
         codes = [wheel.code for wheel in self.vehicle.wheels]
         return links_at(
             self.vehicle,
@@ -85,7 +85,7 @@ class CameraSuite:
         )
 
     def camera(self, view: str, frame: int) -> Camera:
-        """The camera of a view at a frame, in the rover's world."""
+        """Return the camera of a view at a frame, in the world frame."""
         return self.mounts[view].at(self.trace.pose_at(float(self.trace.tracks.time[frame])))
 
     def render(self, view: str, sun_names: Sequence[str], threads: int = 1) -> Rendering:
@@ -94,13 +94,13 @@ class CameraSuite:
         return self.rover_camera.render(camera, suns, self.lights, labels=True, threads=threads)
 
     def exposed(self, rendering: Rendering, view: str, sun: str, model: Model, exposure_ms: float) -> np.ndarray:
-        """Return the 12-bit picture (h, w) uint16 of the current frame."""
+        """Return the 12-bit image (h, w) uint16 of the current frame."""
         name = ("rover", self.seed, self._frame, view, sun, model, exposure_ms)
         return self.rover_camera.expose(rendering.olat_images[model, sun], model, exposure_ms, *name)
 
     @cached_property
     def rover_camera(self) -> RoverCamera:
-        """The scene and its pictures; built on first use."""
+        """Return the scene and camera, built on first use."""
         world, options = self.trace.world, self.options
         changed = np.zeros(world.level.size, bool)
         changed[self.trace.tracks.cell] = True
@@ -111,13 +111,13 @@ class CameraSuite:
 
 
 def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
-    """Prints of all wheels in the order of time."""
+    """Return the prints of all wheels in the order of time."""
     table = trace.table
-    found = []
+    marks = []
     for wheel in vehicle.wheels:
         if wheel.grousers:
             code = wheel.code
-            found += grouser_marks.marks_of(
+            marks += grouser_marks.marks_of(
                 table["time_s"].to_numpy(),
                 table[f"{code}_spin_rad"].to_numpy(),
                 table[[f"{code}_{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy(),
@@ -125,7 +125,7 @@ def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
                 table[f"{code}_contact"].isin(["soil", "both"]).to_numpy(),
                 wheel.grousers,
             )
-    return sorted(found, key=lambda event: event.time_s)
+    return sorted(marks, key=lambda event: event.time_s)
 
 
 def _tread(vehicle: Vehicle) -> Tread:

@@ -1,9 +1,9 @@
-"""The ground as pictures show it: a fine mesh between the nodes of the drive's coarse ground, with ruts in it.
+"""Rendered ground: a fine mesh between the nodes of the drive's coarse ground, with ruts.
 
-Untouched ground is a cubic spline through the nodes: on flat cells of centimetres a low Sun shows squares, each lit or
-black as it looks towards it or away. Where the rover drives, levels are settled first, for a wheel's own sweeps leave a
-saw of single nodes along the ruts. A cubic B-spline then leads from their changes to the fine mesh: its weights are
-positive, so it cannot overshoot.
+Untouched ground is a cubic spline through the nodes, since a low Sun would show flat cells of centimetres as squares,
+some lit and some black. On the path of the wheels, levels settle first, because the physics of a wheel produces a
+sawtooth of single nodes along the ruts. A cubic B-spline then interpolates the changes of the levels on the fine mesh;
+positive weights prevent overshoot.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ from scipy.interpolate import RectBivariateSpline
 from polarsim.rover.soil.bulldozing import settle
 from polarsim.rover.soil.nodes import LEVEL, ROCK, make_ground
 
-SETTLE_DEG = 36.0  # steeper soil slides, in pictures as under the wheels
-TILE = 16  # cells along a side of a tile, the unit that is built anew
-_MARGIN = 8  # cells that soil may slide beyond what wheels changed
-_STEP = 1e-5  # metres to which changes are rounded: less needs no new mesh, and pictures know no history
+SETTLE_DEG = 36.0  # steeper soil slides, in images as below the wheels
+TILE = 16  # cells along a side of a tile, the unit that is rebuilt
+_MARGIN = 8  # cells that soil may slide beyond the nodes changed by wheels
+# Metres to which changes are rounded: smaller changes rebuild no mesh, and images do not depend on earlier frames.
+_STEP = 1e-5
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Nodes of ground before the drive: level (rows, columns) at x0 + column cell, y0 + row cell; metres."""
+    """Nodes of the ground before the drive: level (rows, columns) at x0 + column cell, y0 + row cell; metres."""
 
     x0: float
     y0: float
@@ -35,12 +36,12 @@ class Lattice:
 
     @cached_property
     def slopes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Along y and along x, at the nodes."""
+        """Slopes along y and along x at the nodes."""
         along_y, along_x = np.gradient(self.level, self.cell)
         return along_y, along_x
 
     def refined(self, finer: int) -> Lattice:
-        """One with so many cells along a side of each, on a cubic spline through the nodes."""
+        """Return the lattice with `finer` cells per cell along each side, on a cubic spline through the nodes."""
         if finer == 1:
             return self
         rows, columns = (np.arange((size - 1) * finer + 1) / finer for size in self.level.shape)
@@ -49,18 +50,18 @@ class Lattice:
 
 
 class WheelTracks:
-    """The tiles that a drive changes, and their mesh at the moment of the last `show`."""
+    """Tiles that a drive changes, and their mesh at the time of the last `show`."""
 
     def __init__(self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float = SETTLE_DEG) -> None:
         """
         Parameters
         ----------
         changed : (rows, columns) bool
-            Nodes whose level changes at any time of the drive.
+            Nodes with a change of level at any time of the drive.
         finer : int
-            Fine cells along a side of a coarse one.
+            Fine cells per coarse cell along a side.
         angle_deg : float
-            Soil steeper than this slides; degrees.
+            Steeper soil slides; degrees.
         """
         self.lattice, self.finer, self._angle_deg = lattice, finer, angle_deg
         self.fine = lattice.refined(finer)
@@ -68,10 +69,11 @@ class WheelTracks:
         near = ndimage.binary_dilation(changed, np.ones((3, 3), bool), iterations=_MARGIN) if changed.any() else changed
         self._whole = ((rows - 1) // TILE, (columns - 1) // TILE)
         self.tiles = _touched(near, self._whole)
-        # Where nothing may change; settling takes it for rock.
+        # Nodes that must not change; `settle` treats them as rock.
         self._bound = ~_inside(self.tiles, lattice.level.shape)
-        self._change = np.zeros((rows + 2, columns + 2))  # with a rim, which splines reach into
-        self.marks = np.zeros(((rows - 1) * finer + 3, (columns - 1) * finer + 3), np.float32)  # with a rim of one
+        self._change = np.zeros((rows + 2, columns + 2))  # with a margin for the splines
+        # With a margin of one node.
+        self.marks = np.zeros(((rows - 1) * finer + 3, (columns - 1) * finer + 3), np.float32)
         self._printed = np.zeros(self._whole, bool)
         side = TILE * finer + 1
         self.side = side
@@ -79,7 +81,7 @@ class WheelTracks:
 
     @property
     def covered(self) -> np.ndarray:
-        """Cells of `fine` (rows - 1, columns - 1) bool that lie in tiles: the still mesh must leave them out."""
+        """Cells of `fine` (rows - 1, columns - 1) bool inside tiles; the static mesh excludes them."""
         cells = np.zeros([size - 1 for size in self.fine.level.shape], bool)
         for tile in self.tiles:
             row, column = (first * self.finer for first in tile)
@@ -87,18 +89,18 @@ class WheelTracks:
         return cells
 
     def show(self, level: np.ndarray) -> list[int]:
-        """Take in the levels (rows, columns) of a moment; numbers of the tiles whose mesh changes."""
+        """Set the levels (rows, columns) of a time; return the indices of the tiles with a changed mesh."""
         change = np.zeros_like(self._change)
         change[1:-1, 1:-1] = np.round((self._settled(level) - self.lattice.level) / _STEP) * _STEP
         differs = change != self._change
-        found = []
+        changed = []
         for number, (row, column) in enumerate(self.tiles):
             window = differs[row : row + TILE + 3, column : column + TILE + 3]
             if window.any() or self._printed[row // TILE, column // TILE]:
-                found.append(number)
+                changed.append(number)
         self._change = change
         self._printed[:] = False
-        return found
+        return changed
 
     def stamp(self, rows: slice, columns: slice, depth: np.ndarray, where: np.ndarray) -> None:
         """Write marks, metres above the ground, into a window of fine nodes (rows, columns) where `where` is true."""
@@ -110,7 +112,7 @@ class WheelTracks:
         self._printed[top:bottom, left:right] = True
 
     def mesh(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices and unit normals (v, 3) of a tile, row by row."""
+        """Return vertices and unit normals (v, 3) of a tile, row by row."""
         row, column = self.tiles[number]
         nodes = self._change[row : row + TILE + 3, column : column + TILE + 3]
         w, d, cell = self._weights, self._derivative, self.lattice.cell
@@ -131,7 +133,7 @@ class WheelTracks:
         return np.stack([x, y, z], axis=-1).reshape(-1, 3), normals
 
     def _settled(self, level: np.ndarray) -> np.ndarray:
-        """Levels after all soil has slid to rest inside the tiles; what the drive itself left steep elsewhere stays."""
+        """Return the levels after all soil inside the tiles has settled; levels outside the tiles are unchanged."""
         moved = np.abs(level - self.lattice.level) > 0
         if not moved.any():
             return level
@@ -151,9 +153,9 @@ class WheelTracks:
 
 
 def spline_weights(cells: int, finer: int) -> tuple[np.ndarray, np.ndarray]:
-    """Uniform cubic B-spline from nodes -1 ... cells + 1 to fine nodes 0, 1/finer ... cells: values and derivatives.
+    """Return weights of a uniform cubic B-spline from nodes -1 ... cells + 1 to fine nodes 0, 1/finer ... cells.
 
-    Returns two arrays (cells finer + 1, cells + 3); derivatives are in units of 1 / cell.
+    Returns values and derivatives, two arrays (cells finer + 1, cells + 3); derivatives are in units of 1 / cell.
     """
     steps = np.arange(cells * finer + 1) / finer
     first = np.minimum(np.floor(steps).astype(int), cells - 1)
@@ -168,14 +170,14 @@ def spline_weights(cells: int, finer: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def tile_faces(side: int) -> np.ndarray:
-    """(2 (side - 1)^2, 3) faces of a tile of side^2 vertices, facing up."""
+    """Return the faces (2 (side - 1)^2, 3) of a tile of side^2 vertices; normals point up."""
     number = np.arange(side * side).reshape(side, side)
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
 def _touched(near: np.ndarray, whole: tuple[int, int]) -> list[tuple[int, int]]:
-    """First node (row, column) of each whole tile that has a node near a change."""
+    """Return the first node (row, column) of each complete tile with a node near a change."""
     return [
         (row * TILE, column * TILE)
         for row in range(whole[0])
@@ -185,7 +187,10 @@ def _touched(near: np.ndarray, whole: tuple[int, int]) -> list[tuple[int, int]]:
 
 
 def _inside(tiles: list[tuple[int, int]], shape: tuple[int, ...]) -> np.ndarray:
-    """(rows, columns) bool: nodes two cells or more inside the area of tiles: at its rim nothing may change."""
+    """Return the nodes (rows, columns) bool two or more cells inside the tiles.
+
+    Levels closer to the border of the tiles must not change.
+    """
     covered = np.zeros(shape, bool)
     for row, column in tiles:
         covered[row : row + TILE + 1, column : column + TILE + 1] = True

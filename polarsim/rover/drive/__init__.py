@@ -1,1 +1,1 @@
-"""A rover that drives: commands, rigid bodies on the soil, the trace that it leaves, and the figures of that."""
+"""Drives of a rover: commands, rigid bodies on soil, traces and their metrics."""
