@@ -2,8 +2,8 @@
 
 Below a drive's folder: `<view>/<Sun>_<model>_<exposure>/NNNNN.png`, `<view>/<Sun>_labels/NNNNN.txt` and `.json`,
 `<view>/<Sun>_truth.parquet`, `<view>/<Sun>_coco.json`, `<view>/poses.parquet`. All models and exposures of a frame
-share the labels of the Sun. Each frame has a separate label file, so that an interrupted run can be resumed; tables and COCO
-files are made from the label files at the end.
+share the labels of the Sun. Each frame has a separate label file, so that an interrupted run can be resumed; tables and
+COCO files are made from the label files at the end.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From a position beside a path to a command, and from a command to four wheels."""
+"""Path following: from a position to a command, and from a command to angles and speeds of four wheels."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-STRAIGHT = 1e-6  # rad: a smaller steering angle is none
+STRAIGHT = 1e-6  # rad; smaller steering angles count as zero
 Mode = Literal["drive", "crab", "turn"]
 MODES: tuple[Mode, ...] = ("drive", "crab", "turn")
 Steering = Literal["ackermann", "crab", "combined"]
@@ -17,13 +17,13 @@ Steering = Literal["ackermann", "crab", "combined"]
 
 @dataclass(frozen=True)
 class Command:
-    """What a rover is told.
+    """Motion command.
 
-    drive : the body moves at `speed_m_s`, `crab_rad` to the left of ahead, and turns: `steer_rad` is the angle at which
-        a wheel midway between the front ones stands without crab, the rear ones steer the other way (as in the paper's
-        demo).
-    crab : all wheels point `steer_rad` to the left and the body moves that way without turning.
-    turn : the body turns on the spot, leftwards where the speed, that of a wheel's rim, is positive.
+    drive : the body moves at `speed_m_s`, `crab_rad` to the left of forward, and turns. `steer_rad` is the steering
+        angle of a virtual wheel midway between the front wheels without crab; rear wheels steer in the opposite
+        direction (as in the paper's demo).
+    crab : all wheels point `steer_rad` to the left and the body moves in this direction without turning.
+    turn : the body turns on the spot, to the left if `speed_m_s`, the speed of a wheel's rim, is positive.
     """
 
     speed_m_s: float = 0.0
@@ -35,15 +35,15 @@ class Command:
 def steer(
     command: Command, wheels: list[tuple[float, float]], wheelbase: float, limit: float
 ) -> tuple[list[float], list[float]]:
-    """Steering angles, rad, and speeds of the rims, m/s, at which no wheel has to slide sideways.
+    """Return steering angles, rad, and rim speeds, m/s, at which no wheel slides sideways.
 
-    `wheels`: their x, y in base_link; plain numbers, for arrays of four cost more.
+    `wheels`: x, y in base_link, as Python numbers, since arrays of four elements are slower.
     """
     speed = command.speed_m_s
     if command.mode == "crab":
         return [_within(command.steer_rad, limit)] * len(wheels), [speed] * len(wheels)
     if command.mode == "turn":
-        angles = [math.atan2(x, -y) for x, y in wheels]  # across the line to the centre
+        angles = [math.atan2(x, -y) for x, y in wheels]  # perpendicular to the line to the centre
         speeds = [speed] * len(wheels)
     elif command.crab_rad:
         curvature = 2 * math.tan(command.steer_rad) / wheelbase  # rad per metre
@@ -55,12 +55,12 @@ def steer(
     elif abs(command.steer_rad) < STRAIGHT:
         return [0.0] * len(wheels), [speed] * len(wheels)
     else:
-        # All axles point at one point beside the centre, where the front's and the rear's meet.
+        # All axles point at a common point at the side, the intersection of the front and rear axle lines.
         radius = wheelbase / 2 / math.tan(command.steer_rad)
         side = math.copysign(1.0, radius)
         angles = [math.atan2(x * side, (radius - y) * side) for x, y in wheels]
         speeds = [speed * math.hypot(x, radius - y) / abs(radius) for x, y in wheels]
-    # A wheel that would have to turn by more than a quarter runs backwards instead.
+    # A wheel with an angle above 90 degrees runs backwards instead.
     back = [abs(angle) > math.pi / 2 + 1e-9 for angle in angles]
     angles = [angle - math.copysign(math.pi, angle) if far else angle for angle, far in zip(angles, back, strict=True)]
     return [_within(angle, limit) for angle in angles], [-v if far else v for v, far in zip(speeds, back, strict=True)]
@@ -68,13 +68,13 @@ def steer(
 
 @dataclass(frozen=True)
 class Path:
-    """Straight lines through points (n, 2) of the world."""
+    """Polyline through points (n, 2) of the world."""
 
     points: np.ndarray
 
     @cached_property
     def lengths(self) -> tuple[float, ...]:
-        """(n - 1,) m of each line."""
+        """(n - 1,) m of each line segment."""
         return tuple(np.hypot(*np.diff(self.points, axis=0).T).tolist())
 
     @cached_property
@@ -89,12 +89,12 @@ class Path:
 
     @cached_property
     def _lines(self) -> list[tuple[float, float, float, float]]:
-        """Of each line, its first point and the unit step along it."""
+        """Start point and unit direction of each line segment."""
         steps = np.diff(self.points, axis=0) / np.array(self.lengths)[:, None]
         return [(*point, *step) for point, step in zip(self.points[:-1].tolist(), steps.tolist(), strict=True)]
 
     def beside(self, x: float, y: float, line: int) -> tuple[float, float]:
-        """How far along a line a position lies, m from its first point, and how far to its left."""
+        """Return the distance along a segment, m from its start, and the offset to the left, m."""
         from_x, from_y, along, across = self._lines[line]
         dx, dy = x - from_x, y - from_y
         return dx * along + dy * across, along * dy - across * dx
@@ -102,7 +102,7 @@ class Path:
 
 @dataclass(frozen=True)
 class SteeringLaw:
-    """How a driver steers; see `options.DriveOptions`."""
+    """Parameters of path following; see `options.DriveOptions`."""
 
     speed: float
     gain: float
@@ -112,14 +112,14 @@ class SteeringLaw:
     integral_gain: float = 0.0
     drift_limit: float = math.radians(10)
     turn_above: float = math.radians(45)
-    turn_tolerance: float = math.radians(2)  # a turn on the spot ends this near to the next line
+    turn_tolerance: float = math.radians(2)  # a turn on the spot ends within this angle of the next segment's heading
 
 
 @dataclass
 class Driver:
-    """Follows a path line by line.
+    """Follow a path segment by segment.
 
-    It remembers `line`, `turning`, `done` and `drift`: the angle held against what pushes it aside all the time.
+    State: `line`, `turning`, `done` and `drift`, the angle that compensates a steady lateral drift.
     """
 
     path: Path
@@ -137,11 +137,11 @@ class Driver:
 
     @property
     def headway(self) -> float:
-        """What has to grow while the rover drives, m, or it is stuck."""
+        """Progress, m; a rover without progress is stuck."""
         return self.done
 
     def command(self, x: float, y: float, heading: float) -> Command:
-        """What to do here; also notes how far off the path this is."""
+        """Return the command at a position and update the offset from the path."""
         along, self.offset = self.path.beside(x, y, self.line)
         while along >= self.path.lengths[self.line] and self.line + 1 < len(self.path.lengths):
             bend = wrapped(self.path.headings[self.line + 1] - self.path.headings[self.line])
@@ -162,7 +162,7 @@ class Driver:
         if law.steering == "crab":
             return Command(law.speed, _within(aim - self.heading_error, math.pi / 2), "crab")
         if law.steering == "combined":
-            # Crab leads back to the line at once, without a swing; the bend keeps the rover pointing along it.
+            # Crab returns to the line at once, without oscillation; steering keeps the body parallel to the line.
             crab = _within(_within(aim, law.limit) - self.heading_error, law.limit)
             return Command(law.speed, _within(correction, law.limit), "drive", crab)
         return Command(law.speed, _within(aim + correction, law.limit), "drive")
@@ -173,5 +173,5 @@ def _within(value: float, limit: float) -> float:
 
 
 def wrapped(angle: float) -> float:
-    """The same angle between -pi and pi."""
+    """Return an angle between -pi and pi."""
     return math.remainder(angle, 2 * math.pi)

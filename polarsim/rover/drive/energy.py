@@ -1,4 +1,4 @@
-"""The energy balance of a drive: the guard against steps that are too long, which nothing else shows."""
+"""Energy balance of a drive, which detects time steps that are too long."""
 
 from __future__ import annotations
 
@@ -12,54 +12,54 @@ from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import Vehicle
 
-LARGEST_PHASE = 1.0  # rad of the stiffest swing, wheel on elastic soil, in one step
-BOUND = 0.02  # share of the energy that may be missing; a sound drive misses 0.0007 at most
-LEAST = 5.0  # J put in before a share of it means anything
-GUARDED = 100.0  # J, some metres of drive: the guard takes no less as the whole, for wheels set down jolt a little
+LARGEST_PHASE = 1.0  # maximum phase, rad per step, of the stiffest oscillation: a wheel on elastic soil
+BOUND = 0.02  # maximum share of missing energy; a valid drive misses at most 0.0007
+LEAST = 5.0  # J; minimum input for which a share is computed
+GUARDED = 100.0  # J, a few metres of drive: minimum denominator of the check, since settling wheels cause small errors
 
 
 class EnergyError(RoverError):
-    """The balance is open: what the drive gave is no physics."""
+    """The energy balance does not close, so the drive is invalid."""
 
 
 @dataclass(frozen=True)
 class Account:
-    """J since the count began; by wheel in the order of `WHEELS`."""
+    """Energy since `Simulation.zero`, J; wheels in the order of `WHEELS`."""
 
-    motor: float  # given by drives and steering servos
-    soil: float  # taken by the soil
-    damper: float  # taken by dampers
-    rock: float  # taken by rocks and by stops of joints
-    driving: float  # given or taken by drives, whatever its sign
-    change: float  # of kinetic and potential energy
+    motor: float  # work of drives and steering servos
+    soil: float  # dissipated by soil
+    damper: float  # dissipated by dampers
+    rock: float  # dissipated by rocks and joint stops
+    driving: float  # sum of absolute work of the drives
+    change: float  # change of kinetic and potential energy
     motor_of: tuple[float, ...]
     soil_of: tuple[float, ...]
 
     @classmethod
     def of(cls, numbers: np.ndarray, change: float) -> Account:
-        """From the kernel's numbers."""
+        """Return the account of the kernel's array."""
         values = [float(number) for number in numbers]
         motor, soil, damper, rock, driving = values[:5]
         return cls(motor, soil, damper, rock, driving, change, tuple(values[5:9]), tuple(values[9:13]))
 
     @property
     def missing(self) -> float:
-        """J that nobody took."""
+        """Energy that is unaccounted for, J."""
         return self.motor - self.soil - self.damper - self.rock - self.change
 
     @property
     def put_in(self) -> float:
-        """By drives, and by what the rover gave up of its own in falling and slowing down."""
+        """Input of the drives, plus the decrease of kinetic and potential energy, J."""
         return self.driving + max(-self.change, 0.0)
 
     @property
     def open(self) -> float:
-        """`missing` as a share of what was put in, 0 before that means anything."""
+        """`missing` as a share of `put_in`; 0 while the input is small."""
         return self.missing / self.put_in if self.put_in > LEAST else 0.0
 
 
 def require_closed(account: Account, time: float) -> None:
-    """The guard of every run.
+    """Check that the energy balance closes.
 
     Raises
     ------
@@ -67,19 +67,20 @@ def require_closed(account: Account, time: float) -> None:
         More than `BOUND` of the energy is unaccounted for.
     """
     whole = max(account.put_in, GUARDED)
-    if not abs(account.missing) <= BOUND * whole:  # NaN is open too
+    if not abs(account.missing) <= BOUND * whole:  # true for NaN
         raise EnergyError(
-            f"at {time:.2f} s {100 * account.missing / whole:.2g} % of the energy is missing, {100 * BOUND:.2g} % may "
+            f"at {time:.2f} s {100 * account.missing / whole:.2g} % of the energy is missing, at most "
+            f"{100 * BOUND:.2g} % were expected: use a smaller step_s or a softer soil"
             "be: take a smaller step or a softer soil"
         )
 
 
 def largest_step(vehicle: Vehicle, law: ContactLaw, gravity: float) -> float:
-    """Longest time step, s, in which a wheel's swing on elastic soil is followed.
+    """Return the longest time step, s, that resolves the oscillation of a wheel on elastic soil.
 
-    The patch is that of the wheel at rest: by Bekker's law with n = 1 it sinks by (3 W / (2 b K sqrt(2 R)))^(2/3).
-    With the demo's soil this gives 2.7 ms (8.4 at a tenth of the elastic stiffness), where a drive still is sound at 2
-    (5) ms and pumps energy at 4.
+    The contact patch is that of a wheel at rest: by Bekker's law with n = 1 its sinkage is
+    (3 W / (2 b K sqrt(2 R)))^(2/3). The demo's soil has a limit of 2.7 ms (8.4 ms at a tenth of the elastic
+    stiffness); drives are valid at 2 (5) ms and gain energy at 4 ms.
     """
     steps = []
     for wheel in vehicle.wheels:
@@ -93,16 +94,16 @@ def largest_step(vehicle: Vehicle, law: ContactLaw, gravity: float) -> float:
 
 
 def require_small_step(vehicle: Vehicle, law: ContactLaw, options: SoilOptions) -> None:
-    """Refuse a step before anything runs.
+    """Check the time step before the simulation starts.
 
     Raises
     ------
     RoverError
-        It is too large for the soil's elastic stiffness.
+        The step is too large for the soil's elastic stiffness.
     """
     largest = largest_step(vehicle, law, options.gravity_m_s2)
     if options.step_s > largest:
         raise RoverError(
             f"a step of {1000 * options.step_s:g} ms is too large for an elastic stiffness of {law.K_e:.3g} Pa/m, "
-            f"{1000 * largest:.2g} ms is the largest: take a smaller step_s or K_e"
+            f"{1000 * largest:.2g} ms is the largest: use a smaller step_s or K_e"
         )

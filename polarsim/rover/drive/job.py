@@ -1,4 +1,4 @@
-"""What decides a drive: its world, rover, soil and options, and the path, steering law and start that follow."""
+"""Inputs of a drive (world, rover, soil, options) and the path, steering law and start computed from them."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.stitch import read_terrain, rough_world, stitch
 from polarsim.rover.world.surface import World
 
-P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset where the offset alone steers, as in the paper
-# Steering angle per offset, per offset summed over headway, and per heading error: the rover comes back to its path
-# within a few metres and without a swing.
+P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset for control by offset only, as in the paper
+# Steering angle per offset, per offset integrated over progress, and per heading error: the rover returns to the path
+# within a few metres and without oscillation.
 GAIN_RAD_M, INTEGRAL_RAD_M2, HEADING_GAIN = 4.0, 4.0, 2.0
-TURN_ABOVE_DEG = 45.0  # sharper corners are taken by a turn on the spot
-STEER_LIMIT_DEG = 30.0  # of a wheel, either way
-# Differences between seeds at `spread` 1: starts are drawn evenly within these bounds, either way, heights normally.
+TURN_ABOVE_DEG = 45.0  # sharper corners are turned on the spot
+STEER_LIMIT_DEG = 30.0  # maximum steering angle of a wheel in both directions
+# Differences between seeds at `spread` 1: uniform within these bounds for starts, normally distributed for heights.
 ALONG_M, OFFSET_M, HEADING_DEG, GROUND_SD_M = 0.10, 0.02, 1.0, 0.0005
-LOG_HZ = 100.0  # rows of a trace a second
-SAMPLE = 0.1  # m between points of the path at which the wheels are checked
+LOG_HZ = 100.0  # rows of a trace per second
+SAMPLE = 0.1  # m between points of the path at which the wheel positions are checked
 
 
 @dataclass(frozen=True)
 class Job:
-    """All that decides a drive."""
+    """All inputs of a drive."""
 
     world: World
     vehicle: Vehicle
@@ -49,7 +49,7 @@ class Job:
     log_hz: float = LOG_HZ
 
     def digest(self) -> str:
-        """Of everything here: a saved state of another drive is not gone on with."""
+        """Return the digest of all inputs; a saved state with another digest is not resumed."""
         content = json.dumps(
             unsigned_zeros(
                 [
@@ -61,16 +61,16 @@ class Job:
             ),
             sort_keys=True,
         )
-        found = hashlib.sha256(content.encode())
+        digest = hashlib.sha256(content.encode())
         around = self.world.around
         beyond = () if around is None else (around.x, around.y, around.level, around.vertices, around.triangles)
         for array in (self.world.level, self.world.vertices, self.world.triangles, *beyond):
-            found.update(unsigned_zeros(np.ascontiguousarray(array)).tobytes())
-        return found.hexdigest()
+            digest.update(unsigned_zeros(np.ascontiguousarray(array)).tobytes())
+        return digest.hexdigest()
 
 
 def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> Job:
-    """The drive that options ask for.
+    """Return the drive that the options describe.
 
     Raises
     ------
@@ -91,23 +91,26 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
 
 
 def route_of(job: Job) -> Route:
-    """The path that a job's rover is to follow, see `path_of`."""
+    """Return the path of a job, see `path_of`."""
     return Route(np.array(path_of(job.rocks, job.drive)))
 
 
 def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> tuple[Point, ...]:
-    """The path's points; where none are given the centre line, from so far east of the terrains to so far west."""
+    """Return the points of the path; by default the centre line from east to west.
+
+    The default path extends `beyond_m` outside the terrains on both sides.
+    """
     half = world.half_length_m + beyond_m
     return drive.path_m or ((half, 0.0), (-half, 0.0))
 
 
 def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
-    """Refuse a path on which a wheel would leave the grid.
+    """Check that no wheel leaves the grid along a path.
 
     Raises
     ------
     OffGridError
-        It does: one line with the position.
+        A wheel would leave the grid; the message contains the position.
     """
     reach = max(wheel.radius_m for wheel in vehicle.wheels) + vehicle.wheels[0].width_m / 2 + EDGE
     wheels = vehicle.wheel_centres[:, :2]
@@ -136,7 +139,7 @@ def law_of(options: DriveOptions) -> SteeringLaw:
 
 
 def start_of(job: Job, route: Route) -> Start:
-    """The path's first point, moved and turned by the seed."""
+    """Return the path's first point, displaced and rotated by the seed."""
     heading = float(route.headings[0])
     bounds = job.drive.spread * np.array([ALONG_M, OFFSET_M, math.radians(HEADING_DEG)])
     along, offset, angle = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * bounds

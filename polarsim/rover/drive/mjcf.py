@@ -1,4 +1,4 @@
-"""The rover and its rocks as a MuJoCo model; the ground is not in it, for its forces are ours."""
+"""MuJoCo model of the rover and the rocks, without the ground; soil forces are applied separately."""
 
 from __future__ import annotations
 
@@ -11,34 +11,32 @@ from polarsim.errors import RoverError
 from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
 from polarsim.rover.world.hulls import RockPart
 
-# MuJoCo's bits: wheels meet rocks, and no other bodies meet.
+# MuJoCo's collision bits: wheels collide with rocks, no other bodies collide.
 WHEEL_BITS, ROCK_BITS = {"contype": 1, "conaffinity": 2}, {"contype": 2, "conaffinity": 1}
-HARD_BRAKE = (0.9999, 0.9999, 0.001, 0.5, 2)  # solimp: MuJoCo's default gives way by a tenth of a millimetre per second
-STIFF_ROCK = (0.01, 1)  # solref: a touch is over in hundredths of a second, without rebound
+HARD_BRAKE = (0.9999, 0.9999, 0.001, 0.5, 2)  # solimp: by default a braked wheel creeps 0.1 mm/s
+STIFF_ROCK = (0.01, 1)  # solref: contacts end within hundredths of a second, without rebound
 
 
 def import_mujoco() -> Any:
-    """The package, asked for where it is used.
+    """Import MuJoCo on first use.
 
     Raises
     ------
     RoverError
-        It is not installed.
+        MuJoCo is not installed.
     """
     try:
         import mujoco
     except ImportError as error:
-        raise RoverError(
-            "the rover drives with MuJoCo, which is not installed: pip install 'polarsim[rover]'"
-        ) from error
+        raise RoverError("the rover needs MuJoCo, which is not installed: pip install 'polarsim[rover]'") from error
     return mujoco
 
 
 def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, dt: float) -> Any:
-    """Return MuJoCo's model: free `base_link`, for each wheel three links with one joint each, a body for each rock.
+    """Return MuJoCo's model: free `base_link`, three links with one joint each per wheel, a body per rock.
 
-    A contact sensor for each rock and wheel follows the accelerometer, rock by rock in the order of `rocks`, wheels in
-    that of the vehicle: whether they touch, and the contact's normal.
+    After the accelerometer there is a contact sensor for each rock (in the order of `rocks`) and wheel (in the order
+    of the vehicle): whether they touch, and the normal of the contact.
     """
     mujoco = import_mujoco()
     spec = mujoco.MjSpec()
@@ -49,7 +47,7 @@ def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, d
     option.timestep, option.gravity = dt, [0, 0, -gravity]
     option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
     option.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a broken state must be seen
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # an invalid state must remain visible
     base = spec.worldbody.add_body(name="base_link")
     base.add_freejoint(name="base")
     _set_inertia(base, vehicle.chassis.mass_kg, vehicle.chassis.inertia(), vehicle.chassis.position_m)
@@ -80,7 +78,7 @@ def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, d
 
 
 def _add_corner(mujoco: Any, base: Any, vehicle: Vehicle, wheel: WheelPart) -> None:
-    """Add a wheel's links: an arm that slides, an upright that steers on it, the wheel that spins on the upright."""
+    """Add the links of a wheel: an arm that slides, an upright that steers on the arm, a wheel that spins."""
     spring, steering, drive = vehicle.suspension, vehicle.steering, vehicle.drive
     code, limit = wheel.code, float(np.radians(steering.limit_deg))
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
@@ -110,7 +108,7 @@ def _add_corner(mujoco: Any, base: Any, vehicle: Vehicle, wheel: WheelPart) -> N
 
 
 def _add_actuators(mujoco: Any, spec: Any, vehicle: Vehicle) -> None:
-    """Add steering servos of all wheels, then their drives: controls 0 to 3 in rad, 4 to 7 in rad/s."""
+    """Add steering servos of all wheels, then drive servos: controls 0 to 3 in rad, 4 to 7 in rad/s."""
     steering, drive, joint = vehicle.steering, vehicle.drive, mujoco.mjtTrn.mjTRN_JOINT
     for what, limit in (("steer", steering.torque_limit_n_m), ("spin", drive.torque_limit_n_m)):
         for wheel in vehicle.wheels:
@@ -131,5 +129,5 @@ def _friction(vehicle: Vehicle) -> list[float]:
 
 
 def _first(coefficient: float) -> list[float]:
-    """A coefficient as MuJoCo's polynomial with a linear term only."""
+    """Return a coefficient as MuJoCo's polynomial with a linear term only."""
     return [coefficient, 0.0, 0.0]

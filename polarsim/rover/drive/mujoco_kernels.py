@@ -1,6 +1,6 @@
-"""Steps of MuJoCo and of the soil in one compiled loop: calls from Python for each would take longer than the physics.
+"""Steps of MuJoCo and of the soil in one compiled loop; Python calls for each step would be slower than the physics.
 
-Import it only once MuJoCo is known to be there.
+Import this module only after `mjcf.import_mujoco`.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ from polarsim.rover.soil.nodes import ORIGINAL, START
 from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, window
 
 WHEELS = 4
-FIRST_DOF, DOFS = 6, 3  # behind the free body's; lift, steer, spin of each wheel
+FIRST_DOF, DOFS = 6, 3  # index of the first wheel joint, after the free joint, and joints per wheel: lift, steer, spin
 LIFT, STEER, SPIN = range(DOFS)
-# What a drive's energy went into, J; then the motors' work by wheel, and what wheels gave to soil.
+# Components of the energy account, J; then the motors' work and the soil's dissipation by wheel.
 MOTOR, SOIL, DAMPER, ROCK, DRIVING = range(5)
 MOTOR_OF, SOIL_OF = 5, 9
 SIZE = 13
-SENSOR = 4  # numbers of a contact sensor: whether there is a contact, its normal
-TREAD, FLANK = range(2)  # of a wheel, as they touch a rock
-FLANK_FROM = math.sqrt(0.5)  # cosine of normal and axle: a flank's contact is nearer to the axle's direction
-LET_GO = 0.01  # m: a wheel lets go a node within this height above its clearance; it cannot rise so fast in a step
+SENSOR = 4  # values of a contact sensor: contact flag and normal
+TREAD, FLANK = range(2)  # parts of a wheel that touch a rock
+FLANK_FROM = math.sqrt(0.5)  # minimum cosine between normal and axle of a contact with the flank
+LET_GO = 0.01  # m: minimum height above the clearance at which a node is released; a wheel rises less in a step
 
 
 def _mujoco(name: str) -> nb.types.ExternalFunction:
-    """A function of MuJoCo by a name that compiled and cached loops find it by."""
+    """Return a function of MuJoCo under a name that compiled and cached loops can resolve."""
     folder = Path(mujoco.__file__).parent
-    found = (
+    libraries = (
         sorted(folder.glob("libmujoco*.so*")) + sorted(folder.glob("libmujoco*.dylib")) + sorted(folder.glob("*.dll"))
     )
-    library = ctypes.CDLL(str(found[0]))
+    library = ctypes.CDLL(str(libraries[0]))
     llvm.add_symbol(f"polarsim_{name}", ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
     return nb.types.ExternalFunction(f"polarsim_{name}", nb.types.void(nb.types.intp, nb.types.intp))
 
@@ -58,7 +58,7 @@ _step1, _step2 = _mujoco("mj_step1"), _mujoco("mj_step2")
 
 
 class Physics(NamedTuple):
-    """MuJoCo's structures by address, and views of their arrays under MuJoCo's names."""
+    """Addresses of MuJoCo's structures, and views of their arrays under MuJoCo's names."""
 
     model: int
     data: int
@@ -73,11 +73,11 @@ class Physics(NamedTuple):
     qfrc_constraint: np.ndarray
     actuator_force: np.ndarray
     contacts: np.ndarray  # (rocks WHEELS SENSOR,) readings of the contact sensors
-    wheels: np.ndarray  # (WHEELS,) numbers of the wheels' bodies
+    wheels: np.ndarray  # (WHEELS,) body indices of the wheels
 
 
 class Servos(NamedTuple):
-    """Of the vehicle's table, for the energy balance."""
+    """Servo parameters of the vehicle's table, for the energy balance."""
 
     gain: float  # N m s/rad, of the drives
     torque_limit: float  # N m, of the drives
@@ -85,16 +85,16 @@ class Servos(NamedTuple):
 
 
 class Records(NamedTuple):
-    """Arrays in which steps are noted, changed in place."""
+    """Arrays that record the steps, changed in place."""
 
-    account: np.ndarray  # (SIZE,) J, is added to
-    first: np.ndarray  # (rocks, 2) step at which a tread and a flank touched a rock first, or -1
-    last: np.ndarray  # (rocks,) step at which a wheel touched a rock last, or -1
+    account: np.ndarray  # (SIZE,) J, accumulated
+    first: np.ndarray  # (rocks, 2) first step at which a tread and a flank touched a rock, or -1
+    last: np.ndarray  # (rocks,) last step at which a wheel touched a rock, or -1
 
 
 @njit()
 def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, steps, done, dt):  # type: ignore[no-untyped-def]
-    """Take `steps` steps from a state whose first half (`mj_step1`) is done; leaves a state of which this holds too.
+    """Run `steps` steps. Before and after the call, the first half of the next step (`mj_step1`) is done.
 
     Parameters
     ----------
@@ -103,12 +103,12 @@ def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, st
     ground, bodies, law, bulldozing, loads
         `Ground`, `Bodies`, `ContactLaw`, `Spreading` and `Loads` of the soil.
     done : int
-        Steps taken before.
+        Number of earlier steps.
     dt : float
         Time step, s.
     """
     before = np.empty_like(physics.qvel)
-    tops, looked_up = np.empty(WHEELS), np.full((WHEELS, 6), np.inf)
+    tops, updated_at = np.empty(WHEELS), np.full((WHEELS, 6), np.inf)
     xpos, xmat, cvel = physics.xpos, physics.xmat, physics.cvel
     for step in range(steps):
         for wheel in range(WHEELS):
@@ -120,12 +120,12 @@ def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, st
                     bodies.rotations[wheel, axis, other] = xmat[body, 3 * axis + other]
             _velocity(xpos[body], cvel[body], physics.subtree_com[1], bodies.velocities[wheel])
         loads.forces[:], loads.torques[:], loads.readings[:] = 0.0, 0.0, 0.0
-        _update_tops(ground, bodies, tops, looked_up)
+        _update_tops(ground, bodies, tops, updated_at)
         update_slips(bodies, SLIP_LENGTH, dt)
         press_nodes(ground, bodies, tops, law, dt, loads)
         if (done + step + 1) % bulldozing.every == 0:
             bulldoze_nodes(ground, bodies, bulldozing)
-            looked_up[:] = np.inf
+            updated_at[:] = np.inf
         for wheel in range(WHEELS):
             for axis in range(3):
                 physics.xfrc_applied[physics.wheels[wheel], axis] = loads.forces[wheel, axis]
@@ -139,7 +139,7 @@ def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, st
 
 @njit()
 def _note_contacts(sensors, rotations, step, first, last):  # type: ignore[no-untyped-def]
-    """Note which rocks wheels touch in a step, by MuJoCo's own contacts."""
+    """Record which rocks wheels touch in a step, by MuJoCo's contacts."""
     for rock in range(len(last)):
         for wheel in range(WHEELS):
             at = SENSOR * (WHEELS * rock + wheel)
@@ -156,7 +156,7 @@ def _note_contacts(sensors, rotations, step, first, last):  # type: ignore[no-un
 
 @njit()
 def _velocity(centre, cvel, com, velocity):  # type: ignore[no-untyped-def]
-    """Of a body's centre: MuJoCo gives that of its point at the whole rover's centre of mass."""
+    """Compute the velocity of a body's centre; MuJoCo gives the velocity at the rover's centre of mass."""
     ax, ay, az = centre[0] - com[0], centre[1] - com[1], centre[2] - com[2]
     wx, wy, wz = cvel[0], cvel[1], cvel[2]
     velocity[0] = cvel[3] + wy * az - wz * ay
@@ -166,7 +166,7 @@ def _velocity(centre, cvel, com, velocity):  # type: ignore[no-untyped-def]
 
 @njit()
 def describe(physics, ground, shapes, loads, table):  # type: ignore[no-untyped-def]
-    """Fill `table` (4, columns), a row a wheel, with its part of a trace's row; contacts with rocks are left out."""
+    """Fill `table` (4, columns), a row per wheel, with the wheel columns of the trace except contacts with rocks."""
     xpos, xmat, qvel, state = physics.xpos, physics.xmat, physics.qvel, ground.state
     velocity = np.empty(3)
     for wheel in range(WHEELS):
@@ -179,8 +179,8 @@ def describe(physics, ground, shapes, loads, table):  # type: ignore[no-untyped-
         ax, ay = xmat[body, 1], xmat[body, 4]
         _velocity(xpos[body], physics.cvel[body], physics.subtree_com[1], velocity)
         row[11] = _slip(qvel[first + SPIN] * radius, velocity[0] * ay - velocity[1] * ax)
-        # Below the level from which sinkage counts, and below the original one. A mean over the rim's inner part: what
-        # was pushed up along its edges is not what it sank from.
+        # Sinkage below the current reference level and below the original level, averaged over the inner part of the
+        # rim, since soil that is pushed up along the edges is not the level from which the wheel sinks.
         lowest = xpos[body, 2] - radius * math.hypot(ax, ay)
         start = original = 0.0
         for part in range(5):
@@ -193,7 +193,7 @@ def describe(physics, ground, shapes, loads, table):  # type: ignore[no-untyped-
             start += state[node_row, node_column, START] / 5
             original += state[node_row, node_column, ORIGINAL] / 5
         row[12], row[13] = start - lowest, original - lowest
-        # What rocks bear passes through the suspension's constraint force; the soil's force is known.
+        # The load on rocks passes through the suspension's constraint force; the soil's force is known.
         row[14] = loads.forces[wheel, 2] + physics.qfrc_constraint[first + LIFT]
         row[15] = physics.actuator_force[WHEELS + wheel]
         row[16] = 1.0 if loads.readings[wheel, AREA] > 0 else 0.0
@@ -201,7 +201,7 @@ def describe(physics, ground, shapes, loads, table):  # type: ignore[no-untyped-
 
 @njit()
 def _nearest_node(at, count):  # type: ignore[no-untyped-def]
-    """Return the number of the node nearest to a coordinate in cells, within 0 and `count` - 1; -1 for NaN."""
+    """Return the index of the nearest node to a coordinate in cells, within 0 and `count` - 1; -1 for NaN."""
     if math.isnan(at):
         return -1
     return int(np.rint(min(max(at, 0.0), count - 1.0)))
@@ -209,7 +209,7 @@ def _nearest_node(at, count):  # type: ignore[no-untyped-def]
 
 @njit()
 def _slip(rim, forward):  # type: ignore[no-untyped-def]
-    """1 where a wheel turns on the spot, 0 where it rolls, below 0 where it is pushed."""
+    """Return the slip: 1 for a wheel that spins in place, 0 for pure rolling, negative for a pushed wheel."""
     larger = max(abs(rim), abs(forward))
     if not larger > SLOWEST_RIM:
         return 0.0
@@ -218,32 +218,32 @@ def _slip(rim, forward):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def _update_tops(ground, bodies, tops, looked_up):  # type: ignore[no-untyped-def]
-    """Keep `tops`: heights above which no wheel touches or lets go a node, so that most of its window can be left out.
+def _update_tops(ground, bodies, tops, updated_at):  # type: ignore[no-untyped-def]
+    """Update `tops`, the heights above which a wheel touches or releases no node; higher nodes can be skipped.
 
-    Computed anew once a wheel has moved by a cell from where it was `looked_up`, or its axle rotated by as much.
+    The heights are recomputed after a wheel has moved by a cell from `updated_at` or the axle has rotated by as much.
     """
     shapes, centres, rotations = bodies.shapes, bodies.centres, bodies.rotations
     for wheel in range(len(shapes)):
         far = 0.0
         for axis in range(3):
-            rotated = abs(rotations[wheel, axis, 1] - looked_up[wheel, 3 + axis]) * shapes[wheel, RADIUS]
-            far = max(far, abs(centres[wheel, axis] - looked_up[wheel, axis]) * (axis < 2), rotated)
+            rotated = abs(rotations[wheel, axis, 1] - updated_at[wheel, 3 + axis]) * shapes[wheel, RADIUS]
+            far = max(far, abs(centres[wheel, axis] - updated_at[wheel, axis]) * (axis < 2), rotated)
         if far <= ground.cell:
             continue
         for axis in range(3):
-            looked_up[wheel, axis], looked_up[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
+            updated_at[wheel, axis], updated_at[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
         nodes = window(ground, shapes[wheel], centres[wheel], rotations[wheel])
         tops[wheel] = highest_start(ground, nodes, 3) + CLEARANCE + LET_GO
 
 
 @njit()
 def _add_work(before, physics, readings, servos, dt, account):  # type: ignore[no-untyped-def]
-    """Add a step's work.
+    """Add the work of a step.
 
-    What MuJoCo integrates works over the mean of the speeds before and after the step, and drives and dampers act as at
-    its end, as the integrator has it; what the soil takes is its own reckoning at its start. So the balance stays open
-    by what the soil's forces gain from a step that is too long.
+    MuJoCo's forces act over the mean of the speeds before and after the step, and drives and dampers use the speed at
+    the end of the step, as the integrator does. The soil's dissipation is computed at the start of the step. Energy
+    that the soil's forces add in a step that is too long therefore appears as missing.
     """
     qvel, actuator_force = physics.qvel, physics.actuator_force
     for dof in range(len(qvel)):

@@ -20,7 +20,7 @@ class DriveOptions(BaseModel, extra="forbid", frozen=True):
         Path("config/viper.yaml"), description="File with the rover's masses, wheels, cameras and lights."
     )
     path_m: tuple[Point, ...] | None = Field(
-        None, min_length=2, description="Points x, y to follow, m; null: the centre line from east to west."
+        None, min_length=2, description="Points x, y of the path, m; null: the centre line from east to west."
     )
     speed_m_s: PositiveFloat = Field(0.2, le=2.0, description="Speed of the body, m/s.")
     control: Literal["heading", "P-only"] = Field(
@@ -35,13 +35,13 @@ class DriveOptions(BaseModel, extra="forbid", frozen=True):
         None, description="Maximum duration, s; null: four times the path's length over the speed."
     )
     spread: float = Field(
-        1.0, ge=0, description="Scale of the differences in start and ground between seeds; 0: all seeds are the same."
+        1.0, ge=0, description="Scale of the differences in start and ground between seeds; 0: no differences."
     )
 
     @model_validator(mode="after")
     def _rates(self) -> DriveOptions:
         points = self.path_m or ()
-        for number, (one, two) in enumerate(pairwise(points), 1):
-            if one == two:
+        for number, (point, following) in enumerate(pairwise(points), 1):
+            if point == following:
                 raise ValueError(f"path_m: points {number} and {number + 1} are the same")
         return self

@@ -1,4 +1,4 @@
-"""One drive along a path: commands, the log, the ground's changes, saved states, and how it ends."""
+"""A drive along a path: commands, log, ground changes, saved states and termination."""
 
 from __future__ import annotations
 
@@ -25,31 +25,31 @@ from polarsim.rover.world.options import WorldOptions
 
 STATE = "state.npz"
 CONTROL_HZ = 100.0  # commands per second
-STUCK_S, STUCK_SHARE = 10.0, 0.05  # with less than this share of the commanded headway in this time, s, it is stuck
-SETTLE_S = 2.0  # at rest before time 0, in which the rover sinks in
-SAVE_EVERY_S = 10.0  # time driven between saved states
-LEAST_CHANGE = 1e-5  # m: less is not written as a change of the ground
-Progress = Callable[[float], None]  # share of the path that is done, 0 to 1
+STUCK_S, STUCK_SHARE = 10.0, 0.05  # stuck: less than this share of the commanded progress in this time, s
+SETTLE_S = 2.0  # time at rest before time 0, in which the rover sinks into the soil
+SAVE_EVERY_S = 10.0  # simulated time between saved states
+LEAST_CHANGE = 1e-5  # m: smaller changes of the ground are not stored
+Progress = Callable[[float], None]  # completed share of the path, 0 to 1
 
 
 def run_drive(
     *, meshes: Path, folder: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int
 ) -> Trace:
-    """Drive over a run's meshes (`meshes/TerrainNN/`) and write the drive's files; a stopped one is gone on with.
+    """Drive over the meshes of a run (`meshes/TerrainNN/`) and write the drive's files; resume an interrupted drive.
 
     Raises
     ------
     FormatError
         Meshes are missing or broken.
     RoverError
-        Nothing was driven: the path leaves the grid, no such soil, a rock without volume, a step too large. Or
-        `EnergyError`: the balance did not close; what was driven is written.
+        Before the drive: the path leaves the grid, the soil is unknown, a rock has no volume, the step is too large. Or
+        `EnergyError`: the balance did not close; the drive up to this time is written.
     """
     return drive_to_end(job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed), folder)
 
 
 def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Trace:
-    """Drive, write, and remove the saved state.
+    """Drive to the end, write the files and remove the saved state.
 
     Raises
     ------
@@ -80,12 +80,12 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
 
 
 def identity_of(job: Job) -> str:
-    """Return the digest of all that determines a drive, code included: of a job, and of the code that drives it."""
+    """Return the digest of the job and the code of the drive."""
     return identity(__name__, (), job.digest())
 
 
 class Ride:
-    """A drive under way; by default the driver follows the job's path."""
+    """A running drive; by default the driver follows the job's path."""
 
     def __init__(self, job: Job, driver: Driver | None = None) -> None:
         self.job, options = job, job.drive
@@ -96,8 +96,8 @@ class Ride:
         dt = self.simulation.dt
         self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", job.log_hz))}
         self.rows: list[np.ndarray] = []
-        self.headway: list[float] = []  # m, by row
-        self.moving_since = 0  # row from which headway is expected
+        self.headway: list[float] = []  # m, per row
+        self.moving_since = 0  # row from which progress is expected
         self.frames: list[tuple[float, np.ndarray, np.ndarray]] = []
         self._shown = job.world.level.copy()
         self.step = 0
@@ -107,7 +107,7 @@ class Ride:
         self._identity = identity_of(job)
 
     def go_on(self, seconds: float) -> None:
-        """Drive for a while, or to the end.
+        """Drive for a given time, or to the end.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class Ride:
             self.ended, self.reason = "off the grid", str(error)
 
     def save(self, path: Path) -> None:
-        """Write all that `resume` needs; the file is whole at any time."""
+        """Write the state for `resume`; the file is replaced atomically."""
         frames = _tracks(self.frames)
         self.simulation.save(
             path,
@@ -144,12 +144,12 @@ class Ride:
         )
 
     def resume(self, path: Path) -> None:
-        """Go on from a saved state if it is of this drive and code; another one is passed over.
+        """Continue from a saved state; a state of another drive or code is ignored.
 
         Raises
         ------
         FormatError
-            No readable state.
+            The state is unreadable.
         """
         if str(read_arrays(path, ("digest",))["digest"]) != self._identity:
             return
@@ -167,7 +167,7 @@ class Ride:
         self.settled = True
 
     def trace(self) -> Trace:
-        """What was driven so far."""
+        """Return the trace up to the current step."""
         return Trace(trace_table(np.array(self.rows)), self.job.world, _tracks(self.frames), self._summary())
 
     def _settle(self) -> None:
@@ -179,7 +179,7 @@ class Ride:
         self.settled = True
 
     def _events(self) -> None:
-        """What is due at this step: a command, a row, a frame, the end."""
+        """Run the events of this step: command, row, frame, end."""
         if self.step % self._every["control"] == 0:
             x, y = self.simulation.data.qpos[:2]
             self.simulation.apply(self.driver.command(float(x), float(y), self.simulation.heading))
@@ -194,7 +194,7 @@ class Ride:
             self.ended = "finished"
 
     def _check_headway(self) -> None:
-        """Whether the rover is stuck, or took too long."""
+        """End the drive if the rover is stuck or the time is over."""
         options, row = self.job.drive, len(self.headway) - 1
         if self.driver.turning:
             self.moving_since = row
@@ -206,10 +206,10 @@ class Ride:
                 self.reason = f"{100 * headway:.1f} cm of headway in the last {STUCK_S:g} s"
         longest = options.longest_s or 4 * self.route.length / options.speed_m_s
         if self.simulation.time >= longest:
-            self.ended, self.reason = "out of time", f"not there after {longest:g} s"
+            self.ended, self.reason = "out of time", f"the end of the path was not reached after {longest:g} s"
 
     def _show(self) -> None:
-        """Note which cells changed since the frame before."""
+        """Store the cells that changed since the last frame."""
         level = self.simulation.ground.state[..., LEVEL].astype(np.float32)
         cells = np.flatnonzero(np.abs(level - self._shown) > LEAST_CHANGE).astype(np.int32)
         levels = level.ravel()[cells]
@@ -220,7 +220,7 @@ class Ride:
         return round(frame / self.job.drive.picture_hz / self.simulation.dt)
 
     def _next(self) -> int:
-        """The next step at which something is due."""
+        """Return the next step with an event."""
         due = [(self.step // every + 1) * every for every in self._every.values()]
         return min(*due, max(self._frame_step(len(self.frames)), self.step + 1))
 
@@ -260,7 +260,7 @@ class Ride:
 def _steps(hz: float, dt: float) -> int:
     steps = round(1 / hz / dt)
     if steps < 1:
-        raise RoverError(f"{hz:g} per second are more than one in a step of {1000 * dt:g} ms")
+        raise RoverError(f"a rate of {hz:g} per second needs a step below {1000 * dt:g} ms")
     return steps
 
 

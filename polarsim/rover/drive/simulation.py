@@ -1,4 +1,4 @@
-"""A rover on soft ground, step by step: rigid bodies and rocks by MuJoCo, the soil by our own contact."""
+"""Time stepping of a rover on soft ground: rigid bodies and rocks by MuJoCo, soil by polarsim's contact model."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.hulls import rock_parts, under_rocks
 from polarsim.rover.world.surface import World
 
-SPIN = 2  # of a wheel's joints: lift, steer, spin
+SPIN = 2  # index among a wheel's joints: lift, steer, spin
 NO_WHEEL = -1
 NO_CONTACT = -1
-PARTS = ("tread", "flank")  # of a wheel, in the order of the kernels
+PARTS = ("tread", "flank")  # parts of a wheel, in the order of the kernels
 
 
 class Simulation:
-    """A rover in a world; same arguments and commands, same bytes.
+    """A rover in a world; equal arguments and commands give equal bytes.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ class Simulation:
     vehicle : Vehicle
         The rover's table.
     soil : Soil
-        As measured; it is brought to the options' gravity.
+        As measured; scaled to the gravity of the options.
     options : SoilOptions
-        How the law is stepped.
+        Gravity, time step and slip sinkage.
     start : Start
-        The rover is put down here without speed; let it settle before it drives.
+        Initial pose, at rest; let the rover settle before it drives.
 
     Raises
     ------
@@ -69,8 +69,12 @@ class Simulation:
         self._law = self.soil.law(self.options.slip_sinkage)
         energy.require_small_step(vehicle, self._law, self.options)
         parts = rock_parts(world)
-        self.rocks = np.array(list(dict.fromkeys(part.rock for part in parts)), int)  # that can be met, by number
-        self.rock_deviation_m = max((part.deviation_m for part in parts), default=0.0)  # of physics from meshes
+        self.rocks = np.array(
+            list(dict.fromkeys(part.rock for part in parts)), int
+        )  # numbers of the rocks with collision geometry
+        self.rock_deviation_m = max(
+            (part.deviation_m for part in parts), default=0.0
+        )  # maximum distance of the collision geometry from the meshes
         self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
         self.model = compile_model(vehicle, parts, self.options.gravity_m_s2, self.options.step_s)
         self.data = self._mujoco.MjData(self.model)
@@ -91,16 +95,16 @@ class Simulation:
 
     @property
     def heading(self) -> float:
-        """Of base_link now, from x towards y."""
+        """Heading of base_link, from x towards y."""
         return heading_of(self.data.qpos[3:7])
 
     @property
     def account(self) -> energy.Account:
-        """Where the energy went since `zero`."""
+        """Energy account since `zero`."""
         return energy.Account.of(self._records.account, self._mechanical() - self._energy_zero)
 
     def zero(self) -> None:
-        """Count time and energy from here, once the rover has settled: from now on the balance is guarded."""
+        """Set time and energy to zero, once the rover has settled; from now on the energy balance is checked."""
         self.guarded = True
         self.time_zero = self.steps
         self._records.account[:] = 0.0
@@ -108,25 +112,25 @@ class Simulation:
         self._records.first[:], self._records.last[:] = NO_CONTACT, NO_CONTACT
 
     def wheel_contacts(self) -> pd.DataFrame:
-        """Return the rocks that wheels touched since `zero`: `rock`, `part` (tread, flank), `time_s` when first.
+        """Return the rocks touched by wheels since `zero`: `rock`, `part` (tread, flank), `time_s` of first contact.
 
-        They are MuJoCo's contacts at each step: what wheels touch is what bears them.
+        These are MuJoCo's contacts at each step, so they agree with the physics.
         """
         rows, parts = np.nonzero(self._records.first >= 0)
         steps = self._records.first[rows, parts] - self.time_zero
-        found = {"rock": self.rocks[rows], "part": np.array(PARTS, object)[parts], "time_s": steps * self.dt}
-        return pd.DataFrame(found).sort_values(["time_s", "rock"], ignore_index=True)
+        contacts = {"rock": self.rocks[rows], "part": np.array(PARTS, object)[parts], "time_s": steps * self.dt}
+        return pd.DataFrame(contacts).sort_values(["time_s", "rock"], ignore_index=True)
 
     def rocks_touched_since(self, steps: int) -> frozenset[int]:
-        """Return the numbers of the rocks that a wheel touched at or after a step, counted as `steps` counts."""
+        """Return the numbers of the rocks that a wheel touched at or after a step (see `steps`)."""
         return frozenset(self.rocks[self._records.last >= steps].tolist())
 
     def apply(self, command: Command) -> None:
-        """Command all wheels; steering follows at the rate that the vehicle can."""
+        """Set the command of all wheels; the vehicle's steering rate is limited."""
         self.command = command
 
     def advance(self, seconds: float) -> None:
-        """Go on for whole steps, at least one; commands reach the servos at once, so call it often while steering.
+        """Advance by one or more steps. Set points of servos change once per call, so use short calls while steering.
 
         Raises
         ------
@@ -140,12 +144,12 @@ class Simulation:
         self._steer(steps * self.dt)
         self._run(steps)
         if not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
-            raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: take a smaller step")
+            raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: use a smaller step_s")
         if self.guarded:
             energy.require_closed(self.account, self.time)
 
     def state(self) -> State:
-        """What can be known of this instant."""
+        """Return the current state."""
         data, position = self.data, self.data.qpos
         return State(
             time=self.time,
@@ -160,7 +164,7 @@ class Simulation:
         )
 
     def save(self, path: str | Path, **more: np.ndarray) -> None:
-        """All that `restore` needs beside the constructor's arguments, and arrays of the caller's own."""
+        """Write the state for `restore`, and additional arrays of the caller."""
         whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
         physics = np.empty(self._mujoco.mj_stateSize(self.model, whole))
         self._mujoco.mj_getState(self.model, self.data, physics, whole)
@@ -188,12 +192,12 @@ class Simulation:
         )
 
     def restore(self, path: str | Path) -> dict[str, np.ndarray]:
-        """Put everything back as `save` found it; all arrays that it wrote.
+        """Restore the state written by `save` and return all arrays of the file.
 
         Raises
         ------
         FormatError
-            No saved state, or one of another world or rover.
+            The file is no saved state, or a state of another world or rover.
         """
         path = Path(path)
         names = (
@@ -204,8 +208,8 @@ class Simulation:
         whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
         size = self._mujoco.mj_stateSize(self.model, whole)
         if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != size:
-            raise FormatError("the state of another world or rover", path=path)
-        self.model.dof_frictionloss[:] = saved["friction"]  # brakes: they act in the first half of the next step
+            raise FormatError("state of another world or rover", path=path)
+        self.model.dof_frictionloss[:] = saved["friction"]  # brake friction; it acts in the first half of the next step
         self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
         self._mujoco.mj_step1(self.model, self.data)
         self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
@@ -223,17 +227,17 @@ class Simulation:
         return saved
 
     def _require_inside(self, centres: np.ndarray) -> None:
-        """Refuse wheels that reach beyond the grid, where nothing would bear them."""
+        """Check that no wheel is outside the grid, where no soil supports it."""
         low_x, low_y, high_x, high_y = self._inside
         for x, y in centres[:, :2].tolist():
             if not (low_x <= x <= high_x and low_y <= y <= high_y):
                 raise OffGridError(
-                    f"a wheel at ({x:.2f}, {y:.2f}) m leaves the ground: its centre may go from x {low_x:.2f} to "
-                    f"{high_x:.2f} m and from y {low_y:.2f} to {high_y:.2f} m"
+                    f"a wheel at ({x:.2f}, {y:.2f}) m leaves the ground; centres of wheels must have x {low_x:.2f} to "
+                    f"{high_x:.2f} m and y {low_y:.2f} to {high_y:.2f} m"
                 )
 
     def _wire(self) -> None:
-        """Views of MuJoCo's memory and arrays for the kernel's results."""
+        """Create views of MuJoCo's memory and arrays for the results of the kernels."""
         data, vehicle, kernels, count = self.data, self.vehicle, self._kernels, len(WHEELS)
         rims = {self.model.geom(f"{code}_rim").id: number for number, code in enumerate(WHEELS)}
         self._wheel_of_geom = [rims.get(geom, NO_WHEEL) for geom in range(self.model.ngeom)]
@@ -276,14 +280,14 @@ class Simulation:
         self.steps += steps
 
     def _put_down(self, start: Start) -> None:
-        """Along the slope that bears it, no wheel below the ground or rock under it, and locked."""
+        """Place the rover parallel to the slope below the wheels, with no wheel below the ground or a rock."""
         rotation = np.array(
             [[math.cos(start.heading), -math.sin(start.heading)], [math.sin(start.heading), math.cos(start.heading)]]
         )
         centres = self.vehicle.wheel_centres[:, :2] @ rotation.T + (start.x, start.y)
         self._require_inside(centres)
         supports = np.array([self._support(x, y) for x, y in centres])
-        # The plane through what bears the wheels, in a frame that heads as the rover does.
+        # Plane through the support points of the wheels, in a frame with the rover's heading.
         points = self.vehicle.wheel_centres
         plane = np.column_stack([points[:, :2], np.ones(len(points))])
         along, across, _ = np.linalg.lstsq(plane, supports, rcond=None)[0]
@@ -298,7 +302,7 @@ class Simulation:
         self._energy_zero = self._mechanical()
 
     def _support(self, x: float, y: float) -> float:
-        """Highest ground under a wheel's centre; on a rock its top."""
+        """Return the height of the highest ground under a wheel's centre, or the top of a rock there."""
         column = round((x - self.ground.x0) / self.ground.cell)
         row = round((y - self.ground.y0) / self.ground.cell)
         near = math.ceil(0.12 / self.ground.cell)
@@ -311,25 +315,25 @@ class Simulation:
         return top
 
     def _steer(self, seconds: float) -> None:
-        """Hand the command to the servos."""
+        """Set the servos to the command, within the vehicle's limits."""
         angles, rims = steer(self.command, self._wheels_xy, self.vehicle.wheelbase, self._steer_limit)
-        most = math.radians(self.vehicle.steering.rate_deg_s) * seconds
+        max_turn = math.radians(self.vehicle.steering.rate_deg_s) * seconds
         now: list[float] = self.data.ctrl.tolist()
-        quicker = self.vehicle.drive.acceleration_m_s2 * seconds
+        max_speed_change = self.vehicle.drive.acceleration_m_s2 * seconds
         for wheel, radius in enumerate(self._radii.tolist()):
-            now[wheel] = _towards(now[wheel], angles[wheel], most)
-            now[4 + wheel] = _towards(now[4 + wheel], rims[wheel] / radius, quicker / radius)
+            now[wheel] = _towards(now[wheel], angles[wheel], max_turn)
+            now[4 + wheel] = _towards(now[4 + wheel], rims[wheel] / radius, max_speed_change / radius)
         self.data.ctrl[:] = now
-        # A speed servo creeps under load: wheels that are to stand are braked.
+        # A speed servo creeps under load, so stationary wheels are braked.
         braked = not (any(rims) or any(now[4:]))
         self.model.dof_frictionloss[6 + SPIN :: 3] = self.vehicle.drive.brake_torque_n_m if braked else 0.0
 
     def _mechanical(self) -> float:
-        """Kinetic and potential energy, of the springs as well, J."""
+        """Return the kinetic and potential energy, including the springs, J."""
         return float(self.data.energy[0] + self.data.energy[1])
 
     def _wheel_table(self) -> np.ndarray:
-        """(4, len(WHEEL_COLUMNS)) of this instant."""
+        """Return (4, len(WHEEL_COLUMNS)) of the current state."""
         table = np.empty((len(WHEELS), len(WHEEL_COLUMNS)))
         self._kernels.describe(self._physics, self.ground, self._wheels.shapes, self._loads, table)
         geoms = self.data.contact.geom.ravel().tolist()
@@ -338,5 +342,5 @@ class Simulation:
         return table
 
 
-def _towards(now: float, wanted: float, most: float) -> float:
-    return now + min(max(wanted - now, -most), most)
+def _towards(now: float, target: float, max_change: float) -> float:
+    return now + min(max(target - now, -max_change), max_change)

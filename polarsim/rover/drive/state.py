@@ -1,4 +1,4 @@
-"""Where a rover is put down, how it stands at one instant, and how near it may come to the ground's edge."""
+"""Initial pose and current state of a rover, and the margin to the edge of the ground."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from polarsim.errors import RoverError
 from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.trace import BODY_COLUMNS, COLUMNS, WHEEL_COLUMNS
 
-EDGE = 0.05  # m of ground beyond every wheel at least
+EDGE = 0.05  # minimum distance of wheels from the edge of the ground, m
 
 
 class OffGridError(RoverError):
-    """A wheel came too near to the ground's edge."""
+    """A wheel is too close to the edge of the ground."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a rover is put down: base_link's position and heading from x towards y."""
+    """Initial pose: position of base_link and heading from x towards y."""
 
     x: float = 0.0
     y: float = 0.0
@@ -29,29 +29,29 @@ class Start:
 
 @dataclass(frozen=True)
 class State:
-    """Of one instant; arrays of wheels are in the order of `WHEELS`."""
+    """State of a rover at a time; arrays of wheels are in the order of `WHEELS`."""
 
     time: float  # s
     position: np.ndarray  # (3,) of base_link in the world
     rotation: np.ndarray  # (4,) quaternion w x y z, world from base_link
     velocity: np.ndarray  # (3,) world
     spin: np.ndarray  # (3,) base_link
-    acceleration: np.ndarray  # (3,) as an accelerometer in base_link reads it
+    acceleration: np.ndarray  # (3,) reading of an accelerometer in base_link
     command: Command
     energy_open: float
-    wheels: np.ndarray  # (4, len(WHEEL_COLUMNS)) as the trace has them, contacts as indices in `CONTACTS`
+    wheels: np.ndarray  # (4, len(WHEEL_COLUMNS)) wheel columns of the trace, contacts as indices in `CONTACTS`
 
     @property
     def heading(self) -> float:
-        """From x towards y."""
+        """Heading from x towards y."""
         return heading_of(self.rotation)
 
     def wheel(self, column: str) -> np.ndarray:
-        """(4,) values of one of `WHEEL_COLUMNS`."""
+        """Return (4,) values of a column of `WHEEL_COLUMNS`."""
         return np.asarray(self.wheels[:, WHEEL_COLUMNS.index(column)])
 
     def row(self, offset: float, heading_error: float) -> np.ndarray:
-        """(len(COLUMNS),) of the trace."""
+        """Return (len(COLUMNS),) values for the trace."""
         body = (
             self.time, *self.position, *self.rotation, *self.velocity, *self.spin, *self.acceleration,
             offset, heading_error, self.command.speed_m_s, self.command.steer_rad, self.command.crab_rad,
@@ -64,30 +64,30 @@ class State:
 
 
 def require_finite(action: np.ndarray) -> None:
-    """Refuse an action that is no number.
+    """Check that an action is finite.
 
     Raises
     ------
     RoverError
-        NaN or infinity in it.
+        The action contains NaN or infinity.
     """
     if not np.isfinite(np.asarray(action, float)).all():
         raise RoverError(f"action {np.asarray(action).tolist()}: expected finite numbers")
 
 
 def heading_of(rotation: np.ndarray) -> float:
-    """From x towards y, of a quaternion w x y z."""
+    """Return the heading, from x towards y, of a quaternion w x y z."""
     w, x, y, z = rotation
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def tilt_of(rotation: np.ndarray) -> tuple[float, float]:
-    """Roll of the left side upwards and pitch downwards, rad, of a quaternion w x y z."""
+    """Return roll (left side up) and pitch (nose down), rad, of a quaternion w x y z."""
     w, x, y, z = rotation
     return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(np.clip(2 * (w * y - z * x), -1, 1))
 
 
 def upside_down(rotation: np.ndarray) -> bool:
-    """Whether base_link's up points downwards, of a quaternion w x y z."""
+    """Return whether base_link's z axis points downwards, for a quaternion w x y z."""
     _, x, y, _ = rotation
     return bool(1 - 2 * (x * x + y * y) < 0)

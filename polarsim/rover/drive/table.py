@@ -1,6 +1,6 @@
-"""What drives tell: slip, sinkage, torque, energy, offset and time on rocks, with intervals over seeds.
+"""Metrics of drives: slip, sinkage, torque, energy, offset and time on rocks, with intervals over seeds.
 
-The interval of a mean over n seeds is Student's, mean +- t(0.975, n - 1) s / sqrt(n); one seed has none.
+The interval of a mean over n seeds is Student's, mean +- t(0.975, n - 1) s / sqrt(n). It is undefined for n = 1.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.schemas.rover import DRIVES, EVERY_DRIVE
 
-WHOLE = "all"  # stands where a metric is the rover's, not a wheel's
-MOVING = 0.02  # m/s: rows of a rover that stands say nothing of slip
+WHOLE = "all"  # value of `wheel` for metrics of the rover
+MOVING = 0.02  # m/s: rows at lower speed are excluded from slip
 
 
 def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> None:
-    """Write a row a drive and metric, `EVERY_DRIVE.columns`, and what `drive_table` makes of all of them.
+    """Write a row per drive and metric, `EVERY_DRIVE.columns`, and the summary `drive_table`.
 
     Raises
     ------
     FormatError
-        A drive's files are missing or broken.
+        The files of a drive are missing or broken.
     """
     traces = [read_trace(folder) for folder in folders]
     parts = [figures_of(trace) for trace in traces]
@@ -37,18 +37,18 @@ def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> Non
 
 
 def figures_of(trace: Trace) -> pd.DataFrame:
-    """The metrics of one drive's rover, wheels together, `EVERY_DRIVE.columns`."""
+    """Return the metrics of the rover in a drive, `EVERY_DRIVE.columns`."""
     metrics = drive_figures(trace)
     header = trace.drive
-    own = {"seed": int(header["seed"]), "control": header["options"]["drive"]["control"], "ended": header["ended"]}
-    return metrics[metrics["wheel"] == WHOLE].assign(**own)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
+    columns = {"seed": int(header["seed"]), "control": header["options"]["drive"]["control"], "ended": header["ended"]}
+    return metrics[metrics["wheel"] == WHOLE].assign(**columns)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
 
 
 def drive_figures(trace: Trace) -> pd.DataFrame:
-    """Of one drive, a row a metric: `metric`, `wheel`, `unit`, `value`.
+    """Return the metrics of a drive, a row per metric and wheel: `metric`, `wheel`, `unit`, `value`.
 
-    Means are over logged instants in motion; slip, sinkage and torque over those in which the wheel stands on soil
-    alone, for on a rock they mean something else.
+    Means are over logged rows in motion. Slip, sinkage and torque exclude rows in which the wheel touches a rock, where
+    they have another meaning.
     """
     table = trace.table
     speed = np.hypot(table["vx_m_s"], table["vy_m_s"])
@@ -85,9 +85,11 @@ def drive_figures(trace: Trace) -> pd.DataFrame:
 
 
 def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
-    """`DRIVES.columns`, a row a control law, metric and wheel: mean over seeds, its 95 % interval, least and most.
+    """Return `DRIVES.columns`, a row per control law, metric and wheel.
 
-    Traces may be of several control laws (`heading`, `P-only`); they stand beside each other in `control`.
+    Values are the mean over seeds, the 95 % interval, the minimum and the maximum.
+
+    Traces may have different control laws (`heading`, `P-only`), see the column `control`.
     """
     parts = [
         drive_figures(trace).assign(control=trace.drive["options"]["drive"]["control"], seed=trace.drive["seed"])
