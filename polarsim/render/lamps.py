@@ -1,4 +1,4 @@
-"""The lamps of a photo, near points or discs of light, and the Sun of lunar scenes."""
+"""Lamps of a photo (near points or discs) and the Sun of lunar scenes."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
-REFERENCE_DISTANCE = 4.0  # metres at which a lamp of intensity 1 makes irradiance 1, with falloff and without
-SUN_DISTANCE = 1e4  # metres: its direction differs by 0.02 degrees between two ends of the sandbox
+REFERENCE_DISTANCE = 4.0  # metres: a lamp of intensity 1 at this distance has irradiance 1, with and without falloff
+SUN_DISTANCE = 1e4  # metres: the direction differs by 0.02 degrees between opposite ends of the sandbox
 SUN_RADIUS_DEG = 0.2665  # half the Sun's mean apparent diameter
 
 
 @dataclass(frozen=True)
 class Lamp:
-    """A light: position (3,) in the sandbox, metres; intensity over that of a Sun lamp."""
+    """Lamp with a position (3,) in the sandbox frame, metres, and an intensity relative to a Sun lamp."""
 
     position: np.ndarray
     intensity: float = 1.0
-    radius_m: float = 0.0  # of its disc, which faces every point that it lights
-    distant: bool = False  # as bright everywhere
+    radius_m: float = 0.0  # of a disc that faces every lit point
+    distant: bool = False  # irradiance does not depend on the distance
 
     @classmethod
     def sun(cls, azimuth_deg: float, elevation_deg: float, intensity: float = 1.0) -> Lamp:
-        """The Sun itself: heading from +X towards +Y, height above the horizon; 0.53 degrees wide."""
+        """Return the real Sun, 0.53 degrees wide: azimuth from +X towards +Y, elevation above the horizon."""
         azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
         level = np.cos(elevation)
         towards = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
@@ -37,7 +37,7 @@ class Lamp:
         return cls(SUN_DISTANCE * towards, intensity, radius, distant=True)
 
     def light_at(self, points: np.ndarray, *, falloff: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Vectors to the lamp (n, 3), in metres, and irradiance across the beam (n,), at points (n, 3)."""
+        """Return vectors to the lamp (n, 3), metres, and irradiance normal to the beam (n,), at points (n, 3)."""
         to_lamp = np.empty_like(points)
         for axis in range(3):
             np.subtract(points.dtype.type(self.position[axis]), points[:, axis], out=to_lamp[:, axis])
@@ -48,10 +48,10 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Spot(Lamp):
-    """A lamp that shines along `axis` (3,), a unit vector, and half as brightly `beam_deg` / 2 beside it.
+    """Spotlight along the unit vector `axis` (3,), with half the intensity at `beam_deg` / 2 from the axis.
 
-    Off the axis its light falls off with a power of the cosine, as that of an LED does (Moreno & Sun, Optics Express 16
-    (2008) 1808); behind it there is none.
+    The intensity is a power of the cosine of the angle from the axis, as for an LED (Moreno & Sun, Optics Express 16
+    (2008) 1808), and 0 in the rear hemisphere.
     """
 
     axis: np.ndarray = field(default_factory=lambda: np.array([1.0, 0, 0]))
@@ -64,17 +64,17 @@ class Spot(Lamp):
 
 
 def beam_power(beam_deg: float) -> float:
-    """The power of the cosine that falls to a half at half of a beam's full angle."""
+    """Return the exponent with which the cosine is 0.5 at half of the full beam angle."""
     return float(np.log(0.5) / np.log(np.cos(np.radians(beam_deg / 2))))
 
 
 def lamps_of(suns: Mapping[str, np.ndarray], rig: LocalisedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
-    """Sun lamps by azimuth, discs of a radius at their positions (3,), and the rover light of a rig, a point."""
+    """Return the Sun lamps by azimuth (discs of the given radius) and the rover light of a rig (a point)."""
     rover = Lamp(rig.rover_light, ROVER_LIGHT_SHARE)
     return {**{azimuth: Lamp(position, radius_m=radius_m) for azimuth, position in suns.items()}, ROVER: rover}
 
 
 def lit_by(key: PhotoKey) -> tuple[str, ...]:
-    """Names of the lamps that are on in a photo; the one that throws its labelled shadows comes first."""
+    """Return the names of the lamps that are on in a photo; the first casts the labelled shadows."""
     sun = () if key.azimuth == "no" else (key.azimuth,)
     return (*sun, ROVER) if key.light == "on" else sun

@@ -1,4 +1,4 @@
-"""Which points a lamp lights, how much, and how much of its disc they see: soft edges of shadows."""
+"""Irradiance from a lamp and the visible share of the disc of a lamp (soft shadow edges)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
 
-PROBES = 5  # rays to the centre and rim of the disc: where all agree, no more are cast
-_SCATTER = (0.6180339887, 0.7548776662)  # steps that never come near a point of before: rotations of neighbours differ
-_GOLDEN = np.pi * (3 - np.sqrt(5))  # radians between two points of Vogel's sunflower, which covers a disc evenly
+PROBES = 5  # rays to the centre and rim of the disc: if all agree, no more rays are cast
+_SCATTER = (0.6180339887, 0.7548776662)  # low-discrepancy steps: the rotations of adjacent pixels differ strongly
+_GOLDEN = np.pi * (3 - np.sqrt(5))  # golden angle, radians: Vogel's sunflower covers a disc evenly
 
 
 def visible_share(
@@ -27,30 +27,31 @@ def visible_share(
     rotation: np.ndarray,
     every: int = 1,
 ) -> np.ndarray:
-    """(n,) float32 share, 0 to 1, of a disc that faces each point and that nothing hides from it; of a point 0 or 1.
+    """Return the visible share (n,) float32, 0 to 1, of a disc that faces each point; 0 or 1 if the radius is 0.
 
     Parameters
     ----------
     points, to_lamp : (n, 3) float32
-        Points, and vectors to the disc's centre, metres.
+        Points, and vectors to the centre of the disc, metres.
     samples : int
-        Rays a point, where some of the first ones are occluded and some are not.
+        Rays per point in penumbra, where the first rays disagree.
     rotation : (n,) float
-        Radians by which the pattern of rays is rotated: another one for each point makes grain of what would be bands.
+        Rotation of the ray pattern at each point, radians. Different rotations turn banding into noise.
     every : int
-        Above 1, of points in the order of a picture: only every so many-th one is probed at centre and rim. Where two
-        of them see the same, all or nothing, those between look at the centre alone, unless that differs nearby.
+        If above 1, the points must be in raster order, and only every n-th point is probed at the centre and rim of
+        the disc. Between two fully visible or two fully occluded points, only the centre of the disc is tested,
+        unless a test nearby disagrees.
     """
 
-    def seen(numbers: np.ndarray, pattern: np.ndarray) -> np.ndarray:
-        """(m,) share of the pattern's points on the disc that points with these numbers (m,) see."""
+    def visible(numbers: np.ndarray, pattern: np.ndarray) -> np.ndarray:
+        """Return the visible share (m,) of a pattern of disc points, for the points with numbers (m,)."""
         at, towards = _rows(numbers, points, to_lamp)
         occluded = np.zeros(len(numbers), np.float32)
         for along in _on_disc(towards, radius_m, pattern, rotation[numbers]):
             occluded += surfaces.all.occluded(at, along, 1.0)
         return 1 - occluded / np.float32(len(pattern))
 
-    def centre_seen(numbers: np.ndarray) -> np.ndarray:
+    def centre_visible(numbers: np.ndarray) -> np.ndarray:
         return ~surfaces.all.occluded(*_rows(numbers, points, to_lamp), 1.0)
 
     if not radius_m:
@@ -58,32 +59,32 @@ def visible_share(
     share = np.empty(len(points), np.float32)
     unsure = np.arange(len(points))
     if every > 1:
-        unsure = _sparsely(share, every, lambda numbers: seen(numbers, _rim()), centre_seen)
-    share[unsure] = seen(unsure, _rim())
+        unsure = _probe_sparsely(share, every, lambda numbers: visible(numbers, _rim()), centre_visible)
+    share[unsure] = visible(unsure, _rim())
     soft = np.flatnonzero((share > 0) & (share < 1))
     if len(soft):
-        share[soft] = seen(soft, _sunflower(samples))
+        share[soft] = visible(soft, _sunflower(samples))
     return share
 
 
-def _sparsely(
-    share: np.ndarray, every: int, rim_seen: Callable[..., np.ndarray], centre_seen: Callable[..., np.ndarray]
+def _probe_sparsely(
+    share: np.ndarray, every: int, rim_visible: Callable[..., np.ndarray], centre_visible: Callable[..., np.ndarray]
 ) -> np.ndarray:
-    """Write the share of points (n,) that lie among alike ones; numbers of the others.
+    """Fill `share` (n,) of points between equal probes; return the numbers of the remaining points.
 
-    `rim_seen`, `centre_seen`: (m,) what points with numbers (m,) see, as a share and as bool.
+    `rim_visible` and `centre_visible` return the visibility (m,) of points with numbers (m,), as a share and as bool.
     """
     count = len(share)
     probed = np.minimum(np.arange(0, count + every - 1, every), max(count - 1, 0)) if count else np.zeros(0, np.int64)
-    found = rim_seen(probed)
+    probes = rim_visible(probed)
     between = np.minimum(np.arange(count) // every, len(probed) - 2) if len(probed) > 1 else np.zeros(count, np.int64)
-    first, second = found[between], found[np.minimum(between + 1, len(probed) - 1)]
-    alike = np.flatnonzero((first == second) & ((first == 0) | (first == 1)))
+    first, second = probes[between], probes[np.minimum(between + 1, len(probed) - 1)]
+    equal = np.flatnonzero((first == second) & ((first == 0) | (first == 1)))
     differs = np.zeros(count + 2 * every, np.int64)  # a margin on both sides
-    differs[every + alike[centre_seen(alike) != (first[alike] == 1)]] = 1
+    differs[every + equal[centre_visible(equal) != (first[equal] == 1)]] = 1
     so_far = np.concatenate([[0], differs.cumsum()])
     near = so_far[every + every // 2 + 1 :][:count] - so_far[every - every // 2 :][:count] > 0
-    sure = alike[~near[alike]]
+    sure = equal[~near[equal]]
     share[sure] = first[sure]
     return np.delete(np.arange(count), sure)
 
@@ -95,25 +96,25 @@ def _rows(numbers: np.ndarray, points: np.ndarray, to_lamp: np.ndarray) -> tuple
 
 
 def _rim() -> np.ndarray:
-    """(PROBES, 2) centre and rim of the unit disc: radius and angle."""
+    """Return the radius and angle (PROBES, 2) of the centre and of rim points of the unit disc."""
     return np.array([[0, 0], *((1, quarter * np.pi / 2) for quarter in range(PROBES - 1))], float)
 
 
 def _sunflower(samples: int) -> np.ndarray:
-    """(samples, 2) points that cover the unit disc evenly: radius and angle."""
+    """Return the radius and angle (samples, 2) of points that cover the unit disc evenly."""
     number = np.arange(samples)
     return np.stack([np.sqrt((number + 0.5) / samples), number * _GOLDEN], axis=1)
 
 
 def to_disc(to_lamp: np.ndarray, radius_m: float, samples: int, rotation: np.ndarray) -> Iterator[np.ndarray]:
-    """The vectors (n, 3) along which `visible_share` looks at a disc; first to its centre, as `to_lamp` (n, 3) does."""
+    """Yield the vectors (n, 3) to the disc points that `visible_share` tests, first `to_lamp` to the centre."""
     yield to_lamp
     if radius_m:
         yield from _on_disc(to_lamp, radius_m, np.concatenate([_rim()[1:], _sunflower(samples)]), rotation)
 
 
 def rotations(pixel: np.ndarray, first_row: int | np.ndarray) -> np.ndarray:
-    """(n,) radians by which the pattern of rays to a disc is rotated at pixels (n,) of a strip: each its own."""
+    """Return the rotation (n,) of the ray pattern at each pixel (n,) of a strip, radians."""
     return np.asarray(2 * np.pi * ((pixel * _SCATTER[0] + first_row * _SCATTER[1]) % 1))
 
 
@@ -126,7 +127,7 @@ def _on_disc(to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, rotation
 
 
 def _facing(to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors (n, 3) each, at right angles to each other and to vectors (n, 3)."""
+    """Return two unit vectors (n, 3) that are orthogonal to each other and to `to_lamp` (n, 3)."""
     axis = unit(to_lamp)
     steep = np.abs(axis[:, 2]) > np.float32(0.9)
     helper = np.where(steep[:, None], np.array([1, 0, 0], axis.dtype), np.array([0, 0, 1], axis.dtype))
@@ -137,15 +138,16 @@ def _facing(to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def lighting(
     surfaces: Surfaces, hits: Hits, lamp: Lamp, *, falloff: bool, samples: int = 1, share: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Numbers (m,) of the hits that a lamp lights, unit vectors (m, 3) to it, irradiance (m,) of the surface there.
+    """Return the numbers (m,) of the hits that a lamp lights, unit vectors to the lamp (m, 3) and irradiance (m,).
 
-    `samples`: rays to a lamp that is a disc, where it is seen in part. `share` (n,): how much of the disc the hits see,
-    where `disc_share` has told it already.
+    `samples`: rays to a partly visible disc. `share` (n,): visible share of the disc at each hit, if `disc_share` has
+    been computed already.
     """
     to_lamp, irradiance = lamp.light_at(hits.point, falloff=falloff)
     vectors = [array.reshape(-1) for array in (hits.plane, hits.normal, to_lamp)]
     lit = np.empty(len(irradiance), np.int64)
-    # A flat face that looks away gets no light, whatever its smooth normal says: else light leaks past the terminator.
+    # Faces turned away from the lamp get no light, even if the smooth normal faces it: else light leaks past the
+    # terminator.
     lit = lit[: hit_kernels.facing(*vectors, irradiance, lit)]
     if share is not None:
         irradiance *= share
@@ -153,9 +155,9 @@ def lighting(
     elif lamp.radius_m:
         rotation = rotations(hits.pixel[lit], hits.rows.start)
         points, towards = hits.point.take(lit, axis=0), to_lamp.take(lit, axis=0)
-        seen = visible_share(surfaces, points, towards, lamp.radius_m, samples, rotation)
-        irradiance[lit] *= seen
-        lit = lit[seen > 0]
+        visible = visible_share(surfaces, points, towards, lamp.radius_m, samples, rotation)
+        irradiance[lit] *= visible
+        lit = lit[visible > 0]
     else:
         hidden = surfaces.all.occluded(hit_kernels.rows(hits.point, lit), hit_kernels.rows(to_lamp, lit), 1.0)
         lit = lit[: hit_kernels.kept(lit, hidden)]
@@ -165,9 +167,9 @@ def lighting(
 
 
 def disc_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int, every: int = 1) -> np.ndarray:
-    """(n,) float32 share of a lamp's disc that each hit sees, whatever its smooth normal; 0 where its face looks away.
+    """Return the visible share (n,) float32 of the disc of a lamp; 0 if the flat face is turned away from the lamp.
 
-    `every`: see `visible_share`.
+    The smooth normal has no effect. `every`: see `visible_share`.
     """
     to_lamp, _ = lamp.light_at(hits.point, falloff=False)
     facing = np.flatnonzero(dot(hits.plane, to_lamp) > 0)
@@ -179,7 +181,7 @@ def disc_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int, every: 
 
 
 def lit_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int) -> np.ndarray:
-    """(n,) float32 share of a lamp that each hit sees, 0 to 1, exact to 1e-5; 0 where the surface faces away."""
+    """Return the visible share (n,) float32 of a lamp, 0 to 1, to 1e-5; 0 if the surface is turned away."""
     lit, to_lamp, irradiance = lighting(surfaces, hits, replace(lamp, intensity=1.0), falloff=False, samples=samples)
     share = np.zeros(len(hits.pixel), np.float32)
     share[lit] = np.round(irradiance / dot(hits.normal.take(lit, axis=0), to_lamp), 5)

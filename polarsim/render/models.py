@@ -1,4 +1,4 @@
-"""Names of the reflectance models; imports nothing slow, for the command line."""
+"""Names of the reflectance models. The module imports quickly, for the command line."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from typing import Literal, get_args
 
 Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono", "principled_chrono"]
 MODELS: tuple[Model, ...] = get_args(Model)
-CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct light only, as in the paper's pictures
+CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct light only, as in the paper's images

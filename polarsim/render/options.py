@@ -18,11 +18,11 @@ MapName = Literal["depth", "depth_float", "normal", "angles", "shading", "lit"]
 
 
 class HapkeParameters(BaseModel, extra="forbid", frozen=True):
-    """Hapke's model of 2012 with macroscopic roughness; symbols of the literature."""
+    """Hapke's reflectance model (2012) with macroscopic roughness, in the symbols of the literature."""
 
     w: float = Field(ge=0, le=1, description="Single-scattering albedo: higher is brighter.")
-    b: float = Field(ge=0, lt=1, description="Asymmetry of the phase function: higher makes its lobes narrower.")
-    c: float = Field(ge=-1, le=1, description="Weight of the two lobes: above 0 light is scattered backwards.")
+    b: float = Field(ge=0, lt=1, description="Asymmetry of the phase function: higher values make the lobes narrower.")
+    c: float = Field(ge=-1, le=1, description="Balance of the two lobes: positive values scatter light backwards.")
     b_s0: float = Field(0, ge=0, description="Amplitude of the shadow-hiding opposition effect.")
     h_s: float = Field(1, gt=0, description="Angular width of the shadow-hiding opposition effect, tan(g/2).")
     b_c0: float = Field(0, ge=0, description="Amplitude of the coherent-backscatter opposition effect.")
@@ -68,10 +68,10 @@ HapkeSet = Literal[
 
 
 class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
-    """Burley's diffuse lobe and a GGX specular lobe, as Mitsuba 3 defines them."""
+    """Burley's diffuse lobe and a GGX specular lobe, as defined by Mitsuba 3."""
 
     base_color: float = Field(0.2, ge=0, le=1, description="Albedo of the diffuse lobe: higher is brighter.")
-    roughness: float = Field(0.8, ge=0, le=1, description="Square root of the alpha of GGX: higher is wider, fainter.")
+    roughness: float = Field(0.8, ge=0, le=1, description="Square root of GGX's alpha: higher is wider and fainter.")
     specular: float = Field(
         0.5, ge=0, le=1, description="Strength of the specular lobe; 0.5 is a refractive index of 1.5."
     )
@@ -91,7 +91,7 @@ class PrincipledParameters(BaseModel, extra="forbid", frozen=True):
 class LambertParameters(BaseModel, extra="forbid", frozen=True):
     """Lambert's model: the same radiance in all directions."""
 
-    albedo: float = Field(0.2, ge=0, le=1, description="Share of light that is scattered back.")
+    albedo: float = Field(0.2, ge=0, le=1, description="Share of the light that is reflected.")
 
 
 class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
@@ -99,36 +99,37 @@ class LunarLambertParameters(BaseModel, extra="forbid", frozen=True):
 
     albedo: float = Field(0.12, ge=0, le=0.6, description="Albedo at normal incidence and emergence.")
     weight: Literal["mcewen"] | float = Field(
-        "mcewen", description="Share L of Lommel-Seeliger, the rest is Lambert; mcewen: by the phase angle."
+        "mcewen",
+        description="Weight of the Lommel-Seeliger term, the rest is Lambert; mcewen: a function of the phase angle.",
     )
 
 
 class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
-    """Hapke shader of Chrono::Sensor, 2025, which chooses the branch of the roughness by i <= g instead of i <= e."""
+    """Hapke shader of Chrono::Sensor (2025). It selects the branch of the roughness by i <= g instead of i <= e."""
 
     soil: HapkeSet = Field("chrono_lunar", description="Parameter set of the Hapke model.")
     k_d: float = Field(0.7, ge=0, le=1, description="Diffuse colour, a factor of the reflectance.")
 
     @property
     def hapke(self) -> HapkeParameters:
-        """Without coherent backscatter, which that shader omits."""
+        """Parameters of Hapke's model without coherent backscatter, which the shader omits."""
         return HAPKE_SETS[self.soil].model_copy(update={"b_c0": 0.0})
 
 
 class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
-    """Principled shader of Chrono::Sensor, 2025; f_r is its factor over pi."""
+    """Principled shader of Chrono::Sensor (2025). f_r is the value of the shader divided by pi."""
 
     k_d: float = Field(0.7, ge=0, le=1, description="Albedo of the diffuse lobe: higher is brighter.")
-    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour, used in the specular workflow.")
+    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour. Used by the specular workflow.")
     roughness: float = Field(0.8, ge=0.001, le=1, description="Alpha of GGX: higher is wider and fainter.")
-    metallic: float = Field(0, ge=0, le=1, description="Share of metal, used in the metallic workflow.")
+    metallic: float = Field(0, ge=0, le=1, description="Share of metal. Used by the metallic workflow.")
     workflow: Literal["specular", "metallic"] = Field(
         "specular", description="Parameter that sets the specular share: k_s (specular) or metallic."
     )
 
     @property
     def albedo(self) -> float:
-        """Albedo of the part that is not specular."""
+        """Albedo of the diffuse part."""
         return self.k_d if self.workflow == "specular" else self.k_d * (1 - self.metallic)
 
     @property
@@ -138,7 +139,7 @@ class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
 
     @property
     def grazing(self) -> float:
-        """Share of the rest that is specular at grazing incidence."""
+        """Specular share of the remaining light at grazing incidence."""
         return 1.0 if self.workflow == "specular" else 0.0
 
 
@@ -152,24 +153,24 @@ Parameters = (
 )
 
 
-_OWN = "Parameters of this reflectance model."
+_OF_MODEL = "Parameters of this reflectance model."
 
 
 class Material(BaseModel, extra="forbid", frozen=True):
-    """Reflectance of a thing. Missing keys come from the material of its kind, then from `default`."""
+    """Reflectance of an object. Missing keys are read from the material of the kind of object, then from `default`."""
 
     albedo: PositiveFloat | None = Field(None, description="Factor of the reflectance.")
     hapke: HapkeSet | HapkeParameters | None = Field(None, description="Name of a parameter set, or the parameters.")
-    principled: PrincipledParameters | None = Field(None, description=_OWN)
-    lambert: LambertParameters | None = Field(None, description=_OWN)
-    lunar_lambert: LunarLambertParameters | None = Field(None, description=_OWN)
-    hapke_chrono: HapkeChronoParameters | None = Field(None, description=_OWN)
-    principled_chrono: PrincipledChronoParameters | None = Field(None, description=_OWN)
+    principled: PrincipledParameters | None = Field(None, description=_OF_MODEL)
+    lambert: LambertParameters | None = Field(None, description=_OF_MODEL)
+    lunar_lambert: LunarLambertParameters | None = Field(None, description=_OF_MODEL)
+    hapke_chrono: HapkeChronoParameters | None = Field(None, description=_OF_MODEL)
+    principled_chrono: PrincipledChronoParameters | None = Field(None, description=_OF_MODEL)
 
 
-DEFAULT = "default"  # material of all things
+DEFAULT = "default"  # material of all objects
 _THINGS = (DEFAULT, "ground", "rocks", "walls", "body")
-# Of models that no material names.
+# Default parameters, for models that no material specifies.
 _PARAMETERS: dict[Model, Parameters] = {
     "hapke": HAPKE_SETS["chrono_lunar"],
     "principled": PrincipledParameters(),
@@ -188,68 +189,76 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
             "principled": ("roughness", "specular"),
             "hapke": ("w", "b", "c", "b_s0", "h_s", "theta_bar_deg"),
         },
-        description="Fitted parameters by model; other models keep theirs.",
+        description="Parameters to fit, by model. Other models are not fitted.",
     )
     held_out: Literal["no", "30", "180", "270", "350"] = Field(
-        "30", description="Azimuth whose photos validate the fit; no: all photos are fitted."
+        "30", description="Sun azimuth of the photos that validate the fit; no: fit all photos."
     )
 
 
 class RenderOptions(SensorOptions):
-    """Options of twins and of their rendered ground-truth labels."""
+    """Options of twins and rendered ground-truth labels."""
 
     models: tuple[Model, ...] = Field(("principled", "hapke"), description="Reflectance models of the twins.")
     engine: Literal["numba", "numpy", "taichi"] = Field(
-        "numba", description="Engine: numba (CPU, rays by Embree), taichi (GPU, rays too), numpy (reference)."
+        "numba", description="Engine: numba (CPU, rays by Embree), taichi (GPU, including rays), numpy (reference)."
     )
-    device: Device = Field("cpu", description="Device of the engine taichi. Views of point lamps stay on it.")
+    device: Device = Field("cpu", description="Device of the engine taichi.")
 
     materials: dict[str, Material] = Field(
         default_factory=dict,
-        description="Materials by thing: `default` (all things), `ground`, `rocks`, one rock by its number, `walls`, "
-        "a rover's `body`, or one part of it: `body0`, `body1`.",
+        description="Materials by object: `default` (all objects), `ground`, `rocks`, a rock number, `walls`, "
+        "`body` (a rover), or a part of a rover: `body0`, `body1`.",
     )
     materials_from_photos: bool = Field(
         False,
-        description="Fit albedo, parameters and brightness of lamps to the photos; overrides `falloff`, `vignetting` "
-        "and `materials.default`.",
+        description="Fit albedo, model parameters and lamp brightness to the photos. Overrides `falloff`, "
+        "`vignetting` and `materials.default`.",
     )
     fitting: FittingOptions = FittingOptions()
 
-    falloff: bool = Field(False, description="Inverse-square falloff of lamps. Real spots light the sand more evenly.")
-    lamp_radius_m: float = Field(0, ge=0, description="Radius of the Sun lamps, metres; 0: points with sharp shadows.")
-    lamp_samples: int = Field(16, ge=1, description="Rays to a lamp that is visible in part: more have less grain.")
+    falloff: bool = Field(False, description="Inverse-square falloff of lamps. Real spotlights are more uniform.")
+    lamp_radius_m: float = Field(
+        0, ge=0, description="Radius of the Sun lamps, metres; 0: point lamps with sharp shadows."
+    )
+    lamp_samples: int = Field(
+        16, ge=1, description="Rays to a partly visible lamp. More rays reduce noise in penumbrae."
+    )
     lamp_probe_px: int = Field(
         1,
         ge=1,
         le=32,
-        description="Step between pixels that probe a whole lamp: 8 halves the time and changes few pixels.",
+        description="Step between pixels that probe the entire lamp: 8 halves the time and changes few pixels.",
     )
     bounce: float = Field(
         0.01,
         ge=0,
         le=1,
-        description="Irradiance from the walls above, over that of a lamp 4 m away; used with `bounces: 0`.",
+        description="Irradiance from the walls, relative to a lamp 4 m away. Used only with `bounces: 0`.",
     )
-    ambient: float = Field(0, ge=0, le=1, description="Irradiance from all directions, over that of a lamp 4 m away.")
-    bounces: int = Field(0, ge=0, le=8, description="Maximum number of traced reflections between lamp and surface.")
-    bounce_rays: int = Field(128, ge=1, description="Random paths per pixel: more take longer and have less noise.")
-    bounce_scale: int = Field(4, ge=1, le=16, description="Step between pixels at which paths start; 1: every pixel.")
-    skirt_m: float = Field(0.05, ge=0, description="Length by which open rock meshes are extended downwards, metres.")
+    ambient: float = Field(0, ge=0, le=1, description="Uniform ambient irradiance, relative to a lamp 4 m away.")
+    bounces: int = Field(
+        0, ge=0, le=8, description="Maximum number of traced reflections between lamp and surface; 0: none."
+    )
+    bounce_rays: int = Field(128, ge=1, description="Random paths per pixel. More paths reduce noise and take longer.")
+    bounce_scale: int = Field(
+        4, ge=1, le=16, description="Step between pixels whose indirect light is traced; 1: every pixel."
+    )
+    skirt_m: float = Field(0.05, ge=0, description="Length by which open rock meshes are extended downwards, m.")
     rim: bool = Field(True, description="Walls of the sandbox cast shadows and are visible, except on terrain 13.")
     rim_half_width_m: float = Field(2.05, gt=0, description="Half of the inner width of the sandbox, metres.")
-    # Low rather than high: shade that no photo has would take away shadows that are there.
+    # The lowest wall height: too high a wall would add shade that hides real shadows.
     rim_height_m: float = Field(SURELY_WALL, gt=0, description="Height of the walls above the median ground, metres.")
     rim_albedo: float | None = Field(
-        None, ge=0, le=1, description="Albedo of diffuse walls (cloth: 0.5); none: the material of the ground."
+        None, ge=0, le=1, description="Albedo of diffuse walls (cloth: 0.5); none: the `walls` material."
     )
 
     gain: dict[Model, PositiveFloat] = Field(
-        default_factory=dict, description="DN per ms and unit radiance, by model; other models are calibrated."
+        default_factory=dict, description="Gain, DN per ms per unit radiance, by model. Other models are calibrated."
     )
-    seed: int = Field(0, ge=0, description="Seed of noise and traced light.")
+    seed: int = Field(0, ge=0, description="Seed of noise and traced light paths.")
 
-    maps: tuple[MapName, ...] = Field((), description="Maps written to renders/maps, by view or exposure bracket.")
+    maps: tuple[MapName, ...] = Field((), description="Maps written to `renders/maps`, per view or exposure bracket.")
     min_rock_area_px: int = Field(30, ge=1, description="Minimum number of visible pixels of a labelled rock.")
     min_shadow_area_px: int = Field(60, ge=1, description="Minimum number of visible pixels of a labelled shadow.")
     min_shadow_width_px: int = Field(
@@ -262,16 +271,16 @@ class RenderOptions(SensorOptions):
 
     @field_validator("materials")
     @classmethod
-    def _known_things(cls, materials: dict[str, Material]) -> dict[str, Material]:
+    def _check_names(cls, materials: dict[str, Material]) -> dict[str, Material]:
         for name in materials:
             if name not in _THINGS and not name.removeprefix("body").isdecimal():
-                raise ValueError(f"{name!r} is no material, expected {', '.join(_THINGS)} or a rock's number")
+                raise ValueError(f"unknown material {name!r}, expected {', '.join(_THINGS)} or the number of a rock")
         return materials
 
     @model_validator(mode="after")
-    def _device_has_work(self) -> Self:
+    def _check_device(self) -> Self:
         if self.device != "cpu" and self.engine != "taichi":
-            raise ValueError(f"device {self.device!r} is for Taichi, expected engine 'taichi'")
+            raise ValueError(f"device {self.device!r} requires engine 'taichi', got {self.engine!r}")
         return self
 
     def of(self, terrain: int) -> Self:
@@ -280,24 +289,24 @@ class RenderOptions(SensorOptions):
 
     @property
     def rays(self) -> RayEngine:
-        """Engine of rays. The reference of reflectance uses Embree too: rays in NumPy are for tiny scenes."""
+        """Ray engine. The NumPy reflectance engine also uses Embree: NumPy rays are too slow for entire terrains."""
         return "taichi" if self.engine == "taichi" else "embree"
 
     def parameters(self, model: Model, *things: str) -> Parameters:
-        """Return the parameters of a model for a thing, named from its own name to that of its kind."""
-        found: Parameters | str = self._first(model, things, _PARAMETERS[model])
-        return HAPKE_SETS[found] if isinstance(found, str) else found
+        """Return the parameters of a model for an object, given its names from specific to general."""
+        parameters: Parameters | str = self._first(model, things, _PARAMETERS[model])
+        return HAPKE_SETS[parameters] if isinstance(parameters, str) else parameters
 
     def albedo_factor(self, *things: str) -> float:
-        """Return the factor of a thing's reflectance, by its names as above."""
+        """Return the reflectance factor of an object, given its names as in `parameters`."""
         return float(self._first("albedo", things, 1.0))
 
     def with_default(self, **parameters: object) -> Self:
-        """Return these options with parameters of models in the default material, checked."""
+        """Return validated options with the given model parameters in the default material."""
         default = self.materials.get(DEFAULT, Material()).model_dump() | parameters
         return self.model_validate(self.model_dump() | {"materials": {**self.materials, DEFAULT: default}})
 
-    def _first(self, key: str, things: tuple[str, ...], otherwise: Any) -> Any:
-        """Return the first value of a key that the materials of these things, or the default one, have."""
-        own = (getattr(self.materials[thing], key) for thing in (*things, DEFAULT) if thing in self.materials)
-        return next((given for given in own if given is not None), otherwise)
+    def _first(self, key: str, names: tuple[str, ...], fallback: Any) -> Any:
+        """Return the first value of a key in the materials with these names, then in the default material."""
+        values = (getattr(self.materials[name], key) for name in (*names, DEFAULT) if name in self.materials)
+        return next((value for value in values if value is not None), fallback)

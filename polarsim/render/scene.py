@@ -1,4 +1,4 @@
-"""Pictures and maps of one terrain: any camera pose, lens, lamps, exposure and model."""
+"""Images and maps of one terrain for any camera pose, lens, lamps, exposure and reflectance model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from polarsim.run_files.scene import mesh_files, read_terrain
 
 
 class Scene:
-    """A terrain's meshes under given options; read once for all pictures."""
+    """Meshes of a terrain and render options; the meshes are read once for all images."""
 
     def __init__(self, meshes: Path, terrain: int, options: RenderOptions) -> None:
         """
@@ -43,16 +43,16 @@ class Scene:
 
     @cached_property
     def mesh_digests(self) -> dict[str, str]:
-        """SHA-256 of every mesh by its file's name."""
+        """SHA-256 of every mesh by file name."""
         return digests_of(mesh_files(self.meshes, self.terrain).values())
 
     def refuse_positions(self, shot: Shot) -> None:
-        """End where the camera or a lamp of a shot stands where no picture can come of it.
+        """Check the positions of the camera and of the lamps of a shot.
 
         Raises
         ------
         RenderError
-            It stands below the ground, or more than a kilometre away.
+            A position is below the ground or more than a kilometre away.
         """
         refuse_position(self.surfaces, shot.camera.centre, "the camera")
         for lamp in shot.lamps.values():
@@ -60,7 +60,7 @@ class Scene:
                 refuse_position(self.surfaces, lamp.position, "the lamp")
 
     def picture(self, shot: Shot, threads: int = 1) -> np.ndarray:
-        """(h, w) uint16 photo: 12-bit grey values, black level 16.
+        """Render a photo (h, w) uint16: 12-bit DN, black level 16.
 
         Raises
         ------
@@ -75,14 +75,14 @@ class Scene:
         return expose(radiance, shot.exposure_ms * self.gain(shot.model), options, noise)
 
     def maps(self, shot: Shot, threads: int = 1) -> Maps:
-        """Depth, normals and ids of what a shot shows, its angles to each of its lamps, and shadows under it."""
+        """Compute depth, normals and ids of a shot, and the angles and shadows of each lamp."""
         return maps_of(self.surfaces, shot.camera, shot.lamps, self.options, threads)
 
     def gain(self, model: Model) -> float:
-        """Grey values per ms and unit radiance."""
+        """Return the gain, DN per ms per unit radiance."""
         return gain_of(model, self.options)
 
     def sidecar(self, shot: Shot) -> dict[str, Any]:
-        """All that made a picture, for JSON: see `render.sidecar`."""
+        """Return the content of the JSON file of an image: see `render.sidecar`."""
         seed = noise_seed(self.options, "scene", self.terrain, shot.exposure_ms)
         return Sidecar(shot, self.terrain, self.options, self.gain(shot.model), self.mesh_digests, seed).content()

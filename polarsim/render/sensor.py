@@ -1,4 +1,4 @@
-"""From radiance to the 12 bits of a photo."""
+"""Sensor model: conversion of radiance to 12-bit DN."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from polarsim.render.sensor_options import SensorOptions
 
 
 def noise_seed(options: RenderOptions, *picture: object) -> tuple[Any, ...]:
-    """What `randomness.generator` makes a picture's noise of; empty where the options ask for none."""
+    """Return the arguments of `randomness.generator` for the noise of an image; empty if noise is off."""
     return (options.seed, "sensor", *picture) if options.noise else ()
 
 
 def noise_of(options: RenderOptions, *picture: object) -> np.random.Generator | None:
-    """The noise of a picture, the same whenever it is made; None where the options ask for none."""
+    """Return the random generator of the noise of an image; None if noise is off."""
     seed = noise_seed(options, *picture)
     return generator(*seed) if seed else None
 
@@ -26,10 +26,10 @@ def noise_of(options: RenderOptions, *picture: object) -> np.random.Generator | 
 def expose(
     radiance: np.ndarray, dn_per_radiance: float, options: SensorOptions, noise: np.random.Generator | None = None
 ) -> np.ndarray:
-    """(h, w) uint16 photo of radiance (h, w): black level + `dn_per_radiance` * radiance, noise if given, 12 bits.
+    """Return the 12-bit photo (h, w) uint16 of radiance (h, w): black level + `dn_per_radiance` * radiance + noise.
 
-    `dn_per_radiance` is exposure time times gain. The noise is normal, its variance in electrons that of their count
-    and of the reading: the photon transfer curve (Janesick, Photon Transfer, SPIE 2007).
+    `dn_per_radiance` is exposure time times gain. The noise is Gaussian with the variance of shot noise plus read noise
+    (photon transfer curve; Janesick, Photon Transfer, SPIE 2007).
     """
     signal = radiance * np.float32(dn_per_radiance)
     if noise is not None:
