@@ -1,7 +1,7 @@
-"""Compiled loops over what the pixels of a strip see: the arithmetic of `hits` and `lighting`, in one pass.
+"""Compiled loops over the hits of a strip: the arithmetic of `hits` and `lighting` in a single pass.
 
-Vectors (n, 3) come flat: of three numbers a point the compiler knows how far apart they are, and takes many at once.
-Results are those of the same steps in NumPy to the last bit, in the arrays' own precision.
+Vectors (n, 3) are passed as flat arrays, because the compiler vectorises loops with a known stride of 3. Results equal
+those of the same steps in NumPy to the last bit, in the precision of the arrays.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _helper = njit(nogil=True, error_model="numpy", inline="always")
 
 
 def rows(vectors: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """`vectors.take(numbers, axis=0)` of vectors (n, 3), three times as fast."""
+    """Return `vectors.take(numbers, axis=0)` of vectors (n, 3), three times as fast."""
     out = np.empty((len(numbers), 3), vectors.dtype)
     _rows(vectors.reshape(-1), numbers, out.reshape(-1))
     return out
@@ -29,15 +29,15 @@ def _dot(ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
 
 
 @_helper
-def _nearness(x, y, z):  # type: ignore[no-untyped-def]
-    """What makes a float32 vector one long; 1 for one of no length."""
+def _inverse_length(x, y, z):  # type: ignore[no-untyped-def]
+    """Return the inverse length of a float32 vector; 1 for a zero vector."""
     square = _dot(x, y, z, x, y, z)
     return _1 / np.sqrt(square if square > _0 else _1)
 
 
 @_loop
 def rotated(rotation, vectors, out):  # type: ignore[no-untyped-def]
-    """Rotation (9,) of vectors."""
+    """Write vectors, rotated by a matrix (9,), to `out`."""
     for k in range(len(vectors) // 3):
         x, y, z = vectors[3 * k], vectors[3 * k + 1], vectors[3 * k + 2]
         out[3 * k] = rotation[0] * x + rotation[1] * y + rotation[2] * z
@@ -47,7 +47,10 @@ def rotated(rotation, vectors, out):  # type: ignore[no-untyped-def]
 
 @_loop
 def points(ray, distance, origins, directions, point, to_viewer):  # type: ignore[no-untyped-def]
-    """Where rays `ray` (m,) end, float32, and unit vectors back; `origins` of each ray, or one of all."""
+    """Write the end points of rays `ray` (m,), float32, and unit vectors to the origins.
+
+    `origins` has an origin for each ray or a common origin.
+    """
     each = 3 if len(origins) == len(directions) else 0
     for k in range(len(ray)):
         line, start = 3 * ray[k], each * ray[k]
@@ -56,17 +59,17 @@ def points(ray, distance, origins, directions, point, to_viewer):  # type: ignor
         point[3 * k + 1] = origins[start + 1] + distance[k] * y
         point[3 * k + 2] = origins[start + 2] + distance[k] * z
         x, y, z = -_f(x), -_f(y), -_f(z)
-        nearness = _nearness(x, y, z)
-        to_viewer[3 * k], to_viewer[3 * k + 1], to_viewer[3 * k + 2] = x * nearness, y * nearness, z * nearness
+        scale = _inverse_length(x, y, z)
+        to_viewer[3 * k], to_viewer[3 * k + 1], to_viewer[3 * k + 2] = x * scale, y * scale, z * scale
 
 
 @_loop
 def planes(normal, to_viewer, plane, side):  # type: ignore[no-untyped-def]
-    """Unit normals (m,) of flat faces towards the viewer, and the side that this is: 1, or -1 from behind."""
+    """Write the unit normals (m,) of flat faces towards the viewer and the visible side: 1 front, -1 back."""
     for k in range(len(side)):
         x, y, z = _f(normal[3 * k]), _f(normal[3 * k + 1]), _f(normal[3 * k + 2])
-        nearness = _nearness(x, y, z)
-        x, y, z = x * nearness, y * nearness, z * nearness
+        scale = _inverse_length(x, y, z)
+        x, y, z = x * scale, y * scale, z * scale
         facing = _dot(x, y, z, to_viewer[3 * k], to_viewer[3 * k + 1], to_viewer[3 * k + 2])
         side[k] = -_1 if facing < _0 else _1
         plane[3 * k], plane[3 * k + 1], plane[3 * k + 2] = x * side[k], y * side[k], z * side[k]
@@ -76,8 +79,9 @@ def planes(normal, to_viewer, plane, side):  # type: ignore[no-untyped-def]
 def smooth_normals(  # type: ignore[no-untyped-def]
     face, weights, corner_normals, side, plane, to_viewer, least_square, least_slope, normal
 ):
-    """Unit normals between those of the corners (9 f,), on the plane's side; the plane's own where they cancel out or
-    hardly face the viewer.
+    """Write interpolated unit normals from the corner normals (9 f,), on the visible side of the face.
+
+    The flat normal replaces normals that cancel out or are almost orthogonal to the viewing direction.
     """
     for k in range(len(face)):
         corner, second, third = 9 * face[k], _f(weights[2 * k]), _f(weights[2 * k + 1])
@@ -86,9 +90,9 @@ def smooth_normals(  # type: ignore[no-untyped-def]
         x = c[corner] * first + c[corner + 3] * second + c[corner + 6] * third
         y = c[corner + 1] * first + c[corner + 4] * second + c[corner + 7] * third
         z = c[corner + 2] * first + c[corner + 5] * second + c[corner + 8] * third
-        nearness = _nearness(x, y, z)
+        scale = _inverse_length(x, y, z)
         defined = _1 if _dot(x, y, z, x, y, z) > least_square else _0
-        x, y, z = x * nearness * defined * side[k], y * nearness * defined * side[k], z * nearness * defined * side[k]
+        x, y, z = x * scale * defined * side[k], y * scale * defined * side[k], z * scale * defined * side[k]
         slope = _dot(x, y, z, to_viewer[3 * k], to_viewer[3 * k + 1], to_viewer[3 * k + 2])
         flat = slope < least_slope
         normal[3 * k] = plane[3 * k] if flat else x
@@ -98,32 +102,32 @@ def smooth_normals(  # type: ignore[no-untyped-def]
 
 @_loop
 def facing(plane, normal, to_lamp, irradiance, number):  # type: ignore[no-untyped-def]
-    """Numbers of the points whose face and smooth normal both look to a lamp that shines there, and how many."""
-    found = 0
+    """Write the numbers of the points that face a lamp, by flat and smooth normal, and get light; return the count."""
+    count = 0
     for k in range(len(irradiance)):
         x, y, z = to_lamp[3 * k], to_lamp[3 * k + 1], to_lamp[3 * k + 2]
         flat = _dot(plane[3 * k], plane[3 * k + 1], plane[3 * k + 2], x, y, z) > 0
         smooth = _dot(normal[3 * k], normal[3 * k + 1], normal[3 * k + 2], x, y, z) > 0
-        number[found] = k
-        found += flat & smooth & (irradiance[k] > 0)
-    return found
+        number[count] = k
+        count += flat & smooth & (irradiance[k] > 0)
+    return count
 
 
 @_loop
 def beams(chosen, normal, to_lamp, irradiance, direction, received):  # type: ignore[no-untyped-def]
-    """Unit vectors to the lamp, and what the surface receives of it, at the chosen points."""
+    """Write unit vectors to the lamp and the irradiance of the surface at the chosen points."""
     for k in range(len(chosen)):
         p = 3 * chosen[k]
         x, y, z = to_lamp[p], to_lamp[p + 1], to_lamp[p + 2]
         along_normal = _dot(normal[p], normal[p + 1], normal[p + 2], x, y, z)
-        nearness = _1 / np.sqrt(_dot(x, y, z, x, y, z))
-        direction[3 * k], direction[3 * k + 1], direction[3 * k + 2] = x * nearness, y * nearness, z * nearness
-        received[k] = irradiance[chosen[k]] * along_normal * nearness
+        scale = _1 / np.sqrt(_dot(x, y, z, x, y, z))
+        direction[3 * k], direction[3 * k + 1], direction[3 * k + 2] = x * scale, y * scale, z * scale
+        received[k] = irradiance[chosen[k]] * along_normal * scale
 
 
 @_loop
 def add(strip, pixel, value, share):  # type: ignore[no-untyped-def]
-    """Add values, each times its share, to the pixels of a strip (flat), each of which occurs once."""
+    """Add values times shares to distinct pixels of a flat strip."""
     for k in range(len(pixel)):
         strip[pixel[k]] += value[k] * share[k]
 
@@ -137,9 +141,9 @@ def _rows(vectors, numbers, out):  # type: ignore[no-untyped-def]
 
 @_loop
 def kept(numbers, hidden):  # type: ignore[no-untyped-def]
-    """Move the numbers of what is not hidden to the front of their array; how many these are."""
-    found = 0
+    """Move the numbers of visible points to the front of the array; return the count."""
+    count = 0
     for k in range(len(numbers)):
-        numbers[found] = numbers[k]
-        found += not hidden[k]
-    return found
+        numbers[count] = numbers[k]
+        count += not hidden[k]
+    return count

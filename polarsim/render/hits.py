@@ -1,6 +1,6 @@
-"""What the pixels of a view see: rays through the distorted lens against the surfaces, a strip of rows at a time.
+"""Camera rays: intersection of rays through the distorted lens with the surfaces, in strips of image rows.
 
-In and about a pixel its rays go to the same points in every pixel, each of the same weight.
+The rays of a pixel have the same offsets in every pixel, and equal weights.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from polarsim.render import hit_kernels
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import Surfaces
 
-_FILTER_SD_PX = 0.5  # of the Gaussian pixel filter: half a pixel, as far as a box filter of the same area
-STRIP = 64  # rows cast at once: bounds memory, and is the unit that threads share
-NO_NORMAL = 1e-12  # square of the length of smooth normals that cancel out
-LEAST_SLOPE = 1e-3  # smooth normals that face the viewer less than this give way to the flat ones
+_FILTER_SD_PX = 0.5  # standard deviation of the Gaussian pixel filter, half the width of a pixel
+STRIP = 64  # rows cast together: limits the memory, and is the unit of work of a thread
+NO_NORMAL = 1e-12  # squared length below which interpolated normals cancel out
+LEAST_SLOPE = 1e-3  # minimum cosine between smooth normal and viewer; below it the flat normal is used
 
 
 @dataclass(frozen=True)
 class Hits:
-    """The n pixels of a strip of rows that see a surface; float32, sandbox frame."""
+    """Intersections of camera rays with surfaces for the n hit pixels of a strip; float32, sandbox frame."""
 
     rows: slice
     pixel: np.ndarray  # (n,) flat number of the pixel inside the strip
@@ -40,10 +40,10 @@ class Hits:
     to_viewer: np.ndarray  # (n, 3) unit
     normal: np.ndarray  # (n, 3) unit, smooth, towards the viewer
     plane: np.ndarray  # (n, 3) unit normal of the flat face, towards the viewer
-    weights: np.ndarray  # (n, 2) barycentric, of the face's second and third corner
+    weights: np.ndarray  # (n, 2) barycentric weights of the second and third corner of the face
 
     def part(self, chosen: np.ndarray) -> Hits:
-        """Those with numbers (m,)."""
+        """Return the hits with numbers (m,)."""
         arrays = (self.pixel, self.face, self.point, self.to_viewer, self.normal, self.plane, self.weights)
         return Hits(self.rows, *(array.take(chosen, axis=0) for array in arrays))
 
@@ -56,7 +56,7 @@ def cast_strip(
     *,
     smooth: bool = True,
 ) -> Hits:
-    """Cast a ray through every pixel of the rows, `offset` pixels off its centre; normals are flat unless `smooth`."""
+    """Cast a ray through every pixel of the rows, `offset` pixels from the centre; normals are flat unless `smooth`."""
     through = pixel_directions(camera.lens, rows, offset).reshape(-1, 3)
     directions = np.empty_like(through)
     hit_kernels.rotated(camera.world_from_camera.rotation.reshape(-1), through.reshape(-1), directions.reshape(-1))
@@ -66,16 +66,16 @@ def cast_strip(
 def intersect(
     surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.ndarray, *, smooth: bool = True
 ) -> Hits:
-    """What rays along directions (n, 3) meet first; `pixel` numbers the rays, the viewer is where they came from.
+    """Return the nearest hits of rays along directions (n, 3).
 
-    Origins are (3,), the same for all, or (n, 3).
+    Origins are (n, 3), or (3,) for a common origin. `pixel` contains the ray numbers; the viewer is the ray origin.
     """
     hits = surfaces.all.intersect(np.broadcast_to(origins, directions.shape), directions)
     count = len(hits.ray)
     point, to_viewer, plane, normal = np.empty((4, 3 * count), np.float32)
     side = np.empty(count, np.float32)
     hit_kernels.points(hits.ray, hits.distance, origins.reshape(-1), directions.reshape(-1), point, to_viewer)
-    hit_kernels.planes(hits.normal.reshape(-1), to_viewer, plane, side)  # open meshes may be seen from inside
+    hit_kernels.planes(hits.normal.reshape(-1), to_viewer, plane, side)  # open meshes may be visible from inside
     if smooth:
         corners, limits = surfaces.corner_normals.reshape(-1), (np.float32(NO_NORMAL), np.float32(LEAST_SLOPE))
         weights = hits.weights.reshape(-1)
@@ -85,15 +85,15 @@ def intersect(
 
 
 def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) angles between unit vectors (n, 3), degrees; exact near 0 and 180."""
-    apart, together = (np.sqrt(dot(v, v)) for v in (first - second, first + second))
-    return np.asarray(np.degrees(2 * np.arctan2(apart, together)))
+    """Return the angles (n,) between unit vectors (n, 3), degrees; accurate near 0 and 180."""
+    difference, total = (np.sqrt(dot(v, v)) for v in (first - second, first + second))
+    return np.asarray(np.degrees(2 * np.arctan2(difference, total)))
 
 
 def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None:
-    """Do the work for every strip of rows, on so many threads; strips write to points of their own."""
+    """Call `work` for every strip of rows, in parallel threads; strips must write to separate array elements."""
     strips = [slice(start, min(start + STRIP, height)) for start in range(0, height, STRIP)]
-    with one_blas_thread():  # its own would wait busily beside ours
+    with one_blas_thread():  # BLAS threads would compete with ours
         if threads <= 1:
             for strip in strips:
                 work(strip)
@@ -103,14 +103,14 @@ def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """Within it linear algebra, of small matrices, takes one thread."""
+    """Return a context that limits BLAS to a single thread."""
     limited: AbstractContextManager[object] = _blas().limit(limits=1)
     return limited
 
 
 @cache
 def _blas() -> ThreadpoolController:
-    """NumPy's library of linear algebra."""
+    """Return the controller of NumPy's BLAS library."""
     return ThreadpoolController().select(user_api="blas")
 
 
@@ -118,13 +118,13 @@ Offset = tuple[float, float]
 
 
 def sample_offsets(options: SensorOptions) -> tuple[Offset, ...]:
-    """(x, y) of a pixel's samples, in pixels from its centre; their mean is the pixel's value.
+    """Return the offsets (x, y) of the samples of a pixel from the pixel centre, px; the pixel value is the mean.
 
-    A box: cells of equal size, one sample each. From 9 samples on, and in a Gaussian, the grid is rotated so that no
-    two samples share a row or column (Cook, ACM TOG 5 (1986) 51, and Chiu et al., Graphics Gems IV): an upright edge
-    then makes as many shades as there are samples. A Gaussian: samples lie at its quantiles, so that pixels stay apart
-    from one another and no weights are needed; they are moved outwards until their variance is that of the Gaussian,
-    since the centres of its quantiles leave out its tails.
+    Box filter: one sample in each of several cells of equal size. With 9 or more samples, and for the Gaussian filter,
+    the grid is rotated so that no two samples share a row or column (Cook, ACM TOG 5 (1986) 51, and Chiu et al.,
+    Graphics Gems IV); a vertical edge then has as many grey levels as there are samples. Gaussian filter: samples are
+    at quantiles of the Gaussian, so that no weights are needed. The centres of the quantiles omit the tails of the
+    Gaussian; therefore the samples are moved outwards until their variance equals that of the Gaussian.
     """
     side = isqrt(options.samples)
     if options.pixel_filter == "gaussian":
@@ -138,9 +138,9 @@ def sample_offsets(options: SensorOptions) -> tuple[Offset, ...]:
 
 
 def _rotated(levels: np.ndarray, side: int) -> tuple[Offset, ...]:
-    """One sample in each of side x side cells, row and column by row and column of `levels` (side^2,).
+    """Return one sample in each of side x side cells, with coordinates from `levels` (side^2,).
 
-    A rotation by a quarter takes the pattern to itself: no direction is blurred more than another.
+    The pattern is invariant under rotation by 90 degrees: the blur is the same along both axes.
     """
     return tuple(
         (float(levels[column * side + row]), float(levels[row * side + side - 1 - column]))

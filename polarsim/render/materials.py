@@ -1,4 +1,4 @@
-"""What surfaces are made of: every thing scatters by a model, with parameters and an albedo that may be its own."""
+"""Materials: reflectance and albedo of each object under each reflectance model."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _NAMES = {BACKGROUND: ("walls",), GROUND: ("ground",)}
 
 @dataclass(frozen=True)
 class Kinds:
-    """Under one model: the parameters that occur, and by id which of them and what factor of albedo; none: one kind."""
+    """Distinct parameters of one model in a scene, with the parameters and the albedo factor of each id."""
 
     parameters: tuple[Parameters, ...]
-    of_id: np.ndarray | None  # number of the parameters
-    factor: np.ndarray | None  # float32
+    of_id: np.ndarray | None  # index into `parameters` by id; None if all ids have the same parameters
+    factor: np.ndarray | None  # float32 albedo factor by id; None if all factors are 1
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Materials:
         to_lamp: np.ndarray,
         to_viewer: np.ndarray,
     ) -> np.ndarray:
-        """(m,) f_r in 1/sr of chosen hits (m,) along their unit vectors (m, 3), which the surface faces or 0."""
+        """Return f_r (m,), 1/sr, of the chosen hits (m,) for unit vectors (m, 3); 0 below the surface."""
         kinds = self._kinds[model]
         if kinds.of_id is None:
             values = self.engine(kinds.parameters[0], normal, to_lamp, to_viewer)
@@ -52,43 +52,43 @@ class Materials:
             kind = kinds.of_id.take(self.surfaces.id_of_face.take(hits.face.take(chosen)))
             values = np.zeros(len(chosen), normal.dtype)
             for number, parameters in enumerate(kinds.parameters):
-                own = np.flatnonzero(kind == number)
-                if len(own):
-                    vectors = (vector.take(own, axis=0) for vector in (normal, to_lamp, to_viewer))
-                    values[own] = self.engine(parameters, *vectors)
-        self._paint(values, model, hits, chosen)
+                of_kind = np.flatnonzero(kind == number)
+                if len(of_kind):
+                    vectors = (vector.take(of_kind, axis=0) for vector in (normal, to_lamp, to_viewer))
+                    values[of_kind] = self.engine(parameters, *vectors)
+        self._multiply_albedo(values, model, hits, chosen)
         if self.options.rim_albedo is not None:
             values[self.plain(hits.face.take(chosen)) & (values > 0)] = self.options.rim_albedo / np.pi
         return values
 
     def albedo(self, model: Model, hits: Hits) -> np.ndarray:
-        """(n,) float32 share of light from all sides that the hits scatter back; Chrono's models know no such light."""
+        """Return the hemispherical albedo (n,) float32 of the hits; 0 for Chrono's models."""
         kinds = self._kinds[model]
-        albedos = np.array([_even_albedo(model, parameters) for parameters in kinds.parameters], np.float32)
+        albedos = np.array([_diffuse_albedo(model, parameters) for parameters in kinds.parameters], np.float32)
         if kinds.of_id is None:
             values = np.full(len(hits.face), albedos[0])
         else:
             values = albedos.take(kinds.of_id.take(self.surfaces.id_of_face.take(hits.face)))
-        self._paint(values, model, hits, None)
+        self._multiply_albedo(values, model, hits, None)
         if self.options.rim_albedo is not None:
             values[self.plain(hits.face)] = self.options.rim_albedo
         return values
 
     def same_everywhere(self, model: Model) -> float | None:
-        """The albedo, where all surfaces have the same one but for plain walls; else None."""
+        """Return the albedo if all surfaces except diffuse walls have the same albedo, else None."""
         kinds = self._kinds[model]
         if kinds.of_id is not None or kinds.factor is not None or model in self.surfaces.albedo:
             return None
-        return _even_albedo(model, kinds.parameters[0])
+        return _diffuse_albedo(model, kinds.parameters[0])
 
     def plain(self, face: np.ndarray) -> np.ndarray:
-        """(n,) bool: faces that are diffuse with the walls' own albedo."""
+        """Return which faces (n,) are diffuse walls, with the albedo `rim_albedo`."""
         if self.options.rim_albedo is None:
             return np.zeros(len(face), bool)
         return np.asarray(self.surfaces.id_of_face[face] == BACKGROUND)
 
-    def _paint(self, values: np.ndarray, model: Model, hits: Hits, chosen: np.ndarray | None) -> None:
-        """Multiply values (m,) of chosen hits, or of all, by the albedo factors there."""
+    def _multiply_albedo(self, values: np.ndarray, model: Model, hits: Hits, chosen: np.ndarray | None) -> None:
+        """Multiply the values (m,) of the chosen hits, or of all hits, by the albedo factors of the hits."""
         factor, of_vertex = self._kinds[model].factor, self.surfaces.albedo.get(model)
         if factor is None and of_vertex is None:
             return
@@ -105,7 +105,7 @@ class Materials:
 
 
 def kinds_of(model: Model, surfaces: Surfaces, options: RenderOptions) -> Kinds:
-    """What a scene's things are made of under a model."""
+    """Return the parameters and albedo factors of all objects of a scene under a model."""
     if not options.materials:
         return Kinds((options.parameters(model),), None, None)
     size = int(surfaces.ids.max(initial=GROUND)) + 1
@@ -113,37 +113,45 @@ def kinds_of(model: Model, surfaces: Surfaces, options: RenderOptions) -> Kinds:
     parameters: list[Parameters] = []
     for number in surfaces.ids.tolist():
         names = _names(number)
-        own = options.parameters(model, *names)
-        if own not in parameters:
-            parameters.append(own)
-        of_id[number], factor[number] = parameters.index(own), options.albedo_factor(*names)
+        of_object = options.parameters(model, *names)
+        if of_object not in parameters:
+            parameters.append(of_object)
+        of_id[number], factor[number] = parameters.index(of_object), options.albedo_factor(*names)
     if not parameters:
         parameters = [options.parameters(model)]
     return Kinds(tuple(parameters), of_id if len(parameters) > 1 else None, None if (factor == 1).all() else factor)
 
 
 def _names(number: int) -> tuple[str, ...]:
-    """What the options call an id's material, its own name first."""
+    """Return the names of the materials of an id in the options, from specific to general."""
     if BODY <= number < ROCK_IDS:
         return f"body{number - BODY}", "body"
     return _NAMES.get(number, (str(number - ROCK_IDS), "rocks"))
 
 
 def between_corners(of_vertex: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(n,) float32 values between those of a triangle's corners (n, 3), by weights (n, 2) of the second and third."""
+    """Interpolate vertex values at points of triangles, (n,) float32.
+
+    Parameters
+    ----------
+    corners : (n, 3) int
+        Vertex numbers of the triangle of each point.
+    weights : (n, 2) float
+        Barycentric weights of the second and third corner.
+    """
     first, second, third = (of_vertex.take(corners[:, number]) for number in range(3))
     return np.asarray(first + weights[:, 0] * (second - first) + weights[:, 1] * (third - first), np.float32)
 
 
-def _even_albedo(model: Model, parameters: Parameters) -> float:
-    """`hemispherical_albedo`; none of Chrono's models, which know no light from all sides."""
+def _diffuse_albedo(model: Model, parameters: Parameters) -> float:
+    """Return `hemispherical_albedo`, or 0 for Chrono's models, which have no ambient light."""
     return 0.0 if model in CHRONO else hemispherical_albedo(parameters)
 
 
 @lru_cache(maxsize=64)
 def hemispherical_albedo(parameters: Parameters) -> float:
-    """Share of light from all sides that a surface scatters back (bihemispherical albedo), by a fixed quadrature."""
-    shares = (np.arange(12) + 0.5) / 12  # of sin^2: equal shares of cosine-weighted light
+    """Return the bihemispherical albedo, the reflected share of uniform light, by a fixed quadrature."""
+    shares = (np.arange(12) + 0.5) / 12  # quantiles of sin^2: equal shares of cosine-weighted light
     cos_i, cos_e, psi = (a.ravel() for a in np.meshgrid(np.sqrt(shares), np.sqrt(shares), shares * np.pi))
     sin_i, sin_e, zero = np.sqrt(1 - cos_i**2), np.sqrt(1 - cos_e**2), np.zeros_like(psi)
     normal = np.stack([zero, zero, zero + 1], axis=1)

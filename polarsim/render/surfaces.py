@@ -1,7 +1,7 @@
-"""All surfaces of a terrain that light meets: ground, rocks and the sandbox's walls, ready for rays.
+"""Surfaces of a terrain for ray casting: ground, rocks and the walls of the sandbox.
 
-Rocks sit in the sand: scanned ones have no underside, and their meshes end some millimetres above or below the
-ground's. So their open rims are drawn out downwards, and no light passes beneath them.
+Scanned rocks have no underside, and their meshes end some millimetres above or below the ground mesh. Therefore the
+open lower edges of rock meshes are extended downwards, so that no light passes beneath a rock.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.run_files.scene import TerrainMesh
 
 _WALL_THICKNESS = 0.05  # metres
-_WALL_FOOT = 0.5  # metres that walls reach below the median ground
-_LOWER_PART = 0.5  # of a rock's height: rims above it are holes in its back, not its foot
-FARTHEST_M = 1000.0  # of a camera or near lamp: beyond it a sandbox is a dot, and float32 loses millimetres
-_WELD_DISTANCE = 1e-6  # metres: vertices nearer than this are one, or seams between them would count as rims
+_WALL_FOOT = 0.5  # metres by which walls extend below the median ground
+_LOWER_PART = 0.5  # share of the height of a rock: open edges above it are holes in the back, not the base
+FARTHEST_M = 1000.0  # maximum distance of a camera or near lamp: float32 loses millimetres at larger distances
+_WELD_DISTANCE = 1e-6  # metres: vertices closer than this are merged, so that seams are not treated as open edges
 
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Triangles with what they belong to: BACKGROUND (walls), GROUND, or ROCK_IDS + rock."""
+    """Triangles with ids: BACKGROUND (walls), GROUND, or ROCK_IDS + rock."""
 
     vertices: np.ndarray  # (v, 3) sandbox frame, metres
     faces: np.ndarray  # (f, 3)
@@ -46,39 +46,39 @@ class Surfaces:
         return caster(self.vertices, self.faces, self.rays, device=self.device)
 
     def prepare(self, *, shadows: bool, threads: int = 1) -> None:
-        """Build what threads would race to build; `shadows`: also what tells whose shadow the ground lies in."""
+        """Build the ray structures before threads need them; `shadows`: also build the structures for shadow ids."""
         names = ("all", "corner_normals", *(("rest", "rocks") if shadows else ()))
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(partial(getattr, self), names))
 
     @cached_property
     def ids(self) -> np.ndarray:
-        """(k,) what faces belong to, each once, in order."""
+        """Sorted unique ids (k,) of the faces."""
         return np.unique(self.id_of_face)
 
     @cached_property
     def rocks(self) -> Caster:
-        """The rocks alone; `rock_faces` numbers its triangles."""
+        """Ray caster of the rocks only; `rock_faces` contains the numbers of the faces."""
         return caster(self.vertices, self.faces[self.rock_faces], self.rays, device=self.device)
 
     @cached_property
     def rest(self) -> Caster:
-        """Ground and walls alone; `rest_faces` numbers its triangles."""
+        """Ray caster of ground and walls only; `rest_faces` contains the numbers of the faces."""
         return caster(self.vertices, self.faces[self.rest_faces], self.rays, device=self.device)
 
     @cached_property
     def rest_faces(self) -> np.ndarray:
-        """(r,) numbers of the faces of ground and walls."""
+        """Numbers (r,) of the faces of ground and walls."""
         return np.flatnonzero(self.id_of_face < ROCK_IDS)
 
     @cached_property
     def rock_faces(self) -> np.ndarray:
-        """(r,) numbers of the faces that belong to rocks."""
+        """Numbers (r,) of the faces of rocks."""
         return np.flatnonzero(self.id_of_face >= ROCK_IDS)
 
     @cached_property
     def rock_corners(self) -> dict[int, np.ndarray]:
-        """Corners (8, 3) of the box around each rock."""
+        """Corners (8, 3) of the axis-aligned box of each rock."""
         if not len(self.rock_faces):
             return {}
         order = self.rock_faces[np.argsort(self.id_of_face[self.rock_faces], kind="stable")]
@@ -86,71 +86,77 @@ class Surfaces:
         points = self.vertices.take(self.faces.take(order, axis=0).ravel(), axis=0)
         ends = np.stack([extreme.reduceat(points, 3 * first) for extreme in (np.minimum, np.maximum)], axis=2)
         return {
-            int(number) - ROCK_IDS: np.stack(np.meshgrid(*own), axis=-1).reshape(-1, 3)
-            for number, own in zip(numbers, ends, strict=True)
+            int(number) - ROCK_IDS: np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, 3)
+            for number, limits in zip(numbers, ends, strict=True)
         }
 
     @cached_property
     def corner_normals(self) -> np.ndarray:
-        """(f, 3, 3) float32: by face, corner and axis."""
+        """Vertex normals (f, 3, 3) float32 by face, corner and axis."""
         normals = self.normals.astype(np.float32)
         return np.stack([normals.take(self.faces[:, corner], axis=0) for corner in range(3)], axis=1)
 
 
 def refuse_position(surfaces: Surfaces, position: np.ndarray, what: str) -> None:
-    """End where a camera or lamp at a position (3,) can see or light nothing, before anything is rendered.
+    """Check the position (3,) of a camera or lamp.
+
+    Parameters
+    ----------
+    what : str
+        Name of the object in the error message, for example "the camera".
 
     Raises
     ------
     RenderError
-        It stands below the ground, or farther away than `FARTHEST_M`.
+        The position is below the ground or farther away than `FARTHEST_M`.
     """
     at = ", ".join(f"{value:g}" for value in position)
-    if (away := float(np.linalg.norm(position))) > FARTHEST_M:
-        raise RenderError(f"{what} at ({at}) m is {away:.3g} m away, expected at most {FARTHEST_M:g} m")
+    if (range_m := float(np.linalg.norm(position))) > FARTHEST_M:
+        raise RenderError(f"{what} at ({at}) m is {range_m:.3g} m away, expected at most {FARTHEST_M:g} m")
     distance, face = surfaces.all.nearest(np.array([position], float), np.array([[0.0, 0.0, 1.0]]))
     beneath = face[0] >= 0 and surfaces.id_of_face[face[0]] == GROUND
     if beneath or position[2] < surfaces.vertices[:, 2].min():
         how = f"{distance[0]:.3g} m below the ground" if beneath else "below all ground"
-        raise RenderError(f"{what} at ({at}) m lies {how}; +Z is up")
+        raise RenderError(f"{what} at ({at}) m is {how}; +Z is up")
 
 
 def surfaces_of(
     mesh: TerrainMesh, options: RenderOptions, albedo: Mapping[Model, np.ndarray] | None = None
 ) -> Surfaces:
-    """The terrain's triangles, rocks with skirts that reach into the sand, with the sandbox's walls where the
-    options ask for them.
+    """Build the surfaces of a terrain: rocks with skirts that extend into the sand, and walls if `rim` is set.
 
-    `albedo`: by model, factors (v,) of the mesh's vertices.
+    `albedo`: reflectance factors (v,) of the mesh vertices, by model.
     """
-    given, mesh = mesh, with_skirts(mesh, options.skirt_m) if options.skirt_m else mesh
+    original, mesh = mesh, with_skirts(mesh, options.skirt_m) if options.skirt_m else mesh
     id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
     vertices, faces, normals = mesh.vertices, mesh.faces, mesh.normals
     if options.rim:
         level = mesh.sand_level
-        boards = walls(options.rim_half_width_m, level - _WALL_FOOT, level + options.rim_height_m)
-        faces = np.concatenate([faces, boards[1] + len(vertices)])
-        vertices, normals = np.concatenate([vertices, boards[0]]), np.concatenate([normals, boards[2]])
-        id_of_face = np.concatenate([id_of_face, np.full(len(boards[1]), BACKGROUND, np.int32)])
-    painted = {model: _spread_out(factors, given, mesh, len(vertices)) for model, factors in (albedo or {}).items()}
-    return Surfaces(vertices, faces, normals, id_of_face, options.rays, painted, options.device)
+        wall_vertices, wall_faces, wall_normals = walls(
+            options.rim_half_width_m, level - _WALL_FOOT, level + options.rim_height_m
+        )
+        faces = np.concatenate([faces, wall_faces + len(vertices)])
+        vertices, normals = np.concatenate([vertices, wall_vertices]), np.concatenate([normals, wall_normals])
+        id_of_face = np.concatenate([id_of_face, np.full(len(wall_faces), BACKGROUND, np.int32)])
+    albedo = {model: _extended(factors, original, mesh, len(vertices)) for model, factors in (albedo or {}).items()}
+    return Surfaces(vertices, faces, normals, id_of_face, options.rays, albedo, options.device)
 
 
-def _spread_out(factors: np.ndarray, given: TerrainMesh, mesh: TerrainMesh, count: int) -> np.ndarray:
-    """Factors of all vertices (count,) from those of the given mesh: feet drawn out have their rock's mean, walls 1."""
-    whole = np.ones(count, np.float32)
-    whole[: len(factors)] = factors
-    if mesh is given:
-        return whole
+def _extended(factors: np.ndarray, original: TerrainMesh, mesh: TerrainMesh, count: int) -> np.ndarray:
+    """Extend the factors of the original vertices to all vertices (count,): skirts get the rock's mean, walls 1."""
+    extended = np.ones(count, np.float32)
+    extended[: len(factors)] = factors
+    if mesh is original:
+        return extended
     for rock in mesh.rocks:
         used = np.unique(mesh.faces[mesh.rock_of_face == rock])
-        own = used < len(given.vertices)
-        whole[used[~own]] = factors[used[own]].mean()
-    return whole
+        scanned = used < len(original.vertices)
+        extended[used[~scanned]] = factors[used[scanned]].mean()
+    return extended
 
 
 def walls(half_width: float, low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices, faces and normals of four boards around a square of `half_width`, from height `low` to `high`."""
+    """Return vertices, faces and normals of four walls around a square of `half_width`, from `low` to `high`."""
     outer = half_width + _WALL_THICKNESS
     boards = [
         ((half_width, -outer), (outer, outer)),
@@ -181,7 +187,7 @@ def box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
-    """The terrain with an upright skirt of `depth` metres under the low rims of every open rock."""
+    """Return the terrain with a vertical skirt of `depth` metres under the low open edges of each rock."""
     vertices, faces, normals, rocks = [mesh.vertices], [mesh.faces], [mesh.normals], [mesh.rock_of_face]
     count = len(mesh.vertices)
     for rock in mesh.rocks:
@@ -198,7 +204,10 @@ def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
 
 
 def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(e, 2) vertex numbers of the edges that only one of the faces (f, 3) has, in its direction, low on the rock."""
+    """Return the vertex numbers (e, 2) of the open edges in the lower part of a rock with faces (f, 3).
+
+    An open edge belongs to one face only; the direction of the edge is that of the face.
+    """
     edges = open_edges(faces)
     if not len(edges):
         return edges
@@ -214,9 +223,9 @@ def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def hang(start: np.ndarray, end: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices (4 e, 3), faces (2 e, 3), normals (4 e, 3) of upright strips under edges from `start` to `end` (e, 3).
+    """Return vertices (4 e, 3), faces (2 e, 3) and normals (4 e, 3) of vertical strips under edges (e).
 
-    They look to the side on which the faces above the edges look.
+    The edges run from `start` (e, 3) to `end` (e, 3). The strips face the same side as the faces above the edges.
     """
     down = np.array([0, 0, depth])
     vertices = np.stack([start, end, end - down, start - down], axis=1)
