@@ -1,6 +1,7 @@
-"""OLAT images of a view made on Taichi's device from ray to sum: rays, shadows, reflectance; only sums come back.
+"""OLAT images of a view, rendered entirely on the Taichi device: rays, shadows, reflectance and sums.
 
-`olat.render_view` does the same strip by strip in NumPy and defines the result. Lamps that are discs are left to it.
+`olat.render_view` computes the same in NumPy, in strips of rows, and defines the result. Disc lamps are supported only
+there.
 """
 # mypy: ignore-errors
 # No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
@@ -24,27 +25,27 @@ _NO_ID = -1
 
 
 class Pixels:
-    """What the n pixels of a view see, on the device; slot -1 for nothing."""
+    """Hits of the n pixels of a view, in device memory; slot -1 for pixels without surface."""
 
     def __init__(self, count: int) -> None:
-        self.slot = ti.ndarray(ti.i32, count)  # of the face in the tree's order
+        self.slot = ti.ndarray(ti.i32, count)  # number of the face in the order of the tree
         self.weights = ti.Vector.ndarray(2, ti.f32, count)
         self.point, self.to_viewer, self.normal, self.plane = (ti.Vector.ndarray(3, ti.f32, count) for _ in range(4))
 
     def hits(self, face: np.ndarray, height: int) -> Hits:
-        """As strips of rows have them, of the whole picture; `face`: by index in the tree's order."""
+        """Return the hits of the entire image as `Hits`; `face`: face numbers in the order of the tree."""
         slot = self.slot.to_numpy()
         pixel = np.flatnonzero(slot >= 0)
         point, to_viewer, normal, plane, weights = (
-            there.to_numpy().take(pixel, axis=0)
-            for there in (self.point, self.to_viewer, self.normal, self.plane, self.weights)
+            array.to_numpy().take(pixel, axis=0)
+            for array in (self.point, self.to_viewer, self.normal, self.plane, self.weights)
         )
         face = face.take(slot.take(pixel)).astype(np.int64)
         return Hits(slice(0, height), pixel, face, point, to_viewer, normal, plane, weights)
 
 
 class _Model:
-    """What a model needs to know of a scene's things."""
+    """Parameters and albedo of a model in device memory, by id."""
 
     def __init__(self, model, surfaces, options, face: np.ndarray) -> None:
         kinds = kinds_of(model, surfaces, options)
@@ -60,15 +61,14 @@ class _Model:
 
 @on_its_thread
 def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, lamps, offsets, options) -> None:
-    """Fill OLAT images (h, w) by model and lamp, and (h, w) counts of lit samples by lamp; tell `surroundings` what
-    is seen.
+    """Add light to the OLAT images, counts to `samples_lit`, and the hits to `surroundings`.
 
-    Arguments are those of `olat.render_view`, which calls this; its surfaces are cast at by Taichi.
+    The arguments are variables of the caller, `olat.render_view`; the rays of the surfaces must use Taichi.
     """
     caster = surfaces.all
     if caster.empty:
         return
-    lens, there = camera.lens, caster.on_device()
+    lens, on_device = camera.lens, caster.on_device()
     count = lens.height * lens.width
     face = caster.order
     id_of_slot = laid(surfaces.id_of_face[face].astype(np.int32))
@@ -80,8 +80,8 @@ def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, la
     sums = {key: ti.ndarray(ti.f32, count) for key in olat_images}
     lit = {name: ti.ndarray(ti.i32, count) for name in lamps}
     pixels, to_lamp = Pixels(count), ti.Vector.ndarray(3, ti.f32, count)
-    share, value, upward, seen = (ti.ndarray(ti.f32, count) for _ in range(4))
-    for array in (*sums.values(), *lit.values(), upward, seen):
+    share, value, upward, covered = (ti.ndarray(ti.f32, count) for _ in range(4))
+    for array in (*sums.values(), *lit.values(), upward, covered):
         array.fill(0)
     directions = ti.Vector.ndarray(3, ti.f32, count)
     rotation = ti.Matrix(camera.world_from_camera.rotation.tolist(), ti.f32)
@@ -89,10 +89,10 @@ def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, la
     plain_id = _NO_ID if options.rim_albedo is None else BACKGROUND
     plain = (options.rim_albedo or 0.0) / math.pi
     for offset in offsets:
-        _aim_at(directions, lens, offset)
-        _see(
-            *there.tree, corner_normals, directions, rotation, origin, 1 / len(offsets),
-            pixels.slot, pixels.weights, pixels.point, pixels.to_viewer, pixels.normal, pixels.plane, upward, seen,
+        _fill_directions(directions, lens, offset)
+        _intersect(
+            *on_device.tree, corner_normals, directions, rotation, origin, 1 / len(offsets),
+            pixels.slot, pixels.weights, pixels.point, pixels.to_viewer, pixels.normal, pixels.plane, upward, covered,
         )  # fmt: skip
         if not surroundings.even:
             surroundings.add(pixels.hits(face, lens.height), len(offsets))
@@ -100,39 +100,39 @@ def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, la
             lamp = lamps[name]
             near_lamp = options.falloff and not lamp.distant
             _light(
-                *there.tree, pixels.slot, pixels.point, pixels.normal, pixels.plane,
+                *on_device.tree, pixels.slot, pixels.point, pixels.normal, pixels.plane,
                 ti.Vector(lamp.position.tolist(), ti.f32), lamp.intensity / len(offsets), int(near_lamp),
                 to_lamp, share, lit[name],
             )  # fmt: skip
-            for model, own in models.items():
-                for number, parameters in enumerate(own.parameters):
+            for model, material in models.items():
+                for number, parameters in enumerate(material.parameters):
                     value.fill(0)
                     evaluate(parameters, pixels.normal, to_lamp, pixels.to_viewer, value)
                     _add(
-                        value, share, pixels.slot, pixels.weights, id_of_slot, own.of_id, number, own.factor,
-                        own.albedo, own.painted, plain_id, plain, sums[model, name],
+                        value, share, pixels.slot, pixels.weights, id_of_slot, material.of_id, number, material.factor,
+                        material.albedo, material.painted, plain_id, plain, sums[model, name],
                     )  # fmt: skip
     for key, olat_image in olat_images.items():
         olat_image += sums[key].to_numpy().reshape(olat_image.shape)
     for name, picture in samples_lit.items():
         picture += lit[name].to_numpy().reshape(picture.shape).astype(picture.dtype)
     if surroundings.even:
-        surroundings.take_in(
-            {"bounce": upward.to_numpy().reshape(lens.shape), "ambient": seen.to_numpy().reshape(lens.shape)}
+        surroundings.accumulate(
+            {"bounce": upward.to_numpy().reshape(lens.shape), "ambient": covered.to_numpy().reshape(lens.shape)}
         )
 
 
-def _aim_at(directions, lens, offset) -> None:
-    """Fill directions (n,) through all pixels, in the camera's frame."""
+def _fill_directions(directions, lens, offset) -> None:
+    """Fill the directions (n,) through all pixels, in the camera frame."""
     parts = separated(lens, offset)
     if parts is None:
         directions.from_numpy(pixel_directions(lens, slice(None), offset).reshape(-1, 3).astype(np.float32))
     else:
-        _aim(*(part.astype(np.float32) for part in parts), lens.width, directions)
+        _multiply(*(part.astype(np.float32) for part in parts), lens.width, directions)
 
 
 @ti.kernel
-def _aim(
+def _multiply(
     of_row: ti.types.ndarray(dtype=ti.math.vec2, ndim=2), of_column: ti.types.ndarray(dtype=ti.f32, ndim=2),
     width: ti.i32, directions: VECTORS,
 ):  # fmt: skip
@@ -155,14 +155,15 @@ def _unit(vector):
 
 
 @ti.kernel
-def _see(
+def _intersect(
     boxes: BOXES, children: PAIRS, corners: BOXES, corner_normals: BOXES,
     directions: VECTORS, rotation: ti.math.mat3, origin: ti.math.vec3, share: ti.f32,
     slot: NUMBERS, weights: WEIGHTS, point: VECTORS, to_viewer: VECTORS, normal: VECTORS, plane: VECTORS,
-    upward: VALUES, seen: VALUES,
+    upward: VALUES, covered: VALUES,
 ):  # fmt: skip
-    """`hits.intersect` of rays along directions in the camera's frame; and how much of the sky's half each pixel
-    faces.
+    """Apply `hits.intersect` to rays along camera-frame directions; add the shares of `olat.Surroundings`.
+
+    `upward` gets the share of light from above that each hit faces, `covered` the share of samples with a hit.
     """
     for n in slot:
         along = rotation @ directions[n]
@@ -173,7 +174,7 @@ def _see(
             back = _unit(-along)
             flat = _unit((corners[s, 1] - corners[s, 0]).cross(corners[s, 2] - corners[s, 0]))
             side = 1.0
-            if flat.dot(back) < 0:  # open meshes may be seen from inside
+            if flat.dot(back) < 0:  # open meshes may be visible from inside
                 side = -1.0
             flat *= side
             smooth = corner_normals[s, 0] * w[0] + corner_normals[s, 1] * w[1] + corner_normals[s, 2] * w[2]
@@ -184,7 +185,7 @@ def _see(
             weights[n], point[n], to_viewer[n] = first.weights, origin + first.distance * along, back
             normal[n], plane[n] = smooth, flat
             upward[n] += share * (1 + smooth[2]) / 2
-            seen[n] += share
+            covered[n] += share
 
 
 @ti.kernel
@@ -194,10 +195,10 @@ def _light(
     lamp: ti.math.vec3, intensity: ti.f32, falloff: ti.i32,
     to_lamp: VECTORS, share: VALUES, lit: NUMBERS,
 ):  # fmt: skip
-    """`lighting.lighting`: irradiance that each pixel gets, 0 where something hides the lamp."""
+    """Apply `lighting.lighting`: write the irradiance of each pixel, 0 if the lamp is occluded."""
     for n in slot:
         share[n] = 0.0
-        to_lamp[n] = -normal[n]  # reflectance is left out there
+        to_lamp[n] = -normal[n]  # no reflectance is computed for this direction
         if slot[n] >= 0:
             towards = lamp - point[n]
             along_normal = normal[n].dot(towards)
@@ -220,7 +221,7 @@ def _add(
     kind_of_id: NUMBERS, kind: ti.i32, factor: VALUES, albedo: VECTORS, painted: ti.i32,
     plain_id: ti.i32, plain: ti.f32, olat_image: VALUES,
 ):  # fmt: skip
-    """`materials.Materials.reflectance` times irradiance, of the things that are of one kind."""
+    """Add `materials.Materials.reflectance` times irradiance for the objects of a single kind."""
     for n in olat_image:
         if share[n] > 0 and value[n] > 0:
             thing = id_of_slot[slot[n]]

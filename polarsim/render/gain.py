@@ -1,6 +1,6 @@
-"""How many grey values a radiance makes: from the photos where there are some, else from NASA's best exposures.
+"""Gain, DN per ms per unit radiance: calibrated on photos if available, else from NASA's recommended exposures.
 
-Where materials were fitted to photos, the fit has gains, lamps and the models' parameters.
+If materials were fitted to photos, the fit provides gains, lamp brightness and model parameters.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 log = logging.getLogger("polarsim.render")
 
-_USABLE = (40, 3500)  # grey values above black that neither noise nor clipping moves
-_LIT = 0.25  # of the median radiance: darker pixels are in shadow or penumbra
-_FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: NASA's advice against the box's rim
-_MOST_PHOTOS = 6  # of a calibration: more than there are azimuths
-_STEP = 3  # every third row and column is enough for a median
+_USABLE = (40, 3500)  # DN above black that are not biased by noise or clipping
+_LIT = 0.25  # share of the median radiance: darker pixels are in shadow or penumbra
+_FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: excludes the rim of the sandbox, as recommended by NASA
+_MAX_PHOTOS = 6  # maximum photos of a calibration, more than the number of azimuths
+_STEP = 3  # every third row and column is sufficient for a median
 
 
 def default_gain(model: Model, options: RenderOptions) -> float:
-    """Grey values per ms and unit radiance that make level ground at the centre `CENTRE_GREY_PER_MS` bright."""
+    """Return the gain at which level ground at the centre has `CENTRE_GREY_PER_MS`: DN per ms per unit radiance."""
     to_lamp, irradiance = Lamp(lamp_position("30")).light_at(np.zeros((1, 3)), falloff=options.falloff)
     to_lamp = to_lamp / np.linalg.norm(to_lamp)
     to_viewer = SURVEYED_LEFT["A"][None] / np.linalg.norm(SURVEYED_LEFT["A"])
@@ -42,25 +42,27 @@ def default_gain(model: Model, options: RenderOptions) -> float:
 
 
 def gain_of(model: Model, options: RenderOptions) -> float:
-    """Return the gain of the options, else the built-in one: DN per ms and unit radiance."""
+    """Return the gain of the options, else the default gain: DN per ms per unit radiance."""
     return options.gain.get(model) or default_gain(model, options)
 
 
 def lit_pixels(radiance: np.ndarray) -> np.ndarray:
-    """(...) bool: pixels that reach a quarter of the median of those that get light; the others are in shadow."""
+    """Return which pixels (...) are lit: at least a quarter of the median of all positive radiances."""
     positive = radiance[radiance > 0]
     return radiance > _LIT * np.median(positive) if len(positive) else np.zeros(radiance.shape, bool)
 
 
 def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> np.ndarray:
-    """(n,) grey values per ms and unit radiance at the lit, unsaturated pixels inside the box's rim.
+    """Return the ratios (n,) of photo and radiance, DN per ms per unit radiance, at lit, unsaturated pixels.
+
+    Pixels near the rim of the sandbox are excluded.
 
     Parameters
     ----------
     photo : (h, w) uint16
-        12-bit grey values.
+        12-bit DN.
     radiance : (h, w) float
-        The same view under the same lamp.
+        Rendered radiance of the same view under the same lamp.
     """
     height, width = photo.shape
     top, bottom, left, right = np.round(np.array(_FRAME) * [height, height, width, width]).astype(int)
@@ -71,33 +73,34 @@ def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> 
 
 
 def calibration_photos(index: Path | None, keys: Iterable[PhotoKey]) -> dict[PhotoKey, Path]:
-    """Photos of one view that gains are calibrated on: Sun alone, one exposure an azimuth; none without an index.
+    """Select the photos for gain calibration: one view, Sun lamp only, one exposure per azimuth.
 
-    The view is the first of the keys that has such photos; the exposure is the one nearest to the usual.
+    The view is the first one that has such photos; the exposure is the closest to the usual exposure. Without an index
+    the result is empty.
     """
     if index is None:
         return {}
     paths = pictures_at(index)
-    found: dict[PhotoKey, Path] = {}
+    chosen: dict[PhotoKey, Path] = {}
     for key in sorted(keys, key=lambda key: (key.view, SUNS.index(key.azimuth) if key.azimuth in SUNS else -1, key)):
         path = paths.get(key)
         if key.light == "on" or key.azimuth == "no" or path is None or not path.is_file():
             continue
-        if found and next(iter(found)).view != key.view:
+        if chosen and next(iter(chosen)).view != key.view:
             break
-        rival = next((other for other in found if other.azimuth == key.azimuth), None)
-        if rival is None and len(found) < _MOST_PHOTOS:
-            found[key] = path
+        rival = next((other for other in chosen if other.azimuth == key.azimuth), None)
+        if rival is None and len(chosen) < _MAX_PHOTOS:
+            chosen[key] = path
         elif rival is not None and key.stops_off_usual < rival.stops_off_usual:
-            del found[rival]
-            found[key] = path
-    return found
+            del chosen[rival]
+            chosen[key] = path
+    return chosen
 
 
 def calibrate(
     photos: Mapping[PhotoKey, Path], olat_images: Mapping[tuple[Model, str], np.ndarray], model: Model
 ) -> float | None:
-    """Median gain over photos of the OLAT images' view; None where no photo has a usable pixel."""
+    """Return the median gain over photos of the view of the OLAT images; None if no photo has usable pixels."""
     ratios = [np.zeros(0)]
     for key, path in photos.items():
         radiance = olat_images[model, key.azimuth]
@@ -112,37 +115,40 @@ def calibrate(
 
 
 def with_fit(options: RenderOptions, fitted: FittedMaterials) -> tuple[RenderOptions, Mapping[Model, np.ndarray]]:
-    """Options with the fit's parameters, gains and darkening, and albedo factors (v,) by model.
+    """Return the options with the fitted parameters, gains and darkening, and the albedo factors (v,) by model.
 
-    Materials of single things, where the options have some, stay what they are.
+    Materials of single objects in the options are unchanged.
 
     Raises
     ------
     FormatError
-        The fit has parameters that its model does not take.
+        A fitted parameter is unknown to the model.
     """
     changed: dict[str, object] = {"gain": dict(options.gain)}
     if fitted.models:
         changed |= {"falloff": fitted.falloff, "vignetting": fitted.vignetting}
-    known = [model for model in MODELS if model in fitted.models]
-    for model in known:
+    fitted_models = [model for model in MODELS if model in fitted.models]
+    for model in fitted_models:
         changed["gain"] = {model: main_gain(fitted.models[model])} | dict(changed["gain"])  # type: ignore[call-overload]
     try:
         options = RenderOptions.model_validate(options.model_dump() | changed)
-        options = options.with_default(**{model: fitted.models[model].parameters for model in known})
+        options = options.with_default(**{model: fitted.models[model].parameters for model in fitted_models})
     except ValueError as error:
         raise FormatError(f"fitted materials: {str(error).splitlines()[0]}") from error
-    return options, {model: fitted.models[model].albedo for model in known}
+    return options, {model: fitted.models[model].albedo for model in fitted_models}
 
 
 def main_gain(fit: Fitted) -> float:
-    """Grey values per ms and unit radiance: the median of the Sun lamps, else of what there is."""
+    """Return the median gain of the Sun lamps, or of all lamps if no Sun lamp was fitted."""
     suns = [gain for name, gain in fit.lamps.items() if name in SUNS]
     return float(np.median(suns or list(fit.lamps.values())))
 
 
 def as_bright_as_fitted(lamps: Mapping[str, Lamp], fitted: FittedMaterials | None, model: Model) -> Mapping[str, Lamp]:
-    """Lamps with intensities over that of the model's gain; those that no photo shows stay as they are."""
+    """Return the lamps with fitted intensities, relative to the gain of the model.
+
+    Lamps without photos are unchanged.
+    """
     if fitted is None or model not in fitted.models:
         return lamps
     fit = fitted.models[model]

@@ -1,11 +1,12 @@
-"""Light that reaches a surface by way of others: random paths over one to n bounces.
+"""Indirect light: path tracing with one to n bounces.
 
-Every surface scatters by its model, walls of an albedo of their own evenly. At every bounce the lamps' light is counted
-by shadow rays (next-event estimation, Kajiya, SIGGRAPH 1986). One set of paths serves all lamps and models.
+Surfaces scatter by their reflectance model; walls with `rim_albedo` are diffuse. The light of the lamps is added at
+every bounce by shadow rays (next-event estimation, Kajiya, SIGGRAPH 1986). All lamps and models share a set of paths.
 
-Most of a sandbox's hemisphere is black sky, and what returns light, walls and rocks, lies near the horizon. So half of
-the paths leave by the cosine and half the denser the nearer to the horizon; each counts by the density of both together
-(the balance heuristic of Veach and Guibas, SIGGRAPH 1995), which keeps the mean and lowers the noise.
+Most of the hemisphere above a sandbox is black sky, and the walls and rocks that reflect light are near the horizon.
+Therefore half of the paths are sampled by the cosine and half by a density that is highest at the horizon. The balance
+heuristic (Veach and Guibas, SIGGRAPH 1995) weights each path by the combined density: the mean is unchanged and the
+noise is lower.
 """
 
 from __future__ import annotations
@@ -27,17 +28,17 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.upsampling import Grid
 
-_HORIZON = 0.15  # sine of a height, where the second density is half of that at the horizon
+_HORIZON = 0.15  # sine of the elevation at which the second density is half of the density at the horizon
 _SPAN = float(np.arctan(1 / _HORIZON))
 # Roberts' R2 sequence ("The unreasonable effectiveness of quasirandom sequences", 2018): even in two dimensions.
 _STEPS = np.array([0.7548776662, 0.5698402910])
 _LEAST_COSINE = np.float32(1e-6)
-_PIXELS_THICK = 2.0  # surfaces so many coarse pixels off a plane count as others
+_PIXELS_THICK = 2.0  # distance from a plane, coarse pixels, at which a point is treated as a different surface
 OlatImages = dict[tuple[Model, str], np.ndarray]
 
 
 class Paths:
-    """Random paths in a scene, for some models and lamps at once."""
+    """Random light paths in a scene, shared by several models and lamps."""
 
     def __init__(
         self,
@@ -49,25 +50,25 @@ class Paths:
     ) -> None:
         self._surfaces, self._materials, self._options = surfaces, materials, options
         self._models = tuple(models)
-        # The width of a disc softens the edges of shadows, not the light that these return.
+        # Lamps are points here: the radius of a disc softens shadow edges but hardly changes indirect light.
         self._lamps = [replace(lamp, radius_m=0.0) for lamp in lamps.values()]
         ambient = [options.ambient * lamp.intensity / np.pi for lamp in self._lamps]
-        self._ambient = np.array(ambient, np.float32)[:, None]  # radiance from all sides
+        self._ambient = np.array(ambient, np.float32)[:, None]  # ambient radiance
 
     @property
     def kinds(self) -> int:
-        """Number of pairs of a model and a lamp."""
+        """Number of model and lamp pairs."""
         return len(self._models) * len(self._lamps)
 
     def radiance(self, hits: Hits, rays: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Indirect light that the hits (n,) send to their viewer, and that comes to them: means of `rays` paths each.
+        """Return reflected and arriving indirect light of the hits (n,), averaged over `rays` paths per hit.
 
         Returns
         -------
         sent : (kinds, n) float32
-            Radiance; kinds are lamps of the first model, lamps of the second, and so on.
+            Radiance towards the viewer. Kinds are the lamps of the first model, the lamps of the second, and so on.
         vector : (kinds, 3, n) float32
-            Integral of radiance times direction: its part along the normal is the irradiance.
+            Light vector, the integral of radiance times direction. The component along the normal is the irradiance.
         """
         sent = np.zeros((len(self._models), len(self._lamps), len(hits.pixel)), np.float32)
         vector = np.zeros((len(self._models), len(self._lamps), 3, len(hits.pixel)), np.float32)
@@ -87,13 +88,13 @@ class Paths:
     def _arriving(
         self, start: Hits, direction: np.ndarray, weight: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers (m,) of hits (n,) to which one path may bring light along `direction` (n, 3), and its radiance.
+        """Trace one path per hit (n,) along `direction` (n, 3); return the numbers (m,) of lit hits and the radiance.
 
-        Radiance is (models, lamps, m); where `weight` (n,) is 0 there is none.
+        The radiance is (models, lamps, m). Hits with `weight` (n,) 0 are skipped.
         """
-        lit = path = going = np.flatnonzero(weight)  # `path`: number of the hit that a ray's path started at
+        lit = path = going = np.flatnonzero(weight)  # `path`: number of the hit at which the path of a ray starts
         radiance = np.zeros((len(self._models), len(self._lamps), len(start.pixel)), np.float32)
-        carried = np.ones((len(self._models), len(path)), np.float32)  # share of the light there that comes through
+        carried = np.ones((len(self._models), len(path)), np.float32)  # throughput of the path
         for number in range(self._options.bounces):
             point, plane = start.point.take(going, axis=0), start.plane.take(going, axis=0)
             origins = point + np.float32(START_OFFSET) * plane
@@ -124,7 +125,7 @@ class Paths:
             radiance[:, number, path[lit]] += carried[:, lit] * irradiance * self._scattered(hits, lit, to_lamp)
 
     def _scattered(self, hits: Hits, chosen: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
-        """(models, m) f_r of chosen hits (m,) for light from unit vectors (m, 3)."""
+        """Return f_r (models, m) of the chosen hits (m,) for light from unit vectors (m, 3)."""
         normal, to_viewer = hits.normal.take(chosen, axis=0), hits.to_viewer.take(chosen, axis=0)
         vectors = (normal, to_lamp, to_viewer)
         reflectances = [self._materials.reflectance(model, hits, chosen, *vectors) for model in self._models]
@@ -132,21 +133,21 @@ class Paths:
 
 
 def scattered(hits: Hits, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (n, 3) away from the hits, and cosine over density (n,); 0 for those into the surface.
+    """Return random unit vectors (n, 3) from the hits, and cosine over density (n,); 0 for vectors into the surface.
 
     Parameters
     ----------
     at : (n, 2) float32
-        Even between 0 and 1.
+        Uniform samples between 0 and 1.
     """
     by_cosine = at[:, 0] < np.float32(0.5)
     height = 1 - 4 * (at[:, 0] - np.where(by_cosine, np.float32(0), np.float32(0.5)))  # -1 to 1
-    # Lorentz's curve over the sine of the height: measured, it leaves 0.4 of the noise of the cosine alone.
+    # Lorentzian in the sine of the elevation; the measured noise is 0.4 of the noise of cosine sampling only.
     height = np.where(by_cosine, height, np.float32(_HORIZON) * np.tan(np.float32(_SPAN) * height))
     angle = np.float32(2 * np.pi) * at[:, 1]
     level = np.sqrt(np.maximum(1 - height * height, np.float32(0)))
     sphere = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
-    # A point of the unit sphere about the tip of the normal lies in a direction that is spread by the cosine.
+    # The direction to a uniform point of the unit sphere around the tip of the normal is cosine-distributed.
     outwards = np.where(dot(sphere, hits.normal) < 0, np.float32(-1), np.float32(1))[:, None] * sphere
     direction = np.where(by_cosine[:, None], unit(hits.normal + sphere), outwards)
     cosine = dot(direction, hits.normal)
@@ -165,7 +166,7 @@ def indirect_olat_images(
     options: RenderOptions,
     threads: int = 1,
 ) -> OlatImages:
-    """(h, w) float32 indirect light of a view by model and lamp, in the units of `Rendering.OLAT images`."""
+    """Trace the indirect light (h, w) float32 of a view by model and lamp, in the units of `Rendering.olat_images`."""
     height, width = camera.lens.shape
     olat_images = {(model, name): np.zeros((height, width), np.float32) for model in models for name in lamps}
     if not olat_images:
@@ -174,11 +175,11 @@ def indirect_olat_images(
     paths = Paths(surfaces, lamps, models, materials, options)
     offsets = sample_offsets(options)
     rays = -(-options.bounce_rays // len(offsets))
-    # Two cameras must not share their grain: stereo would see a picture on the screen.
+    # The noise of two cameras must differ: stereo matching would match identical noise at zero disparity.
     purpose = ("indirect", np.round(camera.world_from_camera.matrix, 6).tolist())
     grid = None
     if options.bounce_scale > 1:
-        grid = _gathered(surfaces, camera, paths, options, purpose, threads)
+        grid = _coarse_light(surfaces, camera, paths, options, purpose, threads)
 
     def work(rows: slice) -> None:
         rng = generator(options.seed, *purpose, rows.start)
@@ -187,8 +188,8 @@ def indirect_olat_images(
             if grid is None:
                 light, _ = paths.radiance(hits, rays, rng)
             else:
-                light, unknown = grid.at(hits, width, offset)
-                light[:, unknown], _ = paths.radiance(hits.part(unknown), rays, rng)
+                light, missing = grid.at(hits, width, offset)
+                light[:, missing], _ = paths.radiance(hits.part(missing), rays, rng)
             for olat_image, kind in zip(olat_images.values(), light, strict=True):
                 olat_image[rows].reshape(-1)[hits.pixel] += kind / np.float32(len(offsets))
 
@@ -196,7 +197,7 @@ def indirect_olat_images(
     return olat_images
 
 
-def _gathered(
+def _coarse_light(
     surfaces: Surfaces,
     camera: Camera,
     paths: Paths,
@@ -204,13 +205,13 @@ def _gathered(
     purpose: tuple[object, ...],
     threads: int,
 ) -> Grid:
-    """Light at every `bounce_scale`-th pixel, smoothed."""
+    """Trace and smooth the light at every `bounce_scale`-th pixel."""
     coarse = camera.scaled(1 / options.bounce_scale)
     size = height, width = coarse.lens.shape
     point, normal = np.zeros((*size, 3), np.float32), np.zeros((*size, 3), np.float32)
-    seen, thickness = np.zeros(size, bool), np.zeros(size, np.float32)
+    hit, thickness = np.zeros(size, bool), np.zeros(size, np.float32)
     light, vector = np.zeros((paths.kinds, *size), np.float32), np.zeros((paths.kinds, 3, *size), np.float32)
-    pixel_size = _PIXELS_THICK / coarse.lens.fx  # at a distance of 1
+    pixel_size = _PIXELS_THICK / coarse.lens.fx  # at unit distance
 
     def work(rows: slice) -> None:
         hits = cast_strip(surfaces, coarse, rows)
@@ -221,7 +222,7 @@ def _gathered(
         for picture, values in (
             (point, hits.point),
             (normal, hits.normal),
-            (seen, True),
+            (hit, True),
             (thickness, np.float32(pixel_size) * np.sqrt(dot(from_camera, from_camera))),
         ):
             picture[rows].reshape(-1, *picture.shape[2:])[hits.pixel] = values
@@ -232,4 +233,4 @@ def _gathered(
         light[:, rows], vector[:, :, rows] = filled[:, 0], filled[:, 1:]
 
     for_strips(height, threads, work)
-    return Grid.smoothed(options.bounce_scale, seen, point, normal, thickness, light, vector)
+    return Grid.smoothed(options.bounce_scale, hit, point, normal, thickness, light, vector)

@@ -1,7 +1,7 @@
-"""One view under its lamps from one cast of rays: one-light-at-a-time (OLAT) images, of which photos are sums, and
-pictures of ids.
+"""One-light-at-a-time (OLAT) images and id maps of a view, from one set of camera rays.
 
-Light from around that nothing shades is added: what walls return from above, and even light from all sides.
+A photo is a weighted sum of OLAT images. Unshadowed diffuse light is added: light of the walls from above
+(`bounce`) and uniform light from all directions (`ambient`).
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from polarsim.render.options import CHRONO, Model, RenderOptions
 from polarsim.render.shadows import SHADOW_BELOW, ground_shadows
 from polarsim.render.surfaces import Surfaces
 
-_SEEN: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # share of the light that a normal (n, 3) faces
+_FACED_SHARE: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # share of the light that a normal (n, 3) faces
     "bounce": lambda normal: (1 + normal[:, 2]) / np.float32(2),
     "ambient": lambda normal: np.ones(len(normal), np.float32),
 }
 
 
 class Surroundings:
-    """Collects how much of such light the pixels of a view face; nothing where paths are traced instead.
+    """Unshadowed diffuse light of a view, accumulated over samples; empty if `bounces` traces paths instead.
 
-    Models with one albedo share what they collect; those whose albedo differs from point to point have their own.
+    Models with uniform albedo share one accumulated image; each model with varying albedo has a separate image.
     """
 
     def __init__(
         self, options: RenderOptions, materials: Materials, models: Sequence[Model], size: tuple[int, int]
     ) -> None:
         self._options, self._materials = options, materials
-        amounts = {} if options.bounces else {kind: getattr(options, kind) for kind in _SEEN}
+        amounts = {} if options.bounces else {kind: getattr(options, kind) for kind in _FACED_SHARE}
         self._amounts = {kind: amount for kind, amount in amounts.items() if amount}
         models = [model for model in models if model not in CHRONO] if self._amounts else []
         albedos = {model: materials.same_everywhere(model) for model in models}
@@ -52,57 +52,57 @@ class Surroundings:
 
     @property
     def even(self) -> bool:
-        """All surfaces scatter such light alike: what `take_in` takes is enough."""
+        """Return whether all surfaces have the same albedo, so that `accumulate` is sufficient."""
         return not self._varied and (self._options.rim_albedo is None or not self._amounts)
 
-    def take_in(self, faced: Mapping[str, np.ndarray]) -> None:
-        """Take the shares (h, w) of each kind of light that pixels face, the mean over their samples."""
+    def accumulate(self, faced: Mapping[str, np.ndarray]) -> None:
+        """Add the shares (h, w) of each kind of light that pixels face, means over the samples of a pixel."""
         for (kind, _), share in self._shares.items():
             share += faced[kind]
 
     def add(self, hits: Hits, samples: int) -> None:
-        """Count the hits of one of so many samples a pixel."""
+        """Add the hits of one sample per pixel; `samples` is the number of samples per pixel."""
         if not self._amounts:
             return
         plain = self._materials.plain(hits.face) if self._options.rim_albedo is not None else None
         albedos = {model: self._materials.albedo(model, hits) for model in self._varied}
         for kind in self._amounts:
-            seen = _SEEN[kind](hits.normal) / np.float32(samples)
-            for of in (of for found, of in self._shares if found == kind):
-                own = seen if plain is None else np.where(plain == of, seen, np.float32(0))
-                self._shares[kind, of][hits.rows].reshape(-1)[hits.pixel] += own
+            faced = _FACED_SHARE[kind](hits.normal) / np.float32(samples)
+            for on_walls in (walls for other, walls in self._shares if other == kind):
+                chosen = faced if plain is None else np.where(plain == on_walls, faced, np.float32(0))
+                self._shares[kind, on_walls][hits.rows].reshape(-1)[hits.pixel] += chosen
             for model, albedo in albedos.items():
-                self._sent[kind, model][hits.rows].reshape(-1)[hits.pixel] += albedo * seen
+                self._sent[kind, model][hits.rows].reshape(-1)[hits.pixel] += albedo * faced
 
-    def into(self, olat_images: Mapping[tuple[Model, str], np.ndarray], lamps: Mapping[str, Lamp]) -> None:
-        """Add the light to OLAT images; Chrono's models have none."""
+    def add_to(self, olat_images: Mapping[tuple[Model, str], np.ndarray], lamps: Mapping[str, Lamp]) -> None:
+        """Add the diffuse light to OLAT images, except those of Chrono's models."""
         for (model, name), olat_image in olat_images.items():
             for kind, amount in self._amounts.items():
                 irradiance = amount * lamps[name].intensity
                 if model in self._even:
-                    for plain in (plain for found, plain in self._shares if found == kind):
+                    for plain in (plain for other, plain in self._shares if other == kind):
                         albedo = self._options.rim_albedo if plain else self._even[model]
                         olat_image += np.float32(irradiance * (albedo or 0.0) / np.pi) * self._shares[kind, plain]
                 elif model in self._varied:
                     olat_image += np.float32(irradiance / np.pi) * self._sent[kind, model]
 
 
-NO_LAMP = "none"  # name of the picture of ids without any shadow
-_CENTRE = (0.0, 0.0)  # of a pixel: ids are those of what it meets
+NO_LAMP = "none"  # name of the id map without shadows
+_CENTRE = (0.0, 0.0)  # offset of the ray that determines the id of a pixel
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """A view: its OLAT images by model and lamp, and its ids by the lamp that casts the shadows.
+    """OLAT images of a view by model and lamp, and id maps by the lamp that casts the shadows.
 
-    OLAT images : (h, w) float32
-        Radiance; 1 is what unit reflectance f_r sends back under a Sun lamp that stands 4 m off, straight above the
-        surface. Nothing is black.
+    olat_images : (h, w) float32
+        Radiance. 1 is the radiance of a surface with f_r = 1 under a Sun lamp 4 m above the surface. Pixels without
+        surface are 0.
     ids : (h, w) uint16
-        BACKGROUND, GROUND, RELIEF_SHADOW (ground that the relief or a wall hides from the lamp), ROCK_IDS + k for rock
-        k, SHADOW_IDS + k for ground that rock k hides from the lamp. `NO_LAMP` is without any shadow.
+        BACKGROUND, GROUND, RELIEF_SHADOW (ground shaded by relief or a wall), ROCK_IDS + k for rock k, SHADOW_IDS + k
+        for ground shaded by rock k. The map `NO_LAMP` has no shadows.
     indirect : (h, w) float32
-        Light by way of other surfaces, where the options ask for it, by model and lamp; no part of `OLAT images`.
+        Traced indirect light by model and lamp, if enabled; not included in `olat_images`.
     """
 
     olat_images: dict[tuple[Model, str], np.ndarray]
@@ -111,7 +111,7 @@ class Rendering:
 
     @property
     def whole(self) -> dict[tuple[Model, str], np.ndarray]:
-        """OLAT images with the traced light added: what a camera sees."""
+        """OLAT images plus the traced indirect light."""
         return {
             key: olat_image + self.indirect[key] if key in self.indirect else olat_image
             for key, olat_image in self.olat_images.items()
@@ -127,8 +127,12 @@ def render_view(
     options: RenderOptions,
     threads: int = 1,
 ) -> Rendering:
-    """OLAT images of every model under every lamp, and ids with the shadows of the lamps named in `shadow_lamps`; None:
-    no ids.
+    """Render the OLAT images of every model under every lamp, and id maps with shadows.
+
+    Parameters
+    ----------
+    shadow_lamps : collection of str or None
+        Names of the lamps whose shadows are in the id maps; None: no id maps.
 
     Raises
     ------
@@ -144,7 +148,7 @@ def render_view(
     materials = Materials(surfaces, options, reflectance)
     surroundings = Surroundings(options, materials, models, size)
     samples_lit = {name: np.zeros(size, np.uint8) for name in lamps}
-    by_device = made_by_device(surfaces, lamps)
+    by_device = renders_on_device(surfaces, lamps)
     if by_device:
         from polarsim.render.device_olat import add_olat_images
 
@@ -152,23 +156,23 @@ def render_view(
 
     def work(rows: slice) -> None:
         offset = None
-        shares: dict[str, np.ndarray] = {}  # of discs, that pixels' centres see
+        shares: dict[str, np.ndarray] = {}  # visible shares of discs at pixel centres
         for offset in () if by_device else offsets:
             hits = cast_strip(surfaces, camera, rows, offset)
             surroundings.add(hits, len(offsets))
             for name, lamp in lamps.items():
                 if lamp.radius_m and offset == _CENTRE:
                     shares[name] = disc_share(surfaces, hits, lamp, options.lamp_samples, options.lamp_probe_px)
-                known = shares.get(name) if offset == _CENTRE else None
+                centre_share = shares.get(name) if offset == _CENTRE else None
                 lit, to_lamp, irradiance = lighting(
-                    surfaces, hits, lamp, falloff=options.falloff, samples=options.lamp_samples, share=known
+                    surfaces, hits, lamp, falloff=options.falloff, samples=options.lamp_samples, share=centre_share
                 )
                 pixel, share = hits.pixel.take(lit), irradiance / np.float32(len(offsets))
-                if not lamp.radius_m:  # else it may be a part of the disc alone that lights them
+                if not lamp.radius_m:  # a pixel may be lit by only a part of a disc
                     samples_lit[name][rows].reshape(-1)[pixel] += 1
                 normal, to_viewer = hit_kernels.rows(hits.normal, lit), hit_kernels.rows(hits.to_viewer, lit)
                 for model in models:
-                    strip = olat_images[model, name][rows].reshape(-1)  # a view: rows are whole
+                    strip = olat_images[model, name][rows].reshape(-1)  # an array view, not a copy
                     value = materials.reflectance(model, hits, lit, normal, to_lamp, to_viewer)
                     hit_kernels.add(strip, pixel, value, share)
         if not ids:
@@ -178,11 +182,11 @@ def render_view(
             hits = cast_strip(surfaces, camera, rows, _CENTRE, smooth=False)
         pictures = {name: picture[rows].reshape(-1) for name, picture in ids.items()}
         lit_pixels = {name: lit[rows].reshape(-1) == len(offsets) for name, lit in samples_lit.items()}
-        identify(pictures, surfaces, hits, lamps, lit_pixels, options, shares)
+        write_ids(pictures, surfaces, hits, lamps, lit_pixels, options, shares)
 
     if ids or not by_device:
         for_strips(camera.lens.height, threads, work)
-    surroundings.into(olat_images, lamps)
+    surroundings.add_to(olat_images, lamps)
     indirect = {}
     if options.bounces:
         bouncing = [model for model in models if model not in CHRONO]
@@ -190,13 +194,13 @@ def render_view(
     return Rendering(olat_images, ids, indirect)
 
 
-def made_by_device(surfaces: Surfaces, lamps: Mapping[str, Lamp]) -> bool:
-    """Whether OLAT images are made by Taichi from ray to sum; only lamps that are points and shine everywhere are."""
+def renders_on_device(surfaces: Surfaces, lamps: Mapping[str, Lamp]) -> bool:
+    """Return whether Taichi renders the entire OLAT images; requires lamps that are omnidirectional points."""
     points = all(type(lamp) is Lamp and not lamp.radius_m for lamp in lamps.values())
     return surfaces.rays == "taichi" and points
 
 
-def identify(
+def write_ids(
     pictures: Mapping[str, np.ndarray],
     surfaces: Surfaces,
     hits: Hits,
@@ -205,10 +209,10 @@ def identify(
     options: RenderOptions,
     shares: Mapping[str, np.ndarray] | None = None,
 ) -> None:
-    """Write a strip's ids into flat pictures by lamp.
+    """Write the ids of a strip into flat id maps by lamp.
 
-    `lit`: by lamp, bool for every pixel of the strip: its samples are all lit, and so is what lies between them.
-    `shares`: by lamp, how much of its disc the hits see, where that is known.
+    `lit`: by lamp, bool for every pixel of the strip: all samples are lit. `shares`: by lamp, visible share of the
+    disc at the hits, if computed already.
     """
     surface_ids = surfaces.id_of_face.take(hits.face)
     for name, picture in pictures.items():
@@ -220,27 +224,27 @@ def identify(
         elif shares and name in shares:
             dark = shares[name] < SHADOW_BELOW
         else:
-            flat = replace(hits, normal=hits.plane)  # whatever the number of samples a pixel
+            flat = replace(hits, normal=hits.plane)  # the result must not depend on the number of samples
             dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < SHADOW_BELOW
         picture[hits.pixel] = ground_shadows(surfaces, hits, surface_ids, lamps[name], dark, options.lamp_samples)
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:
-    """The function that evaluates reflectance; Taichi is started where the options ask for it.
+    """Return the function that evaluates reflectance; start Taichi if the options select it.
 
     Raises
     ------
     RenderError
         The engine cannot be loaded.
     PolarsimError
-        Its device is not there.
+        The device of the engine is not available.
     """
     if options.engine == "taichi":
         try:
             from polarsim.geometry import taichi_device
             from polarsim.render import brdf_taichi
         except ImportError as error:
-            raise RenderError(f"render: 'taichi' cannot be loaded ({error}); install taichi") from error
+            raise RenderError(f"render.engine: 'taichi' cannot be loaded ({error}); install taichi") from error
         taichi_device.start(threads, options.device)
     if options.engine == "numba":
         from polarsim.render import brdf_numba

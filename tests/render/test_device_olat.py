@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.render.lamps import Lamp, Spot
-from polarsim.render.olat import made_by_device, render_view
+from polarsim.render.olat import renders_on_device, render_view
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -73,10 +73,10 @@ def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
 def test_discs_and_beams_are_left_to_numpy(blocks, camera, lens, plain):
     discs = {name: Lamp(lamp.position, radius_m=0.05) for name, lamp in LAMPS.items()}
     on_device, on_processor = (surfaces_of(blocks(), plain.model_copy(update=engine)) for engine in (DEVICE, {}))
-    assert made_by_device(on_device, LAMPS)
-    assert not made_by_device(on_device, discs)
-    assert not made_by_device(on_device, {"spot": Spot(np.zeros(3))})
-    assert not made_by_device(on_processor, LAMPS)
+    assert renders_on_device(on_device, LAMPS)
+    assert not renders_on_device(on_device, discs)
+    assert not renders_on_device(on_device, {"spot": Spot(np.zeros(3))})
+    assert not renders_on_device(on_processor, LAMPS)
 
 
 def test_a_device_that_nothing_would_use_is_refused():
