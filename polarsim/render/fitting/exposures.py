@@ -1,4 +1,4 @@
-"""One linear picture from the photos of an exposure bracket, and those of single lamps from sums of lamps."""
+"""Linear images from exposure brackets, and images of single lamps from photos with several lamps."""
 
 from __future__ import annotations
 
@@ -17,31 +17,29 @@ from polarsim.render.lamps import ROVER, lit_by
 
 log = logging.getLogger("polarsim.render")
 
-_FULL = WHITE_LEVEL - BLACK_LEVEL - 200  # grey values above black that no sensor clips or bends
-_DARK = 4  # grey values above black, below which a pixel tells nothing
-_PER_GREY = 1 / ELECTRONS_PER_DN  # variance of a grey value by the light's own noise, over that value
-_READ = 0.9  # sd of the read noise and of rounding, grey values
+_FULL = WHITE_LEVEL - BLACK_LEVEL - 200  # DN above black up to which the sensor is linear
+_DARK = 4  # DN above black, below which a pixel has no information
+_PER_GREY = 1 / ELECTRONS_PER_DN  # variance of shot noise over the signal, DN
+_READ = 0.9  # standard deviation of read noise and rounding, DN
 
 
 @dataclass(frozen=True)
 class Linear:
-    """Light of an exposure bracket, (h, w) float32: grey values per ms, and its variance; infinite where nothing is
-    known.
-    """
+    """Linear image of an exposure bracket, (h, w) float32: rate, DN per ms, and variance, infinite if undefined."""
 
     rate: np.ndarray
     variance: np.ndarray
 
     def less(self, other: Linear) -> Linear:
-        """The light that the other exposure bracket lacks."""
+        """Subtract the light of another exposure bracket."""
         return Linear(self.rate - other.rate, self.variance + other.variance)
 
 
 def merged(photos: Iterable[tuple[np.ndarray, float]]) -> Linear | None:
-    """The linear picture of photos (h, w) of 12-bit grey values with their exposures in ms; None without any.
+    """Merge 12-bit photos (h, w) with exposure times, ms, into a linear image; None without photos.
 
-    Every photo counts by its noise (the maximum-likelihood weights of Robertson et al., ICIP 1999); clipped and nearly
-    black values do not count.
+    Photos are weighted by their noise (maximum-likelihood weights of Robertson et al., ICIP 1999). Clipped and nearly
+    black values are excluded.
     """
     total: np.ndarray | None = None
     for photo, exposure_ms in photos:
@@ -59,35 +57,35 @@ def merged(photos: Iterable[tuple[np.ndarray, float]]) -> Linear | None:
 
 
 def single_lamps(paths: Mapping[PhotoKey, Path], lens: Lens) -> dict[str, Linear]:
-    """The light of every lamp alone in one view, from the photos of that view; lamps that none shows are left out.
+    """Return linear images of single lamps, from the photos of a view; lamps without photos are omitted.
 
-    Sun lamps come from photos without the rover light. The rover light comes from photos of it alone, else from those
-    of Sun lamps with it and without it.
+    Images of Sun lamps are merged from photos without the rover light. The image of the rover light is merged from
+    photos without a Sun lamp if available, else from differences of photos with and without the rover light.
     """
     sets: dict[tuple[str, ...], list[PhotoKey]] = {}
     for key in sorted(paths):
         sets.setdefault(lit_by(key), []).append(key)
-    found: dict[str, Linear] = {}
+    images: dict[str, Linear] = {}
     for name in (*SUNS, ROVER):
-        own = merged(_photos(sets.get((name,), []), paths, lens))
-        if own is not None:
-            found[name] = own
-    if ROVER in found:
-        return found
+        image = merged(_photos(sets.get((name,), []), paths, lens))
+        if image is not None:
+            images[name] = image
+    if ROVER in images:
+        return images
     differences = []
-    for name in (name for name in SUNS if name in found):
+    for name in (name for name in SUNS if name in images):
         both = merged(_photos(sets.get((name, ROVER), []), paths, lens))
         if both is not None:
-            differences.append(both.less(found[name]))
+            differences.append(both.less(images[name]))
     if differences:
-        found[ROVER] = mean_of(differences)
-    return found
+        images[ROVER] = mean_of(differences)
+    return images
 
 
-def mean_of(pictures: Sequence[Linear]) -> Linear:
-    """The mean of pictures of the same light, by their noise."""
-    certainty = sum((1 / picture.variance for picture in pictures), np.zeros_like(pictures[0].rate))
-    total = sum((picture.rate / picture.variance for picture in pictures), np.zeros_like(certainty))
+def mean_of(images: Sequence[Linear]) -> Linear:
+    """Return the mean of images of the same light, weighted by inverse variance."""
+    certainty = sum((1 / image.variance for image in images), np.zeros_like(images[0].rate))
+    total = sum((image.rate / image.variance for image in images), np.zeros_like(certainty))
     with np.errstate(divide="ignore", invalid="ignore"):
         return Linear(np.where(certainty > 0, total / certainty, 0).astype(np.float32), 1 / certainty)
 
@@ -97,4 +95,4 @@ def _photos(keys: Iterable[PhotoKey], paths: Mapping[PhotoKey, Path], lens: Lens
         try:
             yield png.read_photo(paths[key], (lens.width, lens.height)), key.exposure_ms
         except PolarsimError as error:
-            log.warning("%s; materials are fitted without it", error)
+            log.warning("%s; the photo is not used to fit materials", error)

@@ -1,4 +1,4 @@
-"""Materials of a terrain from its photos, files to files, checked on photos that they were not fitted to."""
+"""Fit of the materials of a terrain to photos, with validation on held-out photos; reads and writes files."""
 
 from __future__ import annotations
 
@@ -43,92 +43,92 @@ def fit_materials(
     options: RenderOptions,
     threads: int,
 ) -> None:
-    """Write the folder `materials`; without photos that show lit surfaces a warning, and a folder that fits nothing.
+    """Fit the materials and write the folder `materials`; without usable photos log a warning and write an empty fit.
 
     Parameters
     ----------
     cameras : Path
-        Folder with the terrain's `PosX.json`.
+        Folder with the `PosX.json` of the terrain.
     meshes : Path
-        Folder with the terrain's meshes.
+        Folder with the meshes of the terrain.
     photos : Path or None
-        `photos.parquet`; it may have no row.
+        `photos.parquet`; may be empty.
 
     Raises
     ------
     FormatError
-        A mesh, pose or table is missing or broken.
+        A mesh, pose or table is missing or invalid.
     RenderError
         The engine cannot be loaded.
     """
     mesh, options = read_terrain(meshes, terrain), options.of(terrain)
     samples = _samples_of_terrain(terrain, cameras, mesh, photos, options, threads)
     engine = reflectance_engine(options, threads)
-    found = None if samples is None else fit(samples, mesh, models, engine, options)
-    if found is None:
-        log.warning("terrain %02d: no photo shows lit surfaces, its twins have constant materials", terrain)
-        found = FittedMaterials(options.falloff, options.vignetting, {}, np.zeros(len(mesh.vertices), np.int64))
-    write_materials(materials, mesh, found)
+    fitted = None if samples is None else fit(samples, mesh, models, engine, options)
+    if fitted is None:
+        log.warning("terrain %02d: no photo shows lit surfaces; twins are rendered with constant materials", terrain)
+        fitted = FittedMaterials(options.falloff, options.vignetting, {}, np.zeros(len(mesh.vertices), np.int64))
+    write_materials(materials, mesh, fitted)
 
 
 def fit(
     samples: Samples, mesh: TerrainMesh, models: Sequence[Model], engine: Reflectance, options: RenderOptions
 ) -> FittedMaterials | None:
-    """What explains the samples best under every model; None where they are too few.
+    """Fit the materials to the samples under every model; None if there are too few samples.
 
-    Parameters of the models, falloff and vignetting come from samples without the azimuth that is held out; albedo and
-    lamps, once they are checked on that, from all.
+    Model parameters, falloff and vignetting are fitted without the held-out azimuth. Albedo and lamps are first fitted
+    without the held-out azimuth, for validation, and finally to all samples.
     """
     held_out = LAMPS.index(options.fitting.held_out) if options.fitting.held_out != "no" else -1
-    known = samples.part(samples.lamp != held_out)
-    cells = cells_of(known, generator(options.seed, "materials"))
+    training = samples.part(samples.lamp != held_out)
+    cells = cells_of(training, generator(options.seed, "materials"))
     if cells is None:
         return None
     start = {model: options.parameters(model) for model in models}
     darkening, parameters = fitted_models(cells, start, engine, options)
     fitted: dict[str, Fitted] = {}
-    looks = np.zeros(len(mesh.vertices), np.int64)
-    for model, own in parameters.items():
-        after = Setting(model, own, darkening, engine, options)
+    observations = np.zeros(len(mesh.vertices), np.int64)
+    for model, fitted_parameters in parameters.items():
+        after = Setting(model, fitted_parameters, darkening, engine, options)
         before = Setting(model, start[model], Darkening(options.falloff, options.vignetting), engine, options)
         texels = texels_of(samples, after.radiance(samples), mesh.faces)
         check = _check(samples, texels, before, after, mesh, held_out)
         solution = solve(texels, mesh.faces, rock_of_vertex(mesh))
         fitted[model] = Fitted(
-            own.model_dump(mode="json"),
+            fitted_parameters.model_dump(mode="json"),
             {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
             {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
             np.exp(solution.albedo).astype(np.float32),
             check,
         )
-        looks = np.bincount(texels.vertex, minlength=len(mesh.vertices))
-        log.info("%s: %s, lamps %s, %s", model, own, fitted[model].lamps, check)
-    return FittedMaterials(darkening.falloff, darkening.vignetting, fitted, looks)
+        observations = np.bincount(texels.vertex, minlength=len(mesh.vertices))
+        log.info("%s: %s, lamps %s, %s", model, fitted_parameters, fitted[model].lamps, check)
+    return FittedMaterials(darkening.falloff, darkening.vignetting, fitted, observations)
 
 
 def _check(
     samples: Samples, texels: Texels, before: Setting, after: Setting, mesh: TerrainMesh, held_out: int
 ) -> dict[str, Any]:
-    """Errors under the lamp that was held out, whose brightness alone is taken from its photos; none without it."""
+    """Return the errors under the held-out lamp, fitting only its brightness; empty without held-out lamp."""
     held = texels.lamp == held_out
     if not held.any() or held.all():
         return {}
     solution = solve(texels.part(~held), mesh.faces, rock_of_vertex(mesh))
-    seen = np.bincount(texels.vertex[~held], minlength=len(mesh.vertices)) > 0
-    own = samples.part(samples.lamp == held_out)
-    own = own.part(seen[mesh.faces.take(own.face, axis=0)].all(axis=1))
-    if not len(own):
+    observed = np.bincount(texels.vertex[~held], minlength=len(mesh.vertices)) > 0
+    test = samples.part(samples.lamp == held_out)
+    test = test.part(observed[mesh.faces.take(test.face, axis=0)].all(axis=1))
+    if not len(test):
         return {}
-    constant, unfitted = after.radiance(own), before.radiance(own)
-    corners = mesh.faces.take(own.face, axis=0)
-    albedo = between_corners(solution.albedo.astype(np.float32), corners, own.weights)
-    ratio = np.log(own.rate / constant)
-    by_texel = texels_of(own, constant, mesh.faces)
+    constant, unfitted = after.radiance(test), before.radiance(test)
+    corners = mesh.faces.take(test.face, axis=0)
+    albedo = between_corners(solution.albedo.astype(np.float32), corners, test.weights)
+    ratio = np.log(test.rate / constant)
+    by_texel = texels_of(test, constant, mesh.faces)
     return {
         "azimuth": after.options.fitting.held_out,
-        "pixels": compared(np.log(own.rate / unfitted), ratio, ratio - albedo),
+        "pixels": compared(np.log(test.rate / unfitted), ratio, ratio - albedo),
         "texels": compared(
-            texels_of(own, unfitted, mesh.faces).ratio,
+            texels_of(test, unfitted, mesh.faces).ratio,
             by_texel.ratio,
             by_texel.ratio - solution.albedo[by_texel.vertex],
         ),
@@ -138,7 +138,7 @@ def _check(
 def _samples_of_terrain(
     terrain: int, cameras: Path, mesh: TerrainMesh, photos: Path | None, options: RenderOptions, threads: int
 ) -> Samples | None:
-    """Of all views whose position has a proven pose; None without any."""
+    """Return the samples of all views with a proven pose; None without samples."""
     rigs = read_all_localised(cameras)
     suns = read_suns(cameras, rigs)
     surfaces = surfaces_of(mesh, options)
@@ -150,7 +150,7 @@ def _samples_of_terrain(
         camera, lamps = rig.camera(view[1]), lamps_of(suns, rig)
         photos_of_lamp = single_lamps(paths[view], camera.lens)
         parts += samples_of_view(surfaces, number, camera, lamps, photos_of_lamp, LAMPS, options, threads)
-    parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # without feet that are drawn out
+    parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # excludes skirts
     samples = Samples.joined(parts) if parts else None
     return samples if samples is not None and len(samples) else None
 
@@ -158,15 +158,15 @@ def _samples_of_terrain(
 def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[PositionCamera, Mapping[PhotoKey, Path]]:
     if photos is None:
         return {}
-    found: dict[PositionCamera, dict[PhotoKey, Path]] = {}
+    by_view: dict[PositionCamera, dict[PhotoKey, Path]] = {}
     for key, path in pictures_at(photos).items():
         if key.terrain == terrain and path.is_file():
-            found.setdefault((key.position, key.camera), {})[key] = path
-    return found
+            by_view.setdefault((key.position, key.camera), {})[key] = path
+    return by_view
 
 
 def errors(ratio: np.ndarray) -> dict[str, float]:
-    """Of logarithms (n,) of photo over twin, one brightness taken out: median absolute value and RMS, in stops."""
+    """Return median absolute value and RMS, in stops, of log ratios (n,) of photo and twin around their median."""
     stops = (ratio - np.median(ratio)) / np.log(2)
     return {
         "median_stops": _rounded(float(np.median(np.abs(stops)))),
@@ -175,7 +175,7 @@ def errors(ratio: np.ndarray) -> dict[str, float]:
 
 
 def compared(before: np.ndarray, constant: np.ndarray, fitted: np.ndarray) -> dict[str, Any]:
-    """Errors of twins without a fit, with all of it but the albedo, and with all of it; (n,) logarithms each."""
+    """Return the errors of twins without fit, with a fit except albedo, and with the full fit; log ratios (n,)."""
     return {
         "count": len(fitted),
         "unfitted": errors(before),

@@ -1,4 +1,4 @@
-"""Pixels of photos that one lamp lights, with all that a model needs to say how bright they are."""
+"""Samples for fitting materials: photo pixels lit by a single lamp, with the geometry that a model needs."""
 
 from __future__ import annotations
 
@@ -20,46 +20,46 @@ from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
-_LEAST_COSINE = 0.06  # surfaces lit at a lower cosine are left out: small errors of their normals tell most there
-_RIM_M = 0.15  # what walls so much nearer and higher might hide or shade is left out
-STEP_PX = 2  # of the ground every second pixel of a row and of a column is a sample, of rocks every pixel
-BORDER_PX = 3  # pixels this near to the edge of a thing or of a shadow are left out: their light is mixed
-_NOISE = 0.2  # relative noise (sd) of a pixel that still tells something
+_LEAST_COSINE = 0.06  # minimum cosine of incidence: at grazing light small errors of normals have a large effect
+_RIM_M = 0.15  # margin of walls: points that walls closer and higher by this much would hide or shade are excluded
+STEP_PX = 2  # every second pixel of a row and of a column of the ground is a sample; every pixel of rocks
+BORDER_PX = 3  # pixels closer than this to the edge of an object or shadow are excluded: their light is mixed
+_NOISE = 0.2  # maximum relative noise (standard deviation) of a sample
 
 
 @dataclass(frozen=True)
 class Samples:
-    """n pairs of a pixel and a lamp; float32, sandbox frame."""
+    """Samples, n pairs of a pixel and a lamp; float32, sandbox frame."""
 
-    lamp: np.ndarray  # (n,) int16 index in the names of lamps
+    lamp: np.ndarray  # (n,) int16 index into the names of lamps
     view: np.ndarray  # (n,) int16
-    rate: np.ndarray  # (n,) grey values per ms
+    rate: np.ndarray  # (n,) DN per ms
     face: np.ndarray  # (n,) int32
     weights: np.ndarray  # (n, 2) barycentric
     point: np.ndarray  # (n, 3) metres
     normal: np.ndarray  # (n, 3) unit
     to_lamp: np.ndarray  # (n, 3) unit
     to_viewer: np.ndarray  # (n, 3) unit
-    intensity: np.ndarray  # (n,) of the lamp, as the survey has it
+    intensity: np.ndarray  # (n,) surveyed intensity of the lamp
     distance: np.ndarray  # (n,) metres to the lamp
-    vignette: np.ndarray  # (n,) share of the light that the lens lets through, where it darkens
+    vignette: np.ndarray  # (n,) transmission of the lens if it vignettes
 
     def __len__(self) -> int:
         return len(self.lamp)
 
     def part(self, chosen: np.ndarray) -> Samples:
-        """Those chosen by a mask or by numbers."""
+        """Return the samples chosen by a mask or by numbers."""
         return Samples(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     @staticmethod
     def joined(parts: Sequence[Samples]) -> Samples:
-        """All of some, of which there must be one."""
+        """Concatenate samples; at least one part is required."""
         return Samples(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Samples)))
 
 
 @dataclass(frozen=True)
 class Darkening:
-    """What darkens beside the surfaces themselves: lamps over the distance, lenses outwards."""
+    """Darkening effects other than reflectance: falloff of lamps with distance, vignetting of lenses."""
 
     falloff: bool
     vignetting: bool
@@ -67,7 +67,7 @@ class Darkening:
 
 @dataclass(frozen=True)
 class Setting:
-    """All but the albedo that makes radiance of samples."""
+    """Everything that determines the radiance of samples except the albedo."""
 
     model: Model
     parameters: Parameters
@@ -76,17 +76,17 @@ class Setting:
     options: RenderOptions
 
     def radiance(self, samples: Samples) -> np.ndarray:
-        """(n,) radiance of the samples at unit albedo, as `render_view` has it in its OLAT images, through the lens."""
-        found = self.engine(self.parameters, samples.normal, samples.to_lamp, samples.to_viewer)
-        found *= dot(samples.normal, samples.to_lamp)
+        """Return the radiance (n,) of the samples at unit albedo, as in OLAT images of `render_view` with the lens."""
+        radiance = self.engine(self.parameters, samples.normal, samples.to_lamp, samples.to_viewer)
+        radiance *= dot(samples.normal, samples.to_lamp)
         if self.darkening.falloff:
-            found *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
+            radiance *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
         if self.model not in CHRONO:
             albedo = hemispherical_albedo(self.parameters) / np.pi
-            found += np.float32(self.options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
-            found += np.float32(self.options.ambient * albedo)
-        found *= samples.intensity
-        return found * samples.vignette if self.darkening.vignetting else found
+            radiance += np.float32(self.options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
+            radiance += np.float32(self.options.ambient * albedo)
+        radiance *= samples.intensity
+        return radiance * samples.vignette if self.darkening.vignetting else radiance
 
 
 def samples_of_view(
@@ -99,23 +99,23 @@ def samples_of_view(
     options: RenderOptions,
     threads: int = 1,
 ) -> list[Samples]:
-    """Samples of a view by lamp: lit pixels away from all edges, bright enough and not clipped.
+    """Select the samples of a view by lamp: lit pixels away from edges, with low noise and not clipped.
 
     Parameters
     ----------
     number : int
-        Of the view.
+        Number of the view.
     photos : lamp -> Linear
-        The view under each lamp alone.
+        Linear images of the view under each single lamp.
     names : sequence of str
-        All lamps; samples number them.
+        Names of all lamps, indexed by `Samples.lamp`.
     """
     lens, size = camera.lens, camera.lens.shape
     surfaces.prepare(shadows=False)
     ids = np.zeros(size, np.int32)
     lit = {name: np.zeros(size, bool) for name in photos}
     darkening = vignette(lens)
-    found: dict[tuple[str, int], tuple[np.ndarray, Samples]] = {}
+    by_strip: dict[tuple[str, int], tuple[np.ndarray, Samples]] = {}  # by lamp and first row
 
     def work(rows: slice) -> None:
         hits = cast_strip(surfaces, camera, rows)
@@ -127,8 +127,8 @@ def samples_of_view(
         on_grid &= clear_of_rim(hits.point, camera.centre, surfaces, options)
         for name in photos:
             lamp = lamps[name]
-            active_lamps = Lamp(lamp.position)
-            numbers, to_lamp, cosine = lighting(surfaces, hits, active_lamps, falloff=False)
+            unit_lamp = Lamp(lamp.position)
+            numbers, to_lamp, cosine = lighting(surfaces, hits, unit_lamp, falloff=False)
             lit[name][rows].reshape(-1)[hits.pixel[numbers]] = True
             kept = np.flatnonzero(on_grid[numbers] & (cosine > _LEAST_COSINE))
             kept = kept[clear_of_rim(hits.point[numbers[kept]], lamp.position, surfaces, options)]
@@ -147,14 +147,14 @@ def samples_of_view(
                 length(lamp.position.astype(np.float32) - part.point),
                 darkening.reshape(-1)[at],
             )
-            found[name, rows.start] = at, samples
+            by_strip[name, rows.start] = at, samples
 
     for_strips(lens.height, threads, work)
     window = 2 * BORDER_PX + 1
     inside = (ndimage.minimum_filter(ids, window) == ndimage.maximum_filter(ids, window)) & (ids >= GROUND)
     parts = []
-    for name, start in sorted(found, key=lambda key: (names.index(key[0]), key[1])):
-        at, samples = found[name, start]
+    for name, start in sorted(by_strip, key=lambda key: (names.index(key[0]), key[1])):
+        at, samples = by_strip[name, start]
         if start == 0:
             photo = photos[name]
             sharp = photo.variance < (_NOISE * photo.rate) ** 2
@@ -164,7 +164,7 @@ def samples_of_view(
 
 
 def clear_of_rim(points: np.ndarray, towards: np.ndarray, surfaces: Surfaces, options: RenderOptions) -> np.ndarray:
-    """(n,) bool: inside the sandbox, and the way to a point (3,) passes well above its walls, wherever these are."""
+    """Return which points (n,) are inside the sandbox and have a path to a point (3,) well above the walls."""
     if not options.rim:
         return np.ones(len(points), bool)
     half, margin = options.rim_half_width_m - _RIM_M, _RIM_M
