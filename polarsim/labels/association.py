@@ -1,8 +1,8 @@
-"""Association of annotated boxes with rocks: boxes of one rock form a track, and a track gets the id of a rock.
+"""Association of annotated boxes with rocks: boxes of the same rock form a track, and each track gets a rock id.
 
-1. `find_tracks` groups the boxes of a position. The rig stands still, so boxes that overlap are the same rock.
-2. `match_nearest` pairs tracks with the meshes that project there.
-3. `dome_behind` and `number_domes` put numbered stand-ins where no mesh projects.
+1. `find_tracks` groups the boxes of a position. The rig does not move, so overlapping boxes show the same rock.
+2. `match_nearest` matches tracks with projected meshes.
+3. `dome_behind` and `number_domes` add numbered stand-ins for tracks without a mesh.
 4. `gather` runs these steps for a terrain.
 """
 
@@ -22,20 +22,20 @@ from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, Azimuth, CameraSide
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 
-SAME_ROCK_IOU = 0.3  # boxes of two azimuths that overlap this much are the same rock
-SAME_POSITION = 0.06  # metres: two stand-ins nearer than this, or than half a radius, are one rock
+SAME_ROCK_IOU = 0.3  # minimum IoU of boxes of the same rock in two azimuths
+SAME_POSITION = 0.06  # metres: two stand-ins closer than this, or than the larger radius, are the same rock
 
 
 @dataclass(frozen=True)
 class Track:
-    """A rock in the drawings of a position: the number of its box in each, and its boxes (4,) in one common view."""
+    """Boxes of one rock in the annotations of a position: box index per annotation, and boxes (4,) in a common view."""
 
     rows: dict[DrawingKey, int]
     boxes: dict[DrawingKey, np.ndarray]
 
     @property
     def mean(self) -> np.ndarray:
-        """(4,) mean of every edge: errors of edges are nearly independent, and the mean beats the median."""
+        """Mean box (4,). Errors of edges are nearly independent, so the mean is more accurate than the median."""
         return np.mean(list(self.boxes.values()), axis=0)
 
     @property
@@ -44,9 +44,9 @@ class Track:
 
 
 def find_tracks(annotated: Mapping[DrawingKey, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
-    """Group rock boxes (n, 4) of several drawings, all moved into one view; one box a drawing at most.
+    """Group rock boxes (n, 4) of several annotations in a common view; a track has at most one box per annotation.
 
-    Drawings join in the order of their number of boxes, most first, so that the fullest one sets the pattern.
+    Annotations are processed in descending order of their number of boxes.
     """
     tracks: list[Track] = []
     for drawing in sorted(annotated, key=lambda name: (-len(annotated[name]), name)):
@@ -72,9 +72,10 @@ def match_ids(
 
 
 def dome_behind(world: World, view: Camera, box: np.ndarray) -> Dome | None:
-    """The dome whose outline a box (4,) frames; None where the box's foot is not on the ground.
+    """Return the dome whose outline fills a box (4,); None if the bottom of the box is above the horizon.
 
-    From a camera that looks down by p, a dome of radius a and height h spans a sin p + sqrt((h cos p)^2 + (a sin p)^2).
+    For a camera pitched down by p, the outline of a dome of radius a and height h has the angular height of
+    a sin p + sqrt((h cos p)^2 + (a sin p)^2).
     """
     foot = np.array([[(box[0] + box[2]) / 2, box[3]]])
     depth = float(ground_depth(world, view, foot)[0])
@@ -95,10 +96,14 @@ def dome_behind(world: World, view: Camera, box: np.ndarray) -> Dome | None:
 def number_domes(
     domes_of_views: list[list[Dome | None]], first: int = FIRST_UNMESHED_ROCK
 ) -> tuple[list[list[int]], dict[int, Dome]]:
-    """Give unmeshed rocks their numbers: domes of different views that stand at one position are one rock.
+    """Number rocks without a mesh: domes of different views at the same position are the same rock.
 
-    Returns the number of each dome (`first` and on, in the order of views and of domes within; a box that gave no dome
-    gets a number of its own too), and the mean dome of each number.
+    Returns
+    -------
+    numbers
+        Number of each dome of each view, from `first` upwards in the order of the input. None gets a unique number.
+    domes
+        Mean dome of each number.
     """
     members: dict[int, list[Dome]] = {}
     numbers: list[list[int]] = []
@@ -139,7 +144,7 @@ def _mean_dome(domes: list[Dome]) -> Dome:
 
 @dataclass(frozen=True)
 class Known:
-    """A terrain's rocks as bodies, and for each position the annotated tracks with their rock ids."""
+    """Rocks of a terrain as bodies, and for each position the annotated tracks with rock ids."""
 
     terrain: TerrainMesh
     domes: dict[int, Dome]  # stand-ins of rocks without a mesh
@@ -148,10 +153,10 @@ class Known:
     seeds: Seeds
     tracks: dict[str, list[Track]]
     rocks: dict[str, np.ndarray]  # by position: (tracks,) rock ids
-    apart: Mapping[str, Known] = field(default_factory=dict)  # positions of unproven pose, each by itself
+    apart: Mapping[str, Known] = field(default_factory=dict)  # positions with unverified poses, separated
 
     def of(self, position: str) -> Known:
-        """What photos of a position may use: its own drawings alone where nobody knows where its cameras stood."""
+        """Return the rocks for a position; only from the annotations of the position if its pose is unverified."""
         return self.apart.get(position, self)
 
 
@@ -162,10 +167,10 @@ def gather(
     seeds: Seeds,
     wall_height: float,
 ) -> Known:
-    """Give every annotated rock its id: that of the mesh that projects there, or the number of a stand-in.
+    """Assign an id to every annotated rock: the id of the projected mesh, or the number of a stand-in.
 
-    Meshes projected through an unproven pose meet other rocks. A position with such a pose keeps to its image: its
-    rocks are stand-ins behind its own boxes on the bare ground, and no other position knows of them.
+    With an unverified pose, meshes project onto wrong rocks. The rocks of such a position are stand-ins on the bare
+    ground behind the boxes of the position, and are not used at other positions.
     """
     world, bare = build_worlds(terrain, localised, suns, wall_height)
     located = {position: rig for position, rig in localised.items() if not rig.unproven}
@@ -183,7 +188,7 @@ def gather(
 def _gathered(
     terrain: TerrainMesh, world: World, localised: dict[str, LocalisedRig], seeds: Seeds, first: int
 ) -> Known:
-    """What positions whose poses agree tell of the rocks of a world; stand-ins are numbered from `first`."""
+    """Associate the boxes of positions with consistent poses; stand-ins are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []
@@ -206,7 +211,7 @@ def _gathered(
 def _in_one_camera(
     world: World, localised: LocalisedRig, side: CameraSide, drawings: Mapping[DrawingKey, Annotated]
 ) -> dict[DrawingKey, np.ndarray]:
-    """Rock boxes (n, 4) of drawings of both cameras as one camera sees them, moved with the ground at their feet."""
+    """Return rock boxes (n, 4) of both cameras in the image of one camera, shifted like the ground below the boxes."""
     moved = {}
     for (own, azimuth), annotated in drawings.items():
         boxes, nameless = annotated.rocks, np.full(len(annotated.rocks), NO_ROCK)

@@ -1,4 +1,4 @@
-"""A label: one box of a photo, whose it is, where it comes from and how sure it is."""
+"""Labels: boxes of a photo with rock id, origin and confidence."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from polarsim.geometry.boxes import area, clip
 
 USUAL_PX = 50.0  # sqrt(area) of a common label
-# Of the logarithm of the odds that a label and the box that a person draws there overlap by IoU >= 0.5. Fitted by
-# `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels, where one person's drawing is
-# the truth; those of fused rocks (under Sun lamps; without one `rover_light` tells) to 12 too. Those of `translated`
-# were fitted to 03, 04, 08, 11, 12, the pose of each position in turn forgotten; the share counts as it does for fused
-# rocks. `figures/reliability.png` of a run shows how well they hold.
-COEFFICIENTS = {  # by kind and source: at full share and usual size; for every share missed; for size
+# Coefficients of the log odds that a label has IoU >= 0.5 with the box of an annotator. Fitted by
+# `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels as ground truth. `fused` rocks
+# under Sun lamps also use terrain 12; without a Sun lamp, `rover_light` of `annotator.json` applies. `translated` was
+# fitted to terrains 03, 04, 08, 11, 12 without the pose of each position in turn, with the share coefficient of `fused`
+# rocks. `figures/reliability.png` of a run shows the calibration.
+COEFFICIENTS = {  # by kind and source: offset at full share and usual size; factor of the missing share; of log size
     ("rock", "seed"): (5.06, 0.0, 0.89),
     ("rock", "fused"): (2.18, 3.30, 1.08),
     ("rock", "translated"): (1.75, 3.30, 1.61),
@@ -25,26 +25,26 @@ COEFFICIENTS = {  # by kind and source: at full share and usual size; for every 
     ("shadow", "translated"): (1.03, 0.0, 1.40),
     ("shadow", "cast"): (0.31, 0.0, 0.79),
 }
-PITCH_UNKNOWN = {"rock": (0.90, 3.30, 1.61), "shadow": (0.46, 0.0, 1.40)}  # of `translated` by a usual pitch
-ROVER_CAST = (-2.4, 0.0, 0.0)  # the same of shadows that the rover light casts: slivers beside their rocks
+PITCH_UNKNOWN = {"rock": (0.90, 3.30, 1.61), "shadow": (0.46, 0.0, 1.40)}  # `translated` labels with a default pitch
+ROVER_CAST = (-2.4, 0.0, 0.0)  # shadows cast by the rover light: slivers next to their rocks
 
 
 def confidence(
     kind: str, source: str, share: float, size_px: float, *, by_rover_light: bool = False, pitch_known: bool = True
 ) -> float:
-    """Probability that a label is right: logistic in the share of azimuths that show the rock, and in the log of size.
+    """Return the probability that a label is correct, logistic in `share` and in the logarithm of the size.
 
     Parameters
     ----------
     share
-        Of the azimuths annotated at the label's position whose lamps light the rock, those that show it; 1 where
-        that says nothing.
+        Share of the annotated azimuths of the position in which the rock is annotated, among azimuths whose lamp
+        lights the rock; 1 if not applicable.
     size_px
         sqrt(width * height) of the label.
     by_rover_light
-        A shadow of the rover light, not of a Sun lamp.
+        Whether the rover light, not a Sun lamp, casts the shadow.
     pitch_known
-        Whether anything tells how far down the camera looks, which decides how far translated labels move.
+        Whether the pitch of the camera is known. It determines the shift of translated labels.
     """
     start, missed, size = COEFFICIENTS[kind, source]
     if source == "cast" and by_rover_light:
@@ -57,7 +57,7 @@ def confidence(
 
 @dataclass(frozen=True)
 class Label:
-    """One box (4,) of a photo, and where it comes from: seed, fused, translated, projected or cast."""
+    """Box (4,) in a photo and its `source`: seed, fused, translated, projected or cast."""
 
     kind: str
     rock: int
@@ -76,10 +76,7 @@ def label_of(
     by_rover_light: bool = False,
     pitch_known: bool = True,
 ) -> Label:
-    """A label with its `confidence`; `share` of the annotated azimuths show its rock.
-
-    Seeds are not cut at the border.
-    """
+    """Return a label with its `confidence`. Boxes are clipped to the photo, except seeds."""
     box = box if source == "seed" else clip(box)
     size = float(np.sqrt(area(box)))
     sure = confidence(kind, source, share, size, by_rover_light=by_rover_light, pitch_known=pitch_known)

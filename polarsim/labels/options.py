@@ -12,45 +12,43 @@ from polarsim.user_path import UserPath
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
-    """How seed boxes are propagated to all photos."""
+    """Options of the propagation of seed boxes to all photos."""
 
     corrections: UserPath | None = Field(
         None,
-        description="Label files in this folder were edited by people, KEY.txt as `polarsim export` writes them or "
-        "COCO: each wins for its photo, and is propagated to others as seeds are.",
+        description="Folder of corrected label files (KEY.txt or COCO). Corrections override seeds and are propagated "
+        "like seeds.",
     )
 
     taken_back: tuple[str, ...] = Field(
         (),
-        description="Seeds and corrections of these photos count as never drawn: keys such as 01_A_off_180_L_0256. "
-        "`polarsim undo KEY` shows what followed from one.",
+        description="Keys of photos (01_A_off_180_L_0256) whose seeds and corrections are ignored. `polarsim undo KEY` "
+        "lists the derived labels.",
     )
 
     visibility: Literal["photo", "annotator"] = Field(
         "photo",
-        description="An exposure has these labels: 'photo', those that stand out in the photo, or, without one, in "
-        "the OLAT images of the meshes; 'annotator', as people labelled the release: rocks always, "
-        "shadows from an exposure on; where no lamp shines nothing, unless the photo shows it or people"
-        " drew the position's own.",
+        description="Selects the labels of an exposure: 'photo' by contrast in the photo or OLAT image, 'annotator' by "
+        "minimum exposures of the annotators.",
     )
     min_contrast: float = Field(
         3.0,
         ge=0,
-        description="A label stands out from its surround in its photo by so many standard deviations of a pixel's "
-        "noise, or it is left out.",
+        description="Minimum contrast of a label with its surroundings, standard deviations of pixel noise. Higher "
+        "values drop more labels.",
     )
 
     min_contrast_dn: float = Field(
         10.0,
         ge=0,
-        description="A label also stands out by so many grey values of 4,095: less is half a step of a screen's 256"
-        " shades.",
+        description="Minimum contrast of a label with its surroundings, 12-bit grey values. Higher values drop more "
+        "labels.",
     )
 
     shadow_start_ms_by_terrain: dict[int, int] = Field(
         default_factory=dict,
-        description="Shortest exposure under a Sun lamp with shadow labels, ms, for single terrains (number: ms); 128 "
-        "for all others.",
+        description="Minimum exposure with shadow labels under a Sun lamp, ms, by terrain number. Default of unlisted "
+        "terrains: 128.",
     )
     min_rock_side_px: float = Field(
         12.0, gt=0, description="Minimum projected size of a labelled rock, square root of the area, px."
@@ -72,5 +70,5 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         return tuple(key for key in map(PhotoKey.parse, self.taken_back) if key.terrain == terrain)
 
     def shadow_start(self, terrain: int) -> int:
-        """Shortest exposure under a Sun lamp with shadow labels, ms."""
+        """Return the minimum exposure with shadow labels under a Sun lamp, ms."""
         return self.shadow_start_ms_by_terrain.get(terrain, SHADOWS_ANNOTATED_FROM_MS)

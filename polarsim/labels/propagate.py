@@ -1,6 +1,6 @@
 """Propagation of the seed labels of a terrain to every exposure, light, azimuth and camera of its grid.
 
-`labels_of_terrain` runs the steps in order; the package's docstring lists them with their modules.
+`labels_of_terrain` runs the steps in order; the docstring of the package lists the steps with their modules.
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PropagationInputs:
-    """What the labels of a terrain follow from, besides the options."""
+    """Input files of the propagation on one terrain."""
 
     terrain: int
-    keys: Sequence[PhotoKey]  # of the photos that get labels
-    photos: Path  # index of the photos; a source without any photo has an empty one
+    keys: Sequence[PhotoKey]  # photos to label
+    photos: Path  # index of the photos, empty for a source without photos
     inventory: Path
     seeds: Path
     cameras: Path
     meshes: Path
-    annotator: Annotator | None = None  # habits of the annotators; None: those of `annotator.json`
+    annotator: Annotator | None = None  # habits of the annotators; None: read `annotator.json`
 
 
 def propagate_labels(
@@ -73,16 +73,16 @@ def propagate_labels(
     options: LabelsOptions,
     annotator: Annotator | None = None,
 ) -> None:
-    """Write `boxes`/KEY.txt for every key and the label table; photos with nothing to see get an empty file.
+    """Write `boxes`/KEY.txt for every key and the label table; a photo without labels gets an empty file.
 
-    Seeds that lie under another position's name are left out with a warning.
+    Seeds stored under the name of a wrong position are skipped with a warning.
 
     Raises
     ------
     LabelError
-        The inventory is another terrain's; or an excluded photo is neither a seed nor a correction.
+        The inventory belongs to a different terrain; or an excluded photo is neither a seed nor a correction.
     FormatError
-        A broken seed, camera or mesh file.
+        Invalid seed, camera or mesh file.
     """
     inputs = PropagationInputs(terrain, keys, photos, inventory, seeds, cameras, meshes, annotator)
     labels = labels_of_terrain(inputs, options)
@@ -95,7 +95,7 @@ def propagate_labels(
 
 
 def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict[PhotoKey, list[Label]]:
-    """Return the labels that `propagate_labels` writes; its errors."""
+    """Return the labels that `propagate_labels` writes. Raises the same errors."""
     terrain = inputs.terrain
     if (found := read_inventory(inputs.inventory).terrain) != terrain:
         raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inputs.inventory)
@@ -115,7 +115,7 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
 
 
 def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
-    """Drawings without those that are taken back."""
+    """Return the annotations without the excluded photos."""
     return {key: annotated for key, annotated in drawings.items() if str(key) not in options.taken_back}
 
 
@@ -127,10 +127,10 @@ def grid_labels(
     drawings: Drawings,
     corrections: Drawings,
 ) -> dict[PhotoKey, list[Label]]:
-    """Labels of every key; what photos share is computed once.
+    """Return the labels of every key. Results shared by several photos are computed once.
 
-    With `visibility: annotator`, only photos that no lamp lights are read, if there are any. A photo that was annotated
-    itself keeps its boxes as they are; others may be added, but not to a correction.
+    With `visibility: annotator`, only photos without any lamp are read. An annotated photo keeps its boxes unchanged.
+    Propagated boxes are added to seeds, but not to corrections.
     """
     keys, photos = inputs.keys, Photos(inputs.photos, inputs.terrain)
     by_people = options.visibility == "annotator"
@@ -141,8 +141,8 @@ def grid_labels(
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
     for position in known.apart:
-        seeded = "its labels stay in the image" if position in known.seeds else "no labels, for it has no seed"
-        log.warning("position %s: nothing proves the pose of its cameras: %s", position, seeded)
+        seeded = "labels are moved in the image only" if position in known.seeds else "no labels because it has no seed"
+        log.warning("position %s: unverified camera pose: %s", position, seeded)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
     for bracket, members in by_bracket(key for key in keys if key.position in positions).items():
         _, position, light, azimuth, camera = bracket
@@ -165,11 +165,11 @@ def _first_known(bracket: Bracket, *sources: Photos | OlatLight | None) -> Brigh
 
 
 def _warn_of_gaps(photos: Path, keys: Sequence[PhotoKey]) -> None:
-    """A source without any photo is no gap: labels alone are wanted."""
+    """Log missing photos. A source without any photo is not a gap, since labels can be propagated without photos."""
     there = set(tables.read_parquet(photos, ["key"])["key"])
     missing = [str(key) for key in keys if str(key) not in there]
     if there and missing:
-        log.warning("%d of %d photos are missing, labelled all the same: %s ...", len(missing), len(keys), missing[0])
+        log.warning("%d of %d photos are missing but get labels: %s ...", len(missing), len(keys), missing[0])
 
 
 def _row(key: PhotoKey, label: Label) -> dict[str, object]:
@@ -179,7 +179,7 @@ def _row(key: PhotoKey, label: Label) -> dict[str, object]:
 
 
 class PositionLabels:
-    """Labels of one position; without photos as people draw them, with photos as these show things."""
+    """Labels of one position, from the contrast in photos if `photos` is given, else from habits of annotators."""
 
     def __init__(
         self,
@@ -195,9 +195,9 @@ class PositionLabels:
         self._known: dict[tuple[CameraSide, Light, Azimuth], list[Label]] = {}
 
     def labels(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> list[Label]:
-        """What the photos of a camera under a lamp show, longest exposure.
+        """Return the labels of the longest exposure of a camera under a lamp.
 
-        Where there are photos to tell what is seen, also what was not annotated: people forget, and draw by azimuth.
+        With photos, the labels include visible rocks and shadows that were not annotated.
         """
         lamps: tuple[CameraSide, Light, Azimuth] = (camera, light if azimuth == "no" else "off", azimuth)
         if lamps not in self._known:  # a Sun lamp outshines the rover light
@@ -217,7 +217,7 @@ class PositionLabels:
         return [label for label in labels if area(label.box) > 0]
 
     def _brightness(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> Brightness | None:
-        """What photos show under a Sun lamp: without rover light where there are such, for it brightens shadows."""
+        """Return the brightness of the photos; under a Sun lamp preferably without rover light, which fills shadows."""
         if self.photos is None:
             return None
         lights: tuple[Light, ...] = (light,) if azimuth == "no" else ("off", "on")

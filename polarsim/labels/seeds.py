@@ -1,6 +1,6 @@
-"""What people drew: seed labels and corrections, the only label files that propagation may read.
+"""Human annotations: seed labels and corrections, the only label files that propagation reads.
 
-They also tell from which exposure on people see shadows under Sun lamps, and rocks without any lamp.
+The annotations also determine the minimum exposures of shadows under Sun lamps and of rocks without any lamp.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from polarsim.run_files.scene import TerrainMesh
 
 log = logging.getLogger(__name__)
 
-DrawingKey = tuple[CameraSide, Azimuth]  # which drawing of a position, by its camera and lamp
-Ranked = tuple[tuple[bool, bool, int], "Annotated"]  # a correction, light off, number of boxes: the highest wins
-LEAST_VOTES = 3  # of exposure brackets that tell of another: one odd seed shall move nothing but its own photos
-SAME_LABEL = 0.1  # least IoU of a person's box with a propagated one whose rock it takes over
+DrawingKey = tuple[CameraSide, Azimuth]  # annotation of a position, by camera and lamp
+Ranked = tuple[tuple[bool, bool, int], "Annotated"]  # (is a correction, rover light off, number of boxes), annotation
+LEAST_VOTES = 3  # minimum number of annotated brackets for a median, so that an outlier affects only its bracket
+SAME_LABEL = 0.1  # minimum IoU of an annotated and a propagated box to copy the rock id
 
 
 @dataclass(frozen=True)
 class ShadowStarts:
-    """Shortest exposures with shadow labels: of exposure brackets that tell, and of all others."""
+    """Minimum exposures with shadow labels, ms."""
 
-    usual_ms: int  # where nobody drew anything that tells
+    usual_ms: int  # default without annotated shadows
     annotated_ms: Mapping[Bracket, int] = field(default_factory=dict)
 
     def of(self, key: PhotoKey) -> int:
-        """The start for a photo: its own exposure bracket's, else the median of its position, else of the terrain.
+        """Return the minimum for the exposure bracket of a photo, else the median of the position, else of the terrain.
 
-        On six terrains of the release, Left seeds alone, 45 of 1,956 photos under a Sun get shadows though people drew
-        none, or the other way round; 53 with the median of position and azimuth, 143 with the terrain's shortest.
+        With left seeds of six released terrains, this disagrees with the annotators on the presence of shadows in 45 of
+        1,956 photos under a Sun lamp; the median of position and azimuth in 53; the minimum of the terrain in 143.
         """
         own = self.annotated_ms.get(key.bracket)
         if own is not None:
@@ -57,14 +57,14 @@ class ShadowStarts:
 
 @dataclass(frozen=True)
 class Annotated:
-    """What a person drew in one photo: boxes (n, 4) in pixels. Shadows: None where the photo is too dark to tell."""
+    """Annotated boxes (n, 4) of one photo, px. `shadows` is None if the photo is too dark to show shadows."""
 
     rocks: np.ndarray
     shadows: np.ndarray | None
 
     @classmethod
     def of(cls, classes: np.ndarray, boxes: np.ndarray) -> Annotated:
-        """Boxes (n, 4) shared out by their class numbers (n,)."""
+        """Split boxes (n, 4) by class number (n,)."""
         return cls(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
 
 
@@ -73,27 +73,27 @@ Seeds = dict[str, dict[DrawingKey, Annotated]]  # by position
 
 
 def read_drawings(folder: Path, terrain: int) -> Drawings:
-    """Every `KEY.txt` of a terrain.
+    """Read every `KEY.txt` of a terrain.
 
     Raises
     ------
     FormatError
-        A broken label line.
+        Invalid line of a label file.
     LabelError
-        A file name that is no photo key.
+        A file name is not a photo key.
     """
     found = {}
     for path in sorted(folder.glob("*.txt")):
         key = PhotoKey.parse(path.stem)
         if key.terrain != terrain:
-            log.warning("%s: no seed of terrain %02d, left out", path, terrain)
+            log.warning("%s: skipped, terrain %02d expected", path, terrain)
             continue
         found[key] = Annotated.of(*yolo.read_boxes(path))
     return found
 
 
 def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowStarts:
-    """Where shadows begin under Sun lamps: at `usual_ms`, or where somebody drew some at a shorter exposure."""
+    """Return the minimum exposures of shadows under Sun lamps: `usual_ms`, or shorter if annotated at a shorter one."""
     annotated_ms: dict[Bracket, int] = {}
     for key, annotated in drawings.items():
         if key.azimuth in SUNS and annotated.shadows is not None and len(annotated.shadows):
@@ -102,15 +102,15 @@ def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowStarts:
 
 
 def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts) -> Seeds:
-    """One drawing a position, camera and azimuth.
+    """Choose one annotation per position, camera and azimuth.
 
     Parameters
     ----------
     corrections
-        What people drew anew: it wins over seeds.
+        Corrected annotations; preferred to seeds.
     starts
-        Shortest exposures at which people draw shadows: what is shorter and has none says nothing about them, and
-        another drawing of the same camera and lamp tells.
+        Minimum exposures of shadow annotations. If an annotation of a shorter exposure has no shadows, the shadows are
+        taken from another annotation of the same camera and lamp.
     """
     found: dict[tuple[str, DrawingKey], list[Ranked]] = {}
     both = [
@@ -130,32 +130,32 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts
 
 
 def cameras_first(drawings: Sequence[DrawingKey]) -> list[DrawingKey]:
-    """Drawings of the camera that has most of them first; left before right where they are even."""
+    """Sort annotations: the camera with more annotations first, the left camera first in a tie."""
     count = {camera: sum(own == camera for own, _ in drawings) for camera, _ in drawings}
     return sorted(drawings, key=lambda drawing: (-count[drawing[0]], drawing))
 
 
 def _best(ranked: list[Ranked]) -> Annotated:
-    """The drawing that wins; its shadows, where it knows of none, from the next that does."""
+    """Return the annotation of the highest rank. Missing shadows are taken from the next annotation that has them."""
     in_order = [annotated for _, annotated in sorted(ranked, key=lambda item: item[0], reverse=True)]
     shadows = next((annotated.shadows for annotated in in_order if annotated.shadows is not None), None)
     return replace(in_order[0], shadows=shadows)
 
 
 def is_unlit(light: Light, azimuth: Azimuth) -> bool:
-    """Neither a Sun lamp nor the rover light shines."""
+    """Return whether both the Sun lamps and the rover light are off."""
     return azimuth == "no" and light == "off"
 
 
 @dataclass(frozen=True)
 class UnlitStarts:
-    """Shortest exposure with rocks that people drew without any lamp, by position."""
+    """Minimum exposure with annotated rocks in photos without any lamp, by position."""
 
     annotated_ms: Mapping[str, int]
 
     @classmethod
     def of(cls, drawings: Drawings) -> UnlitStarts:
-        """Each position speaks for itself: a light leak at one does not reach the others."""
+        """Estimate from annotations, for each position separately, because stray light differs between positions."""
         annotated_ms: dict[str, int] = {}
         for key, annotated in drawings.items():
             if is_unlit(key.light, key.azimuth) and len(annotated.rocks):
@@ -163,52 +163,53 @@ class UnlitStarts:
         return cls(annotated_ms)
 
     def shown(self, key: PhotoKey) -> bool:
-        """Whether an unlit photo shows anything, as far as somebody drew it; nobody did: it is black."""
+        """Return whether an unlit photo has labels; False if the position has no unlit annotation."""
         start = self.annotated_ms.get(key.position)
         return start is not None and key.exposure_ms >= start
 
 
 def without_strangers(drawings: Drawings, terrain: TerrainMesh, localised: Mapping[str, LocalisedRig]) -> Drawings:
-    """The drawings of positions whose left photos' rocks the meshes meet; a warning names the others.
+    """Return the annotations without mislabelled positions, which are logged as warnings.
 
-    Unproven poses tell nothing, and neither do they of their own position's drawings.
+    A position is mislabelled if the meshes do not project onto the rocks of its left photos. Positions with unverified
+    poses are not checked.
     """
-    annotated: dict[str, list[np.ndarray]] = {}
-    for key, one in drawings.items():
+    boxes: dict[str, list[np.ndarray]] = {}
+    for key, annotated in drawings.items():
         if key.camera == "L":
-            annotated.setdefault(key.position, []).append(one.rocks)
-    agreed = {position: consensus_boxes(own) for position, own in annotated.items()}
+            boxes.setdefault(key.position, []).append(annotated.rocks)
+    agreed = {position: consensus_boxes(position_boxes) for position, position_boxes in boxes.items()}
     cameras = {position: rig.camera("L") for position, rig in localised.items() if not rig.unproven}
     names = positions_of_strangers(agreed, cameras, [terrain.rock_vertices(rock) for rock in terrain.rocks])
-    return {key: one for key, one in drawings.items() if key.position not in names}
+    return {key: annotated for key, annotated in drawings.items() if key.position not in names}
 
 
 def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Annotated]:
-    """Return the corrected photos of a terrain, see `read_all_corrections`; none without a folder."""
+    """Return the corrected photos of a terrain, see `read_all_corrections`; empty without a folder."""
     found = {} if folder is None else read_all_corrections(folder)
     return {key: annotated for key, annotated in found.items() if key.terrain == terrain}
 
 
 def read_all_corrections(folder: Path) -> dict[PhotoKey, Annotated]:
-    """Read the boxes that people corrected, by photo, from `KEY.txt` and COCO files (`*.json`).
+    """Read the corrected boxes of each photo from `KEY.txt` and COCO files (`*.json`).
 
     Raises
     ------
     FormatError
-        No such folder, a broken file in it, or a photo that is corrected twice.
+        Missing folder, invalid file, or two corrections of the same photo.
     """
     found = read_annotated(folder)
     for path in sorted(Path(folder).rglob("*.json")):
         for key, annotated in read_coco(path).items():
             if key in found:
-                raise FormatError(f"{key} is corrected in another file of {folder} too", path=path)
-            classes = np.array([BOX_CLASSES.index(one.kind) for one in annotated], int)
-            found[key] = classes, np.array([one.box for one in annotated]).reshape(-1, 4)
+                raise FormatError(f"{key} is corrected in two files of {folder}; delete one", path=path)
+            classes = np.array([BOX_CLASSES.index(annotation.kind) for annotation in annotated], int)
+            found[key] = classes, np.array([annotation.box for annotation in annotated]).reshape(-1, 4)
     return {key: Annotated.of(*found[key]) for key in sorted(found)}
 
 
 def as_annotated(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:
-    """The boxes of a person, with the rocks of the propagated labels of the same exposure bracket that they lie on."""
+    """Return annotated boxes as seed labels, with rock ids of the overlapping propagated labels of the bracket."""
     found = []
     for kind, boxes in ((ROCK, annotated.rocks), (SHADOW, annotated.shadows)):
         if boxes is None:
@@ -221,9 +222,9 @@ def as_annotated(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:
 
 
 def matched_rocks(boxes: np.ndarray, labels: np.ndarray, rocks: np.ndarray) -> np.ndarray:
-    """Return the rock (n,) of the label (m, 4) that each box (n, 4) is matched with, one to one; NO_ROCK without one.
+    """Match boxes (n, 4) with labels (m, 4) one to one; return the rock id (n,), `NO_ROCK` for unmatched boxes.
 
-    `rocks` (m,) are those of the labels.
+    `rocks` (m,) are the rock ids of the labels.
     """
     rows, columns = match(iou(boxes, labels), SAME_LABEL)
     found = np.full(len(boxes), NO_ROCK)
