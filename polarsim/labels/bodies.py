@@ -1,4 +1,4 @@
-"""Ground and rocks as bodies that rays meet: meshed rocks, and domes that stand in for rocks without a mesh."""
+"""Ray casters of ground and rocks. Domes replace rocks without a mesh."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 
-HIGH = 10.0  # metres: above everything in the sandbox
-CONTACT = 1e-3  # metres: a vertex this little below the ground's surface still belongs to the rock's visible foot
-SURELY_CLEAR = 1e-3  # metres beside a rock's ball that no ray in single precision is off by
+HIGH = 10.0  # metres: above all objects in the sandbox
+CONTACT = 1e-3  # metres: maximum depth below the ground at which a vertex belongs to the visible foot of a rock
+SURELY_CLEAR = 1e-3  # metres: margin of bounding spheres, larger than the error of single-precision rays
 
 
 @dataclass(frozen=True)
 class Dome:
-    """Upper half of an ellipsoid of revolution on the ground, for a rock that only labels know; metres."""
+    """Upper half of an ellipsoid of revolution on the ground, a stand-in for a rock without a mesh; metres."""
 
-    foot: np.ndarray  # (3,) centre of its base
+    foot: np.ndarray  # (3,) centre of the base
     radius: float
     height: float
 
     def mesh(self, rings: int = 6, segments: int = 24) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (v, 3) and faces (f, 3), outward."""
+        """Return vertices (v, 3) and faces (f, 3), oriented outwards."""
         elevation = np.linspace(0, np.pi / 2, rings + 1)[:-1]
         around = np.linspace(0, 2 * np.pi, segments, endpoint=False)
         ring = np.stack([np.cos(around), np.sin(around), np.zeros(segments)], axis=-1) * self.radius
@@ -49,7 +49,7 @@ class Dome:
 
 @dataclass(frozen=True)
 class Body:
-    """A rock's vertices (n, 3), which of them stand above the ground, and which above its skirt (both (n,) bool)."""
+    """Vertices (n, 3) of a rock; masks (n,) of those above the ground (`above`) and above the skirt (`trimmed`)."""
 
     vertices: np.ndarray
     above: np.ndarray
@@ -63,36 +63,36 @@ class Body:
 
     @cached_property
     def radius(self) -> float:
-        """Of the ball about the centre that holds all vertices, metres."""
+        """Radius of the bounding sphere around the centre, metres."""
         return float(np.sqrt(((self.vertices - self.centre) ** 2).sum(axis=1).max()))
 
 
 @dataclass(frozen=True)
 class World:
-    """What rays meet. Faces of a rock that lie lower than the trim count as ground."""
+    """Ray casters of a terrain. Faces of a rock below the trim height count as ground."""
 
     bodies: dict[int, Body]
-    rock_of_face: np.ndarray  # (f,) of the faces of `everything`
+    rock_of_face: np.ndarray  # (f,) rock of each face of `everything`
     ground: Caster
-    standing: Caster  # all faces but those of `ground`, whose number follows
-    ground_faces: int
-    rocks: Caster  # of the faces in `standing` those that count as rock
-    rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, and `NO_ROCK` at -1 for rays that meet none
+    standing: Caster  # all faces except `ground`
+    ground_faces: int  # number of faces of `ground`
+    rocks: Caster  # faces of `standing` that count as rock
+    rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, then `NO_ROCK` for index -1 (no hit)
     ground_level: float  # median height of the ground
-    ground_bounds: np.ndarray  # (2, 2) lowest and highest x, y of the ground
-    wall_height: float  # of the walls around the ground, metres; 0: there are none
+    ground_bounds: np.ndarray  # (2, 2) minimum and maximum x, y of the ground
+    wall_height: float  # height of the walls around the ground, metres; 0: no walls
     walls: Caster | None
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) position of the Sun lamp
 
     @property
     def everything(self) -> Joined:
-        """Ground and rocks."""
+        """Caster of ground and rocks."""
         return Joined(self.ground, self.standing, self.ground_faces)
 
     def ground_distance(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(n,) distance to the ground along directions (n, 3), in their units; to its level beyond the mesh.
+        """Return the distance (n,) to the ground along directions (n, 3), in units of their length.
 
-        A ray that never comes down gets the farthest finite distance of the others, or inf.
+        Outside the mesh, the ground is the plane at `ground_level`. The distance of rays above the horizon is inf.
         """
         origins = np.broadcast_to(origin, directions.shape)
         distance = self.ground.nearest(origins, directions)[0]
@@ -102,9 +102,9 @@ class World:
         return np.where(np.isfinite(distance), distance, level)
 
     def hidden(self, eye: np.ndarray, points: np.ndarray, rock: int) -> np.ndarray:
-        """(n,) bool: another rock or a wall stands between the eye and points (n, 3) of a rock.
+        """Return whether a wall or a different rock occludes points (n, 3) of a rock.
 
-        What a rock hides of itself lies inside its own outline, so it does not matter here.
+        Self-occlusion is ignored because self-occluded points are inside the outline of the rock.
         """
         directions = points - eye
         hidden = self._passes_another(eye, directions, rock)
@@ -117,9 +117,9 @@ class World:
         return hidden | self.walls.occluded(np.broadcast_to(eye, points.shape), directions, 1.0)
 
     def _passes_another(self, eye: np.ndarray, directions: np.ndarray, rock: int) -> np.ndarray:
-        """(n,) bool: the way along directions (n, 3) comes so near another rock that this one may be in it.
+        """Return whether directions (n, 3) meet the bounding sphere of a different rock.
 
-        Most rocks stand clear of each other, and a ball around each says so sooner than rays.
+        Few rocks overlap in an image, and this test is faster than rays.
         """
         passes = np.zeros(len(directions), bool)
         if not len(directions):
@@ -130,18 +130,18 @@ class World:
         for other, body in self.bodies.items():
             towards, radius = body.centre - eye, body.radius + SURELY_CLEAR
             if other != rock and _angle(middle, towards) <= cone + _half_angle(towards, radius):
-                # Farther off the line than the ball is wide: |d x c|^2 = |d|^2 |c|^2 - (d . c)^2 > |d|^2 r^2.
+                # The line misses the sphere if |d x c|^2 = |d|^2 |c|^2 - (d . c)^2 > |d|^2 r^2.
                 passes |= (directions @ towards) ** 2 >= squared * (towards @ towards - radius**2)
         return passes
 
 
-def _angle(one: np.ndarray, other: np.ndarray) -> float:
-    """Between two directions (3,), radians."""
-    return float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the angle between two directions (3,), radians."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
 def _half_angle(towards: np.ndarray, radius: float) -> float:
-    """Of the cone from the origin around a ball at `towards` (3,), radians; pi from within the ball."""
+    """Return the half angle of the cone around a sphere at `towards` (3,), radians; pi if the origin is inside."""
     distance = float(np.linalg.norm(towards))
     return float(np.arcsin(radius / distance)) if radius < distance else np.pi
 
@@ -149,9 +149,9 @@ def _half_angle(towards: np.ndarray, radius: float) -> float:
 def build_worlds(
     terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray], wall_height: float
 ) -> tuple[World, World]:
-    """The terrain, and its bare ground for positions of unproven pose: their photos show rocks elsewhere.
+    """Return the world of the terrain, and a world without rocks for positions with unverified poses.
 
-    Without such positions the second is the first.
+    If all poses are verified, both results are the same world.
     """
 
     def built(terrain: TerrainMesh) -> World:
@@ -164,16 +164,16 @@ def build_worlds(
 def build_world(
     terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS, wall_height: float = 0.0
 ) -> World:
-    """The terrain's meshes as bodies.
+    """Build the casters of the meshes of a terrain.
 
     Parameters
     ----------
     trim : float
-        Rock surface lower than this above the ground counts as ground, metres.
+        Rock surface below this height above the ground counts as ground, metres.
     suns : azimuth -> (3,)
         Positions of the Sun lamps.
     wall_height
-        Of the walls around the ground, metres; 0: none.
+        Height of the walls around the ground, metres; 0: no walls.
     """
     ground_count = int((terrain.rock_of_face == NO_ROCK).sum())
     ground_faces, standing_faces = np.split(terrain.faces, [ground_count])
@@ -212,7 +212,7 @@ def build_world(
 
 
 def with_domes(world: World, domes: dict[int, Dome]) -> World:
-    """The same world with stand-ins for rocks that have no mesh."""
+    """Return the world with added stand-ins for rocks without a mesh."""
     if not domes:
         return world
     bodies = dict(world.bodies)
@@ -244,7 +244,7 @@ def _height_above(ground: Caster, level: float, points: np.ndarray) -> np.ndarra
 
 
 def wall_caster(bounds: np.ndarray, level: float, height: float) -> Caster | None:
-    """The four walls around the ground (2, 2), `height` metres above its level; None for no walls."""
+    """Return a caster of the four walls on the bounds (2, 2), `height` metres above the ground; None without walls."""
     if height <= 0:
         return None
     low, high = bounds

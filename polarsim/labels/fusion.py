@@ -1,6 +1,6 @@
-"""Rocks of one position of the tripod in any camera's photos: as annotated, fused of several drawings, or projected.
+"""Rock labels of one position in any camera: annotated, fused from several annotations, or projected from meshes.
 
-What a drawing lacks tells something only of rocks that its photo could show: neither beyond the border nor in the dark.
+A missing annotation is evidence against a rock only if the photo could show the rock: inside the image and lit.
 """
 
 from __future__ import annotations
@@ -20,29 +20,28 @@ from polarsim.labels.seeds import cameras_first
 from polarsim.labels.visibility import lit_share
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
-# Fitted to the published labels: what they give elsewhere, `benchmarks/transfers.py` tells.
-ANNOTATED_SHARE = (
-    0.6  # share of the azimuths with seeds whose lamps light a rock that must show it, for labels elsewhere
-)
-SAME_LAMP_WEIGHT = 2.0  # in a fused box, of what was annotated in the other camera under the same lamp; else 1
-MESH_WEIGHT = 1.0  # of a mesh in a fused box, for edges that agree with the annotated ones; an annotated box has 1
-ROCK_MARGIN_PX = 1.0  # people draw rocks this much larger on every side
-UNANNOTATED_LAMP = 0.2  # of a drawing without the rock: what a lamp under which nobody drew counts as, in confidences
-MIN_SEEN = 0.2  # least visible share of the projection of a rock that has a label
-LIT = 0.1  # least share of a rock that a lamp must light for people to see it
-LONE_OF = 3  # lamps at least that must have lit a rock which people drew under one of them alone, to doubt it
-IN_VIEW = 0.5  # least share of a rock that a photo shows, to expect a drawing of it there
-CAUCHY = 2.385  # standard deviations at which an edge's weight is half: 95 % as efficient as least squares
+# Fitted to the published labels; `benchmarks/transfers.py` measures the transfer to terrains left out of the fit.
+# A rock gets labels at azimuths without seeds if it is annotated in this share of the seeded azimuths that light it.
+ANNOTATED_SHARE = 0.6
+SAME_LAMP_WEIGHT = 2.0  # weight in a fused box of an annotation under the same lamp; 1 under a different lamp
+MESH_WEIGHT = 1.0  # weight in a fused box of a mesh edge that agrees with the annotations; an annotation has 1
+ROCK_MARGIN_PX = 1.0  # margin of annotated boxes around projected meshes
+UNANNOTATED_LAMP = 0.2  # weight in the confidence of a lamp without annotations; 1 for an annotation without the rock
+MIN_SEEN = 0.2  # minimum visible share of the projection of a labelled rock
+LIT = 0.1  # minimum lit share of a rock for annotators to see it
+LONE_OF = 3  # minimum number of lamps that light a rock annotated under a single lamp, to drop the rock
+IN_VIEW = 0.5  # minimum share of a rock inside a photo to expect an annotation there
+CAUCHY = 2.385  # standard deviations at which the weight of an edge is 0.5 (95 % efficiency for Gaussian errors)
 # Standard deviation of an edge of one annotated box, by sqrt(area): 2.7 px at 20 px to 6.3 px at 150 px, measured as
-# the robust spread of 3,324 boxes of the published labels about those of the same rocks at other azimuths.
+# the robust spread of 3,324 published boxes around the boxes of the same rocks at other azimuths.
 EDGE_PX, EDGE_SHARE = 2.2, 0.027
 
 
 class PositionRocks:
-    """Rocks of one position; what photos share is computed once."""
+    """Rock labels of one position. Results shared by several photos are computed once."""
 
     def __init__(self, known: Known, position: str, options: LabelsOptions, annotator: Annotator | None = None) -> None:
-        self.in_image = position in known.apart  # nobody knows where its cameras stood
+        self.in_image = position in known.apart  # unverified camera pose
         self._known, self._position = known.of(position), position
         known = self._known
         self.world, self.options, self.annotator = known.world, options, annotator or read_annotator()
@@ -58,7 +57,7 @@ class PositionRocks:
         return self.localised.camera(camera)
 
     def labels(self, camera: CameraSide, azimuth: Azimuth) -> list[Label]:
-        """Rocks that people drew, or would have annotated, under a lamp."""
+        """Return rocks that are annotated, or would be annotated, under a lamp."""
         if not self.annotated:
             return self._projected_rocks(camera)
         if (camera, azimuth) in self.annotated:
@@ -81,7 +80,7 @@ class PositionRocks:
         return labels + self._beyond_border(camera, azimuth, boxes)
 
     def rover_light_terms(self, camera: CameraSide, row: int) -> np.ndarray:
-        """(t,) `rover_light_terms` of a track in a camera's photos without a Sun lamp."""
+        """Return the `rover_light_terms` (t,) of a track in photos without a Sun lamp."""
         rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
         share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
         elsewhere = self._elsewhere(rock)
@@ -90,7 +89,7 @@ class PositionRocks:
         return rover_light_terms(share, share if elsewhere is None else elsewhere, size, distance)
 
     def _by_rover_light(self, camera: CameraSide, boxes: np.ndarray) -> list[Label]:
-        """Rocks that people draw without a Sun lamp."""
+        """Return rocks that annotators would annotate without a Sun lamp."""
         labels = []
         for row, box in enumerate(boxes):
             sure = self.annotator.rock_probability(self.rover_light_terms(camera, row))
@@ -100,27 +99,27 @@ class PositionRocks:
         return labels
 
     def _telling(self, row: int) -> set[Azimuth]:
-        """The azimuths whose drawings show a track's rock, or could."""
+        """Return the azimuths whose annotations contain the rock of a track or could contain it."""
         return self.tracks[row].azimuths | self._lighting(int(self.ids[row]))
 
     def _lighting(self, rock: int) -> set[Azimuth]:
-        """Annotated azimuths whose lamp lights a rock."""
+        """Return the annotated azimuths whose lamp lights a rock."""
         return {azimuth for azimuth in self.azimuths if self._is_lit(rock, azimuth)}
 
     def _is_lit(self, rock: int, azimuth: Azimuth) -> bool:
-        if azimuth not in SUNS or self.in_image:  # nobody knows what shades the rocks of such a position
+        if azimuth not in SUNS or self.in_image:  # occluders of the lamp are unknown for an unverified pose
             return azimuth in SUNS
         if (rock, azimuth) not in self._lit:
             self._lit[rock, azimuth] = lit_share(self.world, rock, azimuth) > LIT
         return self._lit[rock, azimuth]
 
     def _lone(self, row: int) -> bool:
-        """A rock of one azimuth's drawings alone, here and at other positions, though other photos could show it."""
+        """Return whether a rock is annotated at one azimuth only and at no other position, though it is lit at more."""
         alone = len(self.tracks[row].azimuths) == 1 and len(self._telling(row)) >= LONE_OF
         return alone and self._elsewhere(int(self.ids[row])) == 0
 
     def _elsewhere(self, rock: int) -> float | None:
-        """Share of the Sun azimuths at which other positions' drawings show a rock; None where their photos cannot."""
+        """Return the annotated share of Sun azimuths of a rock at other positions; None if they cannot show it."""
         shares = []
         for position, ids in self._known.rocks.items():
             if position != self._position:
@@ -132,13 +131,13 @@ class PositionRocks:
         return float(np.mean(shares)) if shares else None
 
     def _in_view(self, position: str, rock: int) -> bool:
-        """Whether the annotated photos of another position show a rock."""
+        """Return whether a rock is inside the annotated photos of a position."""
         view = self._known.localised[position].camera(cameras_first(list(self._known.seeds[position]))[0][0])
         shown = project_rock(self.world, view, rock) if rock in self.world.bodies else None
         return shown is not None and shown.seen >= IN_VIEW
 
     def _beyond_border(self, camera: CameraSide, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
-        """Projected rocks that a Sun lamp lights, beyond the border of all annotated photos of this position."""
+        """Return lit projected rocks that are outside all annotated photos of this position."""
         found = []
         for label in self._projected_rocks(camera) if azimuth in SUNS else []:
             rock = label.rock
@@ -149,17 +148,17 @@ class PositionRocks:
         return found
 
     def moved_label(self, kind: str, rock: int, camera: CameraSide, box: np.ndarray, share: float = 1.0) -> Label:
-        """A label from other drawings: `translated` where no proven pose says how far things move to a camera."""
+        """Return a label moved from other photos: `translated` if the pose for the move is unverified, else `fused`."""
         annotated_here = any(own == camera for own, _ in self.annotated)
         source = "translated" if self.in_image and not annotated_here else "fused"
         return label_of(kind, rock, source, box, share, pitch_known=self.localised.pitch_known)
 
     def annotated_azimuths(self, rock: int) -> set[Azimuth]:
-        """Under which lamps people drew a rock here."""
+        """Return the azimuths at which a rock is annotated at this position."""
         return {azimuth for row in np.flatnonzero(self.ids == rock) for azimuth in self.tracks[row].azimuths}
 
     def unannotated(self, camera: CameraSide, rocks: list[Label]) -> list[Label]:
-        """Rocks that other azimuths, other positions or scans know, as far as no label shows them yet."""
+        """Return rocks known from other azimuths, other positions or scans that are not among the labels `rocks`."""
         known = {label.rock for label in rocks}
         fused = self.fused(camera) if self.tracks else np.zeros((0, 4))
         elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in known}
@@ -176,7 +175,7 @@ class PositionRocks:
         return found
 
     def projected(self, camera: CameraSide, rock: int) -> ProjectedRock | None:
-        """A body as a person would draw it."""
+        """Return the projection of a rock with the margin of annotators; None if the rock is not visible."""
         if (camera, rock) not in self._projections:
             shown = project_rock(self.world, self.view(camera), rock)
             margin = np.array([-1, -1, 1, 1]) * ROCK_MARGIN_PX
@@ -186,15 +185,15 @@ class PositionRocks:
         return self._projections[camera, rock]
 
     def px_per_m(self, camera: CameraSide, rock: int) -> float:
-        """Scale of a camera's photo at a rock."""
+        """Return the scale of the image at a rock, px per metre."""
         view, body = self.view(camera), self.world.bodies.get(rock)
         centre = body.centre if body is not None else np.zeros(3)
         return view.lens.fx / float(np.linalg.norm(centre - view.centre))
 
     def fused(self, camera: CameraSide, azimuth: Azimuth | None = None) -> np.ndarray:
-        """(tracks, 4) mean of each track's boxes, moved into a camera, and of its mesh there as far as that fits.
+        """Return the weighted mean (tracks, 4) of the annotated boxes of each track and the projected mesh.
 
-        Drawings under the same lamp weigh more: light makes edges plain, or hides them.
+        Annotations under the same lamp have a higher weight because the visibility of edges depends on the light.
         """
         name = camera, azimuth if azimuth in self.azimuths else None
         if name not in self._fused_boxes:
@@ -203,7 +202,7 @@ class PositionRocks:
             for source in sorted({own for own, _ in self.annotated}):
                 rows, count, boxes = self._annotated_means(source, name[1])
                 moved = self._moved(boxes, self.ids[rows], source, camera)
-                # The border of one photo is none of the other's, where a mesh tells how things go on.
+                # Edges cut by the border of the source photo are ignored if a mesh determines them.
                 has_mesh = np.array([shown[row] is not None for row in rows], bool)[:, None]
                 cut = self._cut(boxes, self.ids[rows], source) & has_mesh & (source != camera)
                 total[rows] += count * ~cut * moved
@@ -220,7 +219,7 @@ class PositionRocks:
     def _annotated_means(
         self, camera: CameraSide, azimuth: Azimuth | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Tracks (n,) that a camera's drawings show, the weight of these (n, 1), and the mean box there (n, 4)."""
+        """Return the annotated tracks (n,) of a camera, their weights (n, 1), and their mean boxes (n, 4)."""
         rows, weights, boxes = [], [], []
         for row, track in enumerate(self.tracks):
             drawings = [drawing for drawing in track.rows if drawing[0] == camera]
@@ -233,14 +232,14 @@ class PositionRocks:
         return np.array(rows, int), np.array(weights)[:, None], np.array(boxes).reshape(-1, 4)
 
     def _cut(self, boxes: np.ndarray, rocks: np.ndarray, camera: CameraSide) -> np.ndarray:
-        """(n, 4) bool: edges that a photo's border cuts, of boxes (n, 4) or of the meshes of their rocks (n,)."""
+        """Return a mask (n, 4) of edges cut by the border of a photo, in boxes (n, 4) or in projected meshes."""
         meshes = [self._mesh_box(camera, int(rock)) for rock in rocks]
         seen = np.array([box if mesh is None else mesh for box, mesh in zip(boxes, meshes, strict=True)])
         size = self.view(camera).size
         return at_border(boxes, size) | at_border(seen.reshape(-1, 4), size)
 
     def _mesh_box(self, camera: CameraSide, rock: int) -> np.ndarray | None:
-        """(4,) of a rock's mesh in a camera that sees enough of it."""
+        """Return the projected box (4,) of the mesh of a rock; None if less than `MIN_SEEN` is visible."""
         body = self.world.bodies.get(rock)
         shown = self.projected(camera, rock) if body is not None and body.meshed else None
         return shown.box if shown is not None and shown.seen >= MIN_SEEN else None
@@ -260,25 +259,25 @@ class PositionRocks:
 
 
 def edge_sd_px(boxes: np.ndarray) -> np.ndarray:
-    """(n, 1) standard deviation of the edges of annotated boxes (n, 4)."""
+    """Return the standard deviation (n, 1) of the edges of annotated boxes (n, 4)."""
     return np.asarray(EDGE_PX + EDGE_SHARE * np.sqrt(area(boxes)))[:, None]
 
 
 def mesh_weights(annotated: np.ndarray, count: np.ndarray, mesh: np.ndarray, weight: float) -> np.ndarray:
-    """(n, 4) weights of the edges of projected boxes `mesh` (n, 4) beside drawings, of which each has weight 1.
+    """Return the weights (n, 4) of the edges of projected boxes `mesh` (n, 4) relative to one annotation.
 
-    A mesh edge is as good as `weight` drawings until it lies farther off than the errors of both explain: scans miss
-    parts of rocks, and take sand for rock. Then it counts less, by Cauchy's weight (Holland and Welsch, Commun. Stat. A
-    6 (1977) 813). Edges without drawings are the mesh's: weight 1.
+    A mesh edge has the weight of `weight` annotations, reduced by the Cauchy weight function (Holland and Welsch,
+    Commun. Stat. A 6 (1977) 813) if it deviates from the annotations: scans miss parts of rocks and include sand.
+    Edges without annotations have weight 1.
 
     Parameters
     ----------
     annotated, count : (n, 4) float
-        Mean of the annotated edges, and of how many drawings; what `annotated` says without a drawing does not matter.
+        Mean of the annotated edges, and number of annotations. `annotated` is ignored where `count` is 0.
     """
-    alone = count == 0
-    known = np.where(alone, mesh, annotated)
-    off = (mesh - known) / (CAUCHY * edge_sd_px(known))
-    # The variance of mesh minus mean is 1 / count + 1 / weight of that of one drawing.
-    share = np.divide(count * weight, count + weight, out=np.zeros_like(known), where=~alone)
-    return np.where(alone, 1.0, weight / (1 + off**2 * share))
+    unannotated = count == 0
+    reference = np.where(unannotated, mesh, annotated)
+    off = (mesh - reference) / (CAUCHY * edge_sd_px(reference))
+    # The variance of mesh minus mean is (1 / count + 1 / weight) times the variance of one annotation.
+    share = np.divide(count * weight, count + weight, out=np.zeros_like(reference), where=~unannotated)
+    return np.where(unannotated, 1.0, weight / (1 + off**2 * share))

@@ -1,4 +1,4 @@
-"""Projection: the box of a rock's mesh in a camera, a box moved to the other camera of the rig, and rays of pixels."""
+"""Projected boxes of rock meshes, boxes moved between the two cameras of the rig, and rays through pixels."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.labels.bodies import World
 
-BORDER_PX = 2.0  # an edge this near to the photo's border is where the photo ends
-SURE_VERTICES = 3  # fewer visible vertices than this are no rock
-CENTRE_DEPTH = 0.3  # of a rock's width: how far the centre of what we see of it lies behind its foot
+BORDER_PX = 2.0  # maximum distance to the image border of an edge that is cut by the border
+SURE_VERTICES = 3  # minimum number of visible vertices of a rock
+CENTRE_DEPTH = 0.3  # depth of the centre of the visible surface behind the foot of a rock, relative to its width
 
 
 @dataclass(frozen=True)
 class ProjectedRock:
-    """A rock in a view: its box (4,) cut at the border, and its share that no other rock hides and no border cuts."""
+    """Box (4,) of a rock clipped at the image border, and share of its surface that is unoccluded and in the image."""
 
     box: np.ndarray
     seen: float
 
 
 def project_rock(world: World, view: Camera, rock: int) -> ProjectedRock | None:
-    """The box that a person would draw around a rock's mesh; None where the view does not show it.
+    """Return the bounding box of the visible part of a rock; None if the view does not show the rock.
 
-    Left and right edges come from the trimmed surface, top and bottom from all that is above the ground: skirts of
-    sand widen meshes and hardly heighten them.
+    Left and right edges are computed from the trimmed surface, top and bottom from the surface above the ground,
+    because skirts of sand widen meshes and barely raise them.
     """
     body = world.bodies[rock]
     standing = np.flatnonzero(body.trimmed | body.above)
@@ -46,19 +46,19 @@ def project_rock(world: World, view: Camera, rock: int) -> ProjectedRock | None:
 
 
 def at_border(boxes: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(n, 4) bool: edges of boxes (n, 4) at the border of a photo (width, height), where things go on unseen."""
+    """Return a mask (n, 4) of edges of boxes (n, 4) at the border of a photo (width, height)."""
     return np.concatenate([boxes[:, :2] <= BORDER_PX, boxes[:, 2:] >= size - BORDER_PX], axis=1)
 
 
 def move_rocks(world: World, source: Camera, target: Camera, boxes: np.ndarray, rocks: np.ndarray) -> np.ndarray:
-    """Boxes (n, 4) of rocks (n,) as the rig's other camera sees them: moved, sizes kept (they differ by 1 %).
+    """Return boxes (n, 4) of rocks (n,) shifted to the image of the other camera; sizes are kept (they differ by 1 %).
 
-    The offset is that of the rock's mesh, mean over its vertices; of a rock without mesh, that of the point on the ray
-    through its centre that lies `CENTRE_DEPTH` widths behind its foot.
+    The shift is the mean shift of the mesh vertices. For a rock without a mesh, it is the shift of the point on the ray
+    through the centre of the box, `CENTRE_DEPTH` widths behind the foot.
     """
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     foot = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]], axis=-1)
-    width = (boxes[:, 2] - boxes[:, 0]) / source.lens.fx  # as a share of the depth
+    width = (boxes[:, 2] - boxes[:, 0]) / source.lens.fx  # relative to the depth
     depth = ground_depth(world, source, foot) * (1 + CENTRE_DEPTH * width)
     offset = _offset_at_depth(source, target, centres(boxes), depth)
     for row, rock in enumerate(rocks):
@@ -72,36 +72,36 @@ def move_rocks(world: World, source: Camera, target: Camera, boxes: np.ndarray, 
 
 
 def ground_depth(world: World, view: Camera, pixels: np.ndarray) -> np.ndarray:
-    """(n,) depth in metres at which the rays through pixels (n, 2) meet the ground; inf above the horizon."""
+    """Return the depth (n,) of the ground at pixels (n, 2), metres; inf above the horizon."""
     return world.ground_distance(view.centre, view.directions(pixels))
 
 
 def move_flat(world: World, source: Camera, target: Camera, boxes: np.ndarray) -> np.ndarray:
-    """Boxes (n, 4) of flat things as the rig's other camera sees them: moved like the ground at their centres."""
+    """Return boxes (n, 4) of flat objects shifted to the image of the other camera like the ground at their centres."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     centre = centres(boxes)
     return boxes + np.tile(_offset_at_depth(source, target, centre, ground_depth(world, source, centre)), 2)
 
 
 def _offset_at_depth(source: Camera, target: Camera, pixels: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """(n, 2) how far pixels (n, 2) of known depth (n,) move between two cameras; inf depth: the far plane of 100 m."""
+    """Return the shift (n, 2) between two cameras of pixels (n, 2) with depth (n,), metres, clipped to 100 m."""
     points = source.centre + np.minimum(depth, 100.0)[:, None] * source.directions(pixels)
     return target.project(points) - pixels
 
 
 @dataclass(frozen=True)
 class Sightlines:
-    """Rays (n,) through a grid of a view's pixels, row by row, and what they meet first; distances by their length."""
+    """Rays (n,) through a grid of pixels, row by row, with first hits; distances in units of the direction length."""
 
     directions: np.ndarray  # (n, 3)
-    distance: np.ndarray  # to ground or rocks; inf for neither
-    face: np.ndarray  # of the world's `everything`
-    ground: np.ndarray  # distance to the ground, whatever stands before it; inf for none
-    wall: np.ndarray  # distance to a wall of the sandbox, which the near one hides things with; inf where it hides none
+    distance: np.ndarray  # to ground or rocks; inf without a hit
+    face: np.ndarray  # hit face of `World.everything`
+    ground: np.ndarray  # distance to the ground, ignoring rocks; inf without a hit
+    wall: np.ndarray  # distance to a wall of the sandbox that occludes the hit; inf without an occluding wall
 
     @property
     def hit(self) -> np.ndarray:
-        """(n,) bool: ground or rock is seen."""
+        """Mask (n,) of rays that hit ground or rock."""
         return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
 
 
@@ -121,5 +121,5 @@ def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray
 
 @lru_cache(maxsize=2)  # both cameras of a rig: all its positions have the same lenses
 def _grid_directions(lens: Lens, rows: bytes, columns: bytes) -> np.ndarray:
-    """In the camera's frame; rows and columns are the bytes of float arrays, for arrays are no keys."""
+    """Return ray directions in the camera frame. Rows and columns are bytes of float arrays, which are hashable."""
     return lens.directions(np.stack(np.meshgrid(np.frombuffer(columns), np.frombuffer(rows)), axis=-1))
