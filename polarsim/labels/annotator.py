@@ -1,11 +1,11 @@
-"""Habits of annotators, fitted to labels that people drew: edges of shadow boxes, and rocks under the rover light.
+"""Habits of annotators, fitted to human labels: edges of shadow boxes, and rocks under the rover light.
 
-Annotators extend a shadow's box a little beyond its tip and a little into the rock: each edge of a cast shadow's box is
-moved outwards by a linear rule. Where only the rover light shines, annotators omit far and small rocks: a logistic rule
-in the annotations under Sun lamps, in size and in distance.
+Annotators extend the box of a shadow beyond the tip and into the rock: a linear model moves each edge of the box of a
+cast shadow outwards. Under the rover light, annotators omit distant and small rocks: a logistic model of the
+annotations under Sun lamps, size and distance.
 
-`annotator.json` has the coefficients of both rules, and what they were fitted to. `polarsim.labels.fit_annotator` fits
-them; `benchmarks/transfers.py --fit` scores each terrain with coefficients fitted to the others.
+`annotator.json` contains the coefficients of both models and the name of the data. `polarsim.labels.fit_annotator` fits
+them; `benchmarks/transfers.py --fit` evaluates each terrain with coefficients fitted to all terrains except that one.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ import numpy as np
 from polarsim.errors import FormatError
 
 OUTWARD = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # normals of the left, top, right, bottom edge
-EDGE_TERMS = (  # by where the edge is along the shadow: at its far end, at its near end at the rock, or along its side
+EDGE_TERMS = (  # far: edge at the tip of the shadow; near: at the rock; side: parallel to the shadow
     "far m", "near m", "side m", "down m",  # metres at the rock
-    "far of shadow", "side of shadow",  # of the shadow's extent across the edge
-    "near of rock", "near gap",  # of the rock's extent; of how far the edge lies outside the rock's own
-    "near label", "side label",  # of how far the rock's label reaches beyond its projected mesh there
+    "far of shadow", "side of shadow",  # share of the extent of the shadow perpendicular to the edge
+    "near of rock", "near gap",  # share of the extent of the rock; of the distance to the edge of the rock
+    "near label", "side label",  # share of the distance between the edges of the label and the projected mesh
 )  # fmt: skip
 ROVER_LIGHT_TERMS = ("all", "share here", "share elsewhere", "small", "far m")
-PRESENCE = 0.45  # minimum probability of a label: F1 is highest where labels that are right less often are left out
-LARGE_PX = 50.0  # sqrt(area) from which size does not matter
-USUAL_M = 3.5  # distance of the centre of the sandbox, about
+PRESENCE = 0.45  # minimum probability of a label, maximises F1
+LARGE_PX = 50.0  # sqrt(area) above which the size has no effect
+USUAL_M = 3.5  # approximate distance of the centre of the sandbox
 PACKAGED = Path(__file__).with_suffix(".json")
 
 
 @dataclass(frozen=True)
 class Annotator:
-    """Coefficients of the habits."""
+    """Coefficients of both models."""
 
-    edges: tuple[float, ...]  # one for each of EDGE_TERMS
-    rover_light: tuple[float, ...]  # one for each of ROVER_LIGHT_TERMS
+    edges: tuple[float, ...]  # in the order of EDGE_TERMS
+    rover_light: tuple[float, ...]  # in the order of ROVER_LIGHT_TERMS
 
     def draw_shadow(
         self, box: np.ndarray, rock_label: np.ndarray, rock_mesh: np.ndarray, px_per_m: float
     ) -> np.ndarray:
-        """Return the box (4,) that an annotator draws around a shadow whose visible part is in `box` (4,), px.
+        """Return the box (4,) that an annotator draws around a shadow with visible extent `box` (4,), px.
 
         Parameters
         ----------
         rock_label, rock_mesh : (4,) float
-            Box of the shadow's rock as labelled, and as its mesh projects; px.
+            Label and projected mesh box of the rock that casts the shadow, px.
         px_per_m
             Scale of the photo at the rock.
         """
@@ -57,11 +57,11 @@ class Annotator:
         return np.asarray(box + OUTWARD.sum(axis=1) * moves)
 
     def rock_probability(self, terms: np.ndarray) -> float:
-        """Return the probability that a rock of some `rover_light_terms` (t,) is annotated where its label is."""
+        """Return the probability that a rock with `rover_light_terms` (t,) is annotated."""
         return float(1 / (1 + np.exp(-terms @ np.asarray(self.rover_light))))
 
 
-GEOMETRY_ALONE = Annotator((0.0,) * len(EDGE_TERMS), (0.0,) * len(ROVER_LIGHT_TERMS))  # cast shadows as they are
+GEOMETRY_ALONE = Annotator((0.0,) * len(EDGE_TERMS), (0.0,) * len(ROVER_LIGHT_TERMS))  # keeps cast shadows unchanged
 
 
 @cache
@@ -71,7 +71,7 @@ def read_annotator(path: Path = PACKAGED) -> Annotator:
     Raises
     ------
     FormatError
-        The file lacks a coefficient, or has another one.
+        Missing or unknown coefficient.
     """
     content = json.loads(path.read_text(encoding="utf-8"))
     values = []
@@ -84,7 +84,7 @@ def read_annotator(path: Path = PACKAGED) -> Annotator:
 
 
 def edge_terms(box: np.ndarray, rock_label: np.ndarray, rock_mesh: np.ndarray, px_per_m: float) -> np.ndarray:
-    """Return the terms (4, len(EDGE_TERMS)) of the moves of a box's edges, px."""
+    """Return the terms (4, len(EDGE_TERMS)) of the shifts of the edges of a box, px."""
     away = (box[:2] + box[2:] - rock_label[:2] - rock_label[2:]) / 2
     along = OUTWARD @ (away / max(float(np.linalg.norm(away)), 1.0))
     far, near = np.clip(along, 0, None), np.clip(-along, 0, None)
@@ -103,11 +103,12 @@ def rover_light_terms(share: float, elsewhere: float, size_px: float, distance_m
     Parameters
     ----------
     share, elsewhere
-        Share of the annotations under Sun lamps that have the rock: at the photo's position, and at others.
+        Share of the annotations under Sun lamps that contain the rock: at the position of the photo, and at all
+        different positions.
     size_px
         sqrt(width * height) of the label.
     distance_m
-        From the camera to the rock.
+        Distance from the camera to the rock.
     """
     small = min(np.log(max(size_px, 1.0) / LARGE_PX), 0.0)
     return np.array([1.0, share - 1, elsewhere - 1, small, distance_m - USUAL_M])

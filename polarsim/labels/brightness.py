@@ -1,7 +1,7 @@
-"""Brightness of the photos of an exposure bracket: from the photos, or from OLAT images of the meshes without photos.
+"""Brightness of an exposure bracket, from photos, or from OLAT images of the meshes if photos are missing.
 
-The OLAT images have direct light of the lamps on matt meshes, exposed as NASA's best photos were. Twins are far better
-pictures; light and shadow are enough to decide what an exposure shows.
+These OLAT images contain only direct light on Lambertian meshes, scaled to the grey values of NASA's photos. This is
+sufficient to decide which labels are visible at an exposure.
 """
 
 from __future__ import annotations
@@ -34,33 +34,33 @@ from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 log = logging.getLogger("polarsim")
 
 READ_NOISE_DN = READ_NOISE_ELECTRONS / ELECTRONS_PER_DN
-KEPT_BRACKETS = 4  # pictures in memory: 10 MB each
-FULL = WHITE_LEVEL - BLACK_LEVEL - 100.0  # above this a pixel may be clipped
-LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # of that lamp's incidence there
-STRAY = 0.01  # of a lamp's light that comes from all of the sky
-STEP_PX = 2  # OLAT images have every second pixel along rows and columns: contrast is that of whole boxes
-KEPT_VIEWS = 2  # views in memory: 5 MB for each of their lamps
+KEPT_BRACKETS = 4  # number of brackets in memory, 10 MB each
+FULL = WHITE_LEVEL - BLACK_LEVEL - 100.0  # signal above which a pixel may be clipped
+LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # cosine of incidence at the centre
+STRAY = 0.01  # share of the light of a lamp that arrives uniformly from the sky
+STEP_PX = 2  # pixel step of OLAT images, fine enough for the contrast of boxes
+KEPT_VIEWS = 2  # number of views in memory, 5 MB for each lamp
 
 
 @dataclass(frozen=True)
 class Brightness:
-    """(h, w) float32 grey values above black a millisecond, and the exposures (ms) that the exposure bracket has."""
+    """Grey values above black per millisecond (h, w) float32, and the exposures of the bracket, ms."""
 
     rate: np.ndarray
     exposures_ms: tuple[int, ...]
 
     def at(self, exposure_ms: float, part: tuple[slice, slice] = (slice(None), slice(None))) -> np.ndarray:
-        """Grey values above black of a part of the photo of an exposure, without noise, clipped as photos are."""
+        """Return grey values above black of a part of the photo at an exposure, clipped at the white level."""
         return np.minimum(self.rate[part] * exposure_ms, WHITE_LEVEL - BLACK_LEVEL)
 
 
 def noise_dn(signal_dn: np.ndarray | float) -> np.ndarray:
-    """Standard deviation of a pixel whose mean is `signal_dn` above black: photons and read-out."""
+    """Return the standard deviation of a pixel with mean `signal_dn` above black: shot and read noise."""
     return np.sqrt(np.maximum(signal_dn, 0.0) / ELECTRONS_PER_DN + READ_NOISE_DN**2)
 
 
 class Photos:
-    """The photos of one terrain, read when they are asked for; none is a source without photos."""
+    """Photos of one terrain, read on demand. A source without photos has none."""
 
     def __init__(self, index: Path, terrain: int) -> None:
         self.terrain = terrain
@@ -72,14 +72,14 @@ class Photos:
         self.brightness = lru_cache(maxsize=KEPT_BRACKETS)(self._brightness)
 
     def _brightness(self, bracket: Bracket) -> Brightness | None:
-        """Every pixel from the longest exposure that did not clip it; None without a readable photo."""
+        """Return each pixel from the longest exposure in which it is not clipped; None without a readable photo."""
         rate: np.ndarray | None = None
         found = []
         for exposure, path in self._brackets.get(bracket, ()):
             try:
                 signal = png.read_photo(path).astype(np.float32) - BLACK_LEVEL
             except PolarsimError as error:
-                log.warning("%s: not looked at for labels", error)
+                log.warning("%s: photo skipped in the propagation of labels", error)
                 continue
             rate = signal / exposure if rate is None else np.where(signal < FULL, signal / exposure, rate)
             found.append(exposure)
@@ -88,7 +88,7 @@ class Photos:
 
 @dataclass(frozen=True)
 class VisibleSurface:
-    """What the pixels of a view that meet the terrain show: (h, w) bool; points and unit normals (n, 3)."""
+    """Mask (h, w) of pixels that hit the terrain, with points and unit normals (n, 3) of the hits."""
 
     hit: np.ndarray
     points: np.ndarray
@@ -96,7 +96,7 @@ class VisibleSurface:
 
 
 class OlatLight:
-    """What `Photos` tells, without photos: from meshes, stand-ins and lamps."""
+    """Brightness like `Photos`, computed from meshes, stand-ins and lamps."""
 
     def __init__(self, known: Known) -> None:
         self.known = known
@@ -104,10 +104,7 @@ class OlatLight:
         self._olat_image = lru_cache(maxsize=KEPT_VIEWS * (len(SUN_LAMPS) + 1))(self._lit)
 
     def brightness(self, bracket: Bracket) -> Brightness | None:
-        """Sum of the OLAT images of the lamps that are on; black in the dark. No photo was taken: no exposures.
-
-        None where nobody knows from where the meshes are seen.
-        """
+        """Return the sum of the OLAT images of the active lamps, without exposures; None if the pose is unverified."""
         _, position, light, azimuth, camera = bracket
         if position in self.known.apart:
             return None
@@ -129,7 +126,7 @@ class OlatLight:
         return VisibleSurface(hit.reshape(len(rows), len(columns)), points, np.where(away[:, None], -normals, normals))
 
     def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
-        """(h, w) float32 grey values a millisecond under a Sun lamp, or under a rover light as strong as one."""
+        """Return grey values per millisecond (h, w) float32 under a Sun lamp or a rover light of equal intensity."""
         world, seen = self.known.world, self._seen(position, camera)
         rover = self.known.localised[position].rover_light
         to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.points
@@ -146,7 +143,7 @@ class OlatLight:
 
     @cached_property
     def _normals(self) -> np.ndarray:
-        """(f, 3) unit normals of the faces of the world's `everything`: the terrain's, then those of the stand-ins."""
+        """Unit normals (f, 3) of the faces of `World.everything`: terrain, then stand-ins."""
         mesh = self.known.terrain
         corners = [mesh.vertices[mesh.faces]]
         for _, dome in sorted(self.known.domes.items()):

@@ -1,8 +1,7 @@
-"""Shadow casting: the ground that rocks and walls take from a near lamp, as a view shows it, and its box in a photo.
+"""Cast shadows of rocks and walls under a near lamp, and bounding boxes of these shadows in a photo.
 
-The survey and the meshes give positions of lamps and walls with errors of centimetres. At a low Sun such errors move
-the end of a wall's shade by decimetres. The photo shows that edge, so one fitted number absorbs all errors: the height
-that the walls would have to have (`shading_height`).
+Positions of lamps and walls have errors of centimetres, which shift the edge of the shadow of a wall by decimetres at a
+low Sun. `shading_height` fits an effective wall height to that edge in the photo, which compensates these errors.
 """
 
 from __future__ import annotations
@@ -21,33 +20,30 @@ from polarsim.labels.projection import sightlines
 from polarsim.photo import NO_ROCK, Azimuth, Light
 from polarsim.run_files.rigs import LocalisedRig
 
-THIN_PX = 4.0  # parts of a shadow thinner than this do not widen its box: rims under rocks, where meshes meet the sand
-ROCK_ELLIPSE = 0.8  # of a rock's label box: the ellipse in which people see rock, never shadow
-MARGIN = 0.25  # of a box's sides, and at least MARGIN_PX: so far outside it is looked for the shadow's end
-MARGIN_PX = 10.0
-CLEAR = 6.0  # noises of a pixel by which lit ground must be brighter than the shadow
-DEEP = 0.6  # of lit ground's brightness: a lamp's shadow is darker, what a rock hides of stray light is not
-LEVEL = 0.5  # between the shadow's brightness and that of lit ground: the edge of a shadow with a soft rim
-REACH, REACH_PX = 0.06, 4.0  # of sqrt(width * height), and pixels more: so far the cast shadow may be off
-STREAK_PX = 5  # dark streaks thinner than this belong to the ground's relief
+THIN_PX = 4.0  # parts of a shadow thinner than this, such as rims at the foot of a mesh, do not extend its box
+ROCK_ELLIPSE = 0.8  # diameter relative to the rock box of the ellipse that annotators regard as rock, not shadow
+MARGIN = 0.25  # margin around a box in which the edge of a shadow is searched, relative to the sides of the box
+MARGIN_PX = 10.0  # minimum of this margin
+CLEAR = 6.0  # minimum contrast of lit ground and shadow, standard deviations of pixel noise
+DEEP = 0.6  # maximum brightness of a shadow relative to lit ground; occluded stray light is brighter
+LEVEL = 0.5  # level of the shadow edge between the brightness of shadow (0) and lit ground (1)
+REACH, REACH_PX = 0.06, 4.0  # maximum error of a cast shadow: relative to sqrt(width * height), plus pixels
+STREAK_PX = 5  # dark streaks thinner than this are relief of the ground
 SMOOTH_PX = 3  # side of the window over which brightness is averaged
-LIKE_SIZE = 2.5  # largest ratio of the dark region's area and the cast shadow's
-CORE_SHARE = 0.15  # least share of a dark region that the cast shadow covers
+LIKE_SIZE = 2.5  # maximum ratio of the areas of the dark region and the cast shadow
+CORE_SHARE = 0.15  # minimum share of a dark region covered by the cast shadow
 
-# Of the edge of a wall's shade.
-WALL_STEP = 0.01  # metres between the heights that are tried
-WALL_RANGE = (0.4, 1.8)  # of the stated height
-WALL_BAND = 0.04  # metres of height below and above the shade's edge that are compared
-FEWEST_IN_BAND = 50  # samples in a band that tell of its brightness
-WALL_CLEAR = 1.6  # least ratio of the brightness above and below the edge
-WALL_FAINT = 0.03  # of lit ground's brightness: differences of less, in the deepest shade, tell of no edge
+# Edge of the shadow of a wall.
+WALL_STEP = 0.01  # step of the tested wall heights, metres
+WALL_RANGE = (0.4, 1.8)  # range of the tested wall heights relative to the nominal height
+WALL_BAND = 0.04  # height of the bands below and above the edge that are compared, metres
+FEWEST_IN_BAND = 50  # minimum number of samples in a band
+WALL_CLEAR = 1.6  # minimum ratio of the brightness above and below the edge
+WALL_FAINT = 0.03  # offset added to both, relative to lit ground, to suppress differences in deep shadow
 
 
 def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
-    """(3,) position of the lamp that casts the shadows, sandbox frame; None in the dark.
-
-    A Sun lamp outshines the rover light.
-    """
+    """Return the position (3,) of the brightest lamp, sandbox frame; None without any lamp."""
     if azimuth != "no":
         return world.suns[azimuth]
     if light == "on":
@@ -56,10 +52,7 @@ def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) 
 
 
 class Ids:
-    """What a view sees at a grid of pixels (rows, columns): the rock there, and the ground there or behind the rock.
-
-    The near wall of the sandbox hides both.
-    """
+    """Visible rock, and ground at or behind it, for a grid of pixels (rows, columns). The near wall occludes both."""
 
     def __init__(self, world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> None:
         seen = sightlines(world, view, rows, columns)
@@ -72,10 +65,10 @@ class Ids:
         self.points = view.centre + seen.ground[on_ground, None] * seen.directions[on_ground]
 
     def shadow_of(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
-        """(rows, columns) rock that takes the lamp's light from the ground at each pixel; `NO_ROCK` elsewhere.
+        """Return the rock (rows, columns) that occludes the lamp from the ground at each pixel, else `NO_ROCK`.
 
-        Other rocks hide a rock's shadow, its own mesh does not: where the rock ends is for its label to say, since
-        meshes may be wider than their rocks (skirts, back sides that no scan saw).
+        A shadow is hidden by other rocks, but not by the mesh of the rock that casts it. Meshes can be wider than their
+        rocks (skirts, unscanned back sides), so the label of the rock determines where the shadow starts.
         """
         distance, face = world.rocks.nearest(self.points, lamp_position - self.points)
         occluded = distance < 1
@@ -87,9 +80,9 @@ class Ids:
         return shadow
 
     def over_walls(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
-        """(rows, columns) metres above the sand at which a lamp's light passes the walls on its way to the ground.
+        """Return the height (rows, columns) above the sand at which light from a lamp to the ground crosses a wall.
 
-        Infinite where nothing is in its way, and where no ground is seen.
+        Metres; infinite without a crossing or without visible ground.
         """
         heights = np.full(self.shape, np.inf)
         passing = passing_heights(self.points, lamp_position, world.ground_bounds)
@@ -106,18 +99,18 @@ def shadow_box(
     *,
     slivers: bool = True,
 ) -> np.ndarray | None:
-    """(4,) box around the visible shadow of a rock, px; None where too little of it is seen.
+    """Return the bounding box (4,) of the visible shadow of a rock, px; None if too little is visible.
 
     Parameters
     ----------
     shadow : (rows, columns) int
-        Rock whose shadow is seen at every `step`-th pixel.
+        Rock that casts the shadow at every `step`-th pixel.
     rock_box : (4,) float or None
-        The rock's label in the same photo. People see rock in it, so that a shadow starts where the rock ends.
+        Label of the rock in the same photo. Shadow inside the ellipse of the rock is ignored.
     windows
-        The picture's, from `windows_of`.
+        `windows_of` the shadow image.
     slivers
-        Whether a shadow that is thinner than `THIN_PX` everywhere has a box.
+        Whether to return boxes of shadows that are thinner than `THIN_PX` everywhere.
     """
     if rock not in windows:
         return None
@@ -136,18 +129,20 @@ def shadow_box(
 def snapped(
     box: np.ndarray, shadow: np.ndarray, rocks: np.ndarray, step: int, rock: int, brightness: Brightness
 ) -> np.ndarray | None:
-    """The box (4,) around the dark region under a cast shadow; None where the photo does not show such a region.
+    """Return the bounding box (4,) of the dark region under a cast shadow; None without such a region in the photo.
 
-    It shows none where the ground around is as dark, as in the shadow of a wall or of a slope, and where the dark
-    region is much larger or smaller than the cast shadow: then something else darkens the ground.
+    The result is None if the surrounding ground is equally dark, as in the shadow of a wall or slope, or if the areas
+    of the dark region and the cast shadow differ too much.
 
     Parameters
     ----------
     box : (4,) float
-        Around the shadow as cast, px.
+        Box of the cast shadow, px.
     shadow, rocks : (rows, columns) int
-        Whose shadow, and which rock, is seen at every `step`-th pixel; `rock` is the one that throws the shadow. What
-        walls shade belongs to none, nor to `NO_ROCK`.
+        Rock that casts the shadow, and visible rock, at every `step`-th pixel. Shadows of walls are neither a rock nor
+        `NO_ROCK`.
+    rock
+        Rock that casts the shadow.
     """
     import cv2
 
@@ -159,7 +154,7 @@ def snapped(
         return None
     row, column = np.minimum(y // step, shadow.shape[0] - 1), np.minimum(x // step, shadow.shape[1] - 1)
     cast, thrower = shadow[np.ix_(row, column)] == rock, shadow[np.ix_(row, column)]
-    bare = (rocks[np.ix_(row, column)] < 0) & ((thrower == NO_ROCK) | cast)  # ground that nothing else darkens
+    bare = (rocks[np.ix_(row, column)] < 0) & ((thrower == NO_ROCK) | cast)  # ground without other shadows
     rate = cv2.blur(brightness.rate[part], (SMOOTH_PX, SMOOTH_PX))
     lit = bare & ~cv2.dilate(cast.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
     if cast.sum() < 12 or lit.sum() < 12:
@@ -185,7 +180,7 @@ def snapped(
 
 
 def passing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """(n,) z at which the light of a lamp (3,) to points (n, 3) passes the walls on bounds (2, 2); inf: it need not."""
+    """Return z (n,) at which rays from points (n, 3) to a lamp (3,) cross the walls on bounds (2, 2); inf: none."""
     to_lamp = lamp - points
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(to_lamp[:, :2] > 0, bounds[1] - points[:, :2], bounds[0] - points[:, :2]) / to_lamp[:, :2]
@@ -194,15 +189,14 @@ def passing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) ->
 
 
 def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> float:
-    """Height of walls whose shade ends where a photo shows it to end; the stated one where it shows no such end.
+    """Return the wall height that reproduces the shadow edge in a photo; the nominal height without a visible edge.
 
     Parameters
     ----------
     passing, rate : (n,) float
-        Height above the ground, metres, at which light passes the walls on its way to bare ground, and how bright that
-        ground is in the photo.
+        Height above the ground at which light to bare ground crosses the walls, metres, and brightness of that ground.
     stated
-        Of the walls, metres.
+        Nominal height of the walls, metres.
     """
     order = np.argsort(passing, kind="stable")
     passing, rate = passing[order], rate[order]
@@ -212,12 +206,12 @@ def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> floa
         dark, lit = _median(passing, rate, tried - WALL_BAND, tried), _median(passing, rate, tried, tried + WALL_BAND)
         if lit + faint > best * (dark + faint):
             best, edge, half_lit = (lit + faint) / (dark + faint), tried, (dark + lit) / 2
-    while half_lit and _median(passing, rate, edge, edge + WALL_STEP) < half_lit:  # a lamp's disc makes the edge soft
+    while half_lit and _median(passing, rate, edge, edge + WALL_STEP) < half_lit:  # penumbra of the lamp disc
         edge += WALL_STEP
     return float(edge)
 
 
 def _median(passing: np.ndarray, rate: np.ndarray, low: float, high: float) -> float:
-    """Of the brightness where light passes between two heights, passing in order; NaN where few samples tell."""
+    """Return the median brightness between two heights of sorted `passing`; NaN with too few samples."""
     start, end = np.searchsorted(passing, [low, high])
     return float(np.median(rate[start:end])) if end - start >= FEWEST_IN_BAND else np.nan

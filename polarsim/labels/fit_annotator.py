@@ -1,9 +1,9 @@
-"""Fit the coefficients of `annotator.json` to labels that people drew.
+"""Fit the coefficients of `annotator.json` to human labels.
 
     python -m polarsim.labels.fit_annotator RUN RELEASE [--terrains 1 3] [--out annotator.json]
 
-RUN is the folder of a run whose labels stage is done, such as results/release; RELEASE has the published labels.
-Shadow edges are fitted to the seeds of the run. Which rocks annotators draw under the rover light is fitted to the
+RUN is the folder of a run with a finished labels stage, such as results/release; RELEASE contains the published labels.
+Shadow edges are fitted to the seeds of the run. The probability of rocks under the rover light is fitted to the
 published label files of photos without a Sun lamp.
 """
 
@@ -44,12 +44,12 @@ from polarsim.survey import wall_height
 
 log = logging.getLogger(__name__)
 
-ROUNDS, SCALE = 20, 1.5  # of the robust fit: reweightings, and Cauchy scale in robust standard deviations
+ROUNDS, SCALE = 20, 1.5  # robust fit: number of reweightings, Cauchy scale in robust standard deviations
 
 
 @dataclass(frozen=True)
 class TerrainFiles:
-    """What a run wrote of one terrain."""
+    """Output files of a run for one terrain."""
 
     terrain: int
     seeds: Path
@@ -71,19 +71,19 @@ class TerrainFiles:
 
 
 def read_published(root: Path, terrain: int) -> dict[PhotoKey, Annotated]:
-    """Read the published label files of a terrain; broken ones are left out with a warning."""
+    """Read the published label files of a terrain. Invalid files are skipped with a warning."""
     found = {}
     for key, path in release.label_files(root, terrain).items():
         try:
             found[key] = Annotated.of(*yolo.read_boxes(path))
         except FormatError as error:
-            log.warning("left out: %s", error)
+            log.warning("skipped: %s", error)
     return found
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Terms (n, t) of a rule, and what it predicts (n,)."""
+    """Terms (n, t) of a model and observed values (n,)."""
 
     terms: np.ndarray
     observed: np.ndarray
@@ -91,11 +91,11 @@ class Samples:
     @classmethod
     def joined(cls, parts: Iterable[Samples]) -> Samples:
         parts = list(parts)
-        return cls(np.concatenate([one.terms for one in parts]), np.concatenate([one.observed for one in parts]))
+        return cls(np.concatenate([part.terms for part in parts]), np.concatenate([part.observed for part in parts]))
 
 
 def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> Samples:
-    """Return the moves of edges, px, from the box of a cast shadow to the box that a person drew around it."""
+    """Return the shifts of edges, px, from the box of a cast shadow to the annotated box."""
     known = files.known(options)
     terms, moves = [np.zeros((0, len(EDGE_TERMS)))], [np.zeros(0)]
     for position in known.seeds:
@@ -116,27 +116,27 @@ def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> Samples:
 def rover_light_samples(
     files: TerrainFiles, annotated: Mapping[PhotoKey, Annotated], options: LabelsOptions
 ) -> Samples:
-    """Return the share of the label files, by exposure bracket under the rover light, that have a rock.
+    """Return the share of the label files of each exposure bracket under the rover light that contain a rock.
 
-    The rocks are those annotated under Sun lamps; `annotated` are the label files of all photos.
+    `annotated` are the label files of all photos. The rocks are annotated under Sun lamps.
     """
     known = files.known(options)
     brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
-    for key, one in annotated.items():
+    for key, boxes in annotated.items():
         if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= NO_SUN_START_MS:
-            brackets.setdefault((key.position, key.camera), []).append(one.rocks)
+            brackets.setdefault((key.position, key.camera), []).append(boxes.rocks)
     terms, hit = [np.zeros((0, len(ROVER_LIGHT_TERMS)))], [np.zeros(0)]
     for (position, camera), drawings in brackets.items():
         rocks = PositionRocks(known, position, options)
-        boxes = rocks.fused(camera)
-        found = [np.isin(np.arange(len(boxes)), match(iou(drawn, boxes))[1]) for drawn in drawings]
-        terms += [rocks.rover_light_terms(camera, row)[None] for row in range(len(boxes))]
-        hit.append(np.mean(found, axis=0))
+        fused = rocks.fused(camera)
+        matched = [np.isin(np.arange(len(fused)), match(iou(drawing, fused))[1]) for drawing in drawings]
+        terms += [rocks.rover_light_terms(camera, row)[None] for row in range(len(fused))]
+        hit.append(np.mean(matched, axis=0))
     return Samples(np.concatenate(terms), np.concatenate(hit))
 
 
 def fit_edges(samples: Samples) -> tuple[float, ...]:
-    """Return coefficients of moves by iterated least squares with Cauchy weights."""
+    """Return coefficients of edge shifts by iteratively reweighted least squares with Cauchy weights."""
     found = np.zeros(samples.terms.shape[1])
     for _ in range(ROUNDS):
         error = samples.observed - samples.terms @ found
@@ -146,7 +146,7 @@ def fit_edges(samples: Samples) -> tuple[float, ...]:
 
 
 def fit_logistic(samples: Samples) -> tuple[float, ...]:
-    """Return coefficients for shares of hits: logistic regression, held near 0 by a unit Gaussian."""
+    """Return coefficients of a logistic regression with a unit Gaussian prior."""
     terms, hit = samples.terms, samples.observed
 
     def loss(x: np.ndarray) -> float:
@@ -157,12 +157,12 @@ def fit_logistic(samples: Samples) -> tuple[float, ...]:
 
 
 def fit_annotator(edges: Iterable[Samples], rover_light: Iterable[Samples]) -> Annotator:
-    """Return the habits that samples of several terrains have in common."""
+    """Fit both models to the samples of several terrains."""
     return Annotator(fit_edges(Samples.joined(edges)), fit_logistic(Samples.joined(rover_light)))
 
 
 def write_annotator(path: Path, annotator: Annotator, fitted_to: str) -> None:
-    """Write a file that `read_annotator` reads; `fitted_to` names the data."""
+    """Write a file for `read_annotator`; `fitted_to` is the name of the data."""
     rules = {
         "shadow_edges": dict(zip(EDGE_TERMS, annotator.edges, strict=True)),
         "rover_light": dict(zip(ROVER_LIGHT_TERMS, annotator.rover_light, strict=True)),

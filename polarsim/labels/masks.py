@@ -1,8 +1,8 @@
 """Visible shape of every labelled rock and shadow, ground and background: YOLO polygons, grey maps and COCO masks.
 
-A box says where a person saw a thing, the meshes say which shape it has: the visible shape of the rock's mesh, or of
-the shadow that it casts, is stretched from its own box towards the label's. People outline without dents and box
-loosely: shapes are convex and keep a share of their own box. A view and lamp is drawn once for all exposures.
+The label determines the position, the mesh determines the shape: the visible projection of a rock mesh or of a cast
+shadow is stretched towards the box of the label. Human outlines are convex and tighter than human boxes, so the shape
+is replaced by the convex hull and stretched only part of the way. Each view and lamp is drawn once for all exposures.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from polarsim.survey import wall_height
 log = logging.getLogger(__name__)
 
 Polygons = list[tuple[int, np.ndarray]]  # class number and ring (n, 2) in pixels
-# Share of the projected mesh's own box, and of the cast shadow's, in the box that an outline fills; the rest is the
-# label's. Fitted to the polygons that people drew.
+# Target box of an outline: position between the box of the label (0) and the box of the projected mesh or of the cast
+# shadow (1). Fitted to human polygons.
 OUTLINE_MESH_SHARE, OUTLINE_CAST_SHARE = 0.5, 0.35
 PHOTO_FRAME = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]], float)
 BOX_COLUMNS = ["x0", "y0", "x1", "y1"]
 
-Thing = tuple[str, int, bytes]  # kind, rock and box: what makes a label's shape under one lamp
+Thing = tuple[str, int, bytes]  # kind, rock and box, which determine the shape of a label under one lamp
 
 
 @dataclass(frozen=True)
@@ -54,36 +54,36 @@ class Backdrop:
 
     @cached_property
     def grey(self) -> np.ndarray:
-        """(h, w) uint8: the polygons painted."""
+        """Grey map (h, w) uint8."""
         return paint(self.polygons)
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """What is to be seen of the labels of an exposure bracket, in the order in which it is painted."""
+    """Visible parts of the labels of an exposure bracket, in painting order."""
 
     parts: dict[Thing, Shape | None]
     backdrop: Backdrop
 
     @cached_property
     def things(self) -> Polygons:
-        """Shadows and rocks."""
+        """Polygons of shadows and rocks."""
         shown = [(kind, part) for (kind, _, _), part in self.parts.items() if part is not None]
         return [(POLYGON_CLASSES.index(kind), ring) for kind, part in shown for ring in part.rings()]
 
     @property
     def polygons(self) -> Polygons:
-        """Background, ground, shadows and rocks."""
+        """Polygons of background, ground, shadows and rocks."""
         return [*self.backdrop.polygons, *self.things]
 
     @cached_property
     def grey(self) -> np.ndarray:
-        """(h, w) uint8: the polygons painted."""
+        """Grey map (h, w) uint8."""
         return paint(self.things, on=self.backdrop.grey)
 
 
 class ViewOutlines:
-    """Outlines in one view under any lamp. Rays are cast once; labels are rows of the label table."""
+    """Outlines in one view under any lamp. Rays are cast once. Labels are rows of the label table."""
 
     def __init__(self, world: World, localised: LocalisedRig, side: str, labels: pd.DataFrame) -> None:
         self._localised = localised
@@ -99,10 +99,7 @@ class ViewOutlines:
         self._annotated: dict[tuple[bytes, frozenset[Thing]], Drawing] = {}
 
     def drawing(self, light: Light, azimuth: Azimuth, labels: pd.DataFrame) -> Drawing:
-        """Shadows and rocks of labels, each hidden by those that are painted over it.
-
-        Shadows come first; far things come before near ones, which are lower in the photo.
-        """
+        """Return the visible parts of the labels, painted in order: shadows before rocks, then from top to bottom."""
         lamp_position = lamp(self.world, self._localised, light, azimuth)
         if lamp_position is None and labels.empty:
             return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]))
@@ -116,13 +113,13 @@ class ViewOutlines:
         return self._annotated[content]
 
     def _shape(self, thing: Thing, box: np.ndarray, lamp_position: np.ndarray | None) -> Shape:
-        """All of a label's rock or shadow, whatever hides it."""
+        """Return the shape of a label before occlusion by other labels."""
         kind, rock, _ = thing
         own_share = OUTLINE_MESH_SHARE if kind == ROCK else OUTLINE_CAST_SHARE
         return fitted(self._own_shapes(kind, lamp_position).get(rock), box, own_share)
 
     def _own_shapes(self, kind: str, lamp_position: np.ndarray | None) -> dict[int, Shape]:
-        """What the meshes show of rocks or of their shadows."""
+        """Return the projected shapes of rocks or of cast shadows."""
         if kind == ROCK:
             return self._rocks
         if lamp_position is None:
@@ -137,7 +134,7 @@ def _convex_shapes(ids: np.ndarray) -> dict[int, Shape]:
 
 
 def things_of(labels: pd.DataFrame, boxes: np.ndarray) -> list[Thing]:
-    """One for each row of the label table and of the boxes (n, 4) in it."""
+    """Return the key of each row of the label table with boxes (n, 4)."""
     return [
         (kind, rock, box.tobytes())
         for kind, rock, box in zip(labels["kind"].tolist(), labels["rock"].tolist(), boxes, strict=True)
@@ -149,7 +146,7 @@ def _boxes(labels: pd.DataFrame) -> np.ndarray:
 
 
 def _domes(world: World, view: Camera, labels: pd.DataFrame) -> dict[int, Dome]:
-    """Stand-ins of the labelled rocks of a view that have no mesh, from their mean boxes."""
+    """Return stand-ins for the labelled rocks of a view without a mesh, from mean boxes."""
     stones = labels[(labels["kind"] == ROCK) & ~labels["rock"].isin([NO_ROCK, *world.bodies])]
     boxes = stones.groupby("rock", as_index=False)[BOX_COLUMNS].mean().to_numpy(float)
     found = {int(row[0]): dome_behind(world, view, row[1:]) for row in boxes}
@@ -170,8 +167,8 @@ def draw_masks(
 ) -> None:
     """Write `polygons`/KEY.txt and `masks`/KEY.png for every key, and the COCO file `annotations`.
 
-    Polygons and grey maps are one drawing an exposure bracket, of its fullest labels; COCO has each photo's own labels,
-    and names the files of the `photos` that there are.
+    All photos of an exposure bracket share the polygons and the grey map, which show the labels of the photo with the
+    most labels. The COCO file contains the labels of each photo and the file names of existing `photos`.
     """
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
     localised = rigs.read_all_localised(cameras)
@@ -196,9 +193,9 @@ def draw_masks(
 def _draw_bracket(
     outlines: ViewOutlines, rows_of: Mapping[PhotoKey, pd.DataFrame], polygon_folder: Path, mask_folder: Path
 ) -> dict[PhotoKey, list[coco.Annotation]]:
-    """Write what all exposures share; the annotations of each."""
+    """Write the polygons and grey map of an exposure bracket; return the annotations of each photo."""
     light, azimuth = next((key.light, key.azimuth) for key in rows_of)
-    # Most labels; of several photos the one exposed longest.
+    # Most labels, then longest exposure.
     fullest = max(rows_of.items(), key=lambda item: (len(item[1]), item[0].exposure_ms))[1]
     drawing = outlines.drawing(light, azimuth, fullest)
     _write(polygon_folder, mask_folder, list(rows_of), drawing)
@@ -206,14 +203,14 @@ def _draw_bracket(
     for key, rows in rows_of.items():
         here, boxes = drawing, _boxes(rows)
         things = things_of(rows, boxes)
-        if not drawing.parts.keys() >= set(things):  # boxes of its own: a person's corrections of one exposure
+        if not drawing.parts.keys() >= set(things):  # the photo has different boxes: corrections of one exposure
             here = outlines.drawing(light, azimuth, pd.concat([rows, _unseen(fullest, rows)]))
         found[key] = _annotations(rows, things, boxes, here)
     return found
 
 
 def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
-    """Rocks that a photo is too dark to show: they hide what lies behind them all the same."""
+    """Return rocks that are invisible in a dark photo. They still occlude objects behind them."""
     rocks = fullest[(fullest["kind"] == ROCK) & (fullest["rock"] != NO_ROCK)]
     return rocks[~rocks["rock"].isin(rows.loc[rows["kind"] == ROCK, "rock"])]
 
@@ -221,7 +218,7 @@ def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
 def _annotations(
     rows: pd.DataFrame, things: Sequence[Thing], boxes: np.ndarray, drawing: Drawing
 ) -> list[coco.Annotation]:
-    """A photo's labels, those without a visible pixel left out."""
+    """Return the annotations of a photo, without labels that are fully hidden."""
     found = []
     labels = zip(things, boxes, rows["source"].tolist(), rows["confidence"].tolist(), strict=True)
     for thing, box, source, confidence in labels:

@@ -1,4 +1,4 @@
-"""Shadows of one position of the tripod in any camera's photos: as annotated, averaged with geometry, or cast by it."""
+"""Shadow labels of one position in any camera: annotated, averaged with cast shadows, or cast."""
 
 from __future__ import annotations
 
@@ -18,34 +18,33 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import at_border, move_flat
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
 
-CAST_WEIGHT = 0.3  # of a cast shadow in a box fused with one annotated in the other camera, which has 1
-MIN_SHADOW_PX = 12.0  # smallest cast shadow that is labelled, sqrt(area)
-MIN_ROVER_SHADOW_PX = 35.0  # smallest shadow under the rover light, sqrt(area): they are mostly hidden slivers
-SHADOW_GATE = 2.0  # shadows are long: they are matched within this many times the gate of rocks
-FAR_APART, FAR_APART_PX = 0.3, 6.0  # of a box's sides, and at least pixels: so far apart edges are not the same one
-OF_WALL = NO_ROCK - 1  # in pictures of who throws a shadow: a wall of the sandbox does
-SAME_SHADOW = 0.2  # least IoU of an annotated and a cast box of one shadow for both to be believed
+CAST_WEIGHT = 0.3  # weight of a cast shadow relative to an annotation in the other camera
+MIN_SHADOW_PX = 12.0  # minimum size of a labelled cast shadow, sqrt(area)
+MIN_ROVER_SHADOW_PX = 35.0  # the same under the rover light, whose shadows are mostly hidden slivers
+SHADOW_GATE = 2.0  # matching gate of shadows, which are long, relative to the gate of rocks
+FAR_APART, FAR_APART_PX = 0.3, 6.0  # maximum distance of matching edges: share of the side of the box; minimum, px
+OF_WALL = NO_ROCK - 1  # id of the sandbox walls in images of occluders
+SAME_SHADOW = 0.2  # minimum IoU of the annotated and the cast box of a shadow to average them
 
 
 @dataclass(frozen=True)
 class CastShadow:
-    """The box (4,) around a shadow that geometry casts, and whether its edges are those of a dark region in a photo."""
+    """Box (4,) of a cast shadow. `in_photo`: the edges were fitted to a dark region of the photo."""
 
     box: np.ndarray
     in_photo: bool
 
 
 def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None, cast_weight: float) -> np.ndarray:
-    """(4,) mean of an annotated box (4,) as it lies in a photo, and of the cast one: errors of pen and of geometry
-    even out.
+    """Return the mean (4,) of an annotated box (4,) and a cast box, which averages out independent errors.
 
-    An edge that was cut (4,) by the annotated photo's border needs no mean. One that the photo shows far from where
-    it was annotated does not count: there a dark patch of the ground goes on where the shadow ends.
+    Edges `cut` (4,) by the border of the annotated photo are taken from the cast box. Edges of a dark region far from
+    the annotated edges are ignored, because dark ground can continue beyond the shadow.
 
     Parameters
     ----------
     cast_weight
-        Weight of a shadow that geometry alone casts; an annotated one has 1, one whose edges a photo shows too.
+        Weight of a cast shadow. An annotated shadow and a shadow fitted to a photo have weight 1.
     """
     if cast is None or iou(annotated[None], cast.box[None])[0, 0] < SAME_SHADOW:
         return annotated
@@ -58,7 +57,7 @@ def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None,
 
 
 class PositionShadows:
-    """Shadows of one position; every camera's rays are cast once, every lamp's shadows too."""
+    """Shadow labels of one position. Rays are cast once per camera and lamp."""
 
     def __init__(self, rocks: PositionRocks, options: LabelsOptions) -> None:
         self.rocks, self.world, self.options = rocks, rocks.world, options
@@ -68,14 +67,15 @@ class PositionShadows:
     def labels(
         self, camera: CameraSide, light: Light, azimuth: Azimuth, rocks: list[Label], brightness: Brightness | None
     ) -> list[Label]:
-        """Shadows of labelled rocks under a lamp; with a photo also those that it shows and nobody drew."""
-        boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}  # nobody knows where they end
+        """Return the shadows of labelled rocks under a lamp; with a photo, including visible unannotated shadows."""
+        # With an unverified pose, the extent of shadows is unknown.
+        boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}
         cast = self.cast(camera, light, azimuth, boxes, brightness)
         shadows = self._known(camera, light, azimuth, cast)
         return shadows if brightness is None else shadows + self._unannotated(azimuth, shadows, cast)
 
     def _known(self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
-        """Shadows as annotated here, edges in the photo averaged in; or in the other one, with cast ones; or cast."""
+        """Return shadows annotated in this or else the other camera, averaged with cast shadows; else cast shadows."""
         own = self.annotated(camera, azimuth)
         if own is not None:
             throwers = self.throwers(camera, own, light, azimuth)
@@ -99,7 +99,7 @@ class PositionShadows:
         return [self.rocks.moved_label(SHADOW, rock, camera, box) for rock, box in zip(throwers, boxes, strict=True)]
 
     def _unannotated(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
-        """Shadows that the photo shows and nobody drew, each of a rock without one, where no other was annotated."""
+        """Return unannotated shadows visible in the photo that do not overlap with `shadows`."""
         known = {label.rock for label in shadows}
         taken = np.array([label.box for label in shadows]).reshape(-1, 4)
         found = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in known}
@@ -120,7 +120,7 @@ class PositionShadows:
         return annotated.shadows if annotated is not None else None
 
     def throwers(self, camera: CameraSide, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
-        """(n,) rock that throws each shadow annotated in a camera's photo, by the shadows that bodies cast there."""
+        """Return the rock (n,) that casts each annotated shadow, matched by the cast shadows of all rocks."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
         return match_ids(boxes, expected, list(cast), SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)
@@ -133,10 +133,10 @@ class PositionShadows:
         rock_boxes: Mapping[int, np.ndarray | None],
         brightness: Brightness | None = None,
     ) -> dict[int, CastShadow]:
-        """What a person would draw around the shadows of rocks, whose own boxes are given, by rock.
+        """Return the boxes of the shadows of rocks as annotators would draw them, by rock.
 
-        In a photo nothing is seen of a shadow that lies in a wall's, whose end the photo shows. Without one nobody
-        knows where walls stand well enough to say so.
+        `rock_boxes` are the labels of the rocks. With `brightness`, the shadow of a wall, whose edge is fitted to the
+        photo, hides shadows of rocks. Without a photo, the shadows of walls are too uncertain.
         """
         step, lamp_position = self.options.ray_step_px, lamp(self.world, self.rocks.localised, light, azimuth)
         assert lamp_position is not None
@@ -146,7 +146,7 @@ class PositionShadows:
             windows = windows_of(shadow)
         found = {}
         for rock, rock_box in sorted(rock_boxes.items()):
-            slivers = azimuth != "no" or rock_box is None  # under the light between the cameras nobody draws them
+            slivers = azimuth != "no" or rock_box is None  # annotators omit slivers under the rover light
             box = shadow_box(shadow, rock, rock_box, step, windows, slivers=slivers)
             if box is None:
                 continue
@@ -164,7 +164,7 @@ class PositionShadows:
     def _shaded_by_walls(
         self, ids: Ids, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
     ) -> np.ndarray:
-        """(rows, columns) bool: walls, as high as the photo shows them to be, take a lamp's light from the ground."""
+        """Return a mask (rows, columns) of ground in the shadow of a wall, with wall heights fitted to the photo."""
         step, height = self.options.ray_step_px, self.world.wall_height
         if not height:
             return np.zeros(ids.shape, bool)
@@ -174,7 +174,7 @@ class PositionShadows:
         return passing < shading_height(passing[bare], rate[bare], height)
 
     def _shadows_seen(self, camera: CameraSide, lamp_position: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
-        """What a camera sees, whose shadow a lamp (3,) throws on the ground there, and the `windows_of` of that."""
+        """Return the visible rocks of a camera, the occluder of a lamp (3,) for each pixel, and its `windows_of`."""
         view, step = self.rocks.view(camera), self.options.ray_step_px
         if camera not in self._seen:
             width, height = view.size

@@ -1,4 +1,4 @@
-"""Which pixels a label's rock or shadow has: a shape in a picture of ids, stretched to the label's box."""
+"""Masks of labels: shapes from an image of ids, stretched to the box of the label."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from polarsim.geometry.masks import windows_of, without_small_components
 from polarsim.geometry.polygons import outlines
 from polarsim.labels.casting import Ids
 
-LIKE_ITS_BOX = 0.2  # smallest IoU of a shape's own box with its label's for the shape to be believed
-SIMPLIFY_PX = 0.6  # largest distance of a dropped corner from its outline
-SMALL_REGION = 400  # px: smaller pieces of ground or background are not worth a polygon
-THIN_PX = 2  # neither are pieces that are narrower
+LIKE_ITS_BOX = 0.2  # minimum IoU of the box of a shape with the box of the label to use the shape
+SIMPLIFY_PX = 0.6  # maximum distance of a removed corner from the simplified outline
+SMALL_REGION = 400  # minimum area of a polygon of ground or background, px
+THIN_PX = 2  # minimum width of such a polygon
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A mask (h, w) of full pixels whose first pixel is (left, top)."""
+    """Mask (h, w) with the position (left, top) of the first pixel in an image."""
 
     mask: np.ndarray
     left: int
@@ -31,36 +31,36 @@ class Shape:
 
     @property
     def box(self) -> np.ndarray:
-        """(4,) around its true pixels."""
-        found = of_mask(self.mask)
-        assert found is not None
-        return found + np.tile([self.left, self.top], 2)
+        """Bounding box (4,) of the mask in the image."""
+        box = of_mask(self.mask)
+        assert box is not None
+        return box + np.tile([self.left, self.top], 2)
 
     @property
     def window(self) -> tuple[slice, slice]:
-        """Its position in a picture."""
+        """Slices of the image covered by the mask array."""
         height, width = self.mask.shape
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
     @cached_property
     def runs(self) -> rle.Rle:
-        """As part of a photo, which it must not leave; encoded once for all exposures."""
+        """Run-length encoding in a photo that contains the mask; encoded once for all exposures."""
         return rle.encode(self.mask, self.left, self.top)
 
     def rings(self) -> list[np.ndarray]:
-        """Its outlines in the picture, (n, 2) each, largest first."""
+        """Return the outlines (n, 2) in image coordinates, largest first."""
         offset = np.array([self.left, self.top], float)
         return [ring + offset for ring in outlines(self.mask, SIMPLIFY_PX)]
 
     def cut(self, width: int, height: int) -> Shape:
-        """What of it lies in a picture."""
+        """Return the part inside an image."""
         left, top = max(0, -self.left), max(0, -self.top)
         mask = self.mask[top : max(0, height - self.top), left : max(0, width - self.left)]
         return Shape(mask, self.left + left, self.top + top)
 
 
 def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
-    """Where a picture of ids (h, w) shows its rocks, without holes and small components, as people outline them."""
+    """Return the shape of each rock in an image of ids (h, w), without holes and small components."""
     return {
         rock: _trimmed(Shape(_filled(without_small_components(ids[rows, columns] == rock)), columns.start, rows.start))
         for rock, (rows, columns) in windows_of(ids).items()
@@ -68,9 +68,9 @@ def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
 
 
 def fitted(shape: Shape | None, box: np.ndarray, own_share: float = 0.0) -> Shape:
-    """A shape stretched to its label's box; a rounded box where the shape is missing or lies elsewhere.
+    """Stretch a shape to the box of a label; return a rounded box if the shape is missing or does not overlap.
 
-    With `own_share`, the box that it fills lies that far from the label's (0) to its own (1).
+    `own_share` interpolates the target box between the box of the label (0) and the box of the shape (1).
     """
     if shape is None or iou(shape.box[None], box[None])[0, 0] < LIKE_ITS_BOX:
         return rounded(box)
@@ -78,7 +78,7 @@ def fitted(shape: Shape | None, box: np.ndarray, own_share: float = 0.0) -> Shap
 
 
 def convex(shape: Shape) -> Shape:
-    """The shape with its dents filled."""
+    """Return the convex hull."""
     import cv2
 
     rows, columns = np.nonzero(shape.mask)
@@ -88,7 +88,7 @@ def convex(shape: Shape) -> Shape:
 
 
 def stretched(shape: Shape, box: np.ndarray) -> Shape:
-    """The shape with its own box mapped to another (4,)."""
+    """Return the shape with the bounding box mapped to `box` (4,)."""
     own, x, y = shape.box, *_pixel_centres(box)
     column = own[0] + (x - box[0]) / (box[2] - box[0]) * (own[2] - own[0]) - shape.left
     row = own[1] + (y - box[1]) / (box[3] - box[1]) * (own[3] - own[1]) - shape.top
@@ -99,7 +99,7 @@ def stretched(shape: Shape, box: np.ndarray) -> Shape:
 
 
 def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
-    """A superellipse that fills a box (4,): the shape of a thing of which nothing but its box is known."""
+    """Return the superellipse that fills a box (4,), for objects of unknown shape."""
     x, y = _pixel_centres(box)
     across = np.abs((2 * x - box[0] - box[2]) / (box[2] - box[0])) ** power
     down = np.abs((2 * y - box[1] - box[3]) / (box[3] - box[1])) ** power
@@ -107,7 +107,7 @@ def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
 
 
 def visible(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
-    """What is left of shapes painted one over the other, the last on top, without small components; None: nothing."""
+    """Return the visible parts, without small components, of shapes painted in order; None if fully hidden."""
     painted = np.full((height, width), -1, np.int16)
     inside = [shape.cut(width, height) for shape in shapes]
     for number, shape in enumerate(inside):
@@ -137,7 +137,7 @@ def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def backdrop(ids: Ids) -> list[tuple[str, np.ndarray]]:
-    """Rings (n, 2) of background and of ground, which goes on below rocks and shadows."""
+    """Return rings (n, 2) of background and ground. The ground includes rocks and shadows."""
     import cv2
 
     ground = np.zeros(ids.shape, np.uint8)

@@ -1,4 +1,4 @@
-"""What followed from one drawing: labels with and without it, label by label."""
+"""Labels derived from one annotation, computed by propagating with and without the annotation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from polarsim.photo import PhotoKey
 from polarsim.schemas.photos import UNDONE
 
 COLUMNS = UNDONE.columns
-LEAST_MOVE_PX = 0.5  # of an edge: less is no change
+MIN_SHIFT_PX = 0.5  # minimum shift of an edge that counts as a change
 
 Labels = Mapping[PhotoKey, Sequence[Label]]
 
@@ -29,22 +29,22 @@ def what_followed(
     options: LabelsOptions,
     out: Path,
 ) -> pd.DataFrame:
-    """Propagate a terrain's labels twice, with a drawing and without it, and write what differs: rows of `followed`.
+    """Propagate the labels of a terrain with and without an annotation, and write the changes as rows of `followed`.
 
     Parameters
     ----------
     drawing
-        The photo of a seed or of a correction.
+        Photo of the seed or correction.
     options
-        Of the labels stage; the drawing must not be taken back in them.
+        Options of the labels stage, which must not exclude the annotation.
 
     Raises
     ------
     LabelError
-        Nobody drew in that photo, or what was drawn is taken back already.
+        The photo has no annotation, or the annotation is already excluded.
     """
     if str(drawing) in options.taken_back:
-        raise LabelError(f"{drawing} is taken back already (labels.taken_back)")
+        raise LabelError(f"the annotation of {drawing} is already excluded (labels.taken_back)")
 
     def labels(without: tuple[str, ...]) -> Labels:
         return labels_of_terrain(inputs, options.model_copy(update={"taken_back": without}))
@@ -55,10 +55,9 @@ def what_followed(
 
 
 def followed(with_it: Labels, without: Labels) -> pd.DataFrame:
-    """A row a label that a drawing changed, with `COLUMNS`; `change` is what would happen without the drawing.
+    """Return a row with `COLUMNS` for each label that changes without the annotation.
 
-    `gone`: the label would not be there; `moved`: an edge would lie `moved_px` further; `new`: a label would be
-    there that is not there now.
+    `change` is `gone` (the label disappears), `moved` (an edge shifts by up to `moved_px`) or `new` (a label appears).
     """
     rows: list[tuple[object, ...]] = []
     for key in sorted({*with_it, *without}):
@@ -66,16 +65,16 @@ def followed(with_it: Labels, without: Labels) -> pd.DataFrame:
         for name in sorted({*now, *then}):
             moved = float(np.abs(now[name] - then[name]).max()) if name in now and name in then else np.nan
             change = "moved" if name in now and name in then else "gone" if name in now else "new"
-            if not moved <= LEAST_MOVE_PX:
+            if not moved <= MIN_SHIFT_PX:
                 rows.append((str(key), name[0], name[1], change, round(moved, 2)))
     types = {"key": str, "kind": str, "rock": np.int64, "change": str, "moved_px": float}
     return pd.DataFrame(rows, columns=list(COLUMNS)).astype(types)
 
 
 def _by_name(labels: Sequence[Label]) -> dict[tuple[str, int, int], np.ndarray]:
-    """Boxes (4,) by kind, rock and, of several of one rock, their number from left to right."""
-    found: dict[tuple[str, int, int], np.ndarray] = {}
+    """Return boxes (4,) by kind, rock and number; several boxes of a rock are numbered from left to right."""
+    boxes: dict[tuple[str, int, int], np.ndarray] = {}
     for label in sorted(labels, key=lambda label: (label.kind, label.rock, *label.box.tolist())):
-        number = sum(name[:2] == (label.kind, label.rock) for name in found)
-        found[label.kind, label.rock, number] = label.box
-    return found
+        number = sum(name[:2] == (label.kind, label.rock) for name in boxes)
+        boxes[label.kind, label.rock, number] = label.box
+    return boxes

@@ -1,4 +1,4 @@
-"""Visibility: what lamps light, what stands out in a photo, and what annotators draw at an exposure."""
+"""Visibility of labels: illumination by lamps, contrast in a photo, and minimum exposures of annotators."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import ShadowStarts, UnlitStarts, is_unlit
 from polarsim.photo import SHADOW, Azimuth, PhotoKey
 
-NO_SUN_START_MS = 2048  # shortest labelled exposure where only the rover light shines, as people labelled the release
-POINTS = 150  # of a rock's surface, about, to which rays are cast
-LIFT = 0.003  # metres from the surface towards the lamp: where a ray starts, clear of the rock's own faces
-FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: twice the survey's standard deviations
-OFFSETS = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp about the surveyed one
-SURROUND = 0.35  # of a box's sides: the width of the frame around it with which it is compared
-INNER = 0.8  # of a box's sides: the ellipse in which the thing itself is
+NO_SUN_START_MS = 2048  # minimum exposure labelled in the release if only the rover light is on
+POINTS = 150  # approximate number of rays cast to the surface of a rock
+LIFT = 0.003  # metres from the surface to the start of a shadow ray, to avoid self-intersection
+FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: two standard deviations of the surveyed lamp positions
+OFFSETS = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp from the surveyed position
+SURROUND = 0.35  # width of the frame around a box that contrast refers to, relative to the sides of the box
+INNER = 0.8  # diameter of the ellipse that contains the object, relative to the sides of the box
 
 
 def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
-    """Share of a rock's body above the ground that a Sun lamp reaches; 1 without body or lamp."""
+    """Return the share of the surface of a rock lit by a Sun lamp; 1 without a body or lamp."""
     body = world.bodies.get(rock)
     if body is None or azimuth not in world.suns:
         return 1.0
@@ -35,14 +35,14 @@ def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
 
 
 def surface(world: World, rock: int) -> np.ndarray:
-    """(n, 3) of a body's surface above the ground, about `POINTS`."""
+    """Return about `POINTS` surface points (n, 3) of a rock above the ground."""
     body = world.bodies[rock]
     points = body.vertices[body.above]
     return points[:: max(1, len(points) // POINTS)]
 
 
 def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
-    """(n,) bool: ground, a rock or a wall stands between points (n, 3) and a lamp (3,)."""
+    """Return whether ground, a rock or a wall occludes a lamp (3,) from points (n, 3)."""
     to_lamp = lamp - points
     starts = points + LIFT * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
     dark = world.everything.occluded(starts, to_lamp, 1.0)
@@ -52,17 +52,17 @@ def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
 
 
 def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
-    """A rock that people do not draw under a Sun lamp, for it is dark there.
+    """Return whether annotators omit a rock under a Sun lamp because it is dark.
 
-    The survey localises lamps to decimetres only, and walls and slopes throw long shadows. A rock counts as dark if it
-    is so wherever the lamp may have stood, and if it should not be dark as well at the azimuths where people drew it
-    (`annotated`): there the meshes or the walls are not as they were.
+    Lamp positions have errors of decimetres, and walls and slopes cast long shadows. A rock is dark if it is dark for
+    all lamp positions within the error. If it is also computed as dark at an azimuth at which it is `annotated`, the
+    meshes or walls are inaccurate and the result is False.
     """
     return in_the_dark(world, rock, azimuth) and not any(in_the_dark(world, rock, other) for other in annotated)
 
 
 def in_the_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
-    """No point of a rock's body above the ground is lit, wherever within the survey's error the lamp stands."""
+    """Return whether no surface point of a rock is lit for any lamp position within the error of the survey."""
     if rock not in world.bodies or azimuth not in world.suns:
         return False
     points = surface(world, rock)
@@ -71,7 +71,7 @@ def in_the_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
 
 @dataclass(frozen=True)
 class Contrast:
-    """How far a thing stands out of its surround: in grey values, and in units of a pixel's noise."""
+    """Contrast of an object with its surroundings: in grey values, and in standard deviations of pixel noise."""
 
     dn: float
     noises: float
@@ -81,10 +81,9 @@ NONE = Contrast(0.0, 0.0)
 
 
 def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Contrast:
-    """How far what a box (4,) frames stands out of its surround: root mean square difference.
+    """Return the RMS difference of the pixels in a box (4,) from the median of the surroundings, without noise.
 
-    A rock has a lit and a dark side, so that its mean may be that of the sand: every pixel is compared with the
-    median of the surround, and what noise alone adds is taken off.
+    The mean difference is unsuitable: a rock with a lit and a dark side can have the mean brightness of the sand.
     """
     height, width = brightness.rate.shape
     part = window(box, np.maximum((box[2:] - box[:2]) * SURROUND, 3.0), width, height)
@@ -106,7 +105,7 @@ def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Con
 
 @dataclass(frozen=True)
 class Starts:
-    """From which exposures on people see what, by what they drew: shadows under Sun lamps, rocks without a lamp."""
+    """Minimum exposures at which annotators draw shadows under Sun lamps and rocks without a lamp."""
 
     shadows: ShadowStarts
     unlit: UnlitStarts
@@ -115,23 +114,26 @@ class Starts:
 def visible(
     labels: list[Label], key: PhotoKey, brightness: Brightness | None, starts: Starts, options: LabelsOptions
 ) -> list[Label]:
-    """The labels of an exposure bracket that one of its photos shows; without brightness, as people draw them."""
+    """Return the labels of a bracket that are visible in one of its photos.
+
+    Visibility follows from the contrast; without `brightness`, from the minimum exposures of annotators.
+    """
     if brightness is None:
         return at_exposure(labels, key, starts)
     return [label for label in labels if stands_out(label, brightness, key.exposure_ms, options)]
 
 
 def stands_out(label: Label, brightness: Brightness, exposure_ms: int, options: LabelsOptions) -> bool:
-    """Whether a person can tell a label from its surround at an exposure."""
+    """Return whether the contrast of a label with its surroundings reaches both thresholds."""
     found = contrast(brightness, label.box, exposure_ms)
     return found.noises >= options.min_contrast and found.dn >= options.min_contrast_dn
 
 
 def at_exposure(labels: list[Label], key: PhotoKey, starts: Starts) -> list[Label]:
-    """The labels that a photo's exposure lets a person see.
+    """Return the labels that annotators draw at the exposure of a photo.
 
-    Under a Sun lamp rocks at once and shadows from their own start on, under the rover light alone all from
-    `NO_SUN_START_MS` on. Without any lamp none, but from the exposure on at which people drew the position's own.
+    Sun lamp: rocks always, shadows from the minimum exposure upwards. Rover light: all labels from `NO_SUN_START_MS`
+    upwards. No lamp: all labels from the minimum exposure of the position upwards, if the position has one.
     """
     if is_unlit(key.light, key.azimuth):
         return labels if starts.unlit.shown(key) else []
