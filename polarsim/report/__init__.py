@@ -1,4 +1,4 @@
-"""What people read of a run: tables that papers quote, figures, one page of results."""
+"""Tables, figures and results page of a run."""
 
 from polarsim.public import offered
 

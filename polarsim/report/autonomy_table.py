@@ -1,4 +1,4 @@
-"""Tables of drives in which the rover decides: kinds of drive, what each axis changes, detectors by gap and drive."""
+"""Tables of autonomous drives: drives by mode, effect of each variable, rank correlation of gap and driving."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from polarsim.report.layout import MISSING, origin_note, with_origin, write_bloc
 from polarsim.schemas.rover import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK
 
 CAPTION = (
-    "Drives in which the rover finds its own way, means over seeds: by labels (truth), a detector, stereo depth, both, "
-    "or blind along the straight line. `any`: drives do not depend on it; `all`: over all of them."
+    "Autonomous drives, means over seeds. Mode: hazards from labels (truth), a detector, stereo depth, both, or none "
+    "(blind: straight line). `any`: the drives do not depend on this variable; `all`: mean over all of its values."
 )
 EFFECTS_CAPTION = (
-    "What drives are like under each Sun, with each exposure, with lights off and on, in each model, by each detector, "
-    "over all else that was driven at every level; in brackets: against the mean of the others, by the same seeds."
+    "Effect of Sun, exposure, lights, reflectance model and detector on autonomous drives: mean of each level over the "
+    "drives available for all levels; in brackets: difference to the mean of the other levels, paired by seed."
 )
-RANK_CAPTION = "Does a detector with a smaller gap drive better? Rank correlations over detectors."
-DETECTORS_CAPTION = "Detectors that drove, means over their drives."
+RANK_CAPTION = "Rank correlation over detectors between their gap and their driving."
+DETECTORS_CAPTION = "Detectors used in drives, means over the drives."
 INTERVALS = "Intervals: 95 %, bootstrapped over seeds."
 RANK_NOTES = (
-    "Coefficients above 0: the detector with the smaller IPD, the larger mAP@0.5 of rocks or the larger F1 of rock "
-    "cells of its own maps has fewer collisions, more successes or more points of the rock map.",
-    "Intervals: 95 %, bootstrapped over `units`: seeds, or Suns with exposures and lights where one seed drove, the "
-    "same for all detectors. Only drives in light and with seeds that all detectors of a mode drove count. p of "
-    "Kendall's coefficient is of chance orders of the detectors.",
-    "Fewer than 5 detectors: nothing is claimed. Else `better` or `worse` where the interval of Kendall's coefficient "
-    "leaves out 0 and p is below 0.05, not corrected for the number of rows.",
+    "A positive coefficient means: the detector with the smaller IPD, the larger mAP@0.5 of rocks or the larger F1 of "
+    "rock cells in the maps has fewer collisions, more successes or more points of the rock map.",
+    "Intervals: 95 %, bootstrap over `units`: seeds, or combinations of Sun, exposure and lights if there is only "
+    "1 seed; the same replicates for all detectors. Only drives with light and with seeds common to all detectors of "
+    "a mode are used. p: permutation test of Kendall's coefficient over orders of the detectors.",
+    "Verdict: `better` or `worse` if there are at least 5 detectors, the interval of Kendall's coefficient excludes 0 "
+    "and p is below 0.05 (not corrected for the number of rows).",
 )
 SHOWN = {
     "collisions": "collisions",
@@ -48,7 +48,14 @@ _DRIVES = {"collisions": "collisions", "success": "success", "rock_points": "roc
 def tabulate_autonomy(
     *, together: Path, effects: Path, stem: Path, effects_stem: Path, origin: Mapping[str, str]
 ) -> None:
-    """Write what drives were like in which the rover found its own way, and what each axis changes, in four forms.
+    """Write the table of autonomous drives and the table of effects as CSV, Parquet, Markdown and LaTeX.
+
+    Parameters
+    ----------
+    together, effects
+        Parquet tables of the drives by mode and of the effects.
+    stem, effects_stem
+        Paths of the tables to write, without suffix.
 
     Raises
     ------
@@ -64,7 +71,7 @@ def tabulate_autonomy(
 
 
 def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping[str, str]) -> None:
-    """Write how detectors' order by their gap agrees with their order by driving, in four forms.
+    """Write the rank correlations between gap and driving as CSV, Parquet, Markdown and LaTeX.
 
     Raises
     ------
@@ -72,42 +79,42 @@ def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping
         A table is missing or has other columns.
     """
     table = read_parquet(ranks, AUTONOMY_RANK.columns)
-    own = read_parquet(by_detector, AUTONOMY_DETECTORS.columns)
-    blocks = {DETECTORS_CAPTION: own, RANK_CAPTION: format_rank(table)}
+    detectors = read_parquet(by_detector, AUTONOMY_DETECTORS.columns)
+    blocks = {DETECTORS_CAPTION: detectors, RANK_CAPTION: format_rank(table)}
     write_blocks(stem, with_origin(table, origin), blocks, [*RANK_NOTES, origin_note(origin)])
 
 
 def format_autonomy(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a kind of drive, a column a figure with its interval; CSV and Parquet have all figures."""
+    """Return one row per kind of drive and one column per metric in `SHOWN`, with intervals."""
     rows = []
     for key, part in table.groupby(_KEYS, sort=False):
-        own = part.set_index("metric")
+        metrics = part.set_index("metric")
         row: dict[str, object] = {**dict(zip(_KEYS, key, strict=True)), "drives": int(part["drives"].max())}
-        rows.append(row | {text: _with_interval(own, metric) for metric, text in SHOWN.items()})
+        rows.append(row | {text: _with_interval(metrics, metric) for metric, text in SHOWN.items()})
     return pd.DataFrame(rows)
 
 
 def format_effects(effects: pd.DataFrame) -> pd.DataFrame:
-    """A row a level of an axis, a column a figure with its change."""
+    """Return one row per level of a variable and one column per metric, with the change."""
     rows = []
     for key, part in effects.groupby(["mode", "axis", "level"], sort=False):
-        own = part.set_index("metric")
+        metrics = part.set_index("metric")
         row: dict[str, object] = {
             **dict(zip(["mode", "axis", "level"], key, strict=True)),
             "seeds": part["seeds"].max(),
         }
         for metric in dict.fromkeys(effects["metric"]):
-            value, change = _with_interval(own, metric), _with_interval(own, metric, "change", "change_", "+")
+            value, change = _with_interval(metrics, metric), _with_interval(metrics, metric, "change", "change_", "+")
             row[metric] = MISSING if value == MISSING else f"{value} ({change})"
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["mode", "axis", "level", "seeds"])
 
 
 def format_rank(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a mode, gap and figure of drives, coefficients with their intervals."""
+    """Return one row per mode, gap and driving metric: coefficients with intervals."""
     rows = []
     for row in table.to_dict("records"):
-        ends = {
+        coefficients = {
             name: _interval_text(row[name], row[f"{name}_low"], row[f"{name}_high"], "+")
             for name in ("spearman", "kendall")
         }
@@ -119,8 +126,8 @@ def format_rank(table: pd.DataFrame) -> pd.DataFrame:
                 "detectors": row["detectors"],
                 "drives": row["drives"],
                 "units": f"{row['units']} {row['unit']}s",
-                "Spearman": ends["spearman"],
-                "Kendall": ends["kendall"],
+                "Spearman": coefficients["spearman"],
+                "Kendall": coefficients["kendall"],
                 "p": row["kendall_p"],
                 "smaller gap drives": row["says"],
             }
@@ -128,16 +135,16 @@ def format_rank(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _with_interval(own: pd.DataFrame, metric: str, name: str = "value", ends: str = "", sign: str = "") -> str:
-    if metric not in own.index:
+def _with_interval(metrics: pd.DataFrame, metric: str, name: str = "value", prefix: str = "", sign: str = "") -> str:
+    if metric not in metrics.index:
         return MISSING
-    row = own.loc[metric].to_dict()
-    return _interval_text(row[name], row[f"{ends}low"], row[f"{ends}high"], sign)
+    row = metrics.loc[metric].to_dict()
+    return _interval_text(row[name], row[f"{prefix}low"], row[f"{prefix}high"], sign)
 
 
 def _interval_text(value: float, low: float, high: float, sign: str = "") -> str:
     if value != value:
         return MISSING
     digits = 0 if max(abs(value), abs(high) if high == high else 0) >= 100 else 2
-    text = f"{value:{sign}z.{digits}f}"  # z: no minus before a 0
+    text = f"{value:{sign}z.{digits}f}"  # z: no negative zero
     return f"{text} [{low:{sign}z.{digits}f}, {high:{sign}z.{digits}f}]" if low == low else text

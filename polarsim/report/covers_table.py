@@ -1,4 +1,4 @@
-"""The table of detectors on real cover photos of terrains that they have not seen."""
+"""Table of the detectors on real cover photos of held-out terrains."""
 
 from __future__ import annotations
 
@@ -12,32 +12,31 @@ from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.report.seeds import with_interval
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, MEAN, MERGED, ONE, RENDERED
 
-CAPTION = "Detectors trained on strewn scenes, on real cover photos of terrains left out. Each cell: value [95 %]."
+CAPTION = "Detectors trained on random scenes, tested on real cover photos of held-out terrains: value [95 % interval]."
 NOTES = (
-    "mAP@0.5, and IOU_mean, the mean over labels of the largest IoU with any prediction. Rows of a terrain: of the "
-    "detector that has not seen its rocks; all: all photos pooled, each with its own terrain's detector.",
-    "Calibration error: expected calibration error of confidences from 0.05 on (how often a box is right, IoU 0.5), "
-    "each fold's boxes calibrated by those of all other folds.",
-    "Intervals: bootstrap over photos. They hold neither for other trainings nor for other machines.",
+    "IOU_mean: mean over labels of the largest IoU with any prediction. Row of a terrain: the detector trained "
+    "without the rocks of this terrain. Row all: all photos pooled, each with the detector of the terrain.",
+    "Calibration error: expected calibration error of confidences of at least 0.05 (a box is correct at IoU 0.5); the "
+    "boxes of each fold are calibrated with the boxes of all other folds.",
+    "Intervals: bootstrap over photos. They do not include the variation between trainings or machines.",
 )
 SEVERAL = (
-    "Mean: of the figures of all seeds. Merged: of every fold's detectors of all seeds as one detector, by weighted "
-    "boxes fusion: boxes that overlap become one, and one that only one of n detectors finds has an n-th of its "
-    "confidence."
+    "Mean: mean metric over seeds. Merged: weighted boxes fusion of the detectors of all seeds; a box predicted by "
+    "only 1 of n detectors gets 1/n of the confidence."
 )
 PHOTOS_TOO = (
-    "Scenes, photos: after that {epochs} epochs of {pictures} pictures, windows of the labelled cover photos of all "
-    "terrains but those of the tested photo's fold, which show the same sandbox and walls, and of scenes."
+    "Scenes, photos: fine-tuned for {epochs} epochs of {pictures} images: scenes, and windows of the labelled cover "
+    "photos of all terrains outside the tested fold (same sandbox and walls)."
 )
 TRAINED_ON = {RENDERED: "scenes", FINE_TUNED: "scenes, photos"}
 
 
 def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/covers.{csv,md,tex,parquet} from the scores of the covers stage, a file a way of training."""
+    """Write tables/covers.{csv,md,tex,parquet} from the scores of the covers stage, one file per training method."""
     table = pd.concat([read_parquet(path, COVER_SCORES.columns) for path in scores], ignore_index=True)
     first = table.iloc[0]
     trained = (
-        f"Detector {first['detector']} from {first['start']}, {first['epochs']} epochs of {first['pictures']} pictures "
+        f"Detector {first['detector']} from {first['start']}, {first['epochs']} epochs of {first['pictures']} images "
         f"of scenes, {first['folds']} folds."
     )
     notes = [*NOTES, trained]
@@ -48,9 +47,9 @@ def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -
 
 
 def tidy_covers(table: pd.DataFrame) -> pd.DataFrame:
-    """A row for all cover photos and one a terrain, for each way of training.
+    """Return one row for all cover photos and one per terrain, for each training method.
 
-    Of several seeds one for each, their mean and all merged.
+    With several seeds there is a row for each seed, for the mean and for the merged detector.
     """
     rows = [
         _row(part, several=_are_several(table), fine_tuned=_are_fine_tuned(table))
@@ -69,9 +68,9 @@ def _row(part: pd.DataFrame, several: bool, fine_tuned: bool) -> dict[str, objec
         row["detectors"] = {ONE: f"seed {first['seed']}", MEAN: "mean", MERGED: "merged"}[first["detectors"]]
     row["photos"] = int(first["images"])
     for kind in BOX_CLASSES:
-        own = part[part["kind"] == kind]
-        row[f"{kind}s"] = int(own["labels"].iloc[0]) if len(own) else 0
-        row[f"{kind}s, mAP@0.5"] = with_interval(own.iloc[0], "map50") if len(own) else ""
+        scores = part[part["kind"] == kind]
+        row[f"{kind}s"] = int(scores["labels"].iloc[0]) if len(scores) else 0
+        row[f"{kind}s, mAP@0.5"] = with_interval(scores.iloc[0], "map50") if len(scores) else ""
     rocks = part[part["kind"] == BOX_CLASSES[0]]
     row["rocks, IOU_mean"] = float(rocks["iou_mean"].mean())
     row["rocks, calibration error"] = float(rocks["calibration_error"].mean())

@@ -1,4 +1,4 @@
-"""The table of detection: every detector on every domain, in the paper's Table 1's layout, its figures beside."""
+"""Table of every detector on every domain, in the layout of the paper's Table 1 and next to the paper's values."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ MEASURES = ("map50", "map50_95", "iou_mean")
 INTERVALS = tuple(f"{name}_{bound}" for name in MEASURES for bound in ("low", "high"))
 KINDS = (ROCK, "shadow", "all")
 CAPTION = "Detection: mAP@0.5 / mAP@[0.5:0.95] / IOU_mean, higher is better (T: trained on, E: evaluated on)."
-INTERVAL_CAPTION = "95 % intervals of the same figures, by a bootstrap of {}s."
+INTERVAL_CAPTION = "95 % intervals of the same metrics, bootstrap over {}s."
 
 
 def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], others: Path | None = None) -> None:
     """Write tables/detection.{csv,md,tex,parquet} from detect/detection.parquet.
 
-    `others` is the same of detectors of further models, whose rows come after.
+    `others` is the same table for detectors of further models; the rows are appended.
     """
-    found = pd.concat(
+    scores = pd.concat(
         [read_parquet(path, detect.DETECTION.columns) for path in (detection, others) if path], ignore_index=True
     )
-    table = tidy_detection(found, origin["source"])
+    table = tidy_detection(scores, origin["source"])
     notes = [*paper.analog_notes(table, ("trained", "evaluated")), *detector_notes(table)]
     notes += seed_notes(table)
     if table["paper_map50"].notna().any():
@@ -44,9 +44,9 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], o
 
 
 def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
-    """A row for every kind, trained and evaluated domain in the paper's order, the paper's figures in `paper_*`.
+    """Return one row per kind, training domain and evaluated domain in the paper's order.
 
-    The paper has rocks in NASA's photos and their twins only: all other rows have no figure of it.
+    Columns `paper_*` contain the paper's values, which exist for rocks in NASA's photos and the twins only.
     """
     table = paper.with_own_names(
         detection[[name for name in DETECTION.columns if not name.startswith("paper_")]],
@@ -54,24 +54,24 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
         source,
     )
     cells = list(zip(table["kind"], table["trained"], table["evaluated"], strict=True))
-    found = [
+    published = [
         paper.DETECTION.get((trained, evaluated)) if kind == ROCK and paper.is_comparable(source) else None
         for kind, trained, evaluated in cells
     ]
     for number, name in enumerate(MEASURES):
-        values = [figures[number] if figures else float("nan") for figures in found]
+        values = [metrics[number] if metrics else float("nan") for metrics in published]
         table[f"paper_{name}"] = pd.Series(values, dtype="float64")
     domains = (key for name in ("trained", "evaluated") for key in (table[name].map(paper.rank), table[name]))
     return paper.sorted_rows(table, table["kind"].map(KINDS.index), table["split"].astype(str), *domains)
 
 
 def format_detection(table: pd.DataFrame) -> pd.DataFrame:
-    """The paper's Table 1 out of tidy rows: a row a detector, a column an evaluated domain, then the paper's."""
+    """Return one row per detector and one column per evaluated domain, followed by the paper's columns."""
     return _format(table, _cell)
 
 
 def format_intervals(table: pd.DataFrame) -> pd.DataFrame:
-    """The same cells with the bounds of the intervals; the paper has none."""
+    """Return the intervals in the layout of `format_detection`; the paper has no intervals."""
     shown = _format(table, _interval_cell)
     return shown[[name for name in shown.columns if not name.startswith("paper")]]
 
@@ -79,8 +79,8 @@ def format_intervals(table: pd.DataFrame) -> pd.DataFrame:
 def _format(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
     evaluated = paper.in_order(set(table["evaluated"]))
     several = len(table[["split", "detector", "epochs", "imgsz"]].drop_duplicates()) > 1
-    beside = table["paper_map50"].notna().any()  # else no column of the paper is shown
-    theirs = [domain for domain in evaluated if beside and domain in paper.DOMAIN_ORDER]
+    comparable = table["paper_map50"].notna().any()
+    published = [domain for domain in evaluated if comparable and domain in paper.DOMAIN_ORDER]
     rows = []
     names = ["kind", "split", "detector", "epochs", "imgsz", "trained"]
     for group, part in table.groupby(names, sort=False):
@@ -88,7 +88,7 @@ def _format(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd
         row: dict[str, str] = {"labels": kind, "T": paper.title(trained)}
         if several:
             row["detector"] = f"{detector}, {epochs} epochs at {imgsz} px, split by {split}"
-        for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", theirs)):
+        for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", published)):
             for domain in domains:
                 row[text.format(paper.title(domain))] = cell(part[part["evaluated"] == domain], prefix)
         rows.append(row)
@@ -96,10 +96,10 @@ def _format(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd
 
 
 def _cell(part: pd.DataFrame, prefix: str) -> str:
-    figures = part[[prefix + name for name in MEASURES]].dropna()
-    if not len(figures):
+    metrics = part[[prefix + name for name in MEASURES]].dropna()
+    if not len(metrics):
         return MISSING
-    return " / ".join(over_seeds(figures[name] if not prefix else figures[name][:1]) for name in figures.columns)
+    return " / ".join(over_seeds(metrics[name] if not prefix else metrics[name][:1]) for name in metrics.columns)
 
 
 def _interval_cell(part: pd.DataFrame, prefix: str) -> str:
@@ -110,43 +110,40 @@ def _interval_cell(part: pd.DataFrame, prefix: str) -> str:
 
 
 def detector_notes(detection: pd.DataFrame) -> list[str]:
-    """What one must know before comparing: detector, training, split, seeds, size of the test.
-
-    Of detect/detection.parquet, whichever table the notes stand below.
-    """
+    """Return notes on detector, training, split, seeds and number of test images, from detect/detection.parquet."""
     seeds = ", ".join(str(seed) for seed in sorted(set(detection[SEED])))
     notes = []
     for (detector, start, epochs, imgsz, split), part in detection.groupby(
         ["detector", "start", "epochs", "imgsz", "split"], sort=False
     ):
-        leak = "views are shared by training and test" if part["leaks_views"].any() else "no view is in both parts"
+        leak = "training and test share views" if part["leaks_views"].any() else "training and test share no view"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
-        training = f"started from {start}, {epochs} epochs by seed {seeds}"
+        training = f"started from {start}, {epochs} epochs, seed {seeds},"
         notes.append(f"Detector {detector}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
         corrupt = int(part["left_out"].max())
         if corrupt:
             notes.append(
-                f"Split by {split}: up to {corrupt} corrupt pictures of a detector's training and test left out."
+                f"Split by {split}: up to {corrupt} corrupt images excluded from training and test of a detector."
             )
     return notes
 
 
 def notes_below(
     table: pd.DataFrame,
-    own: Sequence[str],
+    notes: Sequence[str],
     detection: Path | None,
     origin: Mapping[str, str],
     domains: Sequence[str] = ("trained", "evaluated"),
 ) -> list[str]:
-    """What stands below a table of detectors: its own notes between what all such tables say.
+    """Return all notes below a table of detectors: `notes` and the notes common to all such tables.
 
     Parameters
     ----------
     detection
-        detect/detection.parquet, for `detector_notes`; None leaves these out.
+        detect/detection.parquet, for `detector_notes`; None omits these notes.
     domains
-        Columns that name domains: where one is the analog, that is said first.
+        Columns that name domains. If a domain is the analog, the first note says so.
     """
     detectors = [] if detection is None else detector_notes(read_parquet(detection, detect.DETECTION.columns))
-    return [*paper.analog_notes(table, domains), *own, *seed_notes(table), *detectors, origin_note(origin)]
+    return [*paper.analog_notes(table, domains), *notes, *seed_notes(table), *detectors, origin_note(origin)]

@@ -1,4 +1,4 @@
-"""All tables of what a run's detectors found, from the tables of the detect stage."""
+"""Tables of a run's detectors, from the tables of the detect stage."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from polarsim.report.seeds import SEED, by_splits, over_seeds, shown
 from polarsim.schemas.detect import BREAKDOWN, DIFFERENCES, FALSE_POSITIVES
 
 FALSE_POSITIVE_CAPTION = (
-    "False positives: rocks seen where no rock is labelled, lower is better (T: trained on, E: evaluated on)."
+    "False positives: predicted rocks without a rock label, lower is better (T: trained on, E: evaluated on)."
 )
 FALSE_POSITIVE_NOTES = (
-    "A predicted rock is a false positive if it covers less than a tenth of the smaller one of it "
-    "and each rock label; `detect.comparison.iou_confidence` is its least confidence.",
-    "Rock-free tiles: of 8 x 4 tiles of each photo those that no rock label reaches into; rates are per whole photo's "
-    "area. Rocks that nobody labelled count as false. In brackets 95 % intervals, bootstrapped.",
+    "A predicted rock is a false positive if its overlap with every rock label is below 10 % of the smaller box. "
+    "Minimum confidence: `detect.comparison.iou_confidence`.",
+    "Rock-free tiles: tiles of a photo (8 x 4) that no rock label overlaps; rates are scaled to the area of a photo. "
+    "Unlabelled rocks count as false positives. In brackets: 95 % bootstrap intervals.",
 )
 BREAKDOWN_CAPTIONS = {
     "all": "Detection in all photos: mAP@0.5 [95 %], higher is better (T: trained on, E: evaluated on).",
@@ -35,18 +35,17 @@ BREAKDOWN_CAPTIONS = {
 }
 SIZES = ("small", "medium", "large")
 BREAKDOWN_NOTES = (
-    "Sizes are COCO's, of the label's box in a photo of full size: small below 32 x 32 px, medium up to 96 x 96 px, "
-    "large above. Predictions on labels of another size are neither right nor wrong.",
-    "Average precision: mean over 101 recalls of the highest precision there or beyond. Intervals: bootstrap of views "
-    "(terrain, position, camera) or of photos, as the run's option `detect.comparison.resampled` says; none for a "
-    "single one.",
+    "Sizes are COCO's, for label boxes in photos of full size: small below 32 x 32 px, medium up to 96 x 96 px, large "
+    "above. Predictions matched to labels of other sizes are ignored.",
+    "Average precision: 101-point interpolation. Intervals: bootstrap over views (terrain, position, camera) or "
+    "photos, see option `detect.comparison.resampled`; no interval for a single view or photo.",
 )
 DOMAINS = ("trained", "evaluated", "other_trained", "other_evaluated")
 METRIC_TITLES = {"map50": "mAP@0.5", "ipd": "IPD"}
-DIFFERENCE_CAPTION = "Paired differences: each of the first minus the second, with its own 95 % interval."
+DIFFERENCE_CAPTION = "Paired differences: metric of the first minus metric of the second, with 95 % interval."
 DIFFERENCE_NOTE = (
-    "Both sides of a difference are resampled together, so its interval tells whether they differ: it holds zero where "
-    "these photos cannot tell. Intervals of the two metrics themselves may meet all the same. IPD: lower is better."
+    "Both metrics are computed on the same bootstrap replicates. An interval without 0 shows a significant difference, "
+    "even if the intervals of the two metrics overlap. IPD: lower is better."
 )
 
 
@@ -64,14 +63,14 @@ def tabulate_detectors(
 ) -> None:
     """Write detection, differences, detection_breakdown, false_positives, ipd, ipd_rocks, each as {csv,md,tex,parquet}.
 
-    Below each table stand what one must know of the detectors, `detection_table.detector_notes`.
+    Notes on the detectors follow each table, see `detection_table.detector_notes`.
 
     Parameters
     ----------
     detection, differences, breakdown, false_positives, ipd, rocks
         Parquet tables of the detect stage.
     others
-        Table `detection` of detectors of further models; None for a run without them.
+        Table `detection` of detectors of further models; None if the run has no further models.
     tables
         Folder to write to.
     """
@@ -99,7 +98,7 @@ def tabulate_false_positives(
 
 
 def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
-    """One row for each region, detector and domain."""
+    """Return one row per region, detector and domain."""
     columns = ["where", "T", "E", "terrains", "photos", "per photo", "share of area, %"]
     rows = []
     for split, matched in by_splits(table):
@@ -128,7 +127,7 @@ def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], d
 
 
 def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Domains by their names in our tables, rows in the paper's order of them."""
+    """Return the rows with the domain names of the tables, in the paper's order of domains."""
     table = paper.with_own_names(breakdown, ("trained", "evaluated"), source)
     domains = (table[name].map(paper.rank) for name in ("trained", "evaluated"))
     sizes = table["group"].map(lambda name: SIZES.index(name) if name in SIZES else len(SIZES))
@@ -137,7 +136,7 @@ def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a kind, detector and domain, a column a group, of tidy rows of one `by`."""
+    """Return one row per kind, detector and domain and one column per group, from rows with a single `by`."""
     groups = list(dict.fromkeys(table["group"]))
     names = ["kind", "trained", "evaluated"]
     rows = []
@@ -145,8 +144,8 @@ def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
         for (kind, trained, evaluated), part in matched.groupby(names, sort=False):
             row = split | {"labels": kind, "T": paper.title(str(trained)), "E": paper.title(str(evaluated))}
             for group in groups:
-                found = part[part["group"] == group]
-                row[str(group)] = shown(found, "map50") if len(found) else MISSING
+                scores = part[part["group"] == group]
+                row[str(group)] = shown(scores, "map50") if len(scores) else MISSING
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -161,7 +160,7 @@ def tabulate_differences(*, differences: Path, detection: Path, stem: Path, orig
 
 
 def tidy_differences(differences: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Rows with domains by their names in our tables: rocks first, mAP before IPD, in the paper's order of domains."""
+    """Return the rows sorted by kind (rocks first), metric (mAP first) and the paper's order of domains."""
     table = paper.with_own_names(differences, [*DOMAINS, "against"], source)
     kind, metric = table["kind"].map(KINDS.index), table["metric"].map(list(METRIC_TITLES).index)
     ranks = [table[name].map(paper.rank) for name in ("trained", "against", "evaluated", *DOMAINS[2:])]
@@ -169,7 +168,7 @@ def tidy_differences(differences: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def format_differences(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a comparison: what is compared, both values, their difference with its interval."""
+    """Return one row per comparison: both detectors, both values, the difference with interval."""
     rows = []
     several = len(set(table["split"])) > 1
     for key, part in table.groupby(["kind", "split", "metric", "against", *DOMAINS], sort=False):
@@ -182,6 +181,6 @@ def format_differences(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _side(against: str, trained: str, evaluated: str) -> str:
-    """What a metric is of; an IPD lies between two domains."""
-    seen = f"{paper.title(against)} and {paper.title(evaluated)}" if against else paper.title(evaluated)
-    return f"{paper.title(trained)} on {seen}"
+    """Return a text such as "Real on Hapke", or "Real on Analog and Hapke" for an IPD of two domains."""
+    domains = f"{paper.title(against)} and {paper.title(evaluated)}" if against else paper.title(evaluated)
+    return f"{paper.title(trained)} on {domains}"
