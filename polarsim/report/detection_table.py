@@ -48,7 +48,7 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
 
     Columns `paper_*` contain the paper's values, which exist for rocks in NASA's photos and the twins only.
     """
-    table = paper.with_own_names(
+    table = paper.with_display_names(
         detection[[name for name in DETECTION.columns if not name.startswith("paper_")]],
         ("trained", "evaluated"),
         source,
@@ -61,7 +61,7 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
     for number, name in enumerate(MEASURES):
         values = [metrics[number] if metrics else float("nan") for metrics in published]
         table[f"paper_{name}"] = pd.Series(values, dtype="float64")
-    domains = (key for name in ("trained", "evaluated") for key in (table[name].map(paper.rank), table[name]))
+    domains = (key for name in ("trained", "evaluated") for key in (table[name].map(paper.domain_rank), table[name]))
     return paper.sorted_rows(table, table["kind"].map(KINDS.index), table["split"].astype(str), *domains)
 
 
@@ -77,7 +77,7 @@ def format_intervals(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _format(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd.DataFrame:
-    evaluated = paper.in_order(set(table["evaluated"]))
+    evaluated = paper.sorted_domains(set(table["evaluated"]))
     several = len(table[["split", "detector", "epochs", "imgsz"]].drop_duplicates()) > 1
     comparable = table["paper_map50"].notna().any()
     published = [domain for domain in evaluated if comparable and domain in paper.DOMAIN_ORDER]
@@ -85,12 +85,12 @@ def _format(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd
     names = ["kind", "split", "detector", "epochs", "imgsz", "trained"]
     for group, part in table.groupby(names, sort=False):
         kind, split, detector, epochs, imgsz, trained = (str(value) for value in group)
-        row: dict[str, str] = {"labels": kind, "T": paper.title(trained)}
+        row: dict[str, str] = {"labels": kind, "T": paper.domain_title(trained)}
         if several:
             row["detector"] = f"{detector}, {epochs} epochs at {imgsz} px, split by {split}"
         for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", published)):
             for domain in domains:
-                row[text.format(paper.title(domain))] = cell(part[part["evaluated"] == domain], prefix)
+                row[text.format(paper.domain_title(domain))] = cell(part[part["evaluated"] == domain], prefix)
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
 

@@ -13,7 +13,7 @@ from polarsim.report.detection_table import KINDS, notes_below, tabulate_detecti
 from polarsim.report.ipd_rocks_table import tabulate_ipd_rocks
 from polarsim.report.ipd_table import tabulate_ipd
 from polarsim.report.layout import MISSING, with_origin, write_blocks, write_table
-from polarsim.report.seeds import SEED, by_splits, over_seeds, shown
+from polarsim.report.seeds import SEED, by_splits, metric_cell, over_seeds
 from polarsim.schemas.detect import BREAKDOWN, DIFFERENCES, FALSE_POSITIVES
 
 FALSE_POSITIVE_CAPTION = (
@@ -88,9 +88,9 @@ def tabulate_false_positives(
 ) -> None:
     """Write tables/false_positives.{csv,md,tex,parquet} from detect/false_positives.parquet."""
     table = read_parquet(false_positives, FALSE_POSITIVES.columns)
-    table = paper.with_own_names(table, ("trained", "evaluated"), origin["source"])
+    table = paper.with_display_names(table, ("trained", "evaluated"), origin["source"])
     table = paper.sorted_rows(
-        table, table["region"], *(table[name].map(paper.rank) for name in ("trained", "evaluated"))
+        table, table["region"], *(table[name].map(paper.domain_rank) for name in ("trained", "evaluated"))
     )
     notes = notes_below(table, FALSE_POSITIVE_NOTES, detection, origin)
     shown_table = format_false_positives(table)
@@ -107,12 +107,12 @@ def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
             percent = part.assign(**{name: 100 * part[name] for name in shares})
             values = (
                 region,
-                paper.title(str(trained)),
-                paper.title(str(evaluated)),
+                paper.domain_title(str(trained)),
+                paper.domain_title(str(evaluated)),
                 str(part["terrains"].iloc[0]),
                 int(part["images"].iloc[0]),
-                shown(part, "per_photo"),
-                shown(percent, "area_share"),
+                metric_cell(part, "per_photo"),
+                metric_cell(percent, "area_share"),
             )
             rows.append(split | dict(zip(columns, values, strict=True)))
     return pd.DataFrame(rows, columns=None if rows else columns)
@@ -128,8 +128,8 @@ def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], d
 
 def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
     """Return the rows with the domain names of the tables, in the paper's order of domains."""
-    table = paper.with_own_names(breakdown, ("trained", "evaluated"), source)
-    domains = (table[name].map(paper.rank) for name in ("trained", "evaluated"))
+    table = paper.with_display_names(breakdown, ("trained", "evaluated"), source)
+    domains = (table[name].map(paper.domain_rank) for name in ("trained", "evaluated"))
     sizes = table["group"].map(lambda name: SIZES.index(name) if name in SIZES else len(SIZES))
     order = table["by"].map(list(BREAKDOWN_CAPTIONS).index), table["kind"].map(KINDS.index)
     return paper.sorted_rows(table, *order, *domains, sizes, table["group"].astype(str))
@@ -142,10 +142,14 @@ def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for split, matched in by_splits(table):
         for (kind, trained, evaluated), part in matched.groupby(names, sort=False):
-            row = split | {"labels": kind, "T": paper.title(str(trained)), "E": paper.title(str(evaluated))}
+            row = split | {
+                "labels": kind,
+                "T": paper.domain_title(str(trained)),
+                "E": paper.domain_title(str(evaluated)),
+            }
             for group in groups:
                 scores = part[part["group"] == group]
-                row[str(group)] = shown(scores, "map50") if len(scores) else MISSING
+                row[str(group)] = metric_cell(scores, "map50") if len(scores) else MISSING
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -161,9 +165,9 @@ def tabulate_differences(*, differences: Path, detection: Path, stem: Path, orig
 
 def tidy_differences(differences: pd.DataFrame, source: str) -> pd.DataFrame:
     """Return the rows sorted by kind (rocks first), metric (mAP first) and the paper's order of domains."""
-    table = paper.with_own_names(differences, [*DOMAINS, "against"], source)
+    table = paper.with_display_names(differences, [*DOMAINS, "against"], source)
     kind, metric = table["kind"].map(KINDS.index), table["metric"].map(list(METRIC_TITLES).index)
-    ranks = [table[name].map(paper.rank) for name in ("trained", "against", "evaluated", *DOMAINS[2:])]
+    ranks = [table[name].map(paper.domain_rank) for name in ("trained", "against", "evaluated", *DOMAINS[2:])]
     return paper.sorted_rows(table, kind, table["split"], metric, *ranks, table[SEED])
 
 
@@ -176,11 +180,15 @@ def format_differences(table: pd.DataFrame) -> pd.DataFrame:
         row = {"labels": kind} | ({"split by": split} if several else {}) | {"metric": METRIC_TITLES[metric]}
         row |= {"first": _side(against, *sides[:2]), "second": _side(against, *sides[2:])}
         row |= {"of the first": over_seeds(part["value"]), "of the second": over_seeds(part["other_value"])}
-        rows.append(row | {"difference": shown(part, "difference")})
+        rows.append(row | {"difference": metric_cell(part, "difference")})
     return pd.DataFrame(rows)
 
 
 def _side(against: str, trained: str, evaluated: str) -> str:
     """Return a text such as "Real on Hapke", or "Real on Analog and Hapke" for an IPD of two domains."""
-    domains = f"{paper.title(against)} and {paper.title(evaluated)}" if against else paper.title(evaluated)
-    return f"{paper.title(trained)} on {domains}"
+    domains = (
+        f"{paper.domain_title(against)} and {paper.domain_title(evaluated)}"
+        if against
+        else paper.domain_title(evaluated)
+    )
+    return f"{paper.domain_title(trained)} on {domains}"

@@ -1,4 +1,4 @@
-"""The evaluation of every stage in one table, over terrains."""
+"""Table of the metrics of all stages and terrains, and comparison of runs."""
 
 from __future__ import annotations
 
@@ -16,56 +16,55 @@ from polarsim.report.layout import MISSING, format_value, origin_note, with_orig
 from polarsim.scoring.complaints import complaints
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 
-CAPTION = "Quality of every stage. Unit 1: a share or ratio; against: what a metric is measured against."
+CAPTION = "Metrics of every stage, one column per terrain. Unit 1: share or ratio; against: reference of the metric."
 ROW_NAMES = ("stage", "subject", "metric", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
 RUNS_CAPTION = (
-    "Quality of {runs}, in this order in every cell. Unit 1: a share or ratio; against: what a metric is measured "
-    "against."
+    "Metrics of the runs {runs}, in this order in every cell. Unit 1: share or ratio; against: reference of the metric."
 )
 MEDIAN_NOTE = (
-    "Medians: of each run over the terrains that all runs with this metric have; none where they share no terrain. "
-    "n is in the CSV form."
+    "Median: over the terrains shared by all runs that have the metric; no value if they share no terrain. The CSV "
+    "file contains n."
 )
-DIFFERENCE_NOTE = "Difference: the median of each further run less that of {run}."
-MOST_LINES = 8  # of a summary
-_OF_TERRAIN = ["terrain", *ROW_NAMES]
+DIFFERENCE_NOTE = "Difference: median of each further run minus median of {run}."
+MAX_LINES = 8  # of a summary
+_TERRAIN_METRIC = ["terrain", *ROW_NAMES]
 
 
 def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
     """Write tables/evaluation.{csv,md,tex,parquet} from the metric files of all stages and terrains.
 
-    What does not agree with itself is said below the table.
+    Notes below the table list the disagreements that the run's checks of consistency found.
     """
     table = join_metrics([read_csv(path, COLUMNS) for path in parts])
-    notes = ["Terrains stand side by side; n is in the CSV form.", *complaints(table), origin_note(origin)]
+    notes = ["The CSV file contains n.", *complaints(table), origin_note(origin)]
     write_table(stem, with_origin(table, origin), CAPTION, layout=format_evaluation(table), notes=notes)
 
 
 def join_metrics(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """All rows in the order of the stages, then of the terrains."""
+    """Concatenate tables of metrics and sort the rows by stage and terrain."""
     parts = [part for part in parts if len(part)]
     if not parts:
         return metrics_table("", 0, [])
     table = pd.concat(parts, ignore_index=True)[list(COLUMNS)]
     table = table.astype({"unit": "str", "subject": "str", "value": "float64", "terrain": "int64", "n": "int64"})
-    return in_order(table)
+    return sort_by_stage(table)
 
 
-def in_order(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows in the order of the stages, then of the terrains, else as they came."""
+def sort_by_stage(table: pd.DataFrame) -> pd.DataFrame:
+    """Sort rows by stage, then by terrain; the sort is stable."""
     index = [STAGES.index(stage) if stage in STAGES else len(STAGES) for stage in table["stage"]]
     order = np.lexsort((np.arange(len(table)), table["terrain"].to_numpy(), np.array(index)))
     return table.iloc[order].reset_index(drop=True)
 
 
 def format_evaluation(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a metric, a column a terrain; the four metrics of a box score share a row."""
+    """Return one row per metric and one column per terrain; the four metrics of a box score share a row."""
     terrains = sorted(set(table["terrain"]))
     order: list[tuple[str, ...]] = []
     shown: dict[tuple[tuple[str, ...], int], str] = {}
     for terrain in terrains:
-        at = 0  # a terrain's new rows stand behind those that went before them there
+        at = 0  # a row that only this terrain has is inserted after the preceding row of this terrain
         for index, text in _shown_rows(table[table["terrain"] == terrain]):
             if index not in order:
                 order.insert(at, index)
@@ -77,19 +76,19 @@ def format_evaluation(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
-    """What names a row, and its cell, for one terrain in order."""
-    found: dict[tuple[str, ...], list[str]] = {}
+    """Return the index (`ROW_NAMES`) and the cell of each row of one terrain."""
+    texts_of: dict[tuple[str, ...], list[str]] = {}
     scored = {(row["stage"], row["subject"]) for row in table.to_dict("records") if row["metric"] == "f1"}
     for entry in table.to_dict("records"):
         joined = entry["metric"] in BOX_METRICS and (entry["stage"], entry["subject"]) in scored
         names = {**entry, "metric": " / ".join(BOX_METRICS) if joined else entry["metric"]}
         text = shown_value(float(entry["value"]), str(entry["unit"]))
-        found.setdefault(tuple(str(names[name]) for name in ROW_NAMES), []).append(text)
-    return [(index, " / ".join(texts)) for index, texts in found.items()]
+        texts_of.setdefault(tuple(str(names[name]) for name in ROW_NAMES), []).append(text)
+    return [(index, " / ".join(texts)) for index, texts in texts_of.items()]
 
 
 def shown_value(value: float, unit: str) -> str:
-    """Text of a metric, with the decimals of its unit."""
+    """Return the value as text with the decimals of the unit."""
     if math.isnan(value):
         return MISSING
     counted = unit == "1" and value > 1 and value == round(value)  # no share is larger
@@ -99,40 +98,42 @@ def shown_value(value: float, unit: str) -> str:
 
 
 def compare_runs(*, runs: Sequence[Path], stem: Path, common: bool = False, differences: bool = False) -> pd.DataFrame:
-    """Write stem.{csv,md,tex,parquet}: the metrics that the stages of the runs have measured so far.
+    """Write the available metrics of several runs as stem.{csv,md,tex,parquet} and return the rows.
 
-    CSV and Parquet hold a row a run, terrain and metric; Markdown and LaTeX a row a metric and a column a terrain, in
-    which the runs follow each other. Returns the rows.
+    CSV and Parquet have one row per run, terrain and metric. Markdown and LaTeX have one row per metric and one column
+    per terrain; a cell lists the values of all runs.
 
     Parameters
     ----------
     runs
         Folders of the runs.
     stem
-        Tables to write, without their ending.
+        Path of the tables to write, without suffix.
     common
-        Leave out each metric of a terrain that a run has not measured there.
+        Keep only the metrics of a terrain that all runs have.
     differences
-        Add the column `difference`: the value less that of the first run; of Markdown and LaTeX, of the medians.
+        Add the column `difference`: the value minus that of the first run (in Markdown and LaTeX: of the medians).
 
     Raises
     ------
     PolarsimError
-        A run has measured nothing, or is named twice; the runs have no metric in common.
+        A run has no metrics or is given twice, or the runs have no metric in common.
     FormatError
-        A file of metrics is broken.
+        A file of metrics is invalid.
     """
     if twice := [run.name for number, run in enumerate(runs) if run in runs[:number]]:
-        raise PolarsimError(f"run {twice[0]!r} is named twice")
-    table = in_order(pd.concat([_measured(run) for run in runs], ignore_index=True))
+        raise PolarsimError(f"run {twice[0]!r} is given twice, name each run once")
+    table = sort_by_stage(pd.concat([_read_metrics(run) for run in runs], ignore_index=True))
     names = [run.name for run in runs]
     if common:
         table = _common(table, len(runs))
         if table.empty:
-            raise PolarsimError(f"runs {', '.join(names)} have no metric of a terrain in common; --all compares all")
+            raise PolarsimError(
+                f"runs {', '.join(names)} have no metric of a terrain in common; use --all to list all metrics"
+            )
     if differences:
-        first = table[table["run"] == names[0]].set_index(_OF_TERRAIN)["value"]
-        of_first = first.reindex(pd.MultiIndex.from_frame(table[_OF_TERRAIN])).to_numpy()
+        first = table[table["run"] == names[0]].set_index(_TERRAIN_METRIC)["value"]
+        of_first = first.reindex(pd.MultiIndex.from_frame(table[_TERRAIN_METRIC])).to_numpy()
         table["difference"] = np.where(table["run"] == names[0], np.nan, (table["value"] - of_first).round(9))
     caption = RUNS_CAPTION.format(runs=" / ".join(names))
     notes = [MEDIAN_NOTE, *([DIFFERENCE_NOTE.format(run=names[0])] if differences else [])]
@@ -141,21 +142,21 @@ def compare_runs(*, runs: Sequence[Path], stem: Path, common: bool = False, diff
 
 
 def _common(table: pd.DataFrame, runs: int) -> pd.DataFrame:
-    """Return the rows of the metrics that all runs have measured on the same terrain."""
+    """Return the rows of the metrics that all runs have for the same terrain."""
     measured = table[table["value"].notna()]
-    counts = measured.groupby(_OF_TERRAIN)["run"].transform("nunique")
+    counts = measured.groupby(_TERRAIN_METRIC)["run"].transform("nunique")
     return measured[counts == runs].reset_index(drop=True)
 
 
 def compared(table: pd.DataFrame, runs: Sequence[str]) -> list[str]:
-    """Return lines that summarise a comparison: F1 of the labels, else the first metrics; at most `MOST_LINES`.
+    """Return at most `MAX_LINES` lines that summarise a comparison: F1 of the labels, else the first metrics.
 
-    Each has the medians of the runs in turn, the difference of each to the first run, and what each was measured on.
+    Each line contains the median of each run, the differences to the first run and the number of samples n of each run.
     """
     rows = format_runs(table, runs, differences=True)
     sizes = table.groupby([*ROW_NAMES, "run"], sort=False)["n"].sum().to_dict()
     of_labels = rows[(rows["stage"] == "labels") & (rows["metric"] == "f1")]
-    chosen = (of_labels if len(of_labels) else rows).head(MOST_LINES)
+    chosen = (of_labels if len(of_labels) else rows).head(MAX_LINES)
     lines = []
     for row in chosen.to_dict("records"):
         names = tuple(row[name] for name in ROW_NAMES)
@@ -168,8 +169,8 @@ def compared(table: pd.DataFrame, runs: Sequence[str]) -> list[str]:
     return lines
 
 
-def _measured(run: Path) -> pd.DataFrame:
-    """The metrics of a run, its name in front."""
+def _read_metrics(run: Path) -> pd.DataFrame:
+    """Return the metrics of a run with the name of the run in the first column."""
     parts = sorted((run / "evaluation").glob("*.csv"))
     tables = [table for table in (read_csv(path) for path in parts) if set(COLUMNS) <= set(table.columns)]
     if not tables:
@@ -180,9 +181,9 @@ def _measured(run: Path) -> pd.DataFrame:
 
 
 def format_runs(table: pd.DataFrame, runs: Sequence[str], *, differences: bool = False) -> pd.DataFrame:
-    """A row a metric, a column a terrain with the value of every run in turn, and each run's median.
+    """Return one row per metric: a column per terrain with the values of all runs, and the medians of the runs.
 
-    With `differences` also the median of each further run less that of the first.
+    `differences` adds the median of each further run minus that of the first run.
     """
     rows = []
     for names, metrics in table.groupby(list(ROW_NAMES), sort=False):
@@ -202,19 +203,20 @@ def format_runs(table: pd.DataFrame, runs: Sequence[str], *, differences: bool =
 
 
 def _differences(values: Sequence[float], unit: str) -> str:
-    """Text of each further value less the first, with a sign."""
-    found = [value - values[0] for value in values[1:]]
-    return " / ".join(MISSING if math.isnan(one) else f"{one:+.{_SHOWN.get(unit, 3)}f}" for one in found) or MISSING
+    """Return the differences of the further values to the first as text with signs."""
+    changes = [value - values[0] for value in values[1:]]
+    decimals = _SHOWN.get(unit, 3)
+    return " / ".join(MISSING if math.isnan(change) else f"{change:+.{decimals}f}" for change in changes) or MISSING
 
 
 def _medians(values: Mapping[Any, float], runs: Sequence[str]) -> list[float]:
-    """Median of each run over what can be compared: terrains where every run that has the metric has a number."""
-    there = {at: value for at, value in values.items() if not math.isnan(value)}
-    terrains_of = {run: {terrain for terrain, own in there if own == run} for run in runs}
+    """Return the median of each run over the terrains where all runs that have the metric have a finite value."""
+    finite = {at: value for at, value in values.items() if not math.isnan(value)}
+    terrains_of = {run: {terrain for terrain, run_of_value in finite if run_of_value == run} for run in runs}
     measured = [terrains for terrains in terrains_of.values() if terrains]
     shared = set.intersection(*measured) if measured else set()
     medians = []
     for run in runs:
-        own = [there[terrain, run] for terrain in sorted(shared & terrains_of[run])]
-        medians.append(float(np.median(own)) if own else math.nan)
+        shared_values = [finite[terrain, run] for terrain in sorted(shared & terrains_of[run])]
+        medians.append(float(np.median(shared_values)) if shared_values else math.nan)
     return medians

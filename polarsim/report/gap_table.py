@@ -1,4 +1,4 @@
-"""The ablation: what replacing one component of the twin changes, the one that closes most of the gap first."""
+"""Table of the ablation: effect of replacing single components of the twin, largest reduction of the gap first."""
 
 from __future__ import annotations
 
@@ -17,52 +17,59 @@ from polarsim.schemas.report import GAP
 
 CAPTION = (
     "Ablation, {kind}s: one component of the {model} twin is replaced at a time (T: detector trained on). "
-    "Changes are against the twin as it was, with 95 % intervals; below zero in IPD the gap closes."
+    "Changes are relative to the unchanged twin, with 95 % intervals; a negative change of IPD reduces the gap."
 )
 NOTES = (
     "IPD between photos and twins: ipd is the absolute value of the mean difference of IoU, ipd_abs the mean of the "
-    "absolute differences, both over the rocks or shadows (pairs) that photo, twin and changed twin have. Both IPDs "
-    "of a row are drawn by the same resamples, so the interval is that of their difference.",
-    "Detectors are those of the run and were not trained again: the ablation tells what of the gap they see, not "
-    "what a training on better twins would bring. Components interact, so changes do not add up.",
-    "False positives: rocks seen where none is labelled, per area of a whole photo, over their rock-free area.",
+    "absolute differences, both over the rocks or shadows (pairs) common to photo, twin and changed twin. Both IPDs "
+    "of a row use the same bootstrap replicates.",
+    "The detectors of the run are not retrained: the ablation measures their response to a component, not the benefit "
+    "of training on better twins. Components interact, so changes do not add up.",
+    "False positives: rocks predicted in the rock-free area, scaled to the area of a photo.",
 )
 
 
 def tabulate_gap(*, ablation: Path, stem: Path, origin: dict[str, str]) -> None:
     """Write tables/gap.{csv,md,tex,parquet} from gap/ablation.parquet."""
     table = tidy_gap(read_parquet(ablation, ABLATION.columns), origin["source"])
-    model = paper.title(str(table["model"].iloc[0]))
+    model = paper.domain_title(str(table["model"].iloc[0]))
     blocks = {
         CAPTION.format(kind=kind, model=model): format_gap(rows) for kind, rows in table.groupby("kind", sort=False)
     }
-    blocks["What was replaced."] = table[["component", "replaced"]].drop_duplicates().reset_index(drop=True)
+    blocks["Replaced components."] = table[["component", "replaced"]].drop_duplicates().reset_index(drop=True)
     analog = [paper.ANALOG_PICTURES_NOTE] if origin["source"] == paper.ANALOG else []
-    notes = [*analog, *NOTES, *detector_notes(table), *seed_notes(table), origin_note(origin)]
+    notes = [*analog, *NOTES, *ablation_notes(table), *seed_notes(table), origin_note(origin)]
     write_blocks(stem, with_origin(table, origin), blocks, notes)
 
 
 def tidy_gap(ablation: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Rows of rocks first, by split; components by their mean change of the rocks' ipd over detectors and seeds."""
-    table = paper.with_own_names(ablation[list(GAP.columns)], ("trained",), source)
+    """Return the rows sorted by kind (rocks first), split and the components' mean change of the rocks' `ipd`."""
+    table = paper.with_display_names(ablation[list(GAP.columns)], ("trained",), source)
     rocks = table[table["kind"] == ROCK]
     effect = rocks.groupby(["split", "component"])["ipd_change"].mean()
-    own = np.array([effect.get(key, 0.0) for key in zip(table["split"], table["component"], strict=True)])
+    mean_change = np.array([effect.get(key, 0.0) for key in zip(table["split"], table["component"], strict=True)])
     split, component = (pd.factorize(table[name])[0] for name in ("split", "component"))
-    # Of components that do the same the one that was named first comes first.
-    keys = (table["kind"] != ROCK, split, own, component, table["trained"].map(paper.rank), table["seed"])
+    # Components of equal effect keep the order of the configuration.
+    keys = (
+        table["kind"] != ROCK,
+        split,
+        mean_change,
+        component,
+        table["trained"].map(paper.domain_rank),
+        table["seed"],
+    )
     return paper.sorted_rows(table, *keys)
 
 
 def format_gap(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a component and detector of one class."""
+    """Return one row per component and detector, from the rows of one class."""
     rows = []
-    for split, own in by_splits(table):
-        for (component, trained), part in own.groupby(["component", "trained"], sort=False):
+    for split, split_rows in by_splits(table):
+        for (component, trained), part in split_rows.groupby(["component", "trained"], sort=False):
             row = {
                 **split,
                 "component": str(component),
-                "T": paper.title(str(trained)),
+                "T": paper.domain_title(str(trained)),
                 "pairs": over_seeds(part["pairs"], 0),
                 "ipd": f"{over_seeds(part['ipd_twin'])} → {over_seeds(part['ipd'])}",
                 "change of ipd": change(part, "ipd"),
@@ -80,19 +87,19 @@ def format_gap(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def change(part: pd.DataFrame, name: str, decimals: int = 3, factor: float = 1) -> str:
-    """The change of a figure with its sign and interval, or its spread over seeds; +0 where nothing changed."""
+    """Return the change of a metric as text with sign and interval, or with the spread over seeds."""
     values = factor * part[f"{name}_change"]
     if values.isna().all():
         return MISSING
     if len(part) > 1:
         return over_seeds(values, decimals)
     value, low, high = (factor * float(part[f"{name}_change{end}"].iloc[0]) for end in ("", "_low", "_high"))
-    interval = f" [{low:+.{decimals}f}, {high:+.{decimals}f}]" if low == low else ""  # NaN: a single view
+    interval = f" [{low:+.{decimals}f}, {high:+.{decimals}f}]" if low == low else ""  # NaN for a single view
     return f"{value:+.{decimals}f}{interval}"
 
 
-def detector_notes(table: pd.DataFrame) -> list[str]:
-    """Detector, split and size of the test."""
+def ablation_notes(table: pd.DataFrame) -> list[str]:
+    """Return a note per detector with split and number of test photos."""
     facts = table[["detector", "epochs", "imgsz", "split", "images", "units", "unit"]].drop_duplicates()
     return [
         f"Detector {detector}, {epochs} epochs at {imgsz} px; split by {split}; {images} test photos in {units} "

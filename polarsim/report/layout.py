@@ -1,4 +1,4 @@
-"""One table, four forms: CSV and Parquet hold the rows, Markdown and LaTeX show them to a reader."""
+"""Writers of report tables: CSV and Parquet contain the tidy rows, Markdown and LaTeX a formatted extract."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from polarsim.formats.tables import write_csv, write_parquet
 ORIGIN_COLUMNS = ("run", "source", "config")  # name of the run, kind of its source, hash of its configuration
 MISSING = "–"  # a cell without a value
 
-# By how a column's name ends; all else has three.
+# Decimals by the suffix of the column name; three for all other columns.
 _DECIMALS = {"_mm": 2, "_px": 2, "_deg": 3, "exposure_ms": 0, "count": 0}
 _TEX = {
     **{character: "\\" + character for character in "&%$#_{}"},
@@ -26,12 +26,12 @@ _TEX = {
 
 
 def with_origin(table: pd.DataFrame, origin: Mapping[str, str]) -> pd.DataFrame:
-    """The table with its origin in front, so that rows of several runs can stand in one file.
+    """Return the table with the columns of its origin first, so that tables of several runs can be concatenated.
 
     Raises
     ------
     ConfigError
-        The origin does not name run, source and config.
+        A key of `ORIGIN_COLUMNS` is missing.
     """
     missing = [name for name in ORIGIN_COLUMNS if name not in origin]
     if missing:
@@ -41,7 +41,7 @@ def with_origin(table: pd.DataFrame, origin: Mapping[str, str]) -> pd.DataFrame:
 
 
 def origin_note(origin: Mapping[str, str]) -> str:
-    """The origin as a sentence for the forms that people read."""
+    """Return the origin as a sentence for Markdown and LaTeX."""
     return "Run {run}, source {source}, configuration {config}.".format(**origin)
 
 
@@ -55,9 +55,9 @@ def write_table(
     table
         Tidy rows: CSV (six digits) and Parquet (all digits).
     layout
-        What Markdown and LaTeX show; the tidy rows when None.
+        Table for Markdown and LaTeX; None for the tidy rows.
     notes
-        Sentences below the table in those two.
+        Sentences below the table in Markdown and LaTeX.
     """
     write_blocks(stem, table, {caption: table if layout is None else layout}, notes)
 
@@ -65,7 +65,7 @@ def write_table(
 def write_blocks(
     stem: Path, table: pd.DataFrame, blocks: Mapping[str, pd.DataFrame], notes: Sequence[str] = ()
 ) -> None:
-    """As `write_table`, with several tables below each other to read, each by its caption; notes below the last."""
+    """Write the four files of `write_table`; Markdown and LaTeX contain several tables by caption, then the notes."""
     write_csv(_form(stem, ".csv"), table)
     write_parquet(_form(stem, ".parquet"), table)
     notes_of = dict.fromkeys(blocks, ()) | dict.fromkeys(list(blocks)[-1:], tuple(notes))
@@ -79,14 +79,14 @@ def write_blocks(
 
 
 def grid(rows: pd.DataFrame, side: str, text: Sequence[str]) -> pd.DataFrame:
-    """Rows' texts, a row a value of the column `side`, a column a value of `value`, both in the order of the rows."""
+    """Pivot the texts of rows: one row per value of column `side`, one column per value of `value`, order kept."""
     sides, values = (list(dict.fromkeys(rows[name])) for name in (side, "value"))
     shown = rows.assign(text=text).pivot_table("text", side, "value", aggfunc="first")
     return shown.reindex(index=sides, columns=values).fillna(MISSING).rename_axis(columns=None).reset_index()
 
 
 def markdown(table: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> str:
-    """The table in Markdown, numbers to the right."""
+    """Return the table in Markdown with numbers aligned right."""
     rows = [[_markdown_text(cell) for cell in row] for row in cells(table)]
     header = [_markdown_text(str(name)) for name in table.columns]
     rule = ["---:" if _is_number(table[name]) else "---" for name in table.columns]
@@ -98,7 +98,7 @@ def markdown(table: pd.DataFrame, caption: str, notes: Sequence[str] = ()) -> st
 
 
 def latex(table: pd.DataFrame, caption: str, notes: Sequence[str] = (), label: str = "") -> str:
-    """The table in LaTeX, with the rules of booktabs."""
+    """Return the table in LaTeX; requires the package booktabs."""
     header = [f"\\textbf{{{tex_text(str(name))}}}" for name in table.columns]
     rows = [[tex_text(cell) for cell in row] for row in cells(table)]
     lines = ["% Needs \\usepackage{booktabs}.", "\\begin{table}", "\\centering", f"\\caption{{{tex_text(caption)}}}"]
@@ -115,16 +115,16 @@ def latex(table: pd.DataFrame, caption: str, notes: Sequence[str] = (), label: s
 
 
 def cells(table: pd.DataFrame) -> list[list[str]]:
-    """Every cell as text, numbers by the kind of their column."""
+    """Return the formatted text of every cell, row by row."""
     columns = [[format_value(value, str(name)) for value in table[name]] for name in table.columns]
     return [list(row) for row in zip(*columns, strict=True)]
 
 
 def format_value(value: object, column: str = "") -> str:
-    """Text of a cell: whole numbers as they are, others with the decimals of their unit, `MISSING` for none."""
+    """Return the text of a cell: floats with the decimals of the column, `MISSING` for no value."""
     if value is None or value is pd.NA or (isinstance(value, float) and math.isnan(value)):
         return MISSING
-    if hasattr(value, "item"):  # NumPy's numbers and truth values are turned into Python's
+    if hasattr(value, "item"):  # NumPy scalar to Python scalar
         value = value.item()
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -135,12 +135,12 @@ def format_value(value: object, column: str = "") -> str:
 
 
 def tex_text(text: str) -> str:
-    """Text in which LaTeX sees no command."""
+    """Return the text with LaTeX's special characters escaped."""
     return "".join(_TEX.get(character, character) for character in text)
 
 
 def _markdown_text(text: str) -> str:
-    """Text in which Markdown sees no column and no emphasis."""
+    """Return the text with Markdown's column separators and emphasis escaped."""
     return re.sub(r"([|*_\\`<])", r"\\\1", text.replace("\n", " "))
 
 

@@ -1,4 +1,4 @@
-"""The table of masks of real cover photos of terrains that their detectors have not seen."""
+"""Table of the IoU of class masks on real cover photos of held-out terrains."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from polarsim.report.seeds import with_interval
 from polarsim.run_files.class_masks import CLASSES
 from polarsim.schemas.covers import MASK_SCORES
 
-CAPTION = "Masks of real cover photos of terrains left out, against people's polygons: IoU. Each cell: value [95 %]."
+CAPTION = "IoU of class masks with annotated polygons, real cover photos of held-out terrains: value [95 % interval]."
 NOTES = (
-    "sand: pixels that people painted as ground, rock or shadow; photo: all, what they painted as background counts "
-    "as ground. Pixels of all photos are pooled. A class that neither mask nor polygons have has no value.",
-    "People copy rocks that lie in the dark from other exposures, and paint the shade of relief and walls as ground.",
-    "Intervals: bootstrap over photos. They hold neither for other trainings nor for other machines.",
+    "Region sand: pixels annotated as ground, rock or shadow. Region photo: all pixels; background counts as ground. "
+    "Pixels of all photos are pooled. No value: the class is missing in masks and polygons.",
+    "Annotators copy unlit rocks from other exposures and mark shade from relief and walls as ground.",
+    "Intervals: bootstrap over photos. They do not include the variation between trainings or machines.",
 )
 
 
@@ -30,7 +30,7 @@ def tabulate_masks(*, scores: Path, stem: Path, origin: dict[str, str]) -> None:
 
 
 def tidy_masks(table: pd.DataFrame) -> pd.DataFrame:
-    """A row a region and photo, and one for all photos."""
+    """Return one row per region and photo, and a row per region for all photos."""
     rows = []
     for (region, key), part in table.groupby(["region", "key"], sort=False):
         row: dict[str, object] = {"region": region, "photo": key, "photos": int(part["photos"].iloc[0])}

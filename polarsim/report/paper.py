@@ -1,6 +1,6 @@
-"""The paper's two tables (Chen et al., POLAR-Sim, arXiv 2309.12397), and how domains are called beside them.
+"""Tables 1 and 2 of Chen et al., POLAR-Sim, arXiv 2309.12397, and the names and order of domains in report tables.
 
-They concern rocks, real photos and 200 epochs from pre-trained weights. They stand beside our figures, never for them.
+The published values are of rocks in real photos, after 200 epochs from pre-trained weights.
 """
 
 from __future__ import annotations
@@ -37,55 +37,55 @@ IPD = {
     (HAPKE, (REAL, HAPKE)): 0.4638,
 }
 
-ANALOG_PICTURES_NOTE = "Analog pictures come from a simulated sandbox and are no photos."
+ANALOG_PICTURES_NOTE = "Analog images are simulated; they are no photos."
 
 
 def analog_notes(table: pd.DataFrame, columns: Sequence[str]) -> list[str]:
-    """What has to be said first of a table some of whose columns name the analog as a domain."""
+    """Return the note that analog images are no photos, if a column of domains contains the analog."""
     return [ANALOG_PICTURES_NOTE] if any((table[name] == ANALOG).any() for name in columns) else []
 
 
 def is_comparable(source: str) -> bool:
-    """Whether a source's pictures show what the paper's did; only then do its figures stand beside ours."""
+    """Return whether the paper's values apply to the images of a source."""
     return source != ANALOG
 
 
-def with_own_names(table: pd.DataFrame, columns: Sequence[str], source: str) -> pd.DataFrame:
-    """A copy of the table with the domains in some columns named by `own_name`."""
-    names = {column: [own_name(str(domain), source) for domain in table[column]] for column in columns}
+def with_display_names(table: pd.DataFrame, columns: Sequence[str], source: str) -> pd.DataFrame:
+    """Return a copy of the table with `display_name` applied to the columns of domains."""
+    names = {column: [display_name(str(domain), source) for domain in table[column]] for column in columns}
     return table.assign(**{column: pd.Series(values, table.index, dtype="str") for column, values in names.items()})
 
 
-def own_name(domain: str, source: str) -> str:
-    """A domain's name in our tables: what the analog sandbox made is never called real."""
+def display_name(domain: str, source: str) -> str:
+    """Return the name of a domain in report tables: images of the analog sandbox are never named "real"."""
     return ANALOG if domain == REAL and source == ANALOG else domain
 
 
 def counterpart(domain: str) -> str:
-    """The paper's domain that has our domain's role."""
+    """Return the paper's domain that corresponds to a domain."""
     return REAL if domain == ANALOG else domain
 
 
 def sorted_rows(table: pd.DataFrame, *keys: pd.Series | np.ndarray) -> pd.DataFrame:
-    """The table by keys of its rows, of which the first counts most; rows that are alike stay in their order."""
+    """Sort a table by keys (n,), the most significant first; the sort is stable."""
     order = pd.DataFrame({number: np.asarray(key) for number, key in enumerate(keys)})
     return table.iloc[order.sort_values(list(order.columns), kind="stable").index].reset_index(drop=True)
 
 
-def title(domain: str) -> str:
+def domain_title(domain: str) -> str:
     return domain.replace("_", " ").capitalize()
 
 
-def in_order(domains: set[str]) -> list[str]:
-    """The paper's order, then all others by name."""
-    return sorted(domains, key=lambda domain: (rank(domain), domain))
+def sorted_domains(domains: set[str]) -> list[str]:
+    """Sort domains in the paper's order, followed by all other domains by name."""
+    return sorted(domains, key=lambda domain: (domain_rank(domain), domain))
 
 
-def rank(domain: str) -> int:
+def domain_rank(domain: str) -> int:
     return DOMAIN_ORDER.index(domain) if domain in DOMAIN_ORDER else len(DOMAIN_ORDER)
 
 
 def ordered_pair(first: str, second: str) -> tuple[str, str]:
-    """Two domains in the paper's order: IPD does not care."""
-    one, other = sorted((first, second), key=lambda domain: (rank(domain), domain))
-    return one, other
+    """Return two domains in the paper's order; IPD is symmetric."""
+    a, b = sorted((first, second), key=lambda domain: (domain_rank(domain), domain))
+    return a, b

@@ -1,4 +1,4 @@
-"""The table of twins: how near they come to their photos, and their rendered ground-truth boxes to true ones."""
+"""Table of the similarity of twins to photos and of rendered ground-truth boxes to true boxes."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from polarsim.scoring.metrics import TRUTH_NAMES
 
 COLUMNS = RENDER.dtypes
 GROUPS = ("all", "terrain", "position", "azimuth", "light", "camera")
-LIKENESS = ("log2_twin_over_photo", "log2_difference", "ssim")
+SIMILARITY = ("log2_twin_over_photo", "log2_difference", "ssim")
 BOXES = ("f1", "miou")
-_OF_ALL = ": all"  # end of the subjects of box scores that are over both cameras
+_BOTH_CAMERAS = ": all"  # suffix of the subjects of box scores over both cameras
 
-NOTE = "Medians over photos of one exposure an exposure bracket. A difference of 1 stop is a factor of two."
+NOTE = "Medians over one photo per exposure bracket. A difference of 1 stop is a factor of 2."
 
 
 def tabulate_render(
     *, pairs: Sequence[Path], evaluation: Sequence[Path], table: Path, origin: Mapping[str, str]
 ) -> None:
-    """Write the table of twins from the terrains' pairs and metric files; `table` is a stem: four forms."""
+    """Write the table of twins from the terrains' pairs and metric files; `table` is a path without suffix."""
     likeness = pd.concat([read_parquet(path, TWIN_PAIRS.columns) for path in pairs], ignore_index=True)
     scores = pd.concat([read_csv(path, METRIC_COLUMNS) for path in evaluation], ignore_index=True)
     boxes = box_rows(scores)
@@ -38,23 +38,21 @@ def tabulate_render(
 
 
 def likeness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Rows with `COLUMNS` of every model and group of photos."""
+    """Return a table with `COLUMNS`: one row per model and group of photos."""
     parts = []
     for group in GROUPS:
-        of = pairs.assign(value="all" if group == "all" else _names(pairs, group)).groupby(["model", "value"])
-        found = of[list(LIKENESS)].median().join(of.size().rename("n")).reset_index()
-        parts.append(found.rename(columns={"model": "subject"}).assign(group=group))
+        groups = pairs.assign(value="all" if group == "all" else _names(pairs, group)).groupby(["model", "value"])
+        medians = groups[list(SIMILARITY)].median().join(groups.size().rename("n")).reset_index()
+        parts.append(medians.rename(columns={"model": "subject"}).assign(group=group))
     return pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
 
 
 def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
-    """Rows with `COLUMNS` of rendered ground-truth boxes by kind and terrain, out of metric rows; n counts true
-    boxes.
-    """
-    chosen = scores[scores["metric"].isin(BOXES) & scores["subject"].str.endswith(_OF_ALL)]
+    """Return a table with `COLUMNS`: rendered ground-truth boxes by kind and terrain; n is the number of true boxes."""
+    chosen = scores[scores["metric"].isin(BOXES) & scores["subject"].str.endswith(_BOTH_CAMERAS)]
     rows = [
         {
-            "subject": str(subject).removesuffix(_OF_ALL),
+            "subject": str(subject).removesuffix(_BOTH_CAMERAS),
             "group": "terrain",
             "value": f"{terrain:02d}",
             "n": int(part["n"].max()),
@@ -66,24 +64,24 @@ def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def format_table(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Tables to read by their captions: models by each group, then boxes by terrain."""
+    """Return the blocks of the Markdown and LaTeX tables by caption: models by group, then boxes by terrain."""
     pictures, boxes = rows[rows["ssim"].notna()], rows[rows["f1"].notna()]
     blocks = {
-        f"Twins by {group}: log2 of twin over photo / absolute / SSIM.": _cells(
-            pictures[pictures["group"].isin(["all", group])], LIKENESS, ("{:+.2f}", "{:.2f}", "{:.3f}")
+        f"Twins by {group}: log2(twin / photo), stops / its absolute value / SSIM.": _cells(
+            pictures[pictures["group"].isin(["all", group])], SIMILARITY, ("{:+.2f}", "{:.2f}", "{:.3f}")
         )
         for group in GROUPS[1:]
         if len(pictures)
     }
     if len(boxes):
         blocks["Boxes of twins by terrain: F1 / mIoU."] = _cells(boxes, BOXES, ("{:.3f}", "{:.3f}"))
-    return blocks or {"Twins: neither photos nor boxes to compare with.": rows}
+    return blocks or {"Twins: no photos and no true boxes for a comparison.": rows}
 
 
 def _cells(rows: pd.DataFrame, metrics: Sequence[str], forms: Sequence[str]) -> pd.DataFrame:
-    """A row a subject, a column a value of the group."""
+    """Return one row per subject and one column per value of the group."""
     text = [
-        " / ".join(MISSING if np.isnan(one) else form.format(one) for one, form in zip(row, forms, strict=True))
+        " / ".join(MISSING if np.isnan(value) else form.format(value) for value, form in zip(row, forms, strict=True))
         for row in rows[list(metrics)].to_numpy()
     ]
     return grid(rows, "subject", text).rename(columns={"subject": ""})

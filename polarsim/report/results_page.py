@@ -1,4 +1,4 @@
-"""The page of a run that is opened first, laid out by `results_page.html.jinja`."""
+"""Results page of a run, `results.html`; the template is `results_page.html.jinja`."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from polarsim.report.layout import markdown
 from polarsim.run_files.pictures import STRIP_TEXT
 
 _TEMPLATE = Path(__file__).with_name("results_page.html.jinja")
-WIDE, PANEL, THUMBNAIL = 1100, 480, 320  # px: of figures in the text, of a strip's panels, of the list of all figures
+WIDE, PANEL, THUMBNAIL = 1100, 480, 320  # widths of figures in the text, panels of a strip and thumbnails, px
 _FORMS = (".csv", ".parquet", ".md", ".tex")
 PARTS = ("train", "val", "test")
 
 
 @dataclass(frozen=True)
 class PageFiles:
-    """Files of a run that its page shows.
+    """Files of a run that are shown on the results page.
 
     Attributes
     ----------
     tables
-        Markdown form of the run's tables by name; the template leaves out those that a run lacks.
+        Markdown files of the run's tables by name; the template skips missing tables.
     figures
-        PNG by name; those of one detector as `seen_<domain>` and `gap_rocks_<domain>`.
+        PNG files by name; figures of one detector are `seen_<domain>` and `gap_rocks_<domain>`.
     strip
         Folder of one photo's strip, see `figures.strip`.
     phases
-        Text of the figure of the opposition effect, `figures/opposition.json`; none where there are no photos.
+        Caption of the figure of the opposition effect, `figures/opposition.json`; empty for a run without photos.
     datasets
         Data set of each split and domain.
     photos
@@ -58,7 +58,7 @@ class PageFiles:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What a run is, from its configuration; `others`: further pages by file name, and their titles."""
+    """Description of a run from the configuration; `others` maps the file names of further pages to titles."""
 
     origin: Mapping[str, str]
     terrains: Sequence[int]
@@ -69,40 +69,40 @@ class RunFacts:
 
 
 def write_results_page(*, files: PageFiles, run: RunFacts, page: Path) -> None:
-    """Write `page`, the first one that a reader opens: what the run is, five metrics, pictures, all tables and figures.
+    """Write the results page: description of the run, headline metrics, images, all tables and figures.
 
-    Pictures inside are small; each leads to the full one, which lies beside the page, as tables do.
+    The page embeds small images that link to the full files.
 
     Raises
     ------
     FormatError
-        A file is missing or broken.
+        A file is missing or invalid.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     source = run.origin["source"]
-    shown = _Shown(files.tables, files.figures, source, page.parent)
+    content = _PageContent(files.tables, files.figures, source, page.parent)
     forms = {name: path.with_suffix(".csv") for name, path in files.tables.items()}
     text = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
         origin=run.origin,
         facts=_facts(files, run),
         headlines=headlines(forms, run.photo_domain, source),
-        strip=shown.strip(files.strip) if files.strip else None,
+        strip=content.strip(files.strip) if files.strip else None,
         others=run.others,
-        pictures=_html(markdown(picture_counts(files.datasets, source), "Pictures of every domain.")),
+        pictures=_html(markdown(picture_counts(files.datasets, source), "Number of images per domain.")),
         comparison=next((name for name in files.figures if name.startswith("comparison_")), ""),
         opposition="".join(map(_opposition, files.phases)),
         has=files.tables.__contains__,
-        table=shown.table,
-        figure=shown.figure,
-        figures=shown.figures_of_detectors,
-        all_tables=shown.all_tables(),
-        all_figures=shown.all_figures(),
+        table=content.table,
+        figure=content.figure,
+        figures=content.figures_of_detectors,
+        all_tables=content.all_tables(),
+        all_figures=content.all_figures(),
     )
     write_text(page, text)
 
 
 def _facts(files: PageFiles, run: RunFacts) -> dict[str, str]:
-    """What this run is, by name."""
+    """Return the facts at the top of the page by name."""
     count = 0 if files.photos is None else len(read_parquet(files.photos, ["key"]))
     terrains = ", ".join(f"{terrain:02d}" for terrain in run.terrains)
     return {
@@ -115,17 +115,17 @@ def _facts(files: PageFiles, run: RunFacts) -> dict[str, str]:
 
 
 def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.DataFrame:
-    """A row a split and domain: pictures that train, choose the weights and test."""
+    """Return the numbers of training, validation and test images, one row per split and domain."""
     rows = []
     for (split, domain), folder in datasets.items():
         pictures = read_json(folder / "dataset.json")["pictures"]
         counts = {f"{part} pictures": int(pictures[part]) for part in PARTS}
-        rows.append({"split by": split, "domain": paper.title(paper.own_name(domain, source)), **counts})
+        rows.append({"split by": split, "domain": paper.domain_title(paper.display_name(domain, source)), **counts})
     return pd.DataFrame(rows)
 
 
-class _Shown:
-    """Tables and figures as the template asks for them; what a run has not is nothing."""
+class _PageContent:
+    """HTML of tables and figures for the template; missing tables and figures give empty text."""
 
     def __init__(self, tables: Mapping[str, Path], figures: Mapping[str, Path], source: str, folder: Path) -> None:
         self._tables, self._figures, self._source, self._folder = tables, figures, source, folder
@@ -141,13 +141,15 @@ class _Shown:
         return form.format(name, self._link(path), name.replace("_", " "), thumbnails.of_picture(path, WIDE), caption)
 
     def figures_of_detectors(self, name: str, caption: str) -> Markup:
-        """Each detector's own; `{}` in the caption becomes the domain that it was trained on."""
-        domains = paper.in_order({key.removeprefix(f"{name}_") for key in self._figures if key.startswith(f"{name}_")})
-        titled = [(domain, paper.title(paper.own_name(domain, self._source))) for domain in domains]
+        """Return the figures of all detectors; `{}` in the caption is replaced by the training domain."""
+        domains = paper.sorted_domains(
+            {key.removeprefix(f"{name}_") for key in self._figures if key.startswith(f"{name}_")}
+        )
+        titled = [(domain, paper.domain_title(paper.display_name(domain, self._source))) for domain in domains]
         return Markup("\n").join(self.figure(f"{name}_{domain}", caption.format(title)) for domain, title in titled)
 
     def strip(self, folder: Path) -> dict[str, Any]:
-        """The key of a strip, and its panels: link, thumbnail, name, caption."""
+        """Return the photo key of a strip and the panels (link, thumbnail, name, caption)."""
         strip = read_json(folder / STRIP_TEXT)
         panels = [
             (self._link(path), thumbnails.of_picture(path, PANEL), name, caption)
@@ -157,21 +159,21 @@ class _Shown:
         return {"key": strip["key"], "panels": panels}
 
     def all_tables(self) -> list[dict[str, Any]]:
-        """Every table: its name, its links by form, itself."""
+        """Return name, links by file format, and HTML of every table."""
         rows = []
         for name, path in self._tables.items():
-            forms = [one for one in (path.with_suffix(suffix) for suffix in _FORMS) if one.exists()]
-            links = {one.suffix[1:]: self._link(one) for one in forms}
+            files = [file for file in (path.with_suffix(suffix) for suffix in _FORMS) if file.exists()]
+            links = {file.suffix[1:]: self._link(file) for file in files}
             rows.append({"name": name, "links": links, "html": self.table(name)})
         return rows
 
     def all_figures(self) -> dict[str, list[tuple[str, str, str]]]:
-        """Link, thumbnail and title of every figure, by what comes before `_Terrain` in its name."""
+        """Return link, thumbnail and title of every figure, grouped by the part of the name before `_Terrain`."""
         groups: dict[str, list[tuple[str, str, str]]] = {}
         for name, path in self._figures.items():
             kind, of_terrain, where = name.partition("_Terrain")
             title = f"Terrain {where.replace('_Pos', ', position ')}" if of_terrain else name.replace("_", " ")
-            group = kind.replace("_", " ") if of_terrain else "of the whole run"
+            group = kind.replace("_", " ") if of_terrain else "entire run"
             groups.setdefault(group, []).append((self._link(path), thumbnails.of_picture(path, THUMBNAIL), title))
         return groups
 
@@ -180,12 +182,12 @@ class _Shown:
 
 
 def _html(text: str) -> Markup:
-    """Markdown of ours as HTML: tables, captions, notes; raw HTML in it is shown as text."""
+    """Convert Markdown (tables, captions, notes) to HTML; raw HTML is escaped."""
     shown = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    return Markup(f'<div class="table">{shown}</div>')  # noqa: S704  the parser has escaped all that is no markup
+    return Markup(f'<div class="table">{shown}</div>')  # noqa: S704  the parser escapes raw HTML
 
 
 def _opposition(phases: Path) -> str:
-    """What the figure shows; empty where no photo shows the effect."""
+    """Return the caption of the figure of the opposition effect; empty if no photo shows the effect."""
     content = read_json(phases)
     return f"{content['text']}." if content["shown"] else ""

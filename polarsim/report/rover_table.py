@@ -1,4 +1,4 @@
-"""The rover's tables: drives together and one by one, metrics of the detector on board."""
+"""Tables of the rover: mean over drives, single drives, metrics of the onboard detector."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from polarsim.report.layout import origin_note, with_origin, write_table
 from polarsim.schemas.rover import DRIVES, EVERY_DRIVE, ONBOARD
 
 DRIVES_CAPTION = (
-    "Drives, means over seeds, of each wheel and of all. Slip, sinkage and torque are means over time while the rover "
-    "moves and the wheel stands on soil alone; sinkage counts from the ground before the drive."
+    "Drives, means over seeds, for each wheel and all wheels. Slip, sinkage and torque are means over the time while "
+    "the rover moves and the wheel touches soil only; sinkage is relative to the ground before the drive."
 )
-EACH_CAPTION = "Every drive, wheels together."
+EACH_CAPTION = "Single drives, means over all wheels."
 ONBOARD_CAPTION = (
-    "What the front camera is worth on board; `truth` has all labels in the place of a detector, `visible` those "
-    "that stand out in the picture, the most that any detector could reach. Exposure 0: all of them together."
+    "Obstacle detection with the front camera. `truth`: all labels instead of a detector; `visible`: labels with "
+    "sufficient contrast in the image (upper bound for a detector). Exposure 0: all exposures combined."
 )
 
 
@@ -30,39 +30,39 @@ def tabulate_rover(
     each_stem: Path,
     origin: Mapping[str, str],
 ) -> None:
-    """Write the tables of all drives and of each drive, in four forms.
+    """Write the table of means over drives and the table of single drives as CSV, Parquet, Markdown and LaTeX.
 
     Raises
     ------
     FormatError
         A table is missing or has other columns.
     """
-    wide = one_by_one(read_parquet(each, EVERY_DRIVE.columns))
-    how = f"{_ends(wide)} Intervals: 95 %, Student's over seeds."
-    _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, how)
+    wide = drive_rows(read_parquet(each, EVERY_DRIVE.columns))
+    note = f"{_ends(wide)} Intervals: 95 %, Student's t over seeds."
+    _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, note)
     _write(each_stem, wide, EACH_CAPTION, origin)
 
 
 def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) -> None:
-    """Write what the front camera is worth on board, in four forms.
+    """Write the metrics of obstacle detection with the front camera as CSV, Parquet, Markdown and LaTeX.
 
     Raises
     ------
     FormatError
         The table is missing or has other columns.
     """
-    how = "Intervals: 95 %, bootstrapped over rides, a drive under a Sun each."
-    # `source` is what the run's photos are, in all tables.
-    seen = read_parquet(onboard, ONBOARD.columns).rename(columns={"source": "boxes"})
-    _write(stem, seen, ONBOARD_CAPTION, origin, how)
+    note = "Intervals: 95 %, bootstrap over rides (one drive under one Sun)."
+    # In report tables, `source` is the source of the run's photos.
+    table = read_parquet(onboard, ONBOARD.columns).rename(columns={"source": "boxes"})
+    _write(stem, table, ONBOARD_CAPTION, origin, note)
 
 
 def _write(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str], *notes: str) -> None:
     write_table(stem, with_origin(table, origin), caption, layout=table, notes=[*notes, origin_note(origin)])
 
 
-def one_by_one(each: pd.DataFrame) -> pd.DataFrame:
-    """A row a drive, a column a metric with its unit."""
+def drive_rows(each: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per drive and one column per metric with unit."""
     named = each.assign(metric=(each["metric"] + " " + each["unit"]).str.strip())
     order = list(dict.fromkeys(named["metric"]))
     wide = named.pivot_table(index=["seed", "control", "ended"], columns="metric", values="value", dropna=False)
@@ -70,6 +70,6 @@ def one_by_one(each: pd.DataFrame) -> pd.DataFrame:
 
 
 def _ends(drives: pd.DataFrame) -> str:
-    """How the drives ended, as a sentence."""
+    """Return a sentence with the number of drives per reason of the end."""
     counts = drives["ended"].value_counts().sort_index()
     return "Ended: " + ", ".join(f"{count} {name}" for name, count in counts.items()) + "."

@@ -1,4 +1,4 @@
-"""Several trainings that differ in their seed alone: one figure with its spread."""
+"""Summary of a metric over trainings with different seeds: mean, standard deviation, interval."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ SEED = "seed"
 
 
 def over_seeds(values: pd.Series, decimals: int = 3) -> str:
-    """The value, or mean ± standard deviation (of a sample) of several; values that are missing do not count."""
-    known = values.dropna()
-    if not len(known):
+    """Return the value, or mean ± sample standard deviation of several values, as text; NaN is ignored."""
+    finite = values.dropna()
+    if not len(finite):
         return MISSING
-    if len(known) == 1:
-        return f"{known.iloc[0]:.{decimals}f}"
-    return f"{known.mean():.{decimals}f} ± {known.std(ddof=1):.{decimals}f}"
+    if len(finite) == 1:
+        return f"{finite.iloc[0]:.{decimals}f}"
+    return f"{finite.mean():.{decimals}f} ± {finite.std(ddof=1):.{decimals}f}"
 
 
 def with_interval(row: pd.Series, name: str, decimals: int = 3) -> str:
-    """A figure and its 95 % interval, where it has one."""
+    """Return a metric as text, with the 95 % interval if there is one."""
     value, low, high = (float(row[column]) for column in (name, f"{name}_low", f"{name}_high"))
     if value != value:  # NaN
         return MISSING
@@ -30,33 +30,34 @@ def with_interval(row: pd.Series, name: str, decimals: int = 3) -> str:
     return f"{value:.{decimals}f}{interval}"
 
 
-def shown(part: pd.DataFrame, name: str, decimals: int = 3) -> str:
-    """A cell of one training with its interval, or of several with their spread."""
+def metric_cell(part: pd.DataFrame, name: str, decimals: int = 3) -> str:
+    """Return the text of a cell: a single training with interval, or several trainings with standard deviation."""
     if len(part) == 1:
         return with_interval(part.iloc[0], name, decimals)
     return over_seeds(part[name], decimals)
 
 
-def panels(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    """What figures show beside each other: the rows of each split by its name, or all rows where no split is told."""
+def split_panels(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """Return name and rows of each split, for the panels of a figure; all rows if there is no column `split`."""
     if "split" not in table.columns or not len(table):
         return [("", table.reset_index(drop=True))]
     return [(str(split), rows.reset_index(drop=True)) for split, rows in table.groupby("split", sort=False)]
 
 
-def title_text(table: pd.DataFrame) -> str:
-    """The only split, and how many seeds stand behind a figure: the end of its title."""
+def title_suffix(table: pd.DataFrame) -> str:
+    """Return the end of a figure title: the split, if there is only one, and the number of seeds."""
     splits = list(dict.fromkeys(table["split"])) if "split" in table.columns else []
     text = f", split by {splits[0]}" if len(splits) == 1 else ""
     seeds = table[SEED].nunique() if SEED in table.columns else 1
     return text + (f", mean of {seeds} seeds" if seeds > 1 else "")
 
 
-def averaged(rows: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:
-    """A row for every value of `by`, over all seeds: means of figures, their deviation, the span of their intervals.
+def seed_means(rows: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:
+    """Average metrics over seeds: one row per value of the columns `by`.
 
-    Columns `<name>_sd` are standard deviations of a sample, NaN for one seed; `<name>_low` and `<name>_high`, where
-    there are any, hold the intervals of all seeds. Other columns are those of the first seed.
+    Columns `<name>_sd` are sample standard deviations, NaN for a single seed. Columns `<name>_low` and `<name>_high`,
+    if present, are the minimum and maximum over the intervals of all seeds. Other columns are copied from the first
+    seed.
     """
     groups = rows.groupby(list(by), sort=False)
     table = groups.first().reset_index()
@@ -69,18 +70,18 @@ def averaged(rows: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.
 
 
 def by_splits(table: pd.DataFrame) -> list[tuple[dict[str, str], pd.DataFrame]]:
-    """The rows of each split, with the cell that names it; no such cell where there is one split alone."""
+    """Return the rows of each split with a cell that names the split; without the cell if there is a single split."""
     if "split" not in table.columns or table["split"].nunique() < 2:
         return [({}, table)]
     return [({"split by": str(split)}, rows) for split, rows in table.groupby("split", sort=False)]
 
 
 def seed_notes(table: pd.DataFrame) -> list[str]:
-    """How many trainings stand behind a figure, where there are several."""
+    """Return a note with the number of trainings, if there are several."""
     if SEED not in table.columns or table[SEED].nunique() < 2:
         return []
     seeds = sorted(table[SEED].unique())
     return [
-        f"Mean ± standard deviation over n = {len(seeds)} trainings of other seeds ({', '.join(map(str, seeds))}); "
-        "the interval of each stands in the CSV and Parquet forms."
+        f"Mean ± standard deviation over n = {len(seeds)} trainings with seeds {', '.join(map(str, seeds))}; the CSV "
+        "and Parquet files contain the interval of each training."
     ]

@@ -1,4 +1,4 @@
-"""Tables of single stages that papers quote: cameras, alignment of scans and labels, rocks, meshes."""
+"""Tables of single stages: cameras, alignment of scans and labels, rocks, meshes."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ ALIGNMENT_FILE = "alignment.csv"  # of the cameras stage
 LABEL_METRICS = ("matched", "mean_iou", "median_dx_px", "median_dy_px")
 
 CAMERA_CAPTION = (
-    "Left cameras: position and heading in the sandbox, formal standard deviations, distance from the survey; how far "
-    "photos lie from the shaded meshes before and after the refinement; errors against truth after one rigid alignment "
-    "of the terrain's cameras. True rocks in photos: after that alignment, and with meshes laid on the true surface."
+    "Left cameras: pose in the sandbox frame, formal standard deviations, distance from the survey; offset of the "
+    "photos from the shaded meshes before and after the refinement; errors against truth after one rigid alignment of "
+    "the terrain's cameras; reprojection of true rocks after this alignment, and with meshes on the true surface."
 )
 ALIGNMENT_CAPTION = (
-    "How scans lie on each other, and how projected meshes lie on the boxes that cameras were fitted to."
+    "Alignment: overlap and residual of scan pairs, or of projected meshes and the boxes that cameras were fitted to."
 )
 ROCK_CAPTION = (
-    "Every rock: where it lies, its size above the ground (table meshes tells what that was made from), and by which "
-    "positions' labels it is confirmed."
+    "Rocks: position, size above the ground (table meshes gives the source of the ground), and the positions whose "
+    "labels confirm the rock."
 )
 MESH_CAPTION = (
-    "Every mesh: what it was made from (a fitted ground is a smooth guess from the rocks' feet, without craters and "
-    "mounds), soundness, contact with the ground, its thinned copy, and its distance from the visible true surface."
+    "Meshes: source (a fitted ground is interpolated from the feet of the rocks, without craters and mounds), defects, "
+    "contact with the ground, decimated copy, and distance from the visible true surface."
 )
 
 
 def tabulate_cameras(
     *, cameras: Mapping[int, Path], evaluation: Sequence[Path], table: Path, alignment: Path, origin: Mapping[str, str]
 ) -> None:
-    """Write the tables of cameras and of alignment, from the terrains' camera folders and their metric files.
+    """Write the tables of cameras and of alignment from the camera folders and metric files of the terrains.
 
-    `table` and `alignment` are stems: four forms each.
+    `table` and `alignment` are paths without suffix.
     """
     localised = {terrain: read_all_localised(folder) for terrain, folder in sorted(cameras.items())}
     metrics = pd.concat([read_csv(path, METRIC_COLUMNS) for path in evaluation], ignore_index=True)
@@ -62,31 +62,31 @@ def tabulate_cameras(
 def tabulate_rocks(
     *, rocks: Mapping[int, Path], scores: Mapping[int, Path], table: Path, meshes: Path, origin: Mapping[str, str]
 ) -> None:
-    """Write the tables of rocks and of meshes, from the terrains' rocks.parquet and mesh scores.
+    """Write the tables of rocks and of meshes from rocks.parquet and the mesh scores of the terrains.
 
-    `table` and `meshes` are stems: four forms each.
+    `table` and `meshes` are paths without suffix.
     """
     for stem, caption, parts in (
         (table, ROCK_CAPTION, {terrain: _rocks(path) for terrain, path in rocks.items()}),
         (meshes, MESH_CAPTION, {terrain: read_csv(path, ["mesh"]) for terrain, path in scores.items()}),
     ):
-        whole = pd.concat([part.assign(terrain=terrain) for terrain, part in sorted(parts.items())], ignore_index=True)
-        whole = whole[["terrain", *(name for name in whole.columns if name != "terrain")]]
-        _write_frame(stem, whole, caption, origin)
+        rows = pd.concat([part.assign(terrain=terrain) for terrain, part in sorted(parts.items())], ignore_index=True)
+        rows = rows[["terrain", *(name for name in rows.columns if name != "terrain")]]
+        _write_frame(stem, rows, caption, origin)
 
 
 def _rocks(path: Path) -> pd.DataFrame:
-    """A terrain's rocks; `source` is the run's in every table, so what found a rock is `found_by`."""
+    """Return the rocks of a terrain with `source` renamed to `found_by`; `source` is the run's in report tables."""
     return read_parquet(path, ["rock", "source"]).rename(columns={"source": "found_by"})
 
 
 def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.DataFrame) -> dict[str, Any]:
     x, y, z = rig.sandbox_from_left.translation
     angles = np.degrees(yaw_pitch_roll(rig.sandbox_from_left))
-    mine = metrics[
+    of_position = metrics[
         (metrics["terrain"] == terrain) & metrics["subject"].isin([position, f"{position} L", f"{position} R"])
     ]
-    value = {(row.subject, row.metric): row.value for row in mine.itertuples()}
+    value = {(row.subject, row.metric): row.value for row in of_position.itertuples()}
     return {
         "terrain": terrain, "position": position, "method": rig.method, "x_m": x, "y_m": y, "z_m": z,
         **dict(zip(("yaw_deg", "pitch_deg", "roll_deg"), angles, strict=True)),
@@ -101,7 +101,7 @@ def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.Data
 
 
 def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
-    """Pairs of scans where there are scans, else positions and their boxes."""
+    """Return one row per pair of scans; without scans, one row per position with the fit of the boxes."""
     scans = folder / ALIGNMENT_FILE
     if scans.exists():
         pairs = read_csv(scans).rename(columns={"pair": "between"}).assign(terrain=terrain, evidence="scans")

@@ -8,7 +8,7 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
 from polarsim.report.figures.finds import draw_gap_rocks, most_different
 from polarsim.report.figures.seen import draw_seen, read_finds, shown_keys
-from polarsim.report.seeds import averaged, panels, title_text
+from polarsim.report.seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS
 from tests.report.pixels import coloured, is_drawn
 
@@ -139,7 +139,7 @@ def test_seeds_are_averaged_and_their_intervals_put_together():
         {"trained": ["a", "b", "a"], "seed": [0, 0, 1], "x": [0.2, 0.5, 0.4], "x_low": [0.1, np.nan, 0.3],
          "x_high": [0.3, np.nan, 0.5]}
     )  # fmt: skip
-    table = averaged(rows, ["trained"], ["x"]).set_index("trained")
+    table = seed_means(rows, ["trained"], ["x"]).set_index("trained")
     assert table.loc["a", ["x", "x_low", "x_high"]].tolist() == pytest.approx([0.3, 0.1, 0.5])
     assert table.loc["a", "x_sd"] == pytest.approx(0.1 * 2**0.5)
     assert table.loc["b", "x"] == 0.5
@@ -148,9 +148,9 @@ def test_seeds_are_averaged_and_their_intervals_put_together():
 
 def test_titles_tell_split_and_seeds():
     rows = pd.DataFrame({"split": ["photo", "photo"], "seed": [0, 1]})
-    assert title_text(rows) == ", split by photo, mean of 2 seeds"
-    assert title_text(rows.assign(split=["photo", "view"], seed=0)) == ""
-    assert [name for name, _ in panels(rows.assign(split=["view", "photo"]))] == ["view", "photo"]
+    assert title_suffix(rows) == ", split by photo, mean of 2 seeds"
+    assert title_suffix(rows.assign(split=["photo", "view"], seed=0)) == ""
+    assert [name for name, _ in split_panels(rows.assign(split=["view", "photo"]))] == ["view", "photo"]
 
 
 def test_each_split_has_its_own_panels_and_seeds_a_band(tmp_path):

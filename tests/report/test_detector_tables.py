@@ -9,9 +9,9 @@ ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
 def breakdown():
     groups = [("all", "all"), ("size", "large"), ("size", "small"), ("exposure", "0256"), ("exposure", "0064")]
-    figures = (0.5, 0.4, 0.6, 0.3, 0.2, 0.4, 0.7, float("nan"), float("nan"))
+    metrics = (0.5, 0.4, 0.6, 0.3, 0.2, 0.4, 0.7, float("nan"), float("nan"))
     rows = [
-        ("photo", 0, "hapke", trained, by, group, kind, 10, 4, 50, *figures)
+        ("photo", 0, "hapke", trained, by, group, kind, 10, 4, 50, *metrics)
         for trained in ("real", "hapke")
         for by, group in groups
         for kind in ("shadow", "rock")
@@ -33,13 +33,13 @@ def test_a_breakdown_has_a_block_for_each_grouping_with_its_groups_in_order(tmp_
     assert len(read_csv(tmp_path / "t.csv", ["run", "by", "group", "iou_mean_low"])) == 20
 
 
-def test_a_breakdown_of_several_seeds_shows_their_spread(tmp_path):
+def test_a_breakdown_of_several_seeds_shows_the_standard_deviation(tmp_path):
     write_parquet(tmp_path / "b.parquet", pd.concat([breakdown().assign(seed=n, map50=0.2 * n) for n in (1, 2)]))
     detectors.tabulate_breakdown(breakdown=tmp_path / "b.parquet", stem=tmp_path / "t", origin=ORIGIN)
     assert "| 0.300 ± 0.141 |" in (tmp_path / "t.md").read_text()
 
 
-def test_false_positives_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
+def test_false_positives_are_shown_per_photo_and_in_percent_of_the_area(tmp_path):
     row = ("photo", 0, "hapke", "real", "rock-free terrain", "06", 45, 4, 45.0, 24, 0.5, 0.25, 0.75, 0.01, 0.005, 0.02)
     write_parquet(tmp_path / "f.parquet", pd.DataFrame([row], columns=list(FALSE_POSITIVES.columns)))
     detectors.tabulate_false_positives(false_positives=tmp_path / "f.parquet", stem=tmp_path / "t", origin=ORIGIN)
@@ -49,7 +49,7 @@ def test_false_positives_are_shown_a_photo_and_in_percent_of_the_area(tmp_path):
     assert read_parquet(tmp_path / "t.parquet")["area_share"].tolist() == [0.01]
 
 
-def test_the_rocks_that_differ_most_are_shown_and_pairs_are_in_the_papers_order(tmp_path):
+def test_the_rocks_with_the_largest_difference_are_shown_and_pairs_are_in_the_order_of_the_paper(tmp_path):
     rows = [
         ("photo", 0, "hapke", "hapke", "principled", 1, rock, "rock", 4, 0.5, 0.5 + 0.01 * rock, -0.01 * rock)
         for rock in range(1, 9)
@@ -63,7 +63,7 @@ def test_the_rocks_that_differ_most_are_shown_and_pairs_are_in_the_papers_order(
     assert len(read_csv(tmp_path / "t.csv")) == 8
 
 
-def test_tables_without_a_row_are_written_with_their_columns(tmp_path):
+def test_tables_without_rows_are_written_with_all_columns(tmp_path):
     for columns, name, write in (
         (BREAKDOWN.columns, "breakdown", detectors.tabulate_breakdown),
         (FALSE_POSITIVES.columns, "false_positives", detectors.tabulate_false_positives),

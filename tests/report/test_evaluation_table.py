@@ -8,7 +8,7 @@ from polarsim.scoring.metrics import COLUMNS, Metric, metrics_table, summary, wr
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
 
-def test_metrics_of_all_terrains_and_stages_end_in_one_table(tmp_path):
+def test_metrics_of_all_terrains_and_stages_are_concatenated(tmp_path):
     write_metrics(tmp_path / "labels_03.csv", "labels", 3, [Metric("rock: all", "f1", float("nan"), "1", 0, "truth")])
     write_metrics(
         tmp_path / "cameras_03.csv", "cameras", 3, [Metric("A", "position_error_aligned", 1.5, "mm", 1, "truth")]
@@ -27,14 +27,14 @@ def test_metrics_of_all_terrains_and_stages_end_in_one_table(tmp_path):
     )
 
 
-def test_a_terrain_without_a_metric_leaves_no_trace_and_none_at_all_an_empty_table(tmp_path):
+def test_terrains_without_metrics_give_an_empty_table(tmp_path):
     write_metrics(tmp_path / "rocks_06.csv", "rocks", 6, [])
     assert list(read_csv(tmp_path / "rocks_06.csv").columns) == list(COLUMNS)
     gather_evaluation(parts=[tmp_path / "rocks_06.csv"], stem=tmp_path / "evaluation", origin=ORIGIN)
     assert len(read_csv(tmp_path / "evaluation.csv", list(COLUMNS))) == 0
 
 
-def test_rows_that_only_a_later_terrain_has_stand_where_it_has_them():
+def test_rows_of_a_later_terrain_keep_the_order_of_this_terrain():
     first = metrics_table("labels", 1, [Metric("a", "x", 1, "mm", 1, "own"), Metric("c", "x", 1, "mm", 1, "own")])
     second = metrics_table("labels", 4, [Metric(name, "x", 1, "mm", 1, "own") for name in "abc"])
     shown = format_evaluation(join_metrics([first, second]))
@@ -51,14 +51,14 @@ def test_the_four_metrics_of_a_box_score_share_a_row():
     assert shown["T01"].tolist() == ["1.000 / 0.500 / 0.667 / 0.400"]
 
 
-def test_recall_and_precision_without_f1_keep_their_own_rows():
+def test_recall_and_precision_without_f1_have_separate_rows():
     metrics = [Metric("rocks of 8 cm and more", name, 0.5, "1", 9, "truth") for name in ("recall", "precision")]
     assert format_evaluation(metrics_table("rocks", 1, metrics))["metric"].tolist() == ["recall", "precision"]
 
 
-def test_a_summary_gives_median_and_p90_of_what_is_finite():
-    found = summary("rocks", "distance", np.array([*range(11), np.nan]), "mm", "truth")
-    assert [(metric.metric, metric.value, metric.n) for metric in found] == [
+def test_a_summary_has_median_and_p90_of_the_finite_values():
+    metrics = summary("rocks", "distance", np.array([*range(11), np.nan]), "mm", "truth")
+    assert [(metric.metric, metric.value, metric.n) for metric in metrics] == [
         ("distance_median", 5, 11),
         ("distance_p90", 9, 11),
     ]

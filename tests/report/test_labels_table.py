@@ -18,7 +18,7 @@ OPTIONS = ScoringOptions()
 
 
 def made_up(terrain, seed=1):
-    """True and found labels of some photos of a terrain: moved, lost, and too many."""
+    """Return true and propagated labels of some photos of a terrain, with offsets, misses and false positives."""
     rng = np.random.default_rng(seed)
     names = ["A_off_30_L_0256", "A_off_30_L_0064", "A_on_30_L_0256", "A_off_30_R_0256", "A_off_270_L_0256"]
     names += ["A_on_no_L_2048", "C_off_180_R_0512"]
@@ -47,7 +47,7 @@ def pairs_of(wanted, found, tasks, against="labels"):
 
 @pytest.fixture(scope="module")
 def scored():
-    """Pairs of two terrains, and what the scores of quality say of each."""
+    """Return the label pairs of two terrains and the metrics of each from `score_tasks`."""
     pairs, metrics = [], {}
     for terrain in (3, 11):
         wanted, found = made_up(terrain, terrain)
@@ -58,7 +58,7 @@ def scored():
     return pairs, metrics
 
 
-def test_rows_of_terrains_say_what_the_quality_says(scored):
+def test_rows_of_terrains_equal_the_metrics_of_scoring(scored):
     pairs, metrics = scored
     rows = label_scores(pd.concat(pairs))
     of_terrains = rows[rows["group"] == "terrain"]
@@ -72,7 +72,7 @@ def test_rows_of_terrains_say_what_the_quality_says(scored):
     assert {position for position, metric in metrics.items() if metric.n} <= seen
 
 
-def test_every_group_parts_the_same_boxes(scored):
+def test_every_group_is_a_partition_of_the_same_boxes(scored):
     rows = label_scores(pd.concat(scored[0]))
     for _, part in rows.groupby(["kind", "task"]):
         by_group = part.groupby("group")[["truth_boxes", "label_boxes"]].sum()
@@ -85,7 +85,7 @@ def test_every_group_parts_the_same_boxes(scored):
             assert np.average(values["f1"], weights=boxes) == pytest.approx(everything["f1"])
 
 
-def test_by_size_labels_count_by_their_own_size():
+def test_by_size_true_boxes_and_labels_are_grouped_by_box_size():
     key = PhotoKey.parse("03_A_off_30_R_0256")
     wanted = {key: Labels(np.zeros(1, int), np.array([[0, 0, 34, 34.0]]))}
     found = {key: Labels(np.zeros(1, int), np.array([[0, 0, 36, 36.0]]))}
@@ -99,7 +99,7 @@ def test_by_size_labels_count_by_their_own_size():
 
 
 @given(st.floats(0, 500))
-def test_a_size_falls_into_the_class_whose_bounds_hold_it(size):
+def test_a_size_class_contains_the_size(size):
     name = str(size_class(np.array([size]))[0])
     low, _, high = name.strip("<>").partition("-")
     if name.startswith("<"):
@@ -110,7 +110,7 @@ def test_a_size_falls_into_the_class_whose_bounds_hold_it(size):
         assert float(low) <= size < float(high)
 
 
-def test_rows_stand_in_the_order_of_tasks_and_sizes(scored):
+def test_rows_are_sorted_by_task_size_and_azimuth(scored):
     rows = label_scores(pd.concat(scored[0]))
     first = rows[(rows["kind"] == "rock") & (rows["group"] == "all")]["task"].tolist()
     assert first == [task for task in TASKS if task in first]
@@ -149,10 +149,10 @@ def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
         read_parquet(tmp_path / "labels.parquet").drop(columns=["run", "source", "config", "seeds"]),
         label_scores(pd.concat(scored[0])),
     )
-    assert "Against hand-annotated labels." in (tmp_path / "labels.md").read_text()
+    assert "hand-annotated labels" in (tmp_path / "labels.md").read_text()
 
 
-def test_terrains_without_any_box_make_empty_tables(tmp_path, scored):
+def test_terrains_without_boxes_give_empty_tables(tmp_path, scored):
     write_parquet(tmp_path / "pairs.parquet", scored[0][0].iloc[:0])
     tabulate_labels(
         pairs=[tmp_path / "pairs.parquet"],

@@ -11,7 +11,7 @@ from polarsim.report import layout
 TABLE = pd.DataFrame({"name": ["a_b", "c|d"], "n": [3, 12], "f1": [0.5, np.nan], "good": [True, False]})
 
 
-def test_the_four_forms_hold_the_same_rows(tmp_path):
+def test_csv_and_parquet_contain_the_same_rows(tmp_path):
     layout.write_table(tmp_path / "some.table", TABLE, "A caption")
     pd.testing.assert_frame_equal(read_parquet(tmp_path / "some.table.parquet"), TABLE, check_dtype=False)
     pd.testing.assert_frame_equal(read_csv(tmp_path / "some.table.csv"), TABLE, check_dtype=False)
@@ -20,7 +20,7 @@ def test_the_four_forms_hold_the_same_rows(tmp_path):
     }
 
 
-def test_markdown_escapes_what_would_be_a_column_or_emphasis():
+def test_markdown_escapes_column_separators_and_emphasis():
     lines = layout.markdown(TABLE, "50 % of *all*").splitlines()
     assert lines == [
         r"**50 % of \*all\***",
@@ -40,7 +40,7 @@ def test_latex_escapes_commands_and_aligns_numbers_to_the_right():
     assert r"a \& b" in text
 
 
-def test_latex_has_the_rules_of_booktabs_and_says_that_it_needs_it():
+def test_latex_has_the_rules_of_booktabs_and_names_the_package():
     lines = layout.latex(TABLE, "A caption").splitlines()
     assert lines[0] == r"% Needs \usepackage{booktabs}."
     rules = [line for line in lines if line.endswith("rule")]
@@ -50,7 +50,7 @@ def test_latex_has_the_rules_of_booktabs_and_says_that_it_needs_it():
 
 
 @given(st.text(alphabet=st.characters(codec="ascii", exclude_categories=["Cc"])))
-def test_latex_text_leaves_no_special_character_bare(text):
+def test_latex_text_escapes_every_special_character(text):
     shown = layout.tex_text(text)
     for made in (*layout._TEX.values(), "$<$", "$>$"):
         shown = shown.replace(made, "")
@@ -73,7 +73,7 @@ def test_latex_text_leaves_no_special_character_bare(text):
         ("photo", "split", "photo"),
     ],
 )
-def test_a_cell_is_written_by_the_kind_of_its_column(value, column, text):
+def test_the_format_of_a_cell_depends_on_type_and_column(value, column, text):
     assert layout.format_value(value, column) == text
 
 

@@ -61,4 +61,4 @@ def test_a_run_without_photos_and_truth_has_an_empty_table(tmp_path, pairs):
         pairs=[tmp_path / "pairs.parquet"], evaluation=[tmp_path / "q.csv"], table=tmp_path / "render", origin=ORIGIN
     )
     assert len(read_csv(tmp_path / "render.csv")) == 0
-    assert "neither photos nor boxes" in (tmp_path / "render.md").read_text()
+    assert "no photos" in (tmp_path / "render.md").read_text()

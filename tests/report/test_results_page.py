@@ -67,7 +67,7 @@ def test_the_page_holds_every_table_and_picture_of_the_run_and_needs_no_other_fi
     assert set(re.findall(r'src="(data:image/\w+)', page)) == {"data:image/webp"}
     assert len(re.findall(r'src="data:', page)) == 1 + 2 * len(run["figures"])  # the strip, in the text, in the list
     assert not re.search(r'src="(?!data:)', page)
-    assert "trained on Analog finds" in page  # what the analog made is never called real
+    assert "the detector trained on Analog" in page  # images of the analog are never named real
     assert "0.5 | 0.4 &lt;x&gt;" in page
     assert "none of these numbers is one of NASA" in page
     assert "From 2 to 90 degrees." in page

@@ -25,7 +25,7 @@ def tabulated(folder):
     return read_csv(folder / "tables/cameras.csv"), read_csv(folder / "tables/alignment.csv")
 
 
-def test_a_camera_localised_by_scans_has_its_errors_beside_it(tmp_path):
+def test_a_camera_localised_by_scans_is_listed_with_errors(tmp_path):
     write_localised(tmp_path / "cameras/PosA.json", LocalisedRig(stated_rig(), POSE, "scans", {"sd_mm": 0.3}))
     write_csv(tmp_path / "cameras/alignment.csv", pd.DataFrame([{"pair": "A-C", "fitness": 0.8, "rmse_mm": 1.2}]))
     metrics = [
@@ -50,10 +50,10 @@ def test_a_camera_localised_by_labels_is_aligned_with_its_boxes(tmp_path):
     assert alignment.iloc[0][["evidence", "between", "mean_iou"]].tolist() == ["labels", "B and its boxes", 0.8]
 
 
-def test_rocks_and_meshes_of_all_terrains_stand_in_one_table_each(tmp_path):
+def test_rocks_and_meshes_of_all_terrains_are_concatenated(tmp_path):
     for terrain in (1, 11):
-        found = pd.DataFrame({"rock": [1, 2], "size_m": [0.1, 0.2], "source": ["scan", "override"]})
-        write_parquet(tmp_path / f"rocks{terrain}.parquet", found)
+        rocks = pd.DataFrame({"rock": [1, 2], "size_m": [0.1, 0.2], "source": ["scan", "override"]})
+        write_parquet(tmp_path / f"rocks{terrain}.parquet", rocks)
         rows = [
             {"mesh": f"m{k}", "rock": k, "vertices": 4, "faces": 4, "watertight": True, "islands": 1} for k in (1, 2)
         ]
@@ -71,4 +71,4 @@ def test_rocks_and_meshes_of_all_terrains_stand_in_one_table_each(tmp_path):
     assert rocks["found_by"].tolist() == ["scan", "override"] * 2
     shown = (tmp_path / "tables/meshes.md").read_text()
     assert "m2" in shown
-    assert "hausdorff" not in shown  # a column without any value is not shown
+    assert "hausdorff" not in shown  # empty columns are not shown

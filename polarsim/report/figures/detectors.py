@@ -14,7 +14,7 @@ from polarsim.report import paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, legend_line, note, page
 from polarsim.report.figures.matrices import draw_detection, draw_ipd
 from polarsim.report.ipd_rocks_table import tidy_ipd_rocks
-from polarsim.report.seeds import SEED, averaged, panels, title_text
+from polarsim.report.seeds import SEED, seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, IPD_ROCKS
 
 STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
@@ -50,11 +50,11 @@ def draw_detectors(
 
 def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write the figure from detect/curves.parquet; of several seeds the mean and a band of one standard deviation."""
-    table = paper.with_own_names(read_parquet(curves, CURVES.columns), ("trained", "evaluated"), origin["source"])
-    text, parts = title_text(table), panels(table)
-    parts = [(split, averaged(part, CURVES.columns[:-1], ("precision",))) for split, part in parts]
-    detectors = paper.in_order(set(table["trained"]))
-    domains = paper.in_order(set(table["evaluated"]))
+    table = paper.with_display_names(read_parquet(curves, CURVES.columns), ("trained", "evaluated"), origin["source"])
+    text, parts = title_suffix(table), split_panels(table)
+    parts = [(split, seed_means(part, CURVES.columns[:-1], ("precision",))) for split, part in parts]
+    detectors = paper.sorted_domains(set(table["trained"]))
+    domains = paper.sorted_domains(set(table["evaluated"]))
     kinds = [kind for kind in BOX_CLASSES if (table["kind"] == kind).any()]
     rows = [(kind, split, part) for kind in kinds for split, part in parts]
     with page(figure, width, round(width * (0.08 + 0.3 * max(1, len(rows))))) as sheet:
@@ -67,12 +67,12 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: in
             for column, trained in enumerate(detectors):
                 axes = grid[row, column]
                 _draw_lines(axes, part[(part["kind"] == kind) & (part["trained"] == trained)], domains)
-                axes.set_title(f"{kind}, trained on {paper.title(trained)}")
+                axes.set_title(f"{kind}, trained on {paper.domain_title(trained)}")
             grid[row, 0].set_ylabel("precision" if len(parts) == 1 else f"precision, by {split}")
         for axes in grid[-1]:
             axes.set_xlabel("recall")
         lines = [legend_line(color=SERIES[n % len(SERIES)], linewidth=2.2) for n in range(len(domains))]
-        names = [f"on {paper.title(domain)}" for domain in domains]
+        names = [f"on {paper.domain_title(domain)}" for domain in domains]
         for iou, style in zip(sorted(table["iou"].unique()), STYLES, strict=False):
             lines.append(legend_line(color="black", linestyle=style, linewidth=2.2))
             names.append(f"IoU {iou:g}")
@@ -98,10 +98,11 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
     table = tidy_ipd_rocks(read_parquet(rocks, IPD_ROCKS.columns), origin["source"])
     table = table[table["kind"] == ROCK]
     detectors = list(dict.fromkeys(table["trained"]))
-    rows = [(split, part, trained) for split, part in panels(table) for trained in detectors]
-    title = title_text(table).replace("mean of", "pooled over")
+    rows = [(split, part, trained) for split, part in split_panels(table) for trained in detectors]
+    title = title_suffix(table).replace("mean of", "pooled over")
     pairs = sorted(
-        set(zip(table["first"], table["second"], strict=True)), key=lambda pair: [paper.rank(name) for name in pair]
+        set(zip(table["first"], table["second"], strict=True)),
+        key=lambda pair: [paper.domain_rank(name) for name in pair],
     )
     with page(figure, width, round(width * (0.06 + 0.2 * max(1, len(rows))))) as sheet:
         if not len(table):
@@ -114,9 +115,9 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
                 chosen = (part["trained"] == trained) & (part["first"] == first) & (part["second"] == second)
                 _draw_gains(grid[row, column], part[chosen])
                 if not row:
-                    grid[row, column].set_title(f"{paper.title(first)} - {paper.title(second)}")
+                    grid[row, column].set_title(f"{paper.domain_title(first)} - {paper.domain_title(second)}")
             which = f"\nsplit by {split}" if len(rows) > len(detectors) else ""
-            grid[row, 0].set_ylabel(f"rocks, trained\non {paper.title(trained)}{which}")
+            grid[row, 0].set_ylabel(f"rocks, trained\non {paper.domain_title(trained)}{which}")
         for axes in grid[-1]:
             axes.set_xlabel("difference of mean IoU")
 

@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import gap_table, paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, heading, note, page
-from polarsim.report.seeds import averaged, panels, title_text
+from polarsim.report.seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import ABLATION
 
 PANELS = {
@@ -30,19 +30,19 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
     """
     table = gap_table.tidy_gap(read_parquet(ablation, ABLATION.columns), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
-    splits = panels(rocks)
+    splits = split_panels(rocks)
     components = list(dict.fromkeys(rocks["component"]))
     height = round(width * (0.16 + 0.035 * max(4, len(components))))
     with page(figure, width, height * len(splits)) as sheet:
         if not len(rocks):
             note(sheet, "no rock is labelled in photos and in twins")
             return
-        model = paper.title(str(rocks["model"].iloc[0]))
-        title = f"source {origin['source']}{title_text(rocks)}"
+        model = paper.domain_title(str(rocks["model"].iloc[0]))
+        title = f"source {origin['source']}{title_suffix(rocks)}"
         heading(sheet, f"What each component of the {model} twin changes, rocks, {title}")
         grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
         for row, (split, rows) in zip(grid, splits, strict=True):
-            own = averaged(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])
+            own = seed_means(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])
             for axes, (name, text) in zip(row, PANELS.items(), strict=True):
                 _draw_panel(axes, own, components, name)
                 axes.set_xlabel(text)
@@ -55,7 +55,7 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
 
 
 def _draw_panel(axes: Any, rocks: pd.DataFrame, components: list[str], name: str) -> None:
-    detectors = paper.in_order(set(rocks["trained"]))
+    detectors = paper.sorted_domains(set(rocks["trained"]))
     for number, trained in enumerate(detectors):
         own = rocks[rocks["trained"] == trained].set_index("component").reindex(components)
         value = own[f"{name}_change"].to_numpy(float)
@@ -63,7 +63,7 @@ def _draw_panel(axes: Any, rocks: pd.DataFrame, components: list[str], name: str
         errors = np.nan_to_num(np.abs(bounds - value))
         y = np.arange(len(components)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
         gap = own[f"{name}_twin"].iloc[0] if name != "false_positives" else np.nan
-        text = f"detector trained on {paper.title(trained)}" + (
+        text = f"detector trained on {paper.domain_title(trained)}" + (
             "" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})"
         )
         thick = 0.9 * _THICK / len(detectors)

@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import detection_table, ipd_table, paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, note, page
-from polarsim.report.seeds import averaged, panels, title_text
+from polarsim.report.seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import DETECTION, IPD
 
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
@@ -22,15 +22,15 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], wid
     """Write detection of rocks as three matrices a split, means over seeds: a row a detector, a column a domain."""
     table = detection_table.tidy_detection(read_parquet(detection, DETECTION.columns), origin["source"])
     rocks = table[table["kind"] == ROCK]
-    parts = panels(rocks)
+    parts = split_panels(rocks)
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
         if not len(rocks):
             note(sheet, "no evaluated rocks")
             return
         small = " (small: the paper's photos and twins)" if rocks["paper_map50"].notna().any() else ""
-        heading(sheet, f"Rock detection, source {origin['source']}{title_text(rocks)}{small}")
+        heading(sheet, f"Rock detection, source {origin['source']}{title_suffix(rocks)}{small}")
         for row, (split, part) in zip(sheet.subplots(len(parts), 3, squeeze=False), parts, strict=True):
-            means = averaged(part, ("trained", "evaluated"), list(TITLES))
+            means = seed_means(part, ("trained", "evaluated"), list(TITLES))
             for axes, measure in zip(row, TITLES, strict=True):
                 _draw_matrix(axes, means, measure)
             row[0].set_ylabel("trained on" if len(parts) == 1 else f"split by {split}, trained on")
@@ -43,15 +43,15 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FI
     """
     table = ipd_table.tidy_ipd(read_parquet(ipd, IPD.columns), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
-    parts = panels(rocks)
+    parts = split_panels(rocks)
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
         if not len(rocks):
             note(sheet, "no rock is labelled in two domains")
             return
-        title = f"Instance performance difference of rocks, source {origin['source']}{title_text(rocks)}"
+        title = f"Instance performance difference of rocks, source {origin['source']}{title_suffix(rocks)}"
         for axes, (split, part) in zip(sheet.subplots(len(parts), squeeze=False)[:, 0], parts, strict=True):
             axes.set_title(title if len(parts) == 1 else f"{title}, split by {split}")
-            _draw_bars(axes, averaged(part, ("trained", "first", "second"), ("ipd", "ipd_abs")))
+            _draw_bars(axes, seed_means(part, ("trained", "first", "second"), ("ipd", "ipd_abs")))
         sheet.legend(*sheet.axes[0].get_legend_handles_labels(), ncols=3, loc="outside upper right")
 
 
@@ -69,7 +69,7 @@ def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
     if not np.isnan(theirs).all():
         axes.plot(x - 0.2, theirs, "D", color="white", markeredgecolor=INK, label="paper's |mean difference|")
     names = [
-        f"{paper.title(first)} -\n{paper.title(second)}"
+        f"{paper.domain_title(first)} -\n{paper.domain_title(second)}"
         for first, second in zip(rocks["first"], rocks["second"], strict=True)
     ]
     axes.set_xticks(x, names)
@@ -80,7 +80,7 @@ def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
 
 
 def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
-    trained, evaluated = paper.in_order(set(rocks["trained"])), paper.in_order(set(rocks["evaluated"]))
+    trained, evaluated = paper.sorted_domains(set(rocks["trained"])), paper.sorted_domains(set(rocks["evaluated"]))
     values = np.full((len(trained), len(evaluated)), np.nan)
     theirs, spread = np.full_like(values, np.nan), np.full_like(values, np.nan)
     for row in rocks.to_dict("records"):
@@ -89,8 +89,8 @@ def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
         spread[cell] = row[f"{measure}_sd"]
     axes.imshow(values, cmap="Blues", vmin=0, vmax=1.3)  # dark ink stays readable on the darkest cell
     axes.set_title(TITLES[measure])
-    axes.set_xticks(range(len(evaluated)), [paper.title(domain) for domain in evaluated])
-    axes.set_yticks(range(len(trained)), [paper.title(domain) for domain in trained], rotation=90, va="center")
+    axes.set_xticks(range(len(evaluated)), [paper.domain_title(domain) for domain in evaluated])
+    axes.set_yticks(range(len(trained)), [paper.domain_title(domain) for domain in trained], rotation=90, va="center")
     axes.set_xlabel("evaluated on")
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
@@ -109,7 +109,7 @@ def _name_detectors(axes: Any, rocks: pd.DataFrame) -> None:
     """The detector of each group of bars, below the pairs, and a line between groups."""
     for trained in dict.fromkeys(rocks["trained"]):
         members = np.flatnonzero(rocks["trained"] == trained)
-        text = f"trained on {paper.title(trained)}"
+        text = f"trained on {paper.domain_title(trained)}"
         axes.text(members.mean(), -0.2, text, transform=axes.get_xaxis_transform(), ha="center", va="top", color=FAINT)
         if members[-1] < len(rocks) - 1:
             axes.axvline(members[-1] + 0.5, color=FAINT, linewidth=0.8)

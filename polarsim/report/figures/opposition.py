@@ -212,7 +212,7 @@ def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], spot: 
         panel.imshow(to_8bit(crop, white), interpolation="antialiased")
         panel.set_xticks([])
         panel.set_yticks([])
-        panel.set_title(paper.title(domain))
+        panel.set_title(paper.domain_title(domain))
         panel.set_xlabel(f"median {_signal(crop):.0f} DN")
     axes[0].set_ylabel(f"phase {spot.phase_deg:.1f}°\n{key}", fontsize="small")
 
@@ -224,9 +224,9 @@ def _words(crops: list[np.ndarray], domains: Sequence[str], spot: Spot, key: Pho
     signals = {domain: _signal(crop) for domain, crop in zip(domains[1:], crops[1:], strict=True)}
     unclear = [domain for domain, signal in {domains[0]: photo, **signals}.items() if not _is_clear(signal)]
     if unclear:
-        return f"{start} the median of {_listed(map(paper.title, unclear))} is clipped or black: no comparison."
-    ratios = _listed(f"{signal / photo:.2f} ({paper.title(domain)})" for domain, signal in signals.items())
-    return f"{start} the crop's median over that of {paper.title(domains[0])} is {ratios}."
+        return f"{start} the median of {_listed(map(paper.domain_title, unclear))} is clipped or black: no comparison."
+    ratios = _listed(f"{signal / photo:.2f} ({paper.domain_title(domain)})" for domain, signal in signals.items())
+    return f"{start} the crop's median over that of {paper.domain_title(domains[0])} is {ratios}."
 
 
 def _listed(text: Iterable[str]) -> str:

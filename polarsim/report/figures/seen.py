@@ -37,7 +37,7 @@ class Finds:
 
     def title(self, domain: str) -> str:
         """A domain's name in figures."""
-        return paper.title(paper.own_name(domain, self.source))
+        return paper.domain_title(paper.display_name(domain, self.source))
 
 
 def read_finds(
@@ -52,7 +52,7 @@ def read_finds(
 ) -> Finds:
     """Read the instance table, and predictions and labels of each domain."""
     table = read_parquet(instances, INSTANCES.columns)
-    domains = sorted(predictions, key=paper.rank)
+    domains = sorted(predictions, key=paper.domain_rank)
     found = {domain: read_parquet(predictions[domain], PREDICTIONS.columns) for domain in domains}
     return Finds(
         trained,

@@ -60,7 +60,7 @@ def draw_strip(
             draw_labels(below, own, PANEL_WIDTH, _MARKS),
         )
         if found is not None and str(key) in set(found["key"]):
-            label = f"What the detector trained on {paper.title(trained)} finds, confidence from {CONFIDENCE:g}"
+            label = f"What the detector trained on {paper.domain_title(trained)} finds, confidence from {CONFIDENCE:g}"
             panels["detections"] = (label, _with_finds(below, found[found["key"] == str(key)]))
     with writing_folder(strip) as folder:
         for name, (_, image) in panels.items():
