@@ -6,11 +6,11 @@ from matplotlib.text import Text
 
 from tests.made_terrain import cube, sand, sun_lamps, world  # noqa: F401  fixtures
 
-FULL_WIDTH = 1200  # px: narrower ones are drawn for speed, with letters of the full size that have no room
+FULL_WIDTH = 1200  # px; narrower figures, drawn for speed, have no room for the text
 
 
 def cut_words(figure: Figure) -> list[str]:
-    """Titles, labels and notes of a drawn figure that its edges cut."""
+    """Return the titles, labels and notes that extend beyond the figure."""
     width, height = figure.canvas.get_width_height()
     boxes = {text.get_text(): text.get_window_extent() for text in _words(figure) if text.get_text().strip()}
     return [
@@ -31,13 +31,13 @@ def _words(figure: Figure) -> Iterator[Text]:
 
 @pytest.fixture(autouse=True)
 def _words_are_whole(monkeypatch) -> Iterator[None]:
-    draw, cut = Figure.savefig, []
+    savefig, cut = Figure.savefig, []
 
-    def watched(figure, *arguments, **options):
-        draw(figure, *arguments, **options)
+    def save_and_check(figure, *arguments, **options):
+        savefig(figure, *arguments, **options)
         if figure.canvas.get_width_height()[0] >= FULL_WIDTH:
             cut.extend(cut_words(figure))
 
-    monkeypatch.setattr(Figure, "savefig", watched)
+    monkeypatch.setattr(Figure, "savefig", save_and_check)
     yield
     assert cut == []

@@ -59,7 +59,7 @@ def test_the_command_compares_common_metrics_and_prints_differences(tmp_path):
         for terrain, value in values.items():
             metrics = [Metric("rock: all", "f1", value, "1", 40 + terrain, "truth")]
             write_metrics(tmp_path / run / f"evaluation/labels_Terrain{terrain:02d}.csv", "labels", terrain, metrics)
-    measured(tmp_path, "one", 1, 2.0)  # a metric of one run alone
+    measured(tmp_path, "one", 1, 2.0)  # a metric of a single run
     call = ["compare", "one", "other", "--results", str(tmp_path), "--out", str(tmp_path / "both")]
     done = CliRunner().invoke(app, call)
     assert done.exit_code == 0
@@ -82,7 +82,7 @@ def test_the_command_compares_common_metrics_and_prints_differences(tmp_path):
     assert rows["other", 1, "f1"] == 0.25
 
 
-def test_runs_without_a_common_metric_are_refused(tmp_path):
+def test_runs_without_a_common_metric_raise_an_error(tmp_path):
     measured(tmp_path, "one", 1, 1.0)
     measured(tmp_path, "other", 3, 1.0)
     runs = [tmp_path / "one", tmp_path / "other"]

@@ -7,7 +7,7 @@ from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
 from polarsim.report.figures.finds import draw_gap_rocks, most_different
-from polarsim.report.figures.seen import draw_seen, read_finds, shown_keys
+from polarsim.report.figures.seen import draw_predictions, read_detector_results, shown_keys
 from polarsim.report.seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS
 from tests.report.pixels import coloured, is_drawn
@@ -17,8 +17,8 @@ ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 KEYS = ("01_A_off_180_L_0256", "01_A_off_180_L_0512")
 
 
-@pytest.mark.parametrize("kinds", [("rock", "shadow"), ("rock",), ()])
-def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
+@pytest.mark.parametrize("kinds", [("rock", "shadow"), ()])
+def test_precision_and_recall_are_drawn_with_and_without_labels(tmp_path, kinds):
     rows = [
         (trained, evaluated, kind, iou, recall, 1 - recall)
         for trained in ("real", "hapke")
@@ -34,7 +34,7 @@ def test_precision_and_recall_are_drawn_also_without_labels(tmp_path, kinds):
 
 
 @pytest.mark.parametrize("count", [0, 30])
-def test_differences_of_rocks_are_drawn_also_without_rocks(tmp_path, count):
+def test_differences_of_rocks_are_drawn_with_and_without_rocks(tmp_path, count):
     rows = [("photo", 0, "hapke", "real", "hapke", 1, n, "rock", 4, n / 30, 0.5, n / 30 - 0.5) for n in range(1, count)]
     write_parquet(tmp_path / "r.parquet", pd.DataFrame(rows, columns=list(IPD_ROCKS.columns)))
     draw_ipd_histogram(rocks=tmp_path / "r.parquet", figure=tmp_path / "h.png", origin=ORIGIN, width=NARROW)
@@ -42,19 +42,19 @@ def test_differences_of_rocks_are_drawn_also_without_rocks(tmp_path, count):
     assert (coloured(tmp_path / "h.png") > 0.001) == bool(count)
 
 
-def seen(*rows):
+def instances_of(*rows):
     return pd.DataFrame(rows, columns=["key", "rock", "iou"])
 
 
-def test_rocks_are_chosen_by_their_mean_and_shown_where_they_differ_most():
-    first = seen((KEYS[0], 1, 0.9), (KEYS[1], 1, 0.8), (KEYS[0], 2, 0.5), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.2))
-    second = seen((KEYS[0], 1, 0.7), (KEYS[1], 1, 0.1), (KEYS[0], 2, 0.4), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.9))
+def test_rocks_are_selected_by_mean_and_shown_in_the_photo_with_the_largest_difference():
+    first = instances_of((KEYS[0], 1, 0.9), (KEYS[1], 1, 0.8), (KEYS[0], 2, 0.5), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.2))
+    second = instances_of((KEYS[0], 1, 0.7), (KEYS[1], 1, 0.1), (KEYS[0], 2, 0.4), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.9))
     assert most_different(first, second, 1) == [(KEYS[1], 1), (KEYS[0], 3)]
     assert most_different(first, second, 5) == [(KEYS[1], 1), (KEYS[0], 2), (KEYS[0], 3)]
     assert most_different(first, first, 5) == []
 
 
-def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
+def test_crops_show_label_and_best_prediction_in_both_domains(tmp_path):
     box = {"x0": 900.0, "y0": 500.0, "x1": 1000.0, "y1": 600.0}
     key = PhotoKey.parse(KEYS[0])
     label = key_columns(key) | {"kind": "rock", "rock": 1, "source": "truth", "confidence": 1.0} | box
@@ -67,7 +67,7 @@ def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
     png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
 
     def draw(trained):
-        finds = read_finds(
+        results = read_detector_results(
             trained,
             "analog",
             instances=tmp_path / "instances.parquet",
@@ -76,33 +76,33 @@ def test_a_page_of_rocks_shows_label_and_best_box_in_both_domains(tmp_path):
             picture_of=lambda domain, key: tmp_path / "photo.png" if domain == "real" else None,
             confidence=0.25,
         )
-        draw_gap_rocks(finds, tmp_path / f"{trained}.png", NARROW)
+        draw_gap_rocks(results, tmp_path / f"{trained}.png", NARROW)
         return png.read(tmp_path / f"{trained}.png")[..., :3].astype(int)
 
     def shows(pixels, colour):
         return bool((np.abs(pixels - colour).max(axis=2) < 40).any())
 
     page = draw("real")
-    assert shows(page, (255, 176, 0))  # the label's line
-    assert shows(page, (0, 229, 255))  # the box that the detector found in the photo
+    assert shows(page, (255, 176, 0))  # label
+    assert shows(page, (0, 229, 255))  # prediction in the photo
     draw("hapke")
-    assert is_drawn(tmp_path / "hapke.png", NARROW)  # says that there is nothing
+    assert is_drawn(tmp_path / "hapke.png", NARROW)  # a note
 
 
-def asked(*rows):
+def evaluated(*rows):
     return pd.DataFrame(rows, columns=["evaluated", "key", "rock"])
 
 
-def test_photos_are_shown_that_every_domain_labels_one_a_terrain_under_the_sun():
+def test_shown_photos_are_labelled_in_every_domain_with_the_sun_on():
     dark, sunny, other = "01_A_off_no_L_0256", "01_A_off_180_L_0512", "03_A_on_30_L_0256"
     rows = [(domain, key, 1) for domain in ("real", "hapke") for key in (dark, sunny, other)]
-    alone = ("real", "04_A_off_30_L_0256", 1)
-    assert [str(key) for key in shown_keys(asked(*rows, alone))] == [sunny, other]
-    assert shown_keys(asked(("real", sunny, 1), ("hapke", other, 1))) == []
-    assert shown_keys(asked()) == []
+    real_only = ("real", "04_A_off_30_L_0256", 1)
+    assert [str(key) for key in shown_keys(evaluated(*rows, real_only))] == [sunny, other]
+    assert shown_keys(evaluated(("real", sunny, 1), ("hapke", other, 1))) == []
+    assert shown_keys(evaluated()) == []
 
 
-def test_what_a_detector_sees_is_drawn_with_labels_of_every_domain(tmp_path):
+def test_predictions_are_drawn_with_labels_of_every_domain(tmp_path):
     box = {"x0": 400.0, "y0": 300.0, "x1": 1400.0, "y1": 900.0}
     key = PhotoKey.parse(KEYS[0])
     label = key_columns(key) | {"kind": "rock", "rock": 7, "source": "truth", "confidence": 1.0} | box
@@ -114,7 +114,7 @@ def test_what_a_detector_sees_is_drawn_with_labels_of_every_domain(tmp_path):
     write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
     png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
     for trained, hit in (("real", "hit"), ("hapke", "miss")):
-        finds = read_finds(
+        results = read_detector_results(
             "real",
             "analog",
             instances=tmp_path / "instances.parquet",
@@ -123,18 +123,18 @@ def test_what_a_detector_sees_is_drawn_with_labels_of_every_domain(tmp_path):
             picture_of=lambda domain, key: tmp_path / "photo.png",
             confidence=0.25,
         )
-        draw_seen(finds, tmp_path / f"{trained}.png", NARROW)
-    drawn, nothing = (png.read(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
+        draw_predictions(results, tmp_path / f"{trained}.png", NARROW)
+    hit, miss = (png.read(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
 
     def has(pixels, colour):
         return bool((np.abs(pixels - colour).max(axis=2) < 60).any())
 
-    assert has(drawn, (0, 229, 255))
-    assert not has(nothing, (0, 229, 255))  # below the least confidence
-    assert has(nothing, (255, 176, 0))
+    assert has(hit, (0, 229, 255))
+    assert not has(miss, (0, 229, 255))  # below the minimum confidence
+    assert has(miss, (255, 176, 0))
 
 
-def test_seeds_are_averaged_and_their_intervals_put_together():
+def test_seeds_are_averaged_and_their_intervals_are_merged():
     rows = pd.DataFrame(
         {"trained": ["a", "b", "a"], "seed": [0, 0, 1], "x": [0.2, 0.5, 0.4], "x_low": [0.1, np.nan, 0.3],
          "x_high": [0.3, np.nan, 0.5]}
@@ -146,14 +146,14 @@ def test_seeds_are_averaged_and_their_intervals_put_together():
     assert table.loc["b", ["x_sd", "x_low"]].isna().all()
 
 
-def test_titles_tell_split_and_seeds():
+def test_titles_name_split_and_seeds():
     rows = pd.DataFrame({"split": ["photo", "photo"], "seed": [0, 1]})
     assert title_suffix(rows) == ", split by photo, mean of 2 seeds"
     assert title_suffix(rows.assign(split=["photo", "view"], seed=0)) == ""
     assert [name for name, _ in split_panels(rows.assign(split=["view", "photo"]))] == ["view", "photo"]
 
 
-def test_each_split_has_its_own_panels_and_seeds_a_band(tmp_path):
+def test_each_split_has_panels_and_seeds_have_a_band(tmp_path):
     rows = [
         ("real", "real", "rock", split, seed, 0.5, recall, 0.9 - 0.5 * recall - 0.3 * seed)
         for split in ("photo", "view")
@@ -168,12 +168,13 @@ def test_each_split_has_its_own_panels_and_seeds_a_band(tmp_path):
         draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / name, origin=ORIGIN, width=NARROW)
         return png.read(tmp_path / name)[..., :3].astype(int)
 
-    both, one = drawn(table, "both.png"), drawn(table[(table["split"] == "photo") & (table["seed"] == 0)], "one.png")
-    assert both.shape[0] > 1.5 * one.shape[0]
+    both = drawn(table, "both.png")
+    single = drawn(table[(table["split"] == "photo") & (table["seed"] == 0)], "single.png")
+    assert both.shape[0] > 1.5 * single.shape[0]
     pale = np.array([217, 234, 243])  # 0.15 of the first colour on white
 
     def has_band(pixels):
         return bool((np.abs(pixels - pale).max(axis=2) < 8).mean() > 0.01)
 
     assert has_band(both)
-    assert not has_band(one)
+    assert not has_band(single)

@@ -21,14 +21,14 @@ def test_dark_and_clipped_pixels_are_grey():
     assert of_photo(photo, np.full((1, 3), 500, np.uint16)).tolist() == [[[128] * 3, [128] * 3, [255] * 3]]
 
 
-def test_a_twin_differs_in_nothing_from_a_cover_of_the_same_tones(rng):
+def test_a_cover_photo_with_another_tone_curve_has_no_difference(rng):
     twin = rng.integers(16, 4000, (60, 80)).astype(np.uint16)
-    tones = np.sqrt((twin - 16) / 4000) * 255  # stretched in some way
+    tones = np.sqrt((twin - 16) / 4000) * 255
     cover = np.repeat(np.round(tones)[..., None], 3, axis=-1).astype(np.uint8)
     red = np.zeros((60, 80), bool)
     red[0] = True
     shown = of_cover(cover, twin, red)
     assert (shown[0] == 128).all()
     assert (shown[1:] > 240).all()
-    other = of_cover(cover, twin[:, ::-1], red)
-    assert (other[1:] > 240).mean() < 0.6
+    mirrored = of_cover(cover, twin[:, ::-1], red)
+    assert (mirrored[1:] > 240).mean() < 0.6

@@ -1,4 +1,4 @@
-"""Parts of figures that a reader's eye goes by: looks of curves, places of names, scales of axes."""
+"""Parts of figures: styles of curves, positions of names, scales of axes."""
 
 import numpy as np
 import pandas as pd
@@ -10,8 +10,8 @@ from polarsim.annotate.overlay import Marks, draw_labels
 from polarsim.formats.tables import label_table
 from polarsim.photo import COLOURS
 from polarsim.render.options import HAPKE_SETS
-from polarsim.report.figures.brdf import look
-from polarsim.report.figures.canvas import FIGURE_WIDTH, beside, note, page
+from polarsim.report.figures.brdf import line_style
+from polarsim.report.figures.canvas import FIGURE_WIDTH, name_positions, note, page
 from polarsim.report.figures.offsets import RANGES_MM, range_mm
 from polarsim.report.figures.reliability import stretched
 from polarsim.report.figures.seen import _with_boxes
@@ -19,38 +19,38 @@ from polarsim.report.figures.seen import _with_boxes
 LETTER = (0.09, 0.13)
 
 
-def test_no_two_parameter_sets_look_the_same():
-    looks = [tuple(look(number).values()) for number in range(len(HAPKE_SETS))]
-    assert len(set(looks)) == len(HAPKE_SETS) > 6  # more than there are colours
+def test_every_parameter_set_has_a_different_style():
+    styles = [tuple(line_style(number).values()) for number in range(len(HAPKE_SETS))]
+    assert len(set(styles)) == len(HAPKE_SETS) > 6  # more sets than colours
 
 
-def test_names_of_neighbours_do_not_lie_on_each_other():
+def test_names_of_adjacent_boxes_do_not_overlap():
     boxes = {"195": (-1.3, 0.9, -1.1, 1.1), "180": (-1.25, 0.7, -1.1, 0.9), "182": (-0.8, 0.8, -0.6, 1.0)}
     boxes |= {"181": (-0.78, 0.78, -0.58, 0.98)}  # nearly the same rock
-    places = beside(boxes, LETTER)
-    assert set(places) == set(boxes)
-    names = list(places)
+    positions = name_positions(boxes, LETTER)
+    assert set(positions) == set(boxes)
+    names = list(positions)
     for number, name in enumerate(names):
         for other in names[:number]:
-            apart = np.abs(np.subtract(places[name], places[other]))
-            assert apart[0] >= 0.98 * 3 * LETTER[0] or apart[1] >= 0.98 * LETTER[1], (name, other)
+            distance = np.abs(np.subtract(positions[name], positions[other]))
+            assert distance[0] >= 0.98 * 3 * LETTER[0] or distance[1] >= 0.98 * LETTER[1], (name, other)
 
 
-def test_a_name_alone_stands_above_its_box():
-    assert beside({"7": (0.0, 0.0, 1.0, 1.0)}, LETTER) == {"7": (0.5, 1 + LETTER[1] / 2)}
+def test_the_name_of_a_single_box_is_above_it():
+    assert name_positions({"7": (0.0, 0.0, 1.0, 1.0)}, LETTER) == {"7": (0.5, 1 + LETTER[1] / 2)}
 
 
 @pytest.mark.parametrize(("spread_mm", "reach_mm"), [(0.2, 0.5), (0.6, 2.0), (3.0, 10.0), (500.0, 20.0)])
-def test_colours_reach_as_far_as_nearly_all_offsets(spread_mm, reach_mm):
+def test_the_colour_scale_covers_95_percent_of_the_offsets(spread_mm, reach_mm):
     offsets = np.random.default_rng(0).normal(0, spread_mm, 20_000)
-    offsets[0] = 1e4  # a stray point changes nothing
+    offsets[0] = 1e4  # outliers are ignored
     assert range_mm(offsets) == reach_mm
     assert reach_mm in RANGES_MM
 
 
 @given(st.floats(0, 1), st.floats(0, 1))
-def test_a_larger_share_stands_farther_up(one, other):
-    assert (stretched(np.array(one)) <= stretched(np.array(other))) == (one <= other) or abs(one - other) < 1e-9
+def test_the_scale_of_shares_is_monotonic(a, b):
+    assert (stretched(np.array(a)) <= stretched(np.array(b))) == (a <= b) or abs(a - b) < 1e-9
 
 
 def test_the_last_twentieth_of_the_scale_has_a_third_of_the_axis():
@@ -58,27 +58,27 @@ def test_the_last_twentieth_of_the_scale_has_a_third_of_the_axis():
     assert (high - from_95) / (high - low) > 0.35
 
 
-def test_no_predicted_box_strikes_out_a_rocks_number():
+def test_predicted_boxes_do_not_cover_rock_ids():
     row = {"key": "01_A_off_30_L_0256", "terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "L"}
     row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
     labels = label_table([row | {"x0": 600.0, "y0": 500.0, "x1": 900.0, "y1": 700.0}])
     grey = np.full((1216, 1936, 3), 90, np.uint8)
     through = pd.DataFrame(
         {"x0": 0.0, "x1": 1900.0, "y0": np.arange(460.0, 500, 4), "y1": 1200.0}
-    )  # the number's lines
-    alone, struck = (_with_boxes(grey, labels, rows, 968).astype(int) for rows in (through[:0], through))
-    letters = np.abs(alone - COLOURS["rock"]).max(axis=-1) < 30
+    )  # the rows of the id's digits
+    labels_only, with_boxes = (_with_boxes(grey, labels, rows, 968).astype(int) for rows in (through[:0], through))
+    letters = np.abs(labels_only - COLOURS["rock"]).max(axis=-1) < 30
     assert letters.sum() > 100
-    assert (np.abs(struck - alone).max(axis=-1)[letters] == 0).all()
+    assert (np.abs(with_boxes - labels_only).max(axis=-1)[letters] == 0).all()
 
 
-def test_letters_of_a_stated_size_are_larger():
+def test_the_letter_size_of_labels_can_be_set():
     row = {"key": "01_A_off_30_L_0256", "terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "L"}
     row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
     table = label_table([row | {"x0": 600.0, "y0": 500.0, "x1": 900.0, "y1": 700.0}])
     grey = np.full((1216, 1936, 3), 90, np.uint8)
-    drawn = [draw_labels(grey, table, 400, Marks(letter_px=size)) for size in (0, 20)]
-    small, large = (int((np.abs(one.astype(int) - COLOURS["rock"]).max(axis=-1) < 60).sum()) for one in drawn)
+    images = [draw_labels(grey, table, 400, Marks(letter_px=size)).astype(int) for size in (0, 20)]
+    small, large = (int((np.abs(image - COLOURS["rock"]).max(axis=-1) < 60).sum()) for image in images)
     assert large > small + 60
 
 

@@ -77,15 +77,15 @@ def test_the_format_of_a_cell_depends_on_type_and_column(value, column, text):
     assert layout.format_value(value, column) == text
 
 
-def test_same_rows_make_same_bytes(tmp_path):
-    for name in ("one", "two"):
+def test_the_same_rows_give_the_same_bytes(tmp_path):
+    for name in ("first", "second"):
         layout.write_table(tmp_path / name / "table", TABLE, "A caption")
     for form in ("csv", "parquet", "md", "tex"):
-        first, second = ((tmp_path / name / f"table.{form}").read_bytes() for name in ("one", "two"))
+        first, second = ((tmp_path / name / f"table.{form}").read_bytes() for name in ("first", "second"))
         assert first == second
 
 
-def test_blocks_stand_below_each_other_with_the_notes_at_the_end(tmp_path):
+def test_blocks_are_written_in_order_with_the_notes_at_the_end(tmp_path):
     layout.write_blocks(tmp_path / "t", TABLE, {"One.": TABLE[["name"]], "Two.": TABLE[["n"]]}, ["A note."])
     lines = (tmp_path / "t.md").read_text().splitlines()
     assert [line for line in lines if line and not line.startswith("|")] == ["**One.**", "**Two.**", "A note."]
@@ -95,7 +95,7 @@ def test_blocks_stand_below_each_other_with_the_notes_at_the_end(tmp_path):
     assert len(read_csv(tmp_path / "t.csv")) == len(TABLE)
 
 
-def test_origin_stands_in_front_of_every_row_and_must_be_whole():
+def test_the_columns_of_the_origin_are_first_and_must_be_complete():
     table = layout.with_origin(TABLE, {"run": "demo", "source": "analog", "config": "1a2b"})
     assert list(table.columns[:3]) == ["run", "source", "config"]
     assert set(table["source"]) == {"analog"}

@@ -13,7 +13,7 @@ ORIGIN = {"run": "test", "source": "analog", "config": "0123"}
 
 @pytest.fixture
 def pairs():
-    """Two positions under two lamps: twins at B are a stop too bright, those under lamp 180 unlike their photos."""
+    """Two positions and two lamps: twins at B are 1 stop too bright, twins under lamp 180 have a lower SSIM."""
     keys = [PhotoKey(3, position, "off", azimuth, "L", 256) for position in "AB" for azimuth in ("30", "180")]
     rows = [
         {
@@ -29,7 +29,7 @@ def pairs():
     return pd.DataFrame(rows, columns=list(TWIN_PAIRS.dtypes)).astype(TWIN_PAIRS.dtypes)
 
 
-def test_groups_tell_where_twins_lie_off(pairs):
+def test_medians_are_grouped_by_position_azimuth_and_terrain(pairs):
     rows = likeness_rows(pairs).set_index(["group", "value"])
     assert rows.loc[("all", "all"), "log2_twin_over_photo"] == 0.5
     assert rows.loc[("position", "B"), "log2_twin_over_photo"] == 1
@@ -37,7 +37,7 @@ def test_groups_tell_where_twins_lie_off(pairs):
     assert rows.loc[("terrain", "03"), "n"] == 4
 
 
-def test_the_table_holds_pictures_and_boxes(tmp_path, pairs):
+def test_the_table_contains_images_and_boxes(tmp_path, pairs):
     write_parquet(tmp_path / "pairs.parquet", pairs)
     metrics = [
         Metric("rendered rock: all", name, value, "1", 7, "truth") for name, value in (("f1", 0.8), ("miou", 0.6))

@@ -25,7 +25,7 @@ TABLE = "**Detection & more**\n\n| T | E: Analog |\n| --- | ---: |\n| Analog | 0
 
 @pytest.fixture
 def run(tmp_path):
-    """Files of a run without stereo and without the ablation, as they lie below results/demo."""
+    """Return the files of a run without stereo and ablation, with the layout of results/demo."""
     write_parquet(tmp_path / "photos.parquet", pd.DataFrame({"key": [f"photo {number}" for number in range(1234)]}))
     write_json(tmp_path / "figures/strip/strip.json", {"key": "01_A_off_30_L_0256", "panels": [["photo", "A <photo>"]]})
     png.write(tmp_path / "figures/strip/photo.png", np.zeros((4, 4), "uint8"))
@@ -58,31 +58,31 @@ def written(folder, run):
     return (folder / "results.html").read_text()
 
 
-def test_the_page_holds_every_table_and_picture_of_the_run_and_needs_no_other_file(tmp_path, run):
+def test_the_page_embeds_every_table_and_figure_of_the_run(tmp_path, run):
     page = written(tmp_path, run)
     assert set(re.findall(r"<strong>(\w+) &amp; more", page)) == set(run["tables"])
     assert re.findall(r'<figure id="(\w+)"', page) == [
         "comparison_Terrain01_PosA", "detection", "seen_real", "seen_hapke", "opposition",
     ]  # fmt: skip
     assert set(re.findall(r'src="(data:image/\w+)', page)) == {"data:image/webp"}
-    assert len(re.findall(r'src="data:', page)) == 1 + 2 * len(run["figures"])  # the strip, in the text, in the list
+    assert len(re.findall(r'src="data:', page)) == 1 + 2 * len(run["figures"])  # strip, sections, list of all figures
     assert not re.search(r'src="(?!data:)', page)
     assert "the detector trained on Analog" in page  # images of the analog are never named real
     assert "0.5 | 0.4 &lt;x&gt;" in page
-    assert "none of these numbers is one of NASA" in page
+    assert "no number refers to NASA" in page
     assert "From 2 to 90 degrees." in page
 
 
-def test_every_link_leads_to_a_part_of_the_page_or_to_a_file_beside_it(tmp_path, run):
+def test_every_link_is_an_anchor_or_an_existing_file(tmp_path, run):
     page = written(tmp_path, run)
-    links = set(re.findall(r'href="([^"]+)"', page)) - {"report.html"}  # which is made of this page, too
+    links = set(re.findall(r'href="([^"]+)"', page)) - {"report.html"}  # written by another rule
     assert {"tables/ipd.csv", "tables/ipd.md", "figures/detection.png", "figures/strip/photo.png"} <= links
     ids = set(re.findall(r'id="([^"]+)"', page))
     assert all(link[1:] in ids if link.startswith("#") else (tmp_path / link).is_file() for link in links)
 
 
-def test_readers_of_the_screen_find_the_main_part_and_every_link(tmp_path, run):
-    """As axe asks of the page: all of it is in one landmark, and what opens a table holds no link of its own."""
+def test_screen_readers_find_the_main_landmark_and_every_link(tmp_path, run):
+    """Rules of axe: all content is in one landmark, and a summary element contains no link."""
     page = written(tmp_path, run)
     (main,) = re.findall(r"<body><main>(.*)</main>", page, re.DOTALL)
     summaries = re.findall(r"<summary>(.*?)</summary>", main)
@@ -91,7 +91,7 @@ def test_readers_of_the_screen_find_the_main_part_and_every_link(tmp_path, run):
     assert len(re.findall(r'<a href="tables/\w+\.csv">csv</a>', main)) == len(run["tables"])
 
 
-def test_the_first_screen_says_what_the_run_is_and_its_metrics_with_intervals(tmp_path, run):
+def test_the_first_screen_describes_the_run_and_has_metrics_with_intervals(tmp_path, run):
     first = written(tmp_path, run).partition("<h2>")[0]
     for fact in ("demo", "analog", "01, 11 (positions A)", "1,234", "hapke", "1a2b3c4d", __version__):
         assert fact in first
@@ -100,7 +100,7 @@ def test_the_first_screen_says_what_the_run_is_and_its_metrics_with_intervals(tm
     assert "A &lt;photo&gt;" in first
 
 
-def test_pictures_are_small_and_the_same_files_make_the_same_page_whenever_they_were_made(tmp_path, run):
+def test_images_are_reduced_and_the_page_does_not_depend_on_modification_times(tmp_path, run):
     grain = np.random.default_rng(0).integers(0, 256, (600, 2400), "uint8")
     png.write(run["figures"]["detection"], grain)
     page = written(tmp_path, run)
@@ -111,7 +111,7 @@ def test_pictures_are_small_and_the_same_files_make_the_same_page_whenever_they_
     assert written(tmp_path, run) == page
 
 
-def test_what_a_run_has_not_has_no_heading(tmp_path, run):
+def test_missing_parts_have_no_heading(tmp_path, run):
     page = written(tmp_path, run)
     assert "Stereo depth" not in page
     assert "Causes of the gap" not in page
@@ -119,7 +119,7 @@ def test_what_a_run_has_not_has_no_heading(tmp_path, run):
     assert "Opposition" not in written(tmp_path, run)
 
 
-def test_pictures_are_counted_by_split_and_domain(run):
+def test_images_are_counted_by_split_and_domain(run):
     assert picture_counts(run["datasets"], "polar").to_numpy().tolist() == [["photo", "Real", 7, 1, 3]]
 
 

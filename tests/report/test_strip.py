@@ -1,4 +1,4 @@
-"""The strip of one photo on a run's first page."""
+"""Strip of images of one photo on the results page."""
 
 import numpy as np
 import pandas as pd
@@ -16,9 +16,9 @@ DARK, SHOWN, TESTED = (PhotoKey.parse(f"03_A_off_30_L_{ms}") for ms in ("2048", 
 
 @pytest.fixture
 def strip(tmp_path):
-    """`strip(photos=keys, found=keys)`: the captions by panel, and the folder."""
+    """Return a function that writes a strip and returns photo key, captions by panel, and folder."""
 
-    def make(photos, found=None):
+    def make(photos, tested=None):
         for key in (DARK, SHOWN, TESTED):
             png.write(tmp_path / f"twins/{key}.png", np.full((1216, 1936), 1000, np.uint16))
             png.write(tmp_path / f"photos/{key}.png", np.full((1216, 1936), 508, np.uint16))
@@ -26,38 +26,38 @@ def strip(tmp_path):
         write_parquet(tmp_path / "photos.parquet", pd.DataFrame(rows, columns=["key", "path"]).astype("str"))
         label = {"kind": "rock", "rock": 7, "source": "seed", "confidence": 1.0} | BOX
         write_parquet(tmp_path / "labels.parquet", label_table([key_columns(SHOWN) | label]))
-        seen = [{"key": str(key), "kind": "rock", "confidence": 0.9} | BOX for key in found or ()]
-        seen += [{**row, "confidence": 0.1, "x1": 1800.0} for row in seen]
-        if found:
-            write_parquet(tmp_path / "found.parquet", pd.DataFrame(seen))
+        predicted = [{"key": str(key), "kind": "rock", "confidence": 0.9} | BOX for key in tested or ()]
+        predicted += [{**row, "confidence": 0.1, "x1": 1800.0} for row in predicted]
+        if tested:
+            write_parquet(tmp_path / "predictions.parquet", pd.DataFrame(predicted))
         draw_strip(
             photos=tmp_path / "photos.parquet", twins=tmp_path / "twins", labels=tmp_path / "labels.parquet",
-            predictions=tmp_path / "found.parquet" if found else None, model="hapke", trained="analog",
+            predictions=tmp_path / "predictions.parquet" if tested else None, model="hapke", trained="analog",
             strip=tmp_path / "strip",
         )  # fmt: skip
-        told = read_json(tmp_path / "strip/strip.json")
-        return told["key"], dict(told["panels"]), tmp_path / "strip"
+        captions = read_json(tmp_path / "strip/strip.json")
+        return captions["key"], dict(captions["panels"]), tmp_path / "strip"
 
     return make
 
 
 def test_a_photo_with_a_twin_and_a_detector_has_five_panels(strip):
-    key, panels, folder = strip([DARK, SHOWN, TESTED], found=[TESTED])
+    key, panels, folder = strip([DARK, SHOWN, TESTED], tested=[TESTED])
     assert key == str(TESTED)
     assert list(panels) == ["photo", "twin", "difference", "labels", "detections"]
     assert all(png.read(folder / f"{name}.png").shape[1] == PANEL_WIDTH for name in panels)
     difference = png.read(folder / "difference.png")
-    np.testing.assert_allclose(difference[300, 300], [255, 128, 128], atol=3)  # twice as bright: one of two stops
-    found = png.read(folder / "detections.png").astype(int)
+    np.testing.assert_allclose(difference[300, 300], [255, 128, 128], atol=3)  # twice as bright: 1 stop of 2
+    detections = png.read(folder / "detections.png").astype(int)
     scale = PANEL_WIDTH / 1936
-    assert tuple(found[round(550 * scale), round(500 * scale)]) == (255, 176, 0)
-    assert len(set(found[round(550 * scale), round(1800 * scale)])) == 1  # grey: the unsure box is not drawn
+    assert tuple(detections[round(550 * scale), round(500 * scale)]) == (255, 176, 0)
+    assert len(set(detections[round(550 * scale), round(1800 * scale)])) == 1  # grey: below the minimum confidence
 
 
-def test_without_photos_the_twin_stands_alone_with_its_labels(strip):
+def test_without_photos_the_panels_are_twin_and_labels(strip):
     key, panels, _ = strip([])
     assert (key, list(panels)) == (str(SHOWN), ["twin", "labels"])
 
 
-def test_without_any_picture_there_is_no_panel():
+def test_without_images_there_is_no_panel():
     assert shown_key({}, {}, label_table([]), None) is None

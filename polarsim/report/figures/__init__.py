@@ -1,1 +1,1 @@
-"""Pictures of the report, each from files to one PNG or two."""
+"""Figures of the report; each function reads files and writes one or two PNG files."""

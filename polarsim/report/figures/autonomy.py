@@ -1,4 +1,4 @@
-"""Modes of a rover that finds its own way side by side, and its ways over the rocks that lay there."""
+"""Figures of autonomous drives: metrics by mode, and the paths of one seed over the rocks of the terrain."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from polarsim.run_files.picture_sets import exposure_order, exposure_title, sun_
 from polarsim.schemas.rover import ALL, ANY, AUTONOMY, HIGH_M, MODES
 
 PRINTED_PX = 1400
-SHOWN = {  # the first that the table has, as a panel's title says it
-    "collisions": "Rocks above 10 cm hit, a drive",
-    "success": "Share of drives that succeed",
+SHOWN = {  # titles of the panels by metric
+    "collisions": "Rocks above 10 cm hit per drive",
+    "success": "Share of successful drives",
     "both maps": "Map points, of 600",
-    "energy over the blind one's": "Energy over the blind drive's",
+    "energy over the blind one's": "Energy relative to the blind drive",
 }
-INSTEAD = {"energy over the blind one's": ("energy", "Energy, J")}  # where nothing drove blind
+INSTEAD = {"energy over the blind one's": ("energy", "Energy, J")}  # without blind drives
 _SUNS = {"1": "o", "2": "s", "3": "^", "4": "D", "night": "v", ANY: "_"}
-_IN_A_COLUMN = 8  # kinds whose names a column of print holds
-_IN_A_ROW = 4  # keys of the legend that a column of print holds
-_LEAST_ROOM = 10  # places: a name has room above
-_FROM_ZERO = {"Rocks above 10 cm hit, a drive", "Share of drives that succeed"}
+_NAMES_PER_COLUMN = 8  # kinds of drive per printed column
+_KEYS_PER_COLUMN = 4  # legend entries per printed column
+_MIN_KIND_WIDTH = 10  # of the axis, in mark positions; leaves room for the name of the kind
+_FROM_ZERO = {SHOWN["collisions"], SHOWN["success"]}
 _MARK = {"linestyle": "", "markersize": 3.2, "markeredgewidth": 0.6}
 
 
 @dataclass(frozen=True)
-class Looks:
-    """What Suns and exposures look like: shapes, and greys from white to black."""
+class MarkerStyles:
+    """Marker shapes of the Suns and greys of the exposures, from white to black."""
 
     suns: list[str]
     exposures: list[str]
@@ -56,119 +56,120 @@ def draw_autonomy(
     width: int = PRINTED_PX,
     ways_width: int = FIGURE_WIDTH,
 ) -> None:
-    """Draw `figure`, modes side by side, for a column of print in greys, and `ways`, the drives of the first seed."""
+    """Draw `figure`, the metrics by mode for a printed column in greys, and `ways`, the paths of the first seed."""
     draw_modes(read_parquet(together, AUTONOMY.columns), figure, origin, width)
     draw_ways(folders, ways, origin, ways_width)
 
 
 def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width: int = PRINTED_PX) -> None:
-    """A panel a figure, in it a mark for every kind of drive, Sun and exposure, with its interval over seeds.
+    """Draw a panel per metric, with a mark and an interval over seeds per kind of drive, Sun and exposure.
 
-    For a column of print `width` wide, or two where there are many kinds.
+    The figure has the `width` of a printed column, or of two columns if there are many kinds.
     """
-    own = kinds_of(table)
-    seen = own[own["sun"] != ANY]
-    looks = Looks(sorted(set(seen["sun"])), sorted(set(seen["exposure"]), key=exposure_order))
-    places, edges, labels = placed(own)
-    own = own.assign(x=places)
-    columns = 1 if len(labels) <= _IN_A_COLUMN else 2
+    rows = drive_kinds(table)
+    with_sun = rows[rows["sun"] != ANY]
+    styles = MarkerStyles(sorted(set(with_sun["sun"])), sorted(set(with_sun["exposure"]), key=exposure_order))
+    x, edges, labels = mark_positions(rows)
+    rows = rows.assign(x=x)
+    columns = 1 if len(labels) <= _NAMES_PER_COLUMN else 2
     with page(figure, columns * width, round(width * 1.45), columns * COLUMN_IN) as sheet:
         axes = sheet.subplots(len(SHOWN), 1, sharex=True)
         for axis, (metric, title) in zip(axes, SHOWN.items(), strict=True):
-            part = own[own["metric"] == metric]
+            part = rows[rows["metric"] == metric]
             if not len(part) and metric in INSTEAD:
                 metric, title = INSTEAD[metric]
-                part = own[own["metric"] == metric]
-            _draw_panel(axis, part, looks, title in _FROM_ZERO)
+                part = rows[rows["metric"] == metric]
+            _draw_panel(axis, part, styles, title in _FROM_ZERO)
             axis.set_title(title)
             for edge in edges[1:-1]:
                 axis.axvline(edge, color=LINE, linewidth=0.6, zorder=0)
         axes[-1].set_xticks([(low + high) / 2 for low, high in pairwise(edges)], labels, fontsize="small")
         axes[-1].set_xlim(edges[0], edges[-1])
-        axes[-1].set_xlabel(f"what the rover goes by\n({_told(own, looks, origin)})")
-        _draw_legend(sheet, looks, columns)
+        axes[-1].set_xlabel(
+            f"source of the hazard map; bars: 95 % intervals over seeds\n({_facts(rows, styles, origin)})"
+        )
+        _draw_legend(sheet, styles, columns)
 
 
-def placed(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[str]]:
-    """Where each row lies along the axis, the edges of the kinds' rooms, and the kinds' names.
+def mark_positions(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[str]]:
+    """Return the x coordinate of each row, the edges between the kinds of drive, and the labels of the kinds.
 
-    A kind has a place a Sun and exposure, Suns a place apart; a kind without has room for its name.
+    Each pair of Sun and exposure of a kind has a position; a gap of one position separates the Suns.
     """
     x, edges, labels = pd.Series(np.nan, kinds.index), [0.0], []
     for kind, part in kinds.groupby("kind", sort=False):
         pairs = set(zip(part["sun"], part["exposure"], strict=True))
-        own = sorted(pairs, key=lambda pair: (pair[0], exposure_order(pair[1])))
-        suns = sorted({sun for sun, _ in own})
-        place = {key: number + suns.index(key[0]) for number, key in enumerate(own)}
-        wide = max(place.values()) + 1
-        room = max(wide + 2, _LEAST_ROOM)
+        ordered = sorted(pairs, key=lambda pair: (pair[0], exposure_order(pair[1])))
+        suns = sorted({sun for sun, _ in ordered})
+        position = {key: number + suns.index(key[0]) for number, key in enumerate(ordered)}
+        used = max(position.values()) + 1
+        width = max(used + 2, _MIN_KIND_WIDTH)
         for key, rows in part.groupby(["sun", "exposure"]):
-            x[rows.index] = edges[-1] + room / 2 + place[key] - (wide - 1) / 2  # type: ignore[index]
-        edges.append(edges[-1] + room)
+            x[rows.index] = edges[-1] + width / 2 + position[key] - (used - 1) / 2  # type: ignore[index]
+        edges.append(edges[-1] + width)
         labels.append(str(kind).replace(", ", "\n"))
     return x, edges, labels
 
 
-def kinds_of(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of single Suns and exposures with their `kind`: mode, lights and model where there are several of these."""
-    own = table[(table["sun"] != ALL) & (table["detector"] == table["mode"].map(compared_detectors(table)))]
-    both, models = (own.groupby("mode")[axis].transform("nunique") > 1 for axis in ("lights", "model"))
-    kind = own["mode"].where(~both | (own["lights"] == "off"), own["mode"] + ", lit")
-    kind = kind.where(~models, kind + ", " + own["model"])
+def drive_kinds(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of single Suns and exposures with column `kind`: mode, and lights and model if they vary."""
+    rows = table[(table["sun"] != ALL) & (table["detector"] == table["mode"].map(compared_detectors(table)))]
+    both, models = (rows.groupby("mode")[axis].transform("nunique") > 1 for axis in ("lights", "model"))
+    kind = rows["mode"].where(~both | (rows["lights"] == "off"), rows["mode"] + ", lit")
+    kind = kind.where(~models, kind + ", " + rows["model"])
     order = kind.map(lambda name: (MODES.index(name.split(",")[0]), name))
-    return own.assign(kind=kind).loc[order.sort_values(kind="stable").index]
+    return rows.assign(kind=kind).loc[order.sort_values(kind="stable").index]
 
 
 def compared_detectors(table: pd.DataFrame) -> dict[str, str]:
-    """Of each mode the detector whose drives are shown, so that kinds compare: `all` of several, if these drove alike.
+    """Return the detector shown for each mode: `all` if all detectors have drives in the same conditions.
 
-    Where one drove in light, by lights or in a model in which others did not, it is the first that drove in all.
+    Otherwise the kinds would be means over different detectors; then the first detector with drives in all conditions
+    (Sun, exposure, lights, model) is shown.
     """
-    found = {}
-    for mode, own in table[table["detector"] != ALL].groupby("mode"):
-        names = own.groupby(["sun", "exposure", "lights", "model"])["detector"].agg(set)
+    detectors = {}
+    for mode, rows in table[table["detector"] != ALL].groupby("mode"):
+        names = rows.groupby(["sun", "exposure", "lights", "model"])["detector"].agg(set)
         every, common = set.union(*names), set.intersection(*names)
-        found[str(mode)] = ALL if len(every) > 1 and common in (every, set()) else min(common)
-    return found
+        detectors[str(mode)] = ALL if len(every) > 1 and common in (every, set()) else min(common)
+    return detectors
 
 
-def _draw_panel(axis: Any, part: pd.DataFrame, looks: Looks, from_zero: bool) -> None:
+def _draw_panel(axis: Any, part: pd.DataFrame, styles: MarkerStyles, from_zero: bool) -> None:
     for row in part.to_dict("records"):
         if np.isfinite(row["low"]):
             axis.plot([row["x"]] * 2, [row["low"], row["high"]], color=FAINT, linewidth=0.7, zorder=1)
-        axis.plot(row["x"], row["value"], **looks.of(row["sun"], row["exposure"]), **_MARK)
+        axis.plot(row["x"], row["value"], **styles.of(row["sun"], row["exposure"]), **_MARK)
     axis.tick_params(axis="x", length=0)
     low, high = axis.get_ylim()
     if from_zero:
-        axis.set_ylim(-0.05 * max(1.0, high), 1.05 * max(1.0, high))  # room for the marks at the ends
+        axis.set_ylim(-0.05 * max(1.0, high), 1.05 * max(1.0, high))  # room for the marks at 0 and at the maximum
     elif high - low < 0.1 * abs(high):
-        axis.set_ylim(
-            low - 0.05 * abs(high), high + 0.05 * abs(high)
-        )  # what hardly differs shall not look as if it did
+        axis.set_ylim(low - 0.05 * abs(high), high + 0.05 * abs(high))  # do not magnify small differences
 
 
-def _told(own: pd.DataFrame, looks: Looks, origin: dict[str, str]) -> str:
-    """Where the drives come from, the detector where only some are shown, and the exposure of all, if it is one."""
-    names = sorted(set(own["detector"]) - {ANY, ALL})
-    exposure = [exposure_title(one) for one in looks.exposures if len(looks.exposures) == 1]
+def _facts(rows: pd.DataFrame, styles: MarkerStyles, origin: dict[str, str]) -> str:
+    """Return the source of the run, the names of selected detectors, and the exposure if all drives have the same."""
+    names = sorted(set(rows["detector"]) - {ANY, ALL})
+    exposure = [exposure_title(styles.exposures[0])] if len(styles.exposures) == 1 else []
     return ", ".join([f"source {origin['source']}", *(f"detector {name}" for name in names), *exposure])
 
 
-def _draw_legend(sheet: Any, looks: Looks, columns: int) -> None:
-    """Suns by their shapes, exposures, where there are several, by their greys."""
+def _draw_legend(sheet: Any, styles: MarkerStyles, columns: int) -> None:
+    """Draw the legend: marker shapes of the Suns, and greys if there are several exposures."""
     from matplotlib.patches import Patch
 
     white = {"markerfacecolor": "white"}
-    keys = [legend_line(**looks.of(sun, "") | white, **_MARK, label=sun_title(sun)) for sun in looks.suns]
-    for exposure in looks.exposures if len(looks.exposures) > 1 else []:
-        grey = looks.of(ANY, exposure)["markerfacecolor"]
+    keys = [legend_line(**styles.of(sun, "") | white, **_MARK, label=sun_title(sun)) for sun in styles.suns]
+    for exposure in styles.exposures if len(styles.exposures) > 1 else []:
+        grey = styles.of(ANY, exposure)["markerfacecolor"]
         keys.append(Patch(facecolor=grey, edgecolor=INK, linewidth=0.6, label=exposure_title(exposure)))
     if keys:
-        rows = math.ceil(len(keys) / (columns * _IN_A_ROW))
+        rows = math.ceil(len(keys) / (columns * _KEYS_PER_COLUMN))
         sheet.legend(
             handles=keys,
             loc="outside lower center",
-            ncols=math.ceil(len(keys) / rows),  # filled column by column: of as many rows each
+            ncols=math.ceil(len(keys) / rows),  # Matplotlib fills column by column
             columnspacing=1,
             handletextpad=0.4,
             handlelength=1,
@@ -176,18 +177,21 @@ def _draw_legend(sheet: Any, looks: Looks, columns: int) -> None:
 
 
 def draw_ways(folders: Sequence[Path], figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Ways of the first seed's drives, rocks above 10 cm filled."""
+    """Draw the paths of the first seed's drives over the terrain; rocks above 10 cm are filled."""
     seed = folders[0].name.rpartition("_")[2]
-    own = [folder for folder in folders if folder.name.endswith(f"_{seed}")]
-    modes = [mode for mode in MODES if any(folder.name.split("_")[0] == mode for folder in own)]
+    drives = [folder for folder in folders if folder.name.endswith(f"_{seed}")]
+    modes = [mode for mode in MODES if any(folder.name.split("_")[0] == mode for folder in drives)]
     colours = dict(zip(modes, SERIES, strict=False))
     with page(figure, width, round(width * 0.4)) as sheet:
-        heading(sheet, f"The rover finds its way, {seed.replace('seed', 'seed ')}; source {origin['source']}")
+        title = (
+            f"Paths of autonomous drives by mode, {seed.replace('seed', 'seed ')}; circles: rocks, filled above 10 cm"
+        )
+        heading(sheet, f"{title}; source {origin['source']}")
         axis = sheet.subplots()
-        _draw_rocks(axis, own[0] / "world")
-        for folder in own:
-            way = read_parquet(folder / "trace.parquet", ("x_m", "y_m"))
-            axis.plot(way["x_m"], way["y_m"], color=colours[folder.name.split("_")[0]], linewidth=1, alpha=0.8)
+        _draw_rocks(axis, drives[0] / "world")
+        for folder in drives:
+            path = read_parquet(folder / "trace.parquet", ("x_m", "y_m"))
+            axis.plot(path["x_m"], path["y_m"], color=colours[folder.name.split("_")[0]], linewidth=1, alpha=0.8)
         for mode in modes:
             axis.plot([], [], color=colours[mode], label=mode)
         axis.set_aspect("equal")
@@ -203,11 +207,11 @@ def _draw_rocks(axis: Any, world: Path) -> None:
     rows, columns = ground["level_m"].shape
     x0, y0, cell = (float(ground[name]) for name in ("x0_m", "y0_m", "cell_m"))
     east, north = x0 + cell * (columns - 1), y0 + cell * (rows - 1)
-    half = cell / 2  # levels are those of nodes, at the pixels' centres
+    half = cell / 2  # grid nodes are at pixel centres
     extent = (x0 - half, east + half, y0 - half, north + half)
     axis.imshow(ground["level_m"], extent=extent, origin="lower", cmap="gray", alpha=0.4)
     axis.set_xlim(x0, east)
-    axis.set_ylim(y0, north)  # rocks may lie beyond
+    axis.set_ylim(y0, north)  # crop rocks outside the ground
     for rock in read_parquet(world / "rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):
         high = rock["height_m"] > HIGH_M
         axis.add_patch(Circle((rock["x_m"], rock["y_m"]), rock["width_m"] / 2, fill=high, color=INK if high else FAINT))

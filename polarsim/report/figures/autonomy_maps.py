@@ -1,4 +1,4 @@
-"""One drive of each mode of a rover that finds its own way: its map, way, hits and stops, and what it saw on it."""
+"""Figure of one autonomous drive per mode: hazard map, path, collisions and stops, and front camera images."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, heading, le
 from polarsim.run_files.picture_sets import exposure_title, sun_title
 from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, MODES, STOP, TOUCH
 
-PICTURES = 2  # beside a map
+PICTURES = 2  # per drive
 _ROW_PX = 375
-_BEFORE_S = 4.0  # a hit: its rock is in sight there
+_BEFORE_S = 4.0  # time between an image and the event; the rock of a collision is visible then
 _UNSEEN, _FREE, _LOW, _HIGH = "#c9ccd1", "#ffffff", "#f6c48a", "#d55e00"
 _MARKS = {
     COLLISION: {"marker": "X", "color": "#b00020", "markersize": 11, "label": "rock above 10 cm hit"},
@@ -28,65 +28,65 @@ _MARKS = {
 
 
 def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[str, str]) -> None:
-    """A row a mode: the first of its drives. Left the map at the drive's end, right what the front camera showed."""
+    """Draw one row per mode: the map at the end of the mode's first drive, and images of the front camera."""
     first = {folder.name.split("_")[0]: folder for folder in reversed(folders)}
     chosen = [first[mode] for mode in MODES if mode in first]
     with page(figure, FIGURE_WIDTH, _ROW_PX * len(chosen) + 110) as sheet:
-        heading(sheet, f"What rovers that find their own way know, do and see; source {origin['source']}")
+        heading(sheet, f"Hazard maps, paths and front camera images of autonomous drives; source {origin['source']}")
         grid = sheet.add_gridspec(len(chosen), 1 + PICTURES, width_ratios=[1.35] + [1.0] * PICTURES)
         for row, folder in enumerate(chosen):
-            way = read_parquet(folder / "trace.parquet", ("time_s", "x_m", "y_m"))
+            path = read_parquet(folder / "trace.parquet", ("time_s", "x_m", "y_m"))
             events = read_parquet(folder / "events.parquet", AUTONOMY_EVENTS.columns)
-            shown = moments(read_times(folder / "pictures"), events)
+            shown = shown_pictures(picture_times(folder / "pictures"), events)
             axis = sheet.add_subplot(grid[row, 0])
             _draw_map(axis, folder)
-            _draw_way(axis, way, events, list(shown))
+            _draw_path(axis, path, events, list(shown))
             axis.set_title(_title(folder))
             if folder == chosen[-1]:
                 axis.set_xlabel("east, m")
             if not shown:
-                _say(sheet.add_subplot(grid[row, 1]), "takes no pictures")
-            for number, (time_s, path) in enumerate(shown.items()):
-                picture(sheet.add_subplot(grid[row, 1 + number]), _pixels(path), f"{number + 1}: after {time_s:.0f} s")
-        keys = [legend_line(linestyle="", **look) for look in _MARKS.values()]
+                _write_text(sheet.add_subplot(grid[row, 1]), "no camera in this mode")
+            for number, (time_s, image) in enumerate(shown.items()):
+                picture(sheet.add_subplot(grid[row, 1 + number]), _pixels(image), f"{number + 1}: after {time_s:.0f} s")
+        keys = [legend_line(linestyle="", **style) for style in _MARKS.values()]
         keys += [
             legend_line(linestyle="", marker="s", markersize=10, markeredgecolor=FAINT, color=colour, label=label)
-            for colour, label in ((_HIGH, "taken for a hazard"), (_LOW, "for a lower rock"), (_UNSEEN, "not seen"))
+            for colour, label in ((_HIGH, "mapped as hazard"), (_LOW, "mapped as low rock"), (_UNSEEN, "not observed"))
         ]
-        keys += [legend_line(color=INK, label="the way; outlines: true rocks")]
+        keys += [legend_line(color=INK, label="path; circles: true rocks")]
         sheet.legend(handles=keys, loc="outside lower center", ncols=4)
 
 
-def read_times(folder: Path) -> dict[float, Path]:
-    """Pictures of a drive's folder of pictures, `<milliseconds>.jpg`, by time, s."""
+def picture_times(folder: Path) -> dict[float, Path]:
+    """Return the images `<milliseconds>.jpg` of a folder by time in seconds."""
     return {int(path.stem) / 1000: path for path in sorted(folder.glob("*.jpg"))}
 
 
-def moments(pictures: dict[float, Path], events: pd.DataFrame) -> dict[float, Path]:
-    """`PICTURES` of a drive's pictures by time: those before its first hits, then before stops, then evenly spread."""
+def shown_pictures(pictures: dict[float, Path], events: pd.DataFrame) -> dict[float, Path]:
+    """Select `PICTURES` images by time: before collisions, then before stops and touches, then evenly spaced."""
     times = np.array(sorted(pictures))
     if not len(times):
         return {}
     order = events["what"].map({COLLISION: 0, TOUCH: 2, STOP: 1})
     wanted = (events.loc[order.sort_values(kind="stable").index, "time_s"] - _BEFORE_S).tolist()
     wanted += np.linspace(times[0], times[-1], PICTURES + 2)[1:-1].tolist()
-    found: list[float] = []
+    chosen: list[float] = []
     for time_s in wanted:
         before = times[times <= max(time_s, times[0])]
-        if before[-1] not in found and len(found) < PICTURES:
-            found.append(before[-1])
-    return {time_s: pictures[time_s] for time_s in sorted(found)}
+        if before[-1] not in chosen and len(chosen) < PICTURES:
+            chosen.append(before[-1])
+    return {time_s: pictures[time_s] for time_s in sorted(chosen)}
 
 
 def _title(folder: Path) -> str:
     mode, *light = folder.name.rpartition("_seed")[0].split("_")
     drive = read_json(folder / "drive.json")
-    told = [sun_title(light[0]), exposure_title(light[1])] if light else []
-    return f"{', '.join([mode, *told])}: {drive['ended']} after {drive['seconds']:.0f} s"
+    conditions = [sun_title(light[0]), exposure_title(light[1])] if light else []
+    return f"{', '.join([mode, *conditions])}: {drive['ended']} after {drive['seconds']:.0f} s"
 
 
 def _draw_map(axis: Any, folder: Path) -> None:
-    """Cells as the rover knows them at the end, and outlines of the rocks that lie there."""
+    """Draw the rover's hazard map at the end of the drive and the outlines of the true rocks."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Circle
 
@@ -94,28 +94,28 @@ def _draw_map(axis: Any, folder: Path) -> None:
     kind = np.select([cells["hazard"], cells["log_odds"] > 0, cells["seen"]], [3, 2, 1], 0)
     colours = ListedColormap([_UNSEEN, _FREE, _LOW, _HIGH])
     axis.pcolormesh(cells["x_m"], cells["y_m"], kind, cmap=colours, vmin=-0.5, vmax=3.5)
-    for one in read_parquet(folder / "world/rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):
-        high = one["height_m"] > HIGH_M
+    for rock in read_parquet(folder / "world/rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):
+        high = rock["height_m"] > HIGH_M
         outline = {"fill": False, "color": INK if high else FAINT, "linewidth": 1.3 if high else 0.7}
-        axis.add_patch(Circle((one["x_m"], one["y_m"]), one["width_m"] / 2, **outline))
+        axis.add_patch(Circle((rock["x_m"], rock["y_m"]), rock["width_m"] / 2, **outline))
     axis.set_aspect("equal")
     axis.set_ylabel("north, m")
 
 
-def _draw_way(axis: Any, way: pd.DataFrame, events: pd.DataFrame, shown: list[float]) -> None:
-    axis.plot(way["x_m"], way["y_m"], color=INK, linewidth=1.2)
-    for what, look in _MARKS.items():
-        own = events[events["what"] == what]
-        axis.plot(own["x_m"], own["y_m"], linestyle="", zorder=3, **look)
+def _draw_path(axis: Any, path: pd.DataFrame, events: pd.DataFrame, shown: list[float]) -> None:
+    axis.plot(path["x_m"], path["y_m"], color=INK, linewidth=1.2)
+    for kind, style in _MARKS.items():
+        marked = events[events["what"] == kind]
+        axis.plot(marked["x_m"], marked["y_m"], linestyle="", zorder=3, **style)
     for number, time_s in enumerate(shown):
-        at = [float(np.interp(time_s, way["time_s"], way[name])) for name in ("x_m", "y_m")]
+        at = [float(np.interp(time_s, path["time_s"], path[name])) for name in ("x_m", "y_m")]
         axis.annotate(
             str(number + 1), at, ha="center", va="center", fontsize="small", color="white", zorder=4,
             bbox={"boxstyle": "circle,pad=0.2", "color": INK},
         )  # fmt: skip
 
 
-def _say(axis: Any, text: str) -> None:
+def _write_text(axis: Any, text: str) -> None:
     axis.set_axis_off()
     axis.text(0.0, 0.5, text, color=FAINT, va="center")
 

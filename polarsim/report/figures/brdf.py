@@ -1,4 +1,4 @@
-"""Reflectance over phase angle: a fixed lamp seen from every side, and lamp and viewer moved apart together."""
+"""Figure of the reflectance factor over the phase angle: fixed lamp with moving viewer, and both moving."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ def draw_reflectance(*, curves: Path, figure: Path, width: int = FIGURE_WIDTH) -
     draw_brdf(figure, panels, width)
 
 
-def look(number: int) -> dict[str, str]:
-    """Colour and dashes of a curve: when all colours are taken they come again, dashed otherwise."""
-    round_, number_in_round = divmod(number, len(SERIES))
-    return {"color": SERIES[number_in_round], "linestyle": _DASHES[round_ % len(_DASHES)]}
+def line_style(number: int) -> dict[str, str]:
+    """Return the colour and dashes of a curve; colours repeat with different dashes."""
+    cycle, colour = divmod(number, len(SERIES))
+    return {"color": SERIES[colour], "linestyle": _DASHES[cycle % len(_DASHES)]}
 
 
 def draw_brdf(figure: Path, panels: Mapping[str, Curves], width_px: int = 1600) -> None:
-    """Write curves over the phase angle, a panel for each title; a name has one look, and no two have the same."""
+    """Write a figure with one panel per title; a model has the same line style in all panels."""
     names = list(dict.fromkeys(name for curves in panels.values() for name in curves))
-    looks = {name: look(number) for number, name in enumerate(names)}
+    styles = {name: line_style(number) for number, name in enumerate(names)}
     with page(figure, width_px, round(width_px * 0.5)) as sheet:
         all_axes = np.atleast_1d(sheet.subplots(1, len(panels)))
         for axes, (title, curves) in zip(all_axes, panels.items(), strict=True):
             for name, (phase_deg, factor) in curves.items():
-                axes.plot(phase_deg, factor, **looks[name], label=name if axes is all_axes[0] else None)
+                axes.plot(phase_deg, factor, **styles[name], label=name if axes is all_axes[0] else None)
             axes.set_title(title)
             axes.set_xlabel("phase angle, degrees")
             axes.set_yscale("log")
             axes.grid(visible=True)
-        all_axes[0].set_ylabel("reflectance factor, pi f_r")
+        all_axes[0].set_ylabel("reflectance factor $\\pi f_r$")
         sheet.legend(loc="outside lower center", ncols=min(4, len(names)))

@@ -1,4 +1,4 @@
-"""The page that figures are drawn on: one look, no window, the same bytes every time."""
+"""Common style and drawing functions of figures; no window is opened and the same input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import numpy as np
 from polarsim.formats.files import writing
 
 DPI = 100
-FIGURE_WIDTH = 1600  # px: what a screen shows at once
-NOTE_LETTERS = 70  # of a line: what fits on the page, for letters grow with it
-COLUMN_IN, PRINTED_PT = 3.5, 7.5  # a column of a paper's page, and letters on it
+FIGURE_WIDTH = 1600  # px, fits a screen
+NOTE_LETTERS = 70  # maximum line length of a note; the font grows with the figure
+COLUMN_IN, PRINTED_PT = 3.5, 7.5  # width of a column of a paper, inches, and font size in it, points
 INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
-SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito: apart for all eyes
-LETTER_M = (0.09, 0.13)  # metres: width and height of a digit on a map of the sandbox that fills half the page
-PLAIN = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}  # behind words on a map
+SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito, for colour-blind readers
+LETTER_M = (0.09, 0.13)  # width and height of a digit on a map of the sandbox of half the figure's width, metres
+PLAIN = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}  # background of text on a map
 _STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 12,
@@ -43,9 +43,9 @@ _STYLE = {
 
 @contextmanager
 def page(path: Path, width_px: int, height_px: int, printed_in: float | None = None) -> Iterator[Any]:
-    """A Matplotlib figure, written to a PNG of that size at the end; fonts grow with the width from 1200 px on.
+    """Yield a Matplotlib figure and write it as a PNG of the given size; fonts grow with widths above 1300 px.
 
-    `printed_in`: it is for print, so many inches wide: fonts then have the sizes of a paper's captions.
+    `printed_in` is the width in print, inches; then the fonts have the size of a paper's captions.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -63,55 +63,60 @@ def page(path: Path, width_px: int, height_px: int, printed_in: float | None = N
 
 
 def heading(figure: Any, text: str) -> None:
-    """The title of all panels."""
+    """Write a title above all panels."""
     figure.suptitle(text, x=0.01, ha="left")
 
 
-def legend_line(**look: Any) -> Any:
-    """A line that stands in a legend alone."""
+def legend_line(**style: Any) -> Any:
+    """Return a line for a legend that is not part of the plot."""
     from matplotlib.lines import Line2D
 
-    return Line2D([], [], **look)
+    return Line2D([], [], **style)
 
 
-def rectangle(axes: Any, box: Any, colour: str, **look: Any) -> None:
-    """The outline of a box (x0, y0, x1, y1)."""
+def rectangle(axes: Any, box: Any, colour: str, **style: Any) -> None:
+    """Draw the outline of a box (x0, y0, x1, y1)."""
     from matplotlib.patches import Rectangle
 
     x0, y0, x1, y1 = box
-    axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, **look))
+    axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, **style))
 
 
-def beside(
+def name_positions(
     boxes: Mapping[str, tuple[float, float, float, float]], letter: tuple[float, float]
 ) -> dict[str, tuple[float, float]]:
-    """Where the middle of each name stands: beside its box (x0, y0, x1, y1), y upwards, where it hides the least.
+    """Return the centre of each name, next to the box (x0, y0, x1, y1; y upwards), with minimum overlap.
 
-    `letter`: width and height of a letter in the boxes' units.
+    `letter` is the width and height of a letter in the units of the boxes.
     """
-    taken, positions = [(x0, y0, x1, y1, 0.3) for x0, y0, x1, y1 in boxes.values()], {}
+    occupied, positions = [(x0, y0, x1, y1, 0.3) for x0, y0, x1, y1 in boxes.values()], {}
     for name, (x0, y0, x1, y1) in sorted(boxes.items(), key=lambda item: (-item[1][3], item[0])):
-        wide, high = letter[0] * len(name) / 2, letter[1] / 2
+        half_width, half_height = letter[0] * len(name) / 2, letter[1] / 2
         x, y = (x0 + x1) / 2, (y0 + y1) / 2
-        tried = [(x, y1 + high), (x, y0 - high), (x1 + wide, y), (x0 - wide, y)]
-        tried += [(x + side * wide * 2, y + up * (y1 - y + high)) for side in (1, -1) for up in (1, -1)]
-        tried += [(x, y1 + 3 * high), (x, y0 - 3 * high)]
+        candidates = [(x, y1 + half_height), (x, y0 - half_height), (x1 + half_width, y), (x0 - half_width, y)]
+        candidates += [
+            (x + side * half_width * 2, y + up * (y1 - y + half_height)) for side in (1, -1) for up in (1, -1)
+        ]
+        candidates += [(x, y1 + 3 * half_height), (x, y0 - 3 * half_height)]
 
-        def hidden(position: tuple[float, float], wide: float = wide, high: float = high) -> float:
-            left, low, right, top = position[0] - wide, position[1] - high, position[0] + wide, position[1] + high
+        def overlap(position: tuple[float, float], dx: float = half_width, dy: float = half_height) -> float:
+            left, low, right, top = position[0] - dx, position[1] - dy, position[0] + dx, position[1] + dy
             return sum(
                 weight * max(0, min(right, c) - max(left, a)) * max(0, min(top, d) - max(low, b))
-                for a, b, c, d, weight in taken
+                for a, b, c, d, weight in occupied
             )
 
-        positions[name] = min(tried, key=hidden)
+        positions[name] = min(candidates, key=overlap)
         px, py = positions[name]
-        taken.append((px - wide, py - high, px + wide, py + high, 1.0))
+        occupied.append((px - half_width, py - half_height, px + half_width, py + half_height, 1.0))
     return positions
 
 
 def boxed(pixels: np.ndarray, boxes: Iterable[tuple[np.ndarray, tuple[int, int, int]]], width: int) -> np.ndarray:
-    """(h', width, 3) uint8: a grey picture (h, w) scaled, with boxes (4,) in its own pixels, each in a colour (RGB)."""
+    """Scale a grey image (h, w) to `width` and draw boxes (4,), in pixels of the input, in RGB colours.
+
+    Returns an array (h', width, 3) uint8.
+    """
     from PIL import Image, ImageDraw
 
     scale = width / pixels.shape[1]
@@ -124,14 +129,14 @@ def boxed(pixels: np.ndarray, boxes: Iterable[tuple[np.ndarray, tuple[int, int, 
 
 
 def note(figure: Any, text: str) -> None:
-    """A figure that says why it shows nothing."""
+    """Write a text in an empty figure."""
     from textwrap import fill
 
     figure.text(0.5, 0.5, fill(text, NOTE_LETTERS), ha="center", va="center", color=FAINT, fontsize="large")
 
 
 def picture(axes: Any, pixels: Any, title: str) -> None:
-    """An image without frame."""
+    """Show an image without axes."""
     axes.imshow(pixels, interpolation="antialiased")
     axes.set_title(title)
     axes.set_axis_off()

@@ -1,4 +1,4 @@
-"""A photo beside its twins, each with its labels, and how they differ."""
+"""Figure that compares a photo with the twins: images with labels, and brightness differences."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from polarsim.report.figures.difference import (
 from polarsim.run_files.pictures import cover_photo, pictures_at
 from polarsim.tone import to_8bit, white_of
 
-GAP = 130  # pixels of a title and a colour bar
+GAP = 130  # height of a title and a colour bar, px
 
 
 def draw_comparison(
@@ -43,31 +43,30 @@ def draw_comparison(
     figure: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
-    """Write the picture: photo, cover photo, twins, with boxes and rock ids drawn in, and how twins differ.
+    """Write the figure: photo, cover photo and twins with boxes and rock ids, and the differences of the twins.
 
-    Each twin has its difference beside it, with a bar that says what its colours mean. Beside the photo stands how
-    often a twin is how many stops too bright or too dark.
-
-    Twins are shown with the photo's white, so brightness can be compared; among themselves where there is no photo.
+    Each twin is followed by the image of the difference with a colour bar; the photo is followed by a histogram of the
+    differences in stops. Twins and photo have the same white level, so that their brightness can be compared; without
+    a photo, the twins share a white level.
 
     Parameters
     ----------
     photos
-        Table of the terrain's photos, which may lack this one.
+        Table of the terrain's photos; the photo of `key` may be missing.
     inventory
-        Inventory of the terrain, which names the release's photo with ids drawn in where there is one: ours are added
-        from the photo of the key's position whose boxes fit the red ones, if any does.
+        Inventory of the terrain. If it names a cover photo, labels are added from the photo of the same position whose
+        boxes match the red boxes in the cover photo.
     twins
-        Folder of the terrain's twins by model; missing twins are left out.
+        Folder of the terrain's twins by model; missing twins are skipped.
     labels
         Label table with the photo's labels.
     rendered
-        Label table of the twins; None draws the photo's labels there too.
+        Label table of the twins; None for the photo's labels.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
-    own = rows_of(table, key)
-    of_twins = own if rendered is None else rows_of(read_parquet(rendered, LABEL_COLUMNS), key)
-    width //= 2  # two panels stand side by side
+    of_photo = rows_of(table, key)
+    of_twins = of_photo if rendered is None else rows_of(read_parquet(rendered, LABEL_COLUMNS), key)
+    width //= 2  # two columns of panels
     panels: list[Panel] = []
     differences: dict[str, Panel] = {}
     stops: dict[str, np.ndarray] = {}
@@ -77,10 +76,10 @@ def draw_comparison(
     if photo is not None and photo.exists():
         pixels = png.read(photo)
         white = white_of(pixels)
-        panels.append(Panel(f"Photo {key}", draw_labels(to_8bit(pixels, white), own, width)))
+        panels.append(Panel(f"Photo {key}", draw_labels(to_8bit(pixels, white), of_photo, width)))
         stops = {model: log2_over_photo(pixels, twin) for model, twin in pictured.items()}
         differences = {
-            model: Panel(f"Twin over photo, {model}", _small(difference_of_photo(pixels, twin), width), STOPS)
+            model: Panel(f"Twin / photo, {model}", _small(difference_of_photo(pixels, twin), width), STOPS)
             for model, twin in pictured.items()
         }
     if printed is not None and printed.exists():
@@ -89,29 +88,31 @@ def draw_comparison(
         panels.append(_cover_panel(cover, table, shown, width))
         differences |= _cover_differences(cover, shown, _read(twins, shown), width) if shown else {}
     if panels and stops:
-        panels.append(Panel("How far twins are off", stops=stops))
+        panels.append(Panel("Brightness difference of the twins", stops=stops))
     for model, pixels in pictured.items():
         white = white_of(pixels) if white is None else white
         panels.append(Panel(f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
         panels += [differences[model]] if model in differences else []
-    _draw(figure, panels, width, f"{key}: neither photo nor twin")
+    _draw(figure, panels, width, f"{key}: no photo and no twin")
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A picture, or a histogram of `stops` (n,) by model."""
+    """An image, or a histogram of `stops` (n,) by model."""
 
     title: str
     pixels: np.ndarray | None = None
-    full: float = 0.0  # value of full colour in a difference; 0: no difference
+    full: float = 0.0  # value of the saturated colour of a difference image; 0: not a difference image
     stops: Mapping[str, np.ndarray] | None = None
 
 
 def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey | None:
-    """The photo that a cover photo of a key's position shows, told by its red boxes."""
+    """Return the key of the photo shown in a cover photo of the position of `key`, identified by the red boxes."""
     keys = [PhotoKey.parse(str(name)) for name in sorted(set(table["key"]))]
-    alike = [k for k in keys if k.station == key.station and k.exposure_ms == key.exposure_ms and k.light == key.light]
-    return cover_key(cover, table, sorted(alike, key=lambda other: (other.azimuth != key.azimuth, other)))
+    similar = [
+        k for k in keys if k.station == key.station and k.exposure_ms == key.exposure_ms and k.light == key.light
+    ]
+    return cover_key(cover, table, sorted(similar, key=lambda k: (k.azimuth != key.azimuth, k)))
 
 
 def _cover_differences(
@@ -120,7 +121,7 @@ def _cover_differences(
     red = near_red(cover)
     return {
         model: Panel(
-            f"Twin less published photo, {model}\n{shown}, tones matched",
+            f"Twin minus published photo, {model}\n{shown}, tones matched",
             _small(difference_of_cover(cover, twin, red), width),
             TONES,
         )
@@ -140,9 +141,9 @@ def _read(twins: Mapping[str, Path], key: PhotoKey) -> dict[str, np.ndarray]:
 
 def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> Panel:
     if shown is None:
-        return Panel("Published photo\nids drawn by its authors", draw_labels(cover, table[:0], width))
-    rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # its azimuth is not known: no shadows
-    return Panel(f"Published photo, red: its authors\nyellow: our rocks of {shown}", rocks)
+        return Panel("Published photo\nwith ids of the authors", draw_labels(cover, table[:0], width))
+    rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # no shadows: the azimuth is not known
+    return Panel(f"Published photo, red: ids of the authors\nyellow: rocks of {shown}", rocks)
 
 
 def _draw(path: Path, panels: list[Panel], width: int, empty: str) -> None:
@@ -168,17 +169,17 @@ def _draw(path: Path, panels: list[Panel], width: int, empty: str) -> None:
 
 
 def _draw_stops(axes: Any, stops: Mapping[str, np.ndarray]) -> None:
-    """A line a model: share of the compared pixels by stops."""
+    """Draw a histogram of the compared pixels over stops for each model."""
     bins = np.linspace(-2 * STOPS, 2 * STOPS, 81)
     for number, (model, values) in enumerate(stops.items()):
-        label = f"{model}: none compared"
+        label = f"{model}: no pixel compared"
         if len(values):
             share = np.histogram(values.clip(bins[0], bins[-1]), bins)[0] / len(values)
-            label = f"{model}: median {np.median(values):+.2f}, off by {np.median(np.abs(values)):.2f} (median)"
+            label = f"{model}: median {np.median(values):+.2f}, median of |x| {np.median(np.abs(values)):.2f}"
             axes.stairs(100 * share, bins, color=SERIES[number % len(SERIES)], linewidth=2, label=label)
         else:
             axes.plot([], [], label=label)
     axes.axvline(0, color=FAINT, linewidth=0.8)
-    axes.set(xlabel="log2 of twin over photo, stops", ylabel="share of compared pixels, %", ylim=(0, None))
+    axes.set(xlabel="x = log2(twin / photo), stops", ylabel="share of compared pixels, %", ylim=(0, None))
     axes.legend(loc="upper left", fontsize="small")
     axes.set_ylim(0, 1.25 * axes.get_ylim()[1])

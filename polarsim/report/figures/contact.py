@@ -1,4 +1,4 @@
-"""All exposure brackets of a station on one sheet, labels drawn in: people look through it to find wrong labels."""
+"""Contact sheet of all exposure brackets of a station with labels, for the search for wrong labels."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, COLOURS, HEIGHT, LIGH
 from polarsim.run_files.pictures import pictures_at
 from polarsim.tone import to_8bit
 
-ALWAYS_DOUBTFUL = 0.5  # confidence below which a label is marked, however sure the others are
-DOUBTFUL_SHARE = 0.1  # of a terrain's labels: the least sure ones are marked too
-MAX_BYTES = 1_500_000  # of a sheet: a report holds many
-GREYS, SHADES = (96, 48, 24), 16  # of the palette: greys, the first number that fits, and steps of each colour to black
+ALWAYS_DOUBTFUL = 0.5  # a label with a lower confidence is always dashed
+DOUBTFUL_SHARE = 0.1  # share of a terrain's labels with the lowest confidence, which are also dashed
+MAX_BYTES = 1_500_000  # maximum size of a sheet; a report contains many
+GREYS, SHADES = (96, 48, 24), 16  # palette: greys (the first number that meets `MAX_BYTES`), and shades of each colour
 BLANK = 90  # grey of a tile without photo and twin
-SHEET_WIDTH = 2400  # px: ids of four tiles in a row can be read
+SHEET_WIDTH = 2400  # px; ids are legible with four tiles per row
 _GAP = 6  # pixels between tiles
-_CODE = np.array([1 << 16, 1 << 8, 1])  # a colour as one number
+_CODE = np.array([1 << 16, 1 << 8, 1])  # converts an RGB colour to an integer
 
 
 @dataclass(frozen=True)
 class Tile:
-    """One exposure bracket: the exposure that stands for it, its labels, and what it is drawn on."""
+    """An exposure bracket on the sheet: selected exposure, labels, and image file."""
 
     key: PhotoKey
     labels: pd.DataFrame
@@ -52,47 +52,47 @@ class Tile:
 def draw_contact(
     *, keys: Iterable[PhotoKey], labels: Path, pictures: Iterable[Path], figure: Path, width: int = SHEET_WIDTH
 ) -> None:
-    """Write the sheet: a row a Sun azimuth, columns for both cameras with the rover light off and on.
+    """Write the sheet: one row per Sun azimuth, one column per camera and state of the rover light.
 
-    Of each exposure bracket stands the exposure with the most labels, of these the nearest to 256 ms. Dashed are
-    labels of a confidence below 0.5 or among the lowest tenth of the terrain's.
+    A tile shows the exposure with the most labels of a bracket (the nearest to 256 ms if there are several). Labels
+    are dashed if the confidence is below 0.5 or in the lowest tenth of the terrain.
 
     Parameters
     ----------
     keys
-        The photos of one station.
+        Photos of one station.
     labels
         Label table of the terrain.
     pictures
-        Tables of photos and folders of twins; the first that has a key's picture gives it, else it is grey.
+        Tables of photos and folders of twins in order of preference; a tile without an image is grey.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
-    found = [pictures_at(folder) for folder in pictures]
+    sources = [pictures_at(folder) for folder in pictures]
     doubtful_below = doubtful_confidence(table["confidence"])
     by_set = groupby(sorted(keys, key=lambda key: (key.bracket, key)), key=lambda key: key.bracket)
     shown = [most_labelled(list(exposures), table) for _, exposures in by_set]
-    tiles = [Tile(key, rows_of(table, key), _picture(found, key)) for key in shown]
+    tiles = [Tile(key, rows_of(table, key), _picture(sources, key)) for key in shown]
     _write(figure, _sheet(tiles, doubtful_below, width))
 
 
-def _picture(found: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path | None:
-    return next((paths[key] for paths in found if key in paths and paths[key].exists()), None)
+def _picture(sources: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path | None:
+    return next((paths[key] for paths in sources if key in paths and paths[key].exists()), None)
 
 
 def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame) -> PhotoKey:
-    """Of the exposures of an exposure bracket the one with the most labels; of several the nearest to 256 ms."""
+    """Return the exposure of a bracket with the most labels, the nearest to 256 ms if there are several."""
     counts = labels["key"].value_counts()
     return min(exposures, key=lambda key: (-int(counts.get(str(key), 0)), key.stops_off_usual, key))
 
 
 def doubtful_confidence(confidences: pd.Series) -> float:
-    """Labels with a lower confidence are to be looked at first."""
+    """Return the confidence below which labels are dashed and should be checked first."""
     lowest = float(confidences.quantile(DOUBTFUL_SHARE)) if len(confidences) else 0.0
     return max(lowest, ALWAYS_DOUBTFUL)
 
 
 def _sheet(tiles: Sequence[Tile], doubtful_below: float, width: int) -> Any:
-    """The tiles in rows and columns, a title above each, and what the marks mean at the foot."""
+    """Return an image with the tiles in rows and columns, their titles, and a legend at the bottom."""
     from PIL import Image, ImageDraw
 
     rows = [azimuth for azimuth in AZIMUTHS if any(tile.key.azimuth == azimuth for tile in tiles)]
@@ -102,30 +102,30 @@ def _sheet(tiles: Sequence[Tile], doubtful_below: float, width: int) -> Any:
         for camera in CAMERAS
         if any((tile.key.light, tile.key.camera) == (light, camera) for tile in tiles)
     ]
-    wide = (width - _GAP) // max(len(columns), 1) - _GAP
-    letters = font(max(10, wide // 36))
-    strip = round(1.6 * letters.size)
-    high = round(wide * HEIGHT / WIDTH) + strip + _GAP
-    sheet = Image.new("RGB", (width, _GAP + len(rows) * high + strip), PAPER)
+    tile_width = (width - _GAP) // max(len(columns), 1) - _GAP
+    letters = font(max(10, tile_width // 36))
+    title_height = round(1.6 * letters.size)
+    row_height = round(tile_width * HEIGHT / WIDTH) + title_height + _GAP
+    sheet = Image.new("RGB", (width, _GAP + len(rows) * row_height + title_height), PAPER)
     pen = ImageDraw.Draw(sheet)
     for tile in tiles:
-        x = _GAP + columns.index((tile.key.light, tile.key.camera)) * (wide + _GAP)
-        y = _GAP + rows.index(tile.key.azimuth) * high
-        pen.text((x, y + strip // 2), tile.title(doubtful_below), fill=INK, font=letters, anchor="lm")
-        sheet.paste(Image.fromarray(_drawn(tile, wide, doubtful_below)), (x, y + strip))
-    foot = _legend(tiles, doubtful_below)
-    pen.text((_GAP, sheet.height - strip // 2), foot, fill=INK, font=letters, anchor="lm")
+        x = _GAP + columns.index((tile.key.light, tile.key.camera)) * (tile_width + _GAP)
+        y = _GAP + rows.index(tile.key.azimuth) * row_height
+        pen.text((x, y + title_height // 2), tile.title(doubtful_below), fill=INK, font=letters, anchor="lm")
+        sheet.paste(Image.fromarray(_tile_pixels(tile, tile_width, doubtful_below)), (x, y + title_height))
+    legend = _legend(tiles, doubtful_below)
+    pen.text((_GAP, sheet.height - title_height // 2), legend, fill=INK, font=letters, anchor="lm")
     return sheet
 
 
 def _legend(tiles: Sequence[Tile], doubtful_below: float) -> str:
     stations = sorted({tile.key.station for tile in tiles})
     name = ", ".join(f"Terrain {terrain:02d}, position {position}" for terrain, position in stations)
-    marks = "yellow: rocks with their ids; blue: shadows, a line to their rock"
+    marks = "Labels; yellow: rocks with ids; blue: shadows with a line to the rock"
     return f"{name}. {marks}; dashed: confidence below {doubtful_below:.2f}"
 
 
-def _drawn(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
+def _tile_pixels(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
     if tile.picture is not None and tile.picture.exists():
         pixels = to_8bit(png.read(tile.picture))
     else:
@@ -135,9 +135,9 @@ def _drawn(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
 
 
 def _write(path: Path, sheet: Any) -> None:
-    """An 8-bit PNG of greys and the labels' colours: a third of the size of a coloured one."""
+    """Write the sheet as a PNG with a palette of greys and label colours, a third of the size of an RGB PNG."""
     pixels = np.asarray(sheet, np.int32)
-    codes, indices = np.unique(pixels @ _CODE, return_inverse=True)  # of whole numbers, five times as fast as of rows
+    codes, indices = np.unique(pixels @ _CODE, return_inverse=True)  # integers: five times as fast as RGB rows
     colours = codes[:, None] // _CODE % 256
     for greys in GREYS:
         content = _coded(colours, indices.reshape(pixels.shape[:2]), _palette(greys))
@@ -148,7 +148,7 @@ def _write(path: Path, sheet: Any) -> None:
 
 
 def _coded(colours: np.ndarray, indices: np.ndarray, palette: np.ndarray) -> bytes:
-    """PNG of a picture, each of its colours (n, 3) replaced by the nearest of a palette; `indices` (h, w) say which."""
+    """Return a PNG with the nearest palette colours; `indices` (h, w) index the image's `colours` (n, 3)."""
     from PIL import Image
 
     _, nearest = cKDTree(palette).query(colours)
@@ -159,7 +159,7 @@ def _coded(colours: np.ndarray, indices: np.ndarray, palette: np.ndarray) -> byt
 
 
 def _palette(count: int) -> np.ndarray:
-    """(n, 3) int: greys, and each colour of the labels in steps from black, with which the rims of letters mix."""
+    """Return a palette (n, 3) int: `count` greys, and shades of each label colour for the antialiased text outlines."""
     greys = np.repeat(np.linspace(0, 255, count)[:, None], 3, axis=1)
     steps = np.linspace(0, 1, SHADES + 1)[1:, None]
     return np.round(

@@ -1,4 +1,4 @@
-"""Which photo a published cover photo shows, told by the red boxes that its authors drew into it."""
+"""Identification of the photo shown in a published cover photo, by the red boxes in the cover photo."""
 
 from __future__ import annotations
 
@@ -10,35 +10,38 @@ from scipy.ndimage import maximum_filter
 
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 
-SAME = 0.35  # share of our boxes' outlines on drawn red lines from which a cover photo is taken to show that photo
-_ALIKE = 0.1  # difference of two such shares that says nothing
-_REACH = 9  # pixels between our line and the red one
+MIN_SHARE = 0.35  # minimum share of the label boxes' outlines on red lines for a match
+_MARGIN = 0.1  # a later photo replaces an earlier match only if the share is larger by this margin
+_REACH = 9  # size of the maximum filter that widens the red lines, px
 
 
 def cover_key(cover: np.ndarray, labels: pd.DataFrame, keys: Iterable[PhotoKey]) -> PhotoKey | None:
-    """The photo, of some keys, whose rock boxes lie on the red boxes drawn into a cover photo (h, w, 3) uint8.
+    """Return the key whose rock boxes match the red boxes in a cover photo (h, w, 3) uint8, or None.
 
-    None when no photo's boxes do: covers show either camera and any azimuth, and some have numbers only. Of photos that
-    fit nearly alike the first one wins.
+    Cover photos are of either camera and any azimuth, and some have numbers without boxes. Of photos with similar
+    matches the first is returned.
     """
     red = near_red(cover)
-    best, best_share = None, SAME
+    best, best_share = None, MIN_SHARE
     rocks = labels[labels["kind"] == ROCK]
     for key in keys:
         share = share_on_red(red, rocks.loc[rocks["key"] == str(key), ["x0", "y0", "x1", "y1"]].to_numpy(float))
-        if share > best_share + (_ALIKE if best else 0):
+        if share > best_share + (_MARGIN if best else 0):
             best, best_share = key, share
     return best
 
 
 def near_red(cover: np.ndarray) -> np.ndarray:
-    """(h, w) bool: the lines and digits that its authors drew into a cover photo (h, w, 3) uint8, widened."""
-    drawn = (cover[..., 0] > 150) & (cover[..., 1] < 90) & (cover[..., 2] < 90)
-    return np.asarray(maximum_filter(drawn, _REACH))
+    """Return a mask (h, w) of the widened red lines and digits in a cover photo (h, w, 3) uint8."""
+    red = (cover[..., 0] > 150) & (cover[..., 1] < 90) & (cover[..., 2] < 90)
+    return np.asarray(maximum_filter(red, _REACH))
 
 
 def share_on_red(red: np.ndarray, boxes: np.ndarray) -> float:
-    """Share of the outlines of boxes (n, 4), pixels of a whole photo, on a cover's `near_red` (h, w); 0 of none."""
+    """Return the share of the outlines of boxes (n, 4), in pixels of the photo, on the mask of `near_red` (h, w).
+
+    Without boxes the share is 0.
+    """
     scale = np.array([red.shape[1] / WIDTH, red.shape[0] / HEIGHT] * 2)
     return float(np.mean([_share_of(red, box) for box in boxes * scale])) if len(boxes) else 0.0
 

@@ -1,4 +1,4 @@
-"""Every real cover photo with its labels, and with what a detector finds in it that has not seen its terrain."""
+"""Figure of the real cover photos with labels and predictions of the detectors of held-out terrains."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from polarsim.schemas.detect import PREDICTIONS
 
 _COLUMNS = 2
 _TITLE_PX = 40
-_FOUND = (0, 229, 255)  # of predicted boxes
+_PREDICTED = (0, 229, 255)  # colour of predicted boxes
 _CORNERS = ["x0", "y0", "x1", "y1"]
-_SAME = 0.5  # IoU from which a prediction is right
+_MIN_IOU = 0.5  # of a correct prediction
 
 
 def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write the figure: a panel a cover photo, rocks alone.
+    """Write one panel per cover photo with labels and predictions of rocks.
 
     Parameters
     ----------
     photos : Path
-        Folder of cover photos without strokes, `KEY.png`.
+        Folder of cover photos without red lines, `KEY.png`.
     labels : Path
-        Their label table.
+        Label table of the cover photos.
     predictions : Path
-        Prediction table of all of them.
+        Prediction table of the cover photos.
     """
-    drawn = read_parquet(labels, LABEL_COLUMNS)
-    found = read_parquet(predictions, PREDICTIONS.columns)
-    drawn, found = drawn[drawn["kind"] == ROCK], found[found["kind"] == ROCK]
-    least = best_confidence(drawn[drawn["key"].isin(found["key"])], found)
-    found = found[found["confidence"] >= least]
+    annotated = read_parquet(labels, LABEL_COLUMNS)
+    predicted = read_parquet(predictions, PREDICTIONS.columns)
+    annotated, predicted = annotated[annotated["kind"] == ROCK], predicted[predicted["kind"] == ROCK]
+    threshold = best_confidence(annotated[annotated["key"].isin(predicted["key"])], predicted)
+    predicted = predicted[predicted["confidence"] >= threshold]
     paths = sorted(photos.glob("*.png"))
     rows = -(-len(paths) // _COLUMNS)
     column = width // _COLUMNS
@@ -48,21 +48,25 @@ def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, 
             axes.set_axis_off()
         for axes, path in zip(grid, paths, strict=False):
             key = path.stem
-            own, seen = (table.loc[table["key"] == key, _CORNERS].to_numpy(float) for table in (drawn, found))
-            coloured = [*((box, COLOURS[ROCK]) for box in own), *((box, _FOUND) for box in seen)]
-            picture(axes, boxed(png.read(path), coloured, column), f"{key}, confidence from {least:.2f}")
+            coloured = [
+                (box, colour)
+                for table, colour in ((annotated, COLOURS[ROCK]), (predicted, _PREDICTED))
+                for box in table.loc[table["key"] == key, _CORNERS].to_numpy(float)
+            ]
+            picture(axes, boxed(png.read(path), coloured, column), f"{key}, confidence of at least {threshold:.2f}")
 
 
 def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
-    """Confidence at which the F1 of all predictions is largest; 1 without any that is right.
+    """Return the confidence threshold that maximises F1; 1 if no prediction is correct.
 
-    The surest prediction first takes the label with the largest IoU, if that is 0.5 or more, that is still free.
+    In order of decreasing confidence, each prediction is matched to the unmatched label with the largest IoU of at
+    least 0.5.
     """
     ordered = predictions.sort_values("confidence", ascending=False, kind="stable")
-    corners, right = ordered[_CORNERS].to_numpy(float), np.zeros(len(ordered), bool)
+    corners, correct = ordered[_CORNERS].to_numpy(float), np.zeros(len(ordered), bool)
     for key, rows in ordered.groupby("key").indices.items():
-        own = labels.loc[labels["key"] == key, _CORNERS].to_numpy(float)
-        overlap = boxes.iou(corners[rows], own)
-        right[rows] = match(overlap, np.array([_SAME]), np.zeros((1, len(own)), bool))[0][0, 0]
-    f1 = 2 * np.cumsum(right) / (np.arange(1, len(right) + 1) + len(labels))
-    return float(ordered["confidence"].iloc[f1.argmax()]) if right.any() else 1.0
+        label_corners = labels.loc[labels["key"] == key, _CORNERS].to_numpy(float)
+        overlap = boxes.iou(corners[rows], label_corners)
+        correct[rows] = match(overlap, np.array([_MIN_IOU]), np.zeros((1, len(label_corners)), bool))[0][0, 0]
+    f1 = 2 * np.cumsum(correct) / (np.arange(1, len(correct) + 1) + len(labels))
+    return float(ordered["confidence"].iloc[f1.argmax()]) if correct.any() else 1.0

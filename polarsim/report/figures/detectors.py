@@ -1,4 +1,4 @@
-"""All figures of what a run's detectors found: precision over recall and gains of single rocks, beside matrices."""
+"""Figures of a run's detectors: detection matrix, precision over recall, IPD, histogram of IoU differences."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from polarsim.report.ipd_rocks_table import tidy_ipd_rocks
 from polarsim.report.seeds import SEED, seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, IPD_ROCKS
 
-STYLES = ("-", ":")  # of the IoU thresholds, the smaller one first
+STYLES = ("-", ":")  # line styles of the IoU thresholds, in ascending order
 BINS = np.linspace(-1, 1, 41)
 
 
@@ -33,7 +33,7 @@ def draw_detectors(
     rocks_figure: Path,
     origin: dict[str, str],
 ) -> None:
-    """Draw the matrix of detection, precision over recall, IPD, and its histogram over rocks.
+    """Draw the detection matrix, precision over recall, the IPD, and the histogram of IoU differences of rocks.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def draw_detectors(
 
 
 def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write the figure from detect/curves.parquet; of several seeds the mean and a band of one standard deviation."""
+    """Write the figure from detect/curves.parquet; bands are one standard deviation over seeds."""
     table = paper.with_display_names(read_parquet(curves, CURVES.columns), ("trained", "evaluated"), origin["source"])
     text, parts = title_suffix(table), split_panels(table)
     parts = [(split, seed_means(part, CURVES.columns[:-1], ("precision",))) for split, part in parts]
@@ -59,9 +59,10 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: in
     rows = [(kind, split, part) for kind in kinds for split, part in parts]
     with page(figure, width, round(width * (0.08 + 0.3 * max(1, len(rows))))) as sheet:
         if not len(table):
-            note(sheet, "no labels to be found")
+            note(sheet, "no labels in the test photos")
             return
-        heading(sheet, f"Precision over recall, source {origin['source']}{text}")
+        band = "; bands: standard deviation over seeds" if "mean of" in text else ""
+        heading(sheet, f"Precision over recall of detectors, source {origin['source']}{text}{band}")
         grid = sheet.subplots(len(rows), len(detectors), sharex=True, sharey=True, squeeze=False)
         for row, (kind, split, part) in enumerate(rows):
             for column, trained in enumerate(detectors):
@@ -72,7 +73,7 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: in
         for axes in grid[-1]:
             axes.set_xlabel("recall")
         lines = [legend_line(color=SERIES[n % len(SERIES)], linewidth=2.2) for n in range(len(domains))]
-        names = [f"on {paper.domain_title(domain)}" for domain in domains]
+        names = [f"evaluated on {paper.domain_title(domain)}" for domain in domains]
         for iou, style in zip(sorted(table["iou"].unique()), STYLES, strict=False):
             lines.append(legend_line(color="black", linestyle=style, linewidth=2.2))
             names.append(f"IoU {iou:g}")
@@ -94,7 +95,7 @@ def _draw_lines(axes: Any, table: pd.DataFrame, domains: list[str]) -> None:
 
 
 def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write the figure from detect/rocks.parquet: a rock counts once a seed, by the mean over its photos."""
+    """Write the figure from detect/rocks.parquet; each rock counts once per seed with the mean IoU over photos."""
     table = tidy_ipd_rocks(read_parquet(rocks, IPD_ROCKS.columns), origin["source"])
     table = table[table["kind"] == ROCK]
     detectors = list(dict.fromkeys(table["trained"]))
@@ -108,32 +109,32 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
         if not len(table):
             note(sheet, "no rock is labelled in two domains")
             return
-        heading(sheet, f"Mean IoU of each rock, first domain less second, source {origin['source']}{title}")
+        heading(sheet, f"Mean IoU of each rock, first minus second domain, source {origin['source']}{title}")
         grid = sheet.subplots(len(rows), len(pairs), sharex=True, sharey=True, squeeze=False)
         for row, (split, part, trained) in enumerate(rows):
             for column, (first, second) in enumerate(pairs):
                 chosen = (part["trained"] == trained) & (part["first"] == first) & (part["second"] == second)
-                _draw_gains(grid[row, column], part[chosen])
+                _draw_differences(grid[row, column], part[chosen])
                 if not row:
                     grid[row, column].set_title(f"{paper.domain_title(first)} - {paper.domain_title(second)}")
-            which = f"\nsplit by {split}" if len(rows) > len(detectors) else ""
-            grid[row, 0].set_ylabel(f"rocks, trained\non {paper.domain_title(trained)}{which}")
+            of_split = f"\nsplit by {split}" if len(rows) > len(detectors) else ""
+            grid[row, 0].set_ylabel(f"number of rocks,\ntrained on {paper.domain_title(trained)}{of_split}")
         for axes in grid[-1]:
             axes.set_xlabel("difference of mean IoU")
 
 
-def _draw_gains(axes: Any, table: pd.DataFrame) -> None:
-    gain = table["difference"].to_numpy(float)
-    axes.hist(gain.clip(-1, 1), BINS, color=SERIES[0])
+def _draw_differences(axes: Any, table: pd.DataFrame) -> None:
+    difference = table["difference"].to_numpy(float)
+    axes.hist(difference.clip(-1, 1), BINS, color=SERIES[0])
     axes.axvline(0, color=FAINT, linewidth=1)
     axes.set_xlim(-1, 1)
     axes.grid(visible=True, axis="y")
-    if not len(gain):
+    if not len(difference):
         axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color=FAINT)
         return
-    mean = float(gain.mean())
+    mean = float(difference.mean())
     axes.axvline(mean, color=SERIES[1], linewidth=2)
     seeds = table[SEED].nunique() if SEED in table.columns else 1
-    counted = f"{len(table.drop_duplicates(['terrain', 'rock']))} rocks" + (f", {seeds} seeds" if seeds > 1 else "")
-    text = f"{counted}\nmean {mean:+.3f}\nmean size {np.abs(gain).mean():.3f}"
+    counts = f"{len(table.drop_duplicates(['terrain', 'rock']))} rocks" + (f", {seeds} seeds" if seeds > 1 else "")
+    text = f"{counts}\nmean {mean:+.3f}\nmean |x| {np.abs(difference).mean():.3f}"
     axes.text(0.02, 0.96, text, transform=axes.transAxes, ha="left", va="top", color=INK, fontsize="small")

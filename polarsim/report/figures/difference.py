@@ -1,4 +1,4 @@
-"""How a twin differs from its photo, as a picture, as numbers, and the bar that says what colours mean."""
+"""Brightness difference of twin and photo: image, values, colour bar."""
 
 from __future__ import annotations
 
@@ -10,53 +10,53 @@ import numpy as np
 from polarsim.photo import BLACK_LEVEL
 from polarsim.scoring.twins import FULL_DN, LIT_DN
 
-STOPS = 2.0  # of full colour
-TONES = 0.5  # of full colour, share of white, where tones were matched
+STOPS = 2.0  # difference at the saturated colour, stops
+TONES = 0.5  # difference at the saturated colour after tone matching, share of white
 _LEVELS = np.linspace(0, 1, 257)
-STOPS_MEANING = "log2 of twin over photo, stops; red: twin too bright\ngrey: left out, dark or clipped in photo or twin"
-TONES_MEANING = "tone of twin less photo, of white; red: twin too bright\ngrey: left out, lines drawn into the photo"
+STOPS_MEANING = "log2(twin / photo), stops; red: twin too bright\ngrey: excluded (dark or clipped in photo or twin)"
+TONES_MEANING = "tone of twin minus photo, share of white; red: twin too bright\ngrey: excluded (lines in the photo)"
 
 
 def difference_of_photo(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 picture of log2(twin / photo) of 12-bit pictures (h, w); grey where either is dark or clipped."""
+    """Return an image (h, w, 3) uint8 of log2(twin / photo) of 12-bit images (h, w); grey where dark or clipped."""
     ratio, good = _log2(photo, twin)
     return _coloured(ratio / STOPS, good)
 
 
 def log2_over_photo(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
-    """(n,) log2(twin / photo) of the pixels that are neither dark nor clipped in either."""
+    """Return log2(twin / photo) (n,) of the pixels that are not dark or clipped in photo or twin."""
     ratio, good = _log2(photo, twin)
     return ratio[good]
 
 
 def _log2(photo: np.ndarray, twin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w) log2(twin / photo), and where both are neither dark nor clipped."""
+    """Return log2(twin / photo) (h, w), and the mask of pixels that are not dark or clipped in photo or twin."""
     signals = [picture.astype(np.float32) - BLACK_LEVEL for picture in (photo, twin)]
     good = np.logical_and.reduce([(signal > LIT_DN) & (signal < FULL_DN) for signal in signals])
     return np.log2(np.divide(signals[1], signals[0], where=good, out=np.ones_like(signals[0]))), good
 
 
 def difference_of_cover(cover: np.ndarray, twin: np.ndarray, red: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 picture of tones, twin less cover photo, once the twin has the distribution of its tones.
+    """Return an image (h, w, 3) uint8 of the tone difference, twin minus cover photo, after histogram matching.
 
-    Published covers are stretched in ways that nobody wrote down, so that brightness itself cannot be compared.
+    The tone curves of published cover photos are not documented, so absolute brightness cannot be compared.
 
     Parameters
     ----------
     cover : (h, w, 3) uint8
     twin : (h, w) uint16
     red : (h, w) bool
-        Where lines or digits were drawn into the cover: left grey.
+        Mask of red lines and digits in the cover photo; grey in the result.
     """
     tones = cover.astype(np.float32).mean(axis=-1) / 255
     wanted = np.quantile(tones[~red], _LEVELS)
-    own, first = np.unique(np.quantile(twin[~red], _LEVELS), return_index=True)
-    matched = np.interp(twin, own, wanted[first])
+    levels, first = np.unique(np.quantile(twin[~red], _LEVELS), return_index=True)
+    matched = np.interp(twin, levels, wanted[first])
     return _coloured((matched - tones) / TONES, ~red)
 
 
 def _coloured(share: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """-1 is blue, 0 white, 1 red."""
+    """Map -1 to blue, 0 to white, 1 to red; grey where not `good`."""
     share = np.clip(share, -1, 1)
     fade = 1 - np.abs(share)
     channels = [np.where(share > 0, 1, fade), fade, np.where(share < 0, 1, fade)]
@@ -64,7 +64,7 @@ def _coloured(share: np.ndarray, good: np.ndarray) -> np.ndarray:
 
 
 def difference_bar(figure: Any, axes: Sequence[Any], full: float = STOPS, meaning: str = STOPS_MEANING) -> None:
-    """A bar below a difference that says what its colours mean; `full` is the value of full colour."""
+    """Draw a colour bar below difference images; `full` is the value of the saturated colour."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 

@@ -1,4 +1,4 @@
-"""The ablation as bars: what every component of the twin changes of IPD and of false positives."""
+"""Figure of the ablation: change of IPD and of false positives per replaced component of the twin."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ PANELS = {
     "ipd_abs": "change of IPD\nmean |difference|",
     "false_positives": "change of false positives\nper image",
 }
-_THICK = 0.8  # of the bars of one component together
+_THICK = 0.8  # total thickness of the bars of one component
 
 
 def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write bars of rocks with 95 % intervals, a group a component, a colour a detector, a row a split.
+    """Write bars of rocks with 95 % intervals: a group per component, a colour per detector, a row per split.
 
-    Of several seeds means, with the span of all intervals.
+    Several seeds are averaged; the whiskers then range from the minimum to the maximum of all intervals.
     """
     table = gap_table.tidy_gap(read_parquet(ablation, ABLATION.columns), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
@@ -38,13 +38,13 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
             note(sheet, "no rock is labelled in photos and in twins")
             return
         model = paper.domain_title(str(rocks["model"].iloc[0]))
-        title = f"source {origin['source']}{title_suffix(rocks)}"
-        heading(sheet, f"What each component of the {model} twin changes, rocks, {title}")
+        title = f"source {origin['source']}{title_suffix(rocks)}; whiskers: 95 % intervals"
+        heading(sheet, f"Effect of replacing a component of the {model} twin, rocks, {title}")
         grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
         for row, (split, rows) in zip(grid, splits, strict=True):
-            own = seed_means(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])
+            means = seed_means(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])
             for axes, (name, text) in zip(row, PANELS.items(), strict=True):
-                _draw_panel(axes, own, components, name)
+                _draw_panel(axes, means, components, name)
                 axes.set_xlabel(text)
             if len(splits) > 1:
                 row[0].set_ylabel(f"split by {split}")
@@ -57,17 +57,17 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
 def _draw_panel(axes: Any, rocks: pd.DataFrame, components: list[str], name: str) -> None:
     detectors = paper.sorted_domains(set(rocks["trained"]))
     for number, trained in enumerate(detectors):
-        own = rocks[rocks["trained"] == trained].set_index("component").reindex(components)
-        value = own[f"{name}_change"].to_numpy(float)
-        bounds = own[[f"{name}_change_low", f"{name}_change_high"]].to_numpy(float).T
+        rows = rocks[rocks["trained"] == trained].set_index("component").reindex(components)
+        value = rows[f"{name}_change"].to_numpy(float)
+        bounds = rows[[f"{name}_change_low", f"{name}_change_high"]].to_numpy(float).T
         errors = np.nan_to_num(np.abs(bounds - value))
         y = np.arange(len(components)) + _THICK * ((number + 0.5) / len(detectors) - 0.5)
-        gap = own[f"{name}_twin"].iloc[0] if name != "false_positives" else np.nan
+        gap = rows[f"{name}_twin"].iloc[0] if name != "false_positives" else np.nan
         text = f"detector trained on {paper.domain_title(trained)}" + (
-            "" if np.isnan(gap) else f" (IPD of the twin {gap:.3f})"
+            "" if np.isnan(gap) else f" (IPD of the unchanged twin {gap:.3f})"
         )
-        thick = 0.9 * _THICK / len(detectors)
-        axes.barh(y, value, thick, xerr=errors, color=SERIES[number], ecolor=INK, capsize=3, label=text)
+        thickness = 0.9 * _THICK / len(detectors)
+        axes.barh(y, value, thickness, xerr=errors, color=SERIES[number], ecolor=INK, capsize=3, label=text)
     axes.axvline(0, color=INK, linewidth=1)
     axes.grid(visible=True, axis="x")
     axes.tick_params(axis="y", length=0)

@@ -30,9 +30,9 @@ def draw_geometry(
     Parameters
     ----------
     twins
-        Twins that are shown in the place of missing photos; None: photos only.
+        Folder of twins that replace missing photos; None for photos only.
     offsets, offsets_figure
-        Distances from the true surface and their figure; None where the truth is not known.
+        Distances from the true surface and the figure to write; None without ground truth.
     """
     draw_terrain(terrain=terrain, rocks=rocks, meshes=meshes, meshes_figure=meshes_figure, crops_figure=crops_figure)
     draw_residuals(

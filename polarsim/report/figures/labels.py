@@ -1,4 +1,4 @@
-"""How far the edges of propagated boxes lie from the true ones."""
+"""Histograms of the edge errors of propagated boxes."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 
 SIDES = ("left", "top", "right", "bottom")
-REACH = 20  # pixels to both sides that the histograms show
-COPIED = (EXPOSURES, LIGHT)  # left out of the printed medians where other tasks are there: mostly zeros
-_SHARES = (0, 0.01, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1)  # that are written at the axis
-_GOOD = 1.4826  # robust sd over median absolute deviation
+REACH = 20  # maximum error shown in the histograms, px
+COPIED = (EXPOSURES, LIGHT)  # tasks excluded from the printed medians if there are other tasks; errors are mostly 0
+_TICKS = (0, 0.01, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1)  # of the axis of shares
+_SD_OF_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 
 
 def draw_label_scores(
@@ -34,22 +34,22 @@ def draw_label_scores(
     reliability_figure: Path,
     origin: dict[str, str],
 ) -> None:
-    """Draw the edge errors of each terrain and the reliability diagram, see `draw_label_errors`, `draw_reliability`."""
+    """Draw the edge errors of each terrain and the reliability diagram."""
     for terrain, path, figure in zip(terrains, pairs, label_errors, strict=True):
         draw_label_errors(terrain=terrain, pairs=path, figure=figure)
     draw_reliability(reliability=reliability, figure=reliability_figure, origin=origin)
 
 
 def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write histograms of edge errors, a row a kind, a column an edge, a line a task, from `label_pairs`."""
+    """Write histograms of edge errors from `label_pairs`: one row per kind, one column per edge, one line per task."""
     table = read_parquet(pairs, LABEL_PAIRS.columns)
     errors = edge_errors(table)
     name = TRUTH_NAMES[table["against"].iloc[0]] if len(table) else ""
     with page(figure, width, round(width * 0.5)) as sheet:
         if not errors:
-            note(sheet, f"Terrain {terrain:02d}: no box of both")
+            note(sheet, f"Terrain {terrain:02d}: no label was matched with a true box")
             return
-        heading(sheet, f"Terrain {terrain:02d}: edges of our boxes less those of {name}")
+        heading(sheet, f"Terrain {terrain:02d}: edges of propagated boxes minus edges of {name}")
         grid = sheet.subplots(len(BOX_CLASSES), len(SIDES), sharex=True, squeeze=False)
         for row, kind in enumerate(BOX_CLASSES):
             parts = {task: errors[kind, task] for task in TASKS if (kind, task) in errors}
@@ -59,14 +59,14 @@ def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = F
         for axes in grid[-1]:
             axes.set_xlabel("error, px")
         for axes in grid[:, 0]:
-            axes.set_ylabel("share of boxes, root scale")
+            axes.set_ylabel("share of boxes (root scale)")
         shown = [task for task in TASKS if any(task == part for _, part in errors)]
         lines = [legend_line(color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=2.5) for task in shown]
         sheet.legend(lines, shown, loc="outside lower center", ncols=len(shown))
 
 
 def edge_errors(pairs: pd.DataFrame) -> dict[tuple[str, str], np.ndarray]:
-    """Our edges less the true ones, (n, 4) pixels, of paired boxes by kind and task."""
+    """Return the edge errors of matched boxes, (n, 4) pixels, by kind and task."""
     return {
         (str(kind), str(task)): part[list(EDGES)].to_numpy(float) - part[list(TRUE_EDGES)].to_numpy(float)
         for (kind, task), part in pairs[pairs["hit"]].groupby(["kind", "task"], sort=False)
@@ -89,12 +89,14 @@ def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
     if not parts:
         axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color=FAINT)
         return
-    axes.set_yscale("function", functions=(_root, np.square))  # copies pile up at 0: they are shown, and the rest too
+    axes.set_yscale(
+        "function", functions=(_root, np.square)
+    )  # shows small shares next to the peak at 0 of copied boxes
     axes.set_ylim(0, min(1.0, 1.3 * tallest))
-    axes.set_yticks([share for share in _SHARES if share <= 1.3 * tallest])
-    moved = [values for task, values in parts.items() if task not in COPIED]
-    everything = np.concatenate(moved or list(parts.values()))
-    median = float(np.median(everything))
-    spread = _GOOD * float(np.median(np.abs(everything - median)))
-    text = f"n {len(everything)}\nmedian {median:+.1f}\nrobust sd {spread:.1f}"
+    axes.set_yticks([share for share in _TICKS if share <= 1.3 * tallest])
+    not_copied = [values for task, values in parts.items() if task not in COPIED]
+    errors = np.concatenate(not_copied or list(parts.values()))
+    median = float(np.median(errors))
+    spread = _SD_OF_MAD * float(np.median(np.abs(errors - median)))
+    text = f"n {len(errors)}\nmedian {median:+.1f}\nrobust sd {spread:.1f}"
     axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", color=FAINT, fontsize="small")

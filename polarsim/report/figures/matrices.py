@@ -1,4 +1,4 @@
-"""Detectors on domains: the 3 x 3 matrices of detection and the bars of IPD, ours large, the paper's small beside."""
+"""Figures of detectors on domains: detection matrices and bars of IPD, with the paper's values in small print."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mea
 
 
 def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write detection of rocks as three matrices a split, means over seeds: a row a detector, a column a domain."""
+    """Write three matrices of rock detection per split, means over seeds; rows are detectors, columns domains."""
     table = detection_table.tidy_detection(read_parquet(detection, DETECTION.columns), origin["source"])
     rocks = table[table["kind"] == ROCK]
     parts = split_panels(rocks)
     with page(figure, width, round(width * 0.42) * len(parts)) as sheet:
         if not len(rocks):
-            note(sheet, "no evaluated rocks")
+            note(sheet, "no labelled rocks in the test photos")
             return
-        small = " (small: the paper's photos and twins)" if rocks["paper_map50"].notna().any() else ""
-        heading(sheet, f"Rock detection, source {origin['source']}{title_suffix(rocks)}{small}")
+        small = " (small: values of the paper)" if rocks["paper_map50"].notna().any() else ""
+        heading(sheet, f"Rock detection by domain, source {origin['source']}{title_suffix(rocks)}{small}")
         for row, (split, part) in zip(sheet.subplots(len(parts), 3, squeeze=False), parts, strict=True):
             means = seed_means(part, ("trained", "evaluated"), list(TITLES))
             for axes, measure in zip(row, TITLES, strict=True):
@@ -37,9 +37,9 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], wid
 
 
 def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write IPD of rocks as bars, a group a detector and pair of domains, a panel a split.
+    """Write bars of the IPD of rocks: a group per detector and pair of domains, a panel per split.
 
-    Bars are means over seeds; whiskers hold the 95 % intervals of all of them.
+    Bars are means over seeds; whiskers range from the minimum to the maximum of the 95 % intervals of all seeds.
     """
     table = ipd_table.tidy_ipd(read_parquet(ipd, IPD.columns), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
@@ -48,7 +48,7 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FI
         if not len(rocks):
             note(sheet, "no rock is labelled in two domains")
             return
-        title = f"Instance performance difference of rocks, source {origin['source']}{title_suffix(rocks)}"
+        title = f"IPD of rocks with 95 % intervals, source {origin['source']}{title_suffix(rocks)}"
         for axes, (split, part) in zip(sheet.subplots(len(parts), squeeze=False)[:, 0], parts, strict=True):
             axes.set_title(title if len(parts) == 1 else f"{title}, split by {split}")
             _draw_bars(axes, seed_means(part, ("trained", "first", "second"), ("ipd", "ipd_abs")))
@@ -65,9 +65,9 @@ def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
         below, above = value - rocks[f"{name}_low"].to_numpy(float), rocks[f"{name}_high"].to_numpy(float) - value
         errors = np.nan_to_num(np.stack([below, above])).clip(0)
         axes.bar(x + offset, value, 0.36, yerr=errors, color=colour, label=text, ecolor=INK, capsize=4)
-    theirs = rocks["paper_ipd"].to_numpy(float)
-    if not np.isnan(theirs).all():
-        axes.plot(x - 0.2, theirs, "D", color="white", markeredgecolor=INK, label="paper's |mean difference|")
+    published = rocks["paper_ipd"].to_numpy(float)
+    if not np.isnan(published).all():
+        axes.plot(x - 0.2, published, "D", color="white", markeredgecolor=INK, label="paper: |mean difference|")
     names = [
         f"{paper.domain_title(first)} -\n{paper.domain_title(second)}"
         for first, second in zip(rocks["first"], rocks["second"], strict=True)
@@ -82,12 +82,12 @@ def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
 def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
     trained, evaluated = paper.sorted_domains(set(rocks["trained"])), paper.sorted_domains(set(rocks["evaluated"]))
     values = np.full((len(trained), len(evaluated)), np.nan)
-    theirs, spread = np.full_like(values, np.nan), np.full_like(values, np.nan)
+    published, spread = np.full_like(values, np.nan), np.full_like(values, np.nan)
     for row in rocks.to_dict("records"):
         cell = trained.index(row["trained"]), evaluated.index(row["evaluated"])
-        values[cell], theirs[cell] = row[measure], row[f"paper_{measure}"]
+        values[cell], published[cell] = row[measure], row[f"paper_{measure}"]
         spread[cell] = row[f"{measure}_sd"]
-    axes.imshow(values, cmap="Blues", vmin=0, vmax=1.3)  # dark ink stays readable on the darkest cell
+    axes.imshow(values, cmap="Blues", vmin=0, vmax=1.3)  # keeps dark text legible
     axes.set_title(TITLES[measure])
     axes.set_xticks(range(len(evaluated)), [paper.domain_title(domain) for domain in evaluated])
     axes.set_yticks(range(len(trained)), [paper.domain_title(domain) for domain in trained], rotation=90, va="center")
@@ -100,13 +100,13 @@ def _draw_matrix(axes: Any, rocks: pd.DataFrame, measure: str) -> None:
         if not np.isnan(spread[row_number, column]):
             small = f"± {spread[row_number, column]:.3f}"
             axes.text(column, row_number + 0.17, small, ha="center", va="center", fontsize="small", color=INK)
-        if not np.isnan(theirs[row_number, column]):
-            small = f"paper {theirs[row_number, column]:.3f}"
+        if not np.isnan(published[row_number, column]):
+            small = f"paper {published[row_number, column]:.3f}"
             axes.text(column, row_number + 0.3, small, ha="center", va="center", fontsize="small", color=INK)
 
 
 def _name_detectors(axes: Any, rocks: pd.DataFrame) -> None:
-    """The detector of each group of bars, below the pairs, and a line between groups."""
+    """Write the detector below each group of bars and draw a line between groups."""
     for trained in dict.fromkeys(rocks["trained"]):
         members = np.flatnonzero(rocks["trained"] == trained)
         text = f"trained on {paper.domain_title(trained)}"

@@ -1,4 +1,4 @@
-"""All figures of one terrain's photos, twins and labels."""
+"""All figures of the photos, twins and labels of one terrain."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ def draw_photos(
     comparisons: Sequence[Path],
     contacts: Sequence[Path],
 ) -> None:
-    """Draw a photo beside its twins and a contact sheet for each position, each figure in the order of positions.
+    """Draw a comparison of a photo with the twins and a contact sheet for each position.
 
     Parameters
     ----------
     stand_ins
-        Models whose twins are shown in the place of missing photos.
+        Models whose twins replace missing photos.
+    comparisons, contacts
+        Figures to write, in the order of `positions`.
     """
     sources = [photos, *(twins[model] for model in stand_ins)]
     for position, comparison, contact in zip(positions, comparisons, contacts, strict=True):
@@ -49,7 +51,7 @@ def draw_photos(
 
 
 def shown_photo(keys: Sequence[PhotoKey]) -> PhotoKey:
-    """Return the photo that is shown for a position: Sun 30 if there, rover light off, left camera, near 256 ms."""
+    """Return the photo shown for a position, preferably Sun azimuth 30, rover light off, left camera, near 256 ms."""
 
     def rank(key: PhotoKey) -> tuple[bool, str, str, float]:
         return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS))

@@ -1,4 +1,4 @@
-"""How often labels are right, against how sure they say they are."""
+"""Reliability diagram: share of correct labels over the labels' confidence."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, legend_line, note, page
 from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, brier_score, calibration_error
 
-_END = 0.01  # how near to 1 the stretched axis comes to an end
+_END = 0.01  # offset of the logarithmic axis at a share of 1
 TICKS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1)
 
 
 def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write the reliability diagram, a panel a kind, from tables/reliability.parquet."""
+    """Write the reliability diagram from tables/reliability.parquet, one panel per kind."""
     bins = read_parquet(reliability, list(COLUMNS))
     with page(figure, width, round(width * 0.7)) as sheet:
         if not len(bins):
@@ -26,17 +26,17 @@ def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str],
             return
         sources = sorted(set(bins["label_source"]) - {ANY_SOURCE})
         colours = dict(zip(sources, SERIES * len(sources), strict=False)) | {ANY_SOURCE: INK}
-        heading(sheet, f"Confidence of labels, source {origin['source']}")
+        heading(sheet, f"Reliability of the labels' confidence with 95 % intervals, source {origin['source']}")
         for axes, kind in zip(sheet.subplots(1, len(BOX_CLASSES)), BOX_CLASSES, strict=True):
             _draw_kind(axes, bins[bins["kind"] == kind], colours)
             axes.set_title(kind)
-        sheet.axes[0].set_ylabel("share of labels that are right")
-        lines = [legend_line(color=colours[name], **_look(name)) for name in (*sources, ANY_SOURCE)]
+        sheet.axes[0].set_ylabel("share of correct labels")
+        lines = [legend_line(color=colours[name], **_style(name)) for name in (*sources, ANY_SOURCE)]
         sheet.legend(lines, [*sources, "all sources"], loc="outside lower center", ncols=len(lines))
 
 
 def stretched(share: np.ndarray) -> np.ndarray:
-    """Where a share stands on an axis: most labels are sure and right, so the end towards 1 has the most room."""
+    """Return the axis coordinate of a share: logarithmic towards 1, where most labels are."""
     return -np.log10(np.maximum(1 + _END - share, 1e-6))
 
 
@@ -60,9 +60,10 @@ def _draw_kind(axes: Any, bins: pd.DataFrame, colours: dict[str, str]) -> None:
         chosen = bins[bins["label_source"] == name].sort_values("confidence")
         if not len(chosen):
             continue
-        right = chosen["right"].to_numpy(float)
-        reach = np.stack([right - chosen["right_low"], chosen["right_high"] - right]).clip(0)
-        axes.errorbar(chosen["confidence"], right, yerr=reach, color=colour, **_look(name), capsize=3, elinewidth=1.2)
+        correct = chosen["right"].to_numpy(float)
+        errors = np.stack([correct - chosen["right_low"], chosen["right_high"] - correct]).clip(0)
+        style = {**_style(name), "capsize": 3, "elinewidth": 1.2}
+        axes.errorbar(chosen["confidence"], correct, yerr=errors, color=colour, **style)
         texts.append(
             f"{name}: n {round(chosen['labels'].sum())}, ECE {calibration_error(chosen):.3f}, "
             f"Brier {brier_score(chosen):.3f}"
@@ -70,8 +71,8 @@ def _draw_kind(axes: Any, bins: pd.DataFrame, colours: dict[str, str]) -> None:
     axes.set_xlabel("confidence\n" + "\n".join(texts), fontsize="small")
 
 
-def _look(name: str) -> dict[str, Any]:
-    """Sources are points; all together are a line through larger, open points."""
+def _style(name: str) -> dict[str, Any]:
+    """Return the style of a source: points; all sources together have a line and larger, open points."""
     if name == ANY_SOURCE:
         return {"marker": "o", "markersize": 10, "markerfacecolor": "none", "linewidth": 1.2}
     return {"marker": "o", "markersize": 6, "linewidth": 0, "linestyle": "none"}

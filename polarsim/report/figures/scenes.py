@@ -1,4 +1,4 @@
-"""Some of the strewn scenes that detectors are trained on, of every terrain's rocks, with their labels."""
+"""Figure of randomised training scenes with labels, for the rocks of every terrain."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from polarsim.formats import png, yolo
 from polarsim.photo import BOX_CLASSES, COLOURS
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
 
-_COLUMNS = 4  # pictures of each terrain, of different scenes where there are so many
+_COLUMNS = 4  # images per terrain
 _TITLE_PX = 40
 
 
 def draw_scenes(*, scenes: Mapping[int, Path], figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write the figure: a row a terrain. `scenes`: folders with `images/NAME.png` and `labels/NAME.txt` by terrain."""
+    """Write one row per terrain; `scenes` are folders with `images/NAME.png` and `labels/NAME.txt` by terrain."""
     column = width // _COLUMNS
     chosen = {terrain: _spread(folder) for terrain, folder in sorted(scenes.items())}
     first = png.read(next(path for paths in chosen.values() for path in paths))
@@ -26,18 +26,18 @@ def draw_scenes(*, scenes: Mapping[int, Path], figure: Path, width: int = FIGURE
             for axes in row[len(paths) :]:
                 axes.set_axis_off()
             for axes, path in zip(row, paths, strict=False):
-                picture(axes, _with_labels(path, column), f"rocks of {terrain:02d}")
+                picture(axes, _with_labels(path, column), f"rocks of terrain {terrain:02d}")
 
 
 def _spread(folder: Path) -> list[Path]:
-    """Pictures from the first one of the folder to the last, evenly."""
+    """Return images of a folder, evenly spaced in the order of names."""
     paths = sorted((folder / "images").glob("*.png"))
     chosen = np.unique(np.linspace(0, len(paths) - 1, _COLUMNS).round().astype(int))
     return [paths[number] for number in chosen]
 
 
 def _with_labels(path: Path, width: int) -> np.ndarray:
-    """(h', width, 3) uint8: a picture with the boxes of its rocks and shadows."""
+    """Return a scaled image (h', width, 3) uint8 with the boxes of rocks and shadows."""
     pixels = png.read(path)
     labels = path.parents[1] / "labels" / f"{path.stem}.txt"
     classes, corners = yolo.read_boxes(labels, (pixels.shape[1], pixels.shape[0]))

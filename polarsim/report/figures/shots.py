@@ -1,4 +1,4 @@
-"""What cameras of the rover see on a drive: a sequence of moments, with boxes in it from the front camera."""
+"""Figures of image sequences of the rover's cameras during a drive, with boxes for the front camera."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from polarsim.tone import to_8bit
 
 POSES, SHOTS = ["frame", "time_s"], 6
 BOX = ["frame", "kind", "x0", "y0", "x1", "y1"]
-ROCKS, SEEN = HEX_COLOURS[ROCK], "#56b4e9"  # true rocks, and what a detector takes for one
+TRUE, PREDICTED = HEX_COLOURS[ROCK], "#56b4e9"  # colours of true and predicted rocks
 
 
 def draw_sequence(*, view: Path, pictures: str, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write `SHOTS` moments of a view, evenly over the drive; `pictures` names the set, `<Sun>_<model>_<exposure>`."""
+    """Write `SHOTS` images of a camera, evenly spaced over the drive; `pictures` is `<Sun>_<model>_<exposure>`."""
     _draw_shots(view, pictures, figure, width, truth=None, detections=None)
 
 
@@ -35,12 +35,15 @@ def draw_front(
     figure: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
-    """The same with boxes: true rocks, and, where a detector looked, what it takes for rocks with this confidence."""
-    found = None
+    """Write the sequence of `draw_sequence` with boxes of true rocks and, if given, predicted rocks.
+
+    `confidence` is the minimum confidence of a shown prediction.
+    """
+    predicted = None
     if detections:
-        found = read_parquet(detections, [*BOX, "confidence"])
-        found = found[found["confidence"] >= confidence]
-    _draw_shots(view, pictures, figure, width, truth=read_parquet(truth, BOX), detections=found)
+        predicted = read_parquet(detections, [*BOX, "confidence"])
+        predicted = predicted[predicted["confidence"] >= confidence]
+    _draw_shots(view, pictures, figure, width, truth=read_parquet(truth, BOX), detections=predicted)
 
 
 def _draw_shots(
@@ -50,21 +53,21 @@ def _draw_shots(
     chosen = poses.iloc[np.unique(np.linspace(0, len(poses) - 1, SHOTS).round().astype(int))] if len(poses) else poses
     with page(figure, width, round(width * 0.5)) as sheet:
         if not len(chosen):
-            note(sheet, "no picture was taken")
+            note(sheet, "no images of this camera")
             return
-        named = PictureSet.parse(pictures)
-        title = f"{view.name}, {sun_title(named.sun)}, {named.model}, {named.exposure_ms:g} ms"
+        picture_set = PictureSet.parse(pictures)
+        title = f"{view.name}, {sun_title(picture_set.sun)}, {picture_set.model}, {picture_set.exposure_ms:g} ms"
         panels = np.ravel(sheet.subplots(2, SHOTS // 2))
         for axes in panels:
             axes.set_axis_off()
         for axes, (frame, time_s) in zip(panels, chosen[POSES].itertuples(index=False), strict=False):
             pixels = png.read(view / pictures / f"{int(frame):05d}.png")
             picture(axes, to_8bit(pixels), f"{time_s:.1f} s")
-            for boxes, colour in ((truth, ROCKS), (detections, SEEN)):
+            for boxes, colour in ((truth, TRUE), (detections, PREDICTED)):
                 if boxes is not None:
-                    own = boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)]
-                    for box in own[BOX[2:]].to_numpy(float) - HALF_PIXEL:  # imshow puts the first pixel's centre at 0
+                    of_frame = boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)]
+                    for box in of_frame[BOX[2:]].to_numpy(float) - HALF_PIXEL:  # imshow: first pixel centre at 0
                         rectangle(axes, box, colour, linewidth=1)
         if truth is not None:
-            title += "; yellow: rocks" + ("" if detections is None else ", blue: what the detector takes for rocks")
+            title += "; yellow: true rocks" + ("" if detections is None else ", blue: predicted rocks")
         heading(sheet, title)

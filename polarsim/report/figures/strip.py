@@ -1,4 +1,4 @@
-"""One photo in a strip: as it was taken, its twin, how they differ, its labels, and what a detector finds in it."""
+"""Strip of images of one photo for the results page: photo, twin, difference, labels, predictions."""
 
 from __future__ import annotations
 
@@ -21,85 +21,85 @@ from polarsim.schemas.detect import PREDICTIONS
 from polarsim.tone import to_8bit, white_of
 
 PANEL_WIDTH = 960  # px
-CONFIDENCE = 0.25  # least one of a box that is shown
-RED = f"red: twin too bright (full at {STOPS:g} stops), blue: too dark, grey: dark or clipped, left out"
+CONFIDENCE = 0.25  # minimum confidence of shown predictions
+RED = f"red: twin too bright (saturated at {STOPS:g} stops), blue: too dark, grey: excluded (dark or clipped)"
 
 
 def draw_strip(
     *, photos: Path, twins: Path, labels: Path, predictions: Path | None, model: str, trained: str, strip: Path
 ) -> None:
-    """Write the folder of a terrain's strip: a PNG a panel, and `strip.json` with the key and what each panel is.
+    """Write a PNG per panel of a terrain's strip, and `strip.json` with the photo key and the captions.
 
-    What there is not, such as photos of the release, has no panel.
+    Missing images, such as photos of the release, have no panel.
 
     Parameters
     ----------
     photos, twins, labels
         Table of the terrain's photos, folder of a model's twins, label table.
     predictions
-        What a detector, `trained` on a domain, finds in photos that it was not trained on.
+        Predictions in test photos of a detector whose training domain is `trained`.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
-    taken, made = pictures_at(photos), pictures_at(twins)
-    found = None if predictions is None else read_parquet(predictions, PREDICTIONS.columns)
-    key = shown_key(taken or made, made, table, found)
+    photo_paths, twin_paths = pictures_at(photos), pictures_at(twins)
+    predicted = None if predictions is None else read_parquet(predictions, PREDICTIONS.columns)
+    key = shown_key(photo_paths or twin_paths, twin_paths, table, predicted)
     panels: dict[str, tuple[str, np.ndarray]] = {}
     if key is not None:
-        pixels = {name: png.read(places[key]) for name, places in (("photo", taken), ("twin", made)) if key in places}
+        sources = {"photo": photo_paths, "twin": twin_paths}
+        pixels = {name: png.read(paths[key]) for name, paths in sources.items() if key in paths}
         white = white_of(next(iter(pixels.values())))
         shown = {name: to_8bit(values, white) for name, values in pixels.items()}
         titles = {"photo": "Photo", "twin": f"Twin, {model}"}
         panels = {name: (titles[name], draw_labels(values, table[:0], PANEL_WIDTH)) for name, values in shown.items()}
         if len(pixels) == 2:
             difference = difference_of_photo(pixels["photo"], pixels["twin"])
-            panels["difference"] = (f"Twin over photo; {RED}", draw_labels(difference, table[:0], PANEL_WIDTH))
-        below = next(iter(shown.values()))
-        own = rows_of(table, key)
+            panels["difference"] = (f"log2(twin / photo); {RED}", draw_labels(difference, table[:0], PANEL_WIDTH))
+        background = next(iter(shown.values()))
         panels["labels"] = (
-            "Labels, propagated; yellow: rocks, blue: shadows",
-            draw_labels(below, own, PANEL_WIDTH, _MARKS),
+            "Propagated labels; yellow: rocks, blue: shadows",
+            draw_labels(background, rows_of(table, key), PANEL_WIDTH, _MARKS),
         )
-        if found is not None and str(key) in set(found["key"]):
-            label = f"What the detector trained on {paper.domain_title(trained)} finds, confidence from {CONFIDENCE:g}"
-            panels["detections"] = (label, _with_finds(below, found[found["key"] == str(key)]))
+        if predicted is not None and str(key) in set(predicted["key"]):
+            name = paper.domain_title(trained)
+            label = f"Predictions of the detector trained on {name}, confidence of at least {CONFIDENCE:g}"
+            panels["detections"] = (label, _with_predictions(background, predicted[predicted["key"] == str(key)]))
     with writing_folder(strip) as folder:
         for name, (_, image) in panels.items():
             png.write(folder / f"{name}.png", image)
         captions = {name: caption for name, (caption, _) in panels.items()}
-        write_json(folder / STRIP_TEXT, {"key": str(key or ""), "panels": [list(one) for one in captions.items()]})
+        write_json(folder / STRIP_TEXT, {"key": str(key or ""), "panels": [list(item) for item in captions.items()]})
 
 
 _MARKS = Marks(confidences=False)
 
 
 def shown_key(
-    pictures: dict[PhotoKey, Path], twins: dict[PhotoKey, Path], labels: pd.DataFrame, found: pd.DataFrame | None
+    pictures: dict[PhotoKey, Path], twins: dict[PhotoKey, Path], labels: pd.DataFrame, predicted: pd.DataFrame | None
 ) -> PhotoKey | None:
-    """The photo that shows most: one that a detector was tested on and that has a twin, many labels, a usual exposure.
+    """Return the photo of the strip, or None without images.
 
-    None where there is no picture.
+    Preferred are photos with predictions, a twin, a Sun lamp, the rover light off, a usual exposure, and many labels.
     """
-    tested = set() if found is None else set(found["key"])
+    tested = set() if predicted is None else set(predicted["key"])
     counts = labels["key"].value_counts()
 
     def rank(key: PhotoKey) -> tuple[bool, bool, bool, bool, float, int, PhotoKey]:
-        unseen, usual = bool(tested) and str(key) not in tested, key.stops_off_usual
         return (
-            unseen,
+            bool(tested) and str(key) not in tested,
             key not in twins,
             key.azimuth == "no",
             key.light == "on",
-            usual,
+            key.stops_off_usual,
             -int(counts.get(str(key), 0)),
             key,
         )
 
-    there = [key for key in pictures if pictures[key].exists()]
-    return min(there, key=rank, default=None)
+    available = [key for key in pictures if pictures[key].exists()]
+    return min(available, key=rank, default=None)
 
 
-def _with_finds(pixels: np.ndarray, found: pd.DataFrame) -> np.ndarray:
-    sure = found[found["confidence"] >= CONFIDENCE]
-    boxes = sure[["x0", "y0", "x1", "y1"]].to_numpy(float)
-    coloured = [(box, COLOURS[kind]) for box, kind in zip(boxes, sure["kind"], strict=True)]
+def _with_predictions(pixels: np.ndarray, predicted: pd.DataFrame) -> np.ndarray:
+    shown = predicted[predicted["confidence"] >= CONFIDENCE]
+    boxes = shown[["x0", "y0", "x1", "y1"]].to_numpy(float)
+    coloured = [(box, COLOURS[kind]) for box, kind in zip(boxes, shown["kind"], strict=True)]
     return boxed(np.ascontiguousarray(pixels[..., 0]), coloured, PANEL_WIDTH)

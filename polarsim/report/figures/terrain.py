@@ -1,4 +1,4 @@
-"""A terrain's meshes and cuboids: from above as a height map, and at a slant under a Sun lamp."""
+"""Figures of a terrain's meshes and rock cuboids: height map from above, oblique view under a Sun lamp."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import looking
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, LETTER_M, beside, note, page, picture, rectangle
+from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, LETTER_M, name_positions, note, page, picture, rectangle
 from polarsim.run_files.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, made_from, read_terrain
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
-STEP = 0.0075  # metres between the rays of the view from above
-SKY = 3.0  # metres: where those rays start
+STEP = 0.0075  # ray spacing of the view from above, metres
+SKY = 3.0  # start height of these rays, metres
 OUTLINE = "#d55e00"
-SPAN = 0.15  # metres that the colours cover at least: flat sand shall look flat
-AMBIENT = 0.12  # share of light without direction in the slanted view
-HEIGHTS = {  # what the colours of the map mean, by what the ground was made from
-    SCANNED: "height above the sand's level, m",
-    PUBLISHED: "height in the published ground's frame, m",
-    FITTED: "height, m, on a smooth ground fitted under the rocks",
+SPAN = 0.15  # minimum range of the colour scale, metres, so that flat sand has a uniform colour
+AMBIENT = 0.12  # share of ambient light in the oblique view
+HEIGHTS = {  # label of the colour bar by source of the ground mesh
+    SCANNED: "height above the sand level, m",
+    PUBLISHED: "height in the frame of the published ground, m",
+    FITTED: "height above a smooth ground fitted to the rocks' feet, m",
 }
-_LINES = 30  # of text between the lower and the upper end of the view from the side
+_LINES = 30  # lines of text in the height of the side view
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, y upwards
 SAND, STONE = np.array([0.78, 0.74, 0.68]), np.array([0.93, 0.62, 0.25])
 
 
 @dataclass(frozen=True)
 class TopView:
-    """A terrain from above, a pixel a `STEP`, row 0 at the largest y."""
+    """A terrain from above; pixel size `STEP`, row 0 at the largest y."""
 
-    height: np.ndarray  # (h, w) metres, NaN where there is no surface
+    height: np.ndarray  # (h, w) metres, NaN without surface
     rock: np.ndarray  # (h, w) rock id or NO_ROCK
     extent: tuple[float, float, float, float]  # x from, x to, y from, y to
 
@@ -49,7 +49,7 @@ class TopView:
 def draw_terrain(
     *, terrain: int, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, width: int = FIGURE_WIDTH
 ) -> None:
-    """Write two figures of a terrain: its meshes from above and aslant, and the cuboids of its rocks.
+    """Write two figures: the meshes from above and in an oblique view, and the cuboids of the rocks.
 
     Parameters
     ----------
@@ -73,21 +73,21 @@ def draw_terrain(
 def _draw_meshes(
     sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, width: int, heights: str
 ) -> None:
-    """The meshes from above with rock outlines and ids, and at a slant from tripod A's side."""
-    above, aslant = sheet.subplots(1, 2, width_ratios=[1, 1.15])
+    """Draw the meshes from above with rock outlines and ids, and in an oblique view from the side of tripod A."""
+    above, oblique = sheet.subplots(1, 2, width_ratios=[1, 1.15])
     _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks", heights)
     for rock in scene.rocks:
         _draw_outline(above, top, rock)
     _write_ids(above, {str(rock): _box(top, rock, scene) for rock in scene.rocks}, LETTER_M)
-    picture(aslant, slanted_view(scene, rays, round(width * 0.52)), "From tripod A's side, lamp at Sun azimuth 30")
+    picture(oblique, oblique_view(scene, rays, round(width * 0.52)), "View from tripod A, lamp at Sun azimuth 30")
 
 
 def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, heights: str) -> None:
-    """The cuboids over the view from above, and their heights from the side."""
+    """Draw the cuboids on the view from above, and in a view from the side."""
     above, side = sheet.subplots(1, 2, width_ratios=[1.15, 1])
-    _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks, from above", heights)
+    _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks from above", heights)
     _draw_rectangles(above, table, "x", "y", LETTER_M)
-    side.set_title("From the side")
+    side.set_title("Cuboids from the side")
     side.set(xlabel="x, m", ylabel="z, m")
     side.grid(visible=True)
     if not len(table):
@@ -100,7 +100,7 @@ def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, height
 
 
 def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
-    """Cast rays straight down over the sand."""
+    """Cast vertical rays onto the terrain."""
     low = np.maximum(scene.vertices[:, :2].min(axis=0), -SANDBOX_HALF_WIDTH - 0.3)
     high = np.minimum(scene.vertices[:, :2].max(axis=0), SANDBOX_HALF_WIDTH + 0.3)
     x = np.arange(low[0] + STEP / 2, high[0], STEP)
@@ -114,8 +114,8 @@ def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
     return TopView(height.reshape(across.shape), rock.reshape(across.shape), extent)
 
 
-def slanted_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
-    """(h, width, 3) picture from tripod A's side: diffuse light of one lamp with cast shadows, rocks tinted."""
+def oblique_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
+    """Return an image (h, width, 3) seen from tripod A: diffuse light of one lamp, cast shadows, tinted rocks."""
     height = round(0.62 * width)
     lens = Lens(1.02 * width, 1.02 * width, width / 2, height / 2, width=width, height=height)
     sandbox_from_camera = looking(np.array([3.9, -0.2, 2.3]), np.pi, np.radians(32.0))
@@ -136,7 +136,7 @@ def slanted_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
 
 
 def _normals(scene: TerrainMesh, face: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (n, 3) of the faces, and between their vertices' normals at points (n, 3) on them."""
+    """Return unit face normals (n, 3), and vertex normals (n, 3) interpolated at points (n, 3) on the faces."""
     a, b, c = (scene.vertices[scene.faces[face, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     squared = np.maximum(np.einsum("nk,nk->n", normal, normal), 1e-30)
@@ -148,7 +148,7 @@ def _normals(scene: TerrainMesh, face: np.ndarray, points: np.ndarray) -> tuple[
 
 
 def _draw_top(sheet: Any, axes: Any, top: TopView, title: str, heights: str) -> None:
-    """The height map, shaded by a light from azimuth 135 as maps are; `heights` names what its colours mean."""
+    """Draw the height map with hill shading from azimuth 135; `heights` is the label of the colour bar."""
     from matplotlib.colors import LightSource
 
     axes.set_title(title)
@@ -171,7 +171,7 @@ def _draw_top(sheet: Any, axes: Any, top: TopView, title: str, heights: str) -> 
 
 
 def _draw_outline(axes: Any, top: TopView, rock: int) -> None:
-    """The rock's outline as seen from above; nothing where the rock lies below others."""
+    """Draw the outline of a rock from above, unless other rocks cover it."""
     shown = np.argwhere(top.rock == rock)
     if len(shown):
         (row0, column0), (row1, column1) = np.maximum(shown.min(axis=0) - 2, 0), shown.max(axis=0) + 3
@@ -182,7 +182,7 @@ def _draw_outline(axes: Any, top: TopView, rock: int) -> None:
 
 
 def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str, letter: tuple[float, float]) -> None:
-    """Boxes with their rocks' numbers where they hide the least; `letter`: width and height of a digit, metres."""
+    """Draw boxes with rock ids; `letter` is the width and height of a digit, metres."""
     rows = table[["rock", f"{across}0", f"{up}0", f"{across}1", f"{up}1"]].itertuples(index=False)
     boxes = {str(int(rock)): (float(x0), float(y0), float(x1), float(y1)) for rock, x0, y0, x1, y1 in rows}
     for box in boxes.values():
@@ -191,16 +191,16 @@ def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str, lette
 
 
 def _write_ids(axes: Any, boxes: Mapping[str, Box], letter: tuple[float, float]) -> None:
-    """Rocks' numbers beside their boxes, where they hide the least."""
+    """Write the rock ids next to the boxes with minimum overlap."""
     from matplotlib.patheffects import withStroke
 
     white = [withStroke(linewidth=3, foreground="white")]
-    for rock, (x, y) in beside(boxes, letter).items():
+    for rock, (x, y) in name_positions(boxes, letter).items():
         axes.text(x, y, rock, ha="center", va="center", color=INK, path_effects=white)
 
 
 def _box(top: TopView, rock: int, scene: TerrainMesh) -> Box:
-    """About what the map shows of a rock, or about its mesh where it lies below others."""
+    """Return the bounding box of the visible part of a rock on the map, or of the mesh if other rocks cover it."""
     shown = np.argwhere(top.rock == rock)
     if len(shown):
         x, y = _columns(top)[shown[:, 1]], _rows(top)[shown[:, 0]]

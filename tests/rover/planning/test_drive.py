@@ -13,7 +13,7 @@ from scipy import ndimage
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
-from polarsim.report.figures.autonomy_maps import moments, read_times
+from polarsim.report.figures.autonomy_maps import picture_times, shown_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
 from polarsim.rover.drive import ride as ride_module
 from polarsim.rover.drive.job import Job
@@ -133,7 +133,7 @@ def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
     rows = drive_metrics(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
     write(tmp_path, outcome, OPTIONS)
-    pictures = read_times(tmp_path / PICTURES)
+    pictures = picture_times(tmp_path / PICTURES)
     assert list(pictures) == [0.0, 4.0]
     with Image.open(pictures[4.0]) as picture:
         assert picture.width == WIDTH_PX
@@ -143,10 +143,10 @@ def test_pictures_before_hits_come_first_then_those_before_stops():
     pictures = {float(time_s): Path(f"{time_s}.jpg") for time_s in range(0, 60, 4)}
     happened = [("touch", 11.0), ("stop", 31.0), ("collision", 45.0)]
     found = pd.DataFrame(happened, columns=["what", "time_s"])
-    assert list(moments(pictures, found)) == [24.0, 40.0]
-    assert list(moments(pictures, found.iloc[:0])) == [16.0, 36.0]
-    assert list(moments({0.0: Path("0.jpg")}, found)) == [0.0]
-    assert moments({}, found) == {}
+    assert list(shown_pictures(pictures, found)) == [24.0, 40.0]
+    assert list(shown_pictures(pictures, found.iloc[:0])) == [16.0, 36.0]
+    assert list(shown_pictures({0.0: Path("0.jpg")}, found)) == [0.0]
+    assert shown_pictures({}, found) == {}
 
 
 def test_its_lights_show_the_ground_at_night(moment):
