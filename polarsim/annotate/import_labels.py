@@ -182,7 +182,7 @@ def _check(file: Path, where: str, kind: str, box: np.ndarray) -> None:
         raise FormatError(f"{where}: a {kind} without area inside the photo, {box.round(2).tolist()}", path=file)
     if box.max() <= 1:
         raise FormatError(f"{where}: {box.tolist()}, expected pixels: are these shares of the picture?", path=file)
-    if (box[:2] < -coco.BEYOND * SIZE).any() or (box[2:] > (1 + coco.BEYOND) * SIZE).any():
+    if (box[:2] < -coco.MAX_OVERHANG * SIZE).any() or (box[2:] > (1 + coco.MAX_OVERHANG) * SIZE).any():
         raise FormatError(f"{where}: a {kind} far over the photo's border, {box.round(1).tolist()}", path=file)
 
 

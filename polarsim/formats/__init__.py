@@ -1,7 +1,7 @@
-"""File formats that other programs define, one module a format, its reader beside its writer.
+"""File formats that other programs define: a module per format, with reader and writer.
 
-`files` and `readers` are what all readers and writers share: atomic writing, paths, encodings, errors in one line.
-Files that only polarsim defines are in `polarsim.run_files`.
+All readers and writers share `files` (atomic writing, paths, encodings) and `readers` (errors as a single line). Files that
+only polarsim defines are in `polarsim.run_files`.
 """
 
 from polarsim.public import offered

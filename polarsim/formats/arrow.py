@@ -1,4 +1,4 @@
-"""Tables as Arrow files for the browser: whole columns that a page reads without parsing a row."""
+"""Tables as Arrow files for the browser, which loads their columns without parsing rows."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ _NARROW = {"f": pa.float32(), "i": pa.int32(), "u": pa.int32(), "b": pa.uint8()}
 
 
 def encode(table: pd.DataFrame) -> bytes:
-    """An uncompressed Arrow file of one batch: the same rows in the same bytes.
+    """Return a table as an uncompressed Arrow file with a single batch. Equal rows make equal bytes.
 
-    Texts become numbers into a list of their values, numbers have 32 bits, truth values are 0 and 1; a float that is
-    not known is NaN.
+    Texts are dictionary-encoded, numbers have 32 bits, booleans are stored as 0 and 1, missing floats as NaN.
     """
     columns = {str(name): _column(table[name]) for name in table.columns}
     content = pa.table(columns) if columns else pa.table({})
@@ -28,7 +27,7 @@ def encode(table: pd.DataFrame) -> bytes:
 
 def _column(values: pd.Series) -> Any:
     if isinstance(values.dtype, pd.CategoricalDtype) or values.dtype.kind not in _NARROW:
-        named = pd.Categorical(values.astype(str)) if not isinstance(values.dtype, pd.CategoricalDtype) else values.cat
-        codes = np.asarray(named.codes)
-        return pa.DictionaryArray.from_arrays(pa.array(codes), pa.array([str(name) for name in named.categories]))
+        texts = pd.Categorical(values.astype(str)) if not isinstance(values.dtype, pd.CategoricalDtype) else values.cat
+        codes = np.asarray(texts.codes)
+        return pa.DictionaryArray.from_arrays(pa.array(codes), pa.array([str(name) for name in texts.categories]))
     return pa.array(values.to_numpy(), _NARROW[values.dtype.kind], from_pandas=False)

@@ -1,6 +1,6 @@
-"""Bags: MCAP files of ROS 2 messages, written without ROS, and the `metadata.yaml` that makes a folder a rosbag2.
+"""ROS 2 bags: MCAP files, written without ROS, and the `metadata.yaml` of a rosbag2 folder.
 
-Messages are made one at a time, in the order of their stamps, so memory does not grow with the bag.
+Messages are created one by one in the order of their time stamps, so that memory does not grow with the bag.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from polarsim.formats.ros import Stamped, definition
 
 METADATA = "metadata.yaml"
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
-# What rosbag2 writes for a topic whose last message late listeners get too (durability 1: transient local).
+# Quality of service that rosbag2 writes for a latched topic (durability 1: transient local).
 _LATCHED = (
     "- history: 1\n  depth: 1\n  reliability: 1\n  durability: 1\n"
     f"  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n  liveliness: 1\n  liveliness_lease_duration: {_FOREVER}\n"
@@ -28,7 +28,7 @@ _LATCHED = (
 
 
 def write(path: Path, streams: Iterable[Iterator[Stamped]], compression: str = "zstd") -> dict[str, int]:
-    """Write messages of several streams, each in the order of its stamps; how many each topic has.
+    """Write the messages of several streams, each sorted by time stamp, and return the number of messages per topic.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def write(path: Path, streams: Iterable[Iterator[Stamped]], compression: str = "
         writer = Writer(file, compression=CompressionType[compression.upper()])
         writer.start(profile="ros2", library="polarsim")
         channels: dict[str, int] = {}
-        # Of one time in the order of the streams: messages themselves are never compared.
+        # Messages with equal time stamps keep the order of the streams; messages are never compared.
         for time_ns, topic, kind, message in heapq.merge(*streams, key=itemgetter(0)):
             if kind not in schemas:
                 schemas[kind] = _encoder(writer, kind)
@@ -62,7 +62,7 @@ def write(path: Path, streams: Iterable[Iterator[Stamped]], compression: str = "
 
 
 def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
-    """A schema's number in the bag, and what turns its messages into bytes."""
+    """Register a schema in the bag and return the schema id and the function that serialises messages."""
     from mcap_ros2._dynamic import serialize_dynamic
 
     text = definition(kind)
@@ -71,26 +71,26 @@ def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
 
 @reader("bag", largest_mb=1e6)
 def metadata(bag: Path, name: str) -> str:
-    """What `metadata.yaml` beside a bag says, version 8, by the bag's own summary.
+    """Return the content of `metadata.yaml` (version 8) for a bag, computed from the summary section of the bag.
 
     Parameters
     ----------
     name
-        The bag's file name in its folder.
+        File name of the bag in the folder of `metadata.yaml`.
 
     Raises
     ------
     FormatError
-        No readable bag with a summary.
+        The bag is unreadable or has no summary.
     """
     from mcap.reader import make_reader
 
     with bag.open("rb") as file:
         summary = make_reader(file).get_summary()
     if summary is None or summary.statistics is None:
-        raise FormatError("a bag without a summary", path=bag)
-    told = summary.statistics
-    start, length = told.message_start_time, told.message_end_time - told.message_start_time
+        raise FormatError("the bag has no summary: it may be incomplete", path=bag)
+    statistics = summary.statistics
+    start, length = statistics.message_start_time, statistics.message_end_time - statistics.message_start_time
     times = {"starting_time": {"nanoseconds_since_epoch": start}, "duration": {"nanoseconds": length}}
     topics = [
         {
@@ -101,7 +101,7 @@ def metadata(bag: Path, name: str) -> str:
                 "offered_qos_profiles": channel.metadata.get("offered_qos_profiles", ""),
                 "type_description_hash": "",
             },
-            "message_count": told.channel_message_counts.get(number, 0),
+            "message_count": statistics.channel_message_counts.get(number, 0),
         }
         for number, channel in sorted(summary.channels.items(), key=lambda pair: pair[1].topic)
     ]
@@ -109,12 +109,12 @@ def metadata(bag: Path, name: str) -> str:
         "version": 8,
         "storage_identifier": "mcap",
         **times,
-        "message_count": told.message_count,
+        "message_count": statistics.message_count,
         "topics_with_message_count": topics,
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [name],
-        "files": [{"path": name, **times, "message_count": told.message_count}],
+        "files": [{"path": name, **times, "message_count": statistics.message_count}],
         "custom_data": {},
         "ros_distro": "humble",
     }

@@ -1,4 +1,7 @@
-"""COCO files of rocks and shadows: masks as runs, which rock throws a shadow; also as annotation tools write them."""
+"""COCO files of rocks and shadows, written by polarsim or exported from annotation tools.
+
+Masks are run-length encoded; a shadow refers to the annotation of the rock that casts it.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +25,17 @@ from polarsim.geometry.boxes import area, of_mask, turned
 from polarsim.geometry.polygons import outlines, rasterised
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 
-CATEGORIES = {ROCK: 1, SHADOW: 2}  # from 1 on: to CVAT 0 is no category
-PER_PHOTO = 10_000  # annotation ids of a photo
-FAR_PX = 1e5  # no corner of a polygon lies so far out
-BEYOND = 0.1  # share of a picture's side: no tool draws a box that reaches farther over the border
-_LEAST_BOXES = 3  # fewer do not show whether a file's boxes are two corners
+CATEGORIES = {ROCK: 1, SHADOW: 2}  # ids start at 1 because CVAT does not accept the id 0
+PER_PHOTO = 10_000  # annotation ids per photo
+FAR_PX = 1e5  # maximum absolute coordinate of a polygon
+MAX_OVERHANG = 0.1  # maximum overhang of a box over the image border, as a share of the image side
+_MIN_CORNER_CHECK_BOXES = 3  # minimum number of boxes for the check whether all boxes are stored as two corners
 _EXPOSURES, _POSITIONS = 10, "ABCDEFG"  # 16 to 8192 ms
 
 
 @dataclass(frozen=True)
 class Amodal:
-    """All of a thing, with what others hide of it: its pixels, and the box (4,) around them."""
+    """Amodal mask of an object, including occluded pixels, and the bounding box (4,) of the mask."""
 
     mask: Rle
     box: np.ndarray
@@ -40,26 +43,26 @@ class Amodal:
 
 @dataclass(frozen=True, eq=False)
 class Annotation:
-    """A rock or shadow of a photo: the box (4,) of its label, and the pixels of it that are to be seen."""
+    """Rock or shadow of a photo: bounding box (4,) of the label and mask of the visible pixels."""
 
     kind: str
     rock: int
     box: np.ndarray
-    mask: Rle | None = None  # None: nothing but the box is known
+    mask: Rle | None = None  # None: only the box is known
     source: str = ""
     confidence: float = 1.0
     amodal: Amodal | None = None  # None: not known
 
     @property
     def visible_share(self) -> float:
-        """Of its amodal mask; 1 where that is not known."""
+        """Visible share of the amodal mask; 1 if a mask is unknown."""
         if self.amodal is None or self.mask is None or not self.amodal.mask.area:
             return 1.0
         return self.mask.area / self.amodal.mask.area
 
 
 def image_id(key: PhotoKey) -> int:
-    """The same in every file: the photo's index among all that the key can name, from 1 on."""
+    """Return the index of a photo among all possible photo keys, starting at 1. It is the same in every file."""
     number = key.terrain
     for digit, count in (
         (_POSITIONS.index(key.position), len(_POSITIONS)),
@@ -79,13 +82,14 @@ def write_coco(
     size: tuple[int, int] = (WIDTH, HEIGHT),
     pictures: Mapping[PhotoKey, Path] | None = None,
 ) -> None:
-    """Write the annotations of photos, a line each; those without any are listed too.
+    """Write the annotations of photos, one per line. Photos without annotations are listed as images.
 
-    Masks are written as compressed runs, or, where `simplify_px` is given, as polygons, largest first, of which no
-    dropped point lies farther off: Label Studio's converter reads no runs. Ids of annotations are image id * 10,000
-    + 1, 2, ... in the order given. What other tools do not know of stands in `attributes` too: CVAT keeps those, but
-    for `source`, which it has itself. `size` is the pictures' width and height, px.
-    `file_name` is the way from the file's folder to the photo's picture among `pictures`, KEY.png where there is none.
+    Masks are written as compressed runs, or as polygons, largest first, if `simplify_px` is given: Label Studio's
+    converter cannot read runs. `simplify_px` is the maximum distance of a dropped vertex from the polygon. The id of
+    an annotation is image id * 10,000 + 1, 2, ... in the given order. Fields that COCO does not define are repeated in
+    `attributes`, which CVAT keeps. The source is called `label_source` there, because CVAT has a field `source`.
+    `size` is the width and height of the images, px. `file_name` is the path from the folder of the COCO file to the
+    image of the photo in `pictures`, or KEY.png if `pictures` has no image of the photo.
     """
     names = {key: relative_to(picture, Path(path).parent) for key, picture in (pictures or {}).items()}
     rows = [(_image_row(key, names.get(key, f"{key}.png"), size), photos[key]) for key in sorted(photos)]
@@ -98,16 +102,19 @@ def write_pictures(
     description: str,
     simplify_px: float | None = None,
 ) -> None:
-    """As `write_coco`, for pictures of any name: rows of `images` (id, file_name, width, height, ...) with labels."""
+    """Write images of any name with their annotations, as `write_coco` does.
+
+    `pictures` has the row of `images` (id, file_name, width, height, ...) and the annotations of each image.
+    """
     head = {
         "info": {"description": description},
         "licenses": [],
         "categories": [{"id": number, "name": name, "supercategory": "terrain"} for name, number in CATEGORIES.items()],
     }
     coded = cache(lambda mask: _segmentation(mask, simplify_px))
-    columns = cache(lambda own: _columns(own, coded))  # exposures share annotations
+    columns = cache(lambda annotation: _columns(annotation, coded))  # exposures share annotations
     encode = json.JSONEncoder(allow_nan=False).encode
-    annotations = (row for image, own in pictures for row in _annotation_rows(image["id"], own, columns))
+    annotations = (row for image, labels in pictures for row in _annotation_rows(image["id"], labels, columns))
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(json.dumps(head)[:-1])
         for name, rows in (("images", (image for image, _ in pictures)), ("annotations", annotations)):
@@ -136,28 +143,32 @@ def _annotation_rows(
     assert len(annotations) < PER_PHOTO
     ids = [photo * PER_PHOTO + number for number in range(1, len(annotations) + 1)]
     id_of_rock: dict[int, int] = {}
-    for number, own in zip(ids, annotations, strict=True):
-        if own.kind == ROCK and own.rock != NO_ROCK:
-            id_of_rock.setdefault(own.rock, number)
-    for number, own in zip(ids, annotations, strict=True):
-        shadow_of = {"shadow_of": id_of_rock.get(own.rock)} if own.kind == SHADOW else {}
-        yield {"id": number, "image_id": photo, **columns(own), **shadow_of}
+    for number, annotation in zip(ids, annotations, strict=True):
+        if annotation.kind == ROCK and annotation.rock != NO_ROCK:
+            id_of_rock.setdefault(annotation.rock, number)
+    for number, annotation in zip(ids, annotations, strict=True):
+        shadow_of = {"shadow_of": id_of_rock.get(annotation.rock)} if annotation.kind == SHADOW else {}
+        yield {"id": number, "image_id": photo, **columns(annotation), **shadow_of}
 
 
-def _columns(own: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
-    """What is the same in every photo; `shadow_of` stands where it belongs, and is None."""
+def _columns(annotation: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
+    """Return the fields that do not depend on the photo; `shadow_of` is a placeholder for the order of the fields."""
     return {
-        "category_id": CATEGORIES[own.kind],
-        "bbox": _bbox(own.box),
-        "area": own.mask.area if own.mask else round(float(area(own.box)), 3),
-        "segmentation": coded(own.mask),
+        "category_id": CATEGORIES[annotation.kind],
+        "bbox": _bbox(annotation.box),
+        "area": annotation.mask.area if annotation.mask else round(float(area(annotation.box)), 3),
+        "segmentation": coded(annotation.mask),
         "iscrowd": 0,
-        "rock": own.rock,
-        "source": own.source,
-        "confidence": own.confidence,
-        **({"shadow_of": None} if own.kind == SHADOW else {}),
-        **(_amodal_columns(own, coded) if own.amodal else {}),
-        "attributes": {"rock": own.rock, "confidence": own.confidence, "label_source": own.source},
+        "rock": annotation.rock,
+        "source": annotation.source,
+        "confidence": annotation.confidence,
+        **({"shadow_of": None} if annotation.kind == SHADOW else {}),
+        **(_amodal_columns(annotation, coded) if annotation.amodal else {}),
+        "attributes": {
+            "rock": annotation.rock,
+            "confidence": annotation.confidence,
+            "label_source": annotation.source,
+        },
     }
 
 
@@ -166,12 +177,12 @@ def _bbox(box: np.ndarray) -> list[float]:
     return [round(value, 3) for value in (x0, y0, x1 - x0, y1 - y0)]
 
 
-def _amodal_columns(own: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
-    assert own.amodal is not None
+def _amodal_columns(annotation: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
+    assert annotation.amodal is not None
     return {
-        "amodal_bbox": _bbox(own.amodal.box),
-        "amodal_segmentation": coded(own.amodal.mask),
-        "visible_share": round(own.visible_share, 4),
+        "amodal_bbox": _bbox(annotation.amodal.box),
+        "amodal_segmentation": coded(annotation.amodal.mask),
+        "visible_share": round(annotation.visible_share, 4),
     }
 
 
@@ -182,7 +193,7 @@ class _Part(BaseModel):
 class _Image(_Part):
     id: int
     file_name: str
-    key: str | None = None  # the photo's, where the file is named otherwise
+    key: str | None = None  # photo key, for files with another name
     width: int | None = None
     height: int | None = None
 
@@ -197,26 +208,26 @@ class _Runs(_Part):
     counts: str | list[Annotated[int, Field(ge=0, lt=1 << 31)]]
 
 
-class _Named(_Part):
+class _ExtraFields(_Part):
     rock: Annotated[int, Field(ge=NO_ROCK, lt=1 << 31)] | None = None
     source: str | None = None
-    label_source: str | None = None  # its name among attributes
+    label_source: str | None = None  # name of `source` in `attributes`
     confidence: float | None = None
 
     @field_validator("rock", "confidence", "rotation", mode="before", check_fields=False)
     @classmethod
     def _empty(cls, value: object) -> object:
-        return None if value == "" else value  # a field that a person left open
+        return None if value == "" else value  # annotation tools write an empty text for an unset field
 
 
-class _Attributes(_Named):
-    rotation: float | None = None  # of the bbox about its centre, degrees, as CVAT exports it
+class _Attributes(_ExtraFields):
+    rotation: float | None = None  # of the bbox about the centre, degrees, as exported by CVAT
 
 
 _Segmentation = _Runs | list[list[float]] | list[float]  # runs, polygons, or the coordinates of a single polygon
 
 
-class _Annotation(_Named):
+class _Annotation(_ExtraFields):
     id: int | None = None
     image_id: int
     category_id: int
@@ -228,8 +239,8 @@ class _Annotation(_Named):
     amodal_segmentation: _Segmentation | None = None
     attributes: _Attributes | None = None
 
-    def named(self, name: str, default: Any) -> Any:
-        """A value of ours, of the annotation or its attributes."""
+    def value_of(self, name: str, default: Any) -> Any:
+        """Return the value of a field of the annotation or, if it is unset, of `attributes`."""
         values = (getattr(self, name), getattr(self.attributes, name, None))
         return next((value for value in values if value is not None), default)
 
@@ -248,31 +259,31 @@ _FIELDS = {name for model in (_File, _Image, _Category, _Annotation, _Attributes
 def read_coco(
     path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT), kinds: Sequence[str] | None = BOX_CLASSES
 ) -> dict[PhotoKey, list[Annotation]]:
-    """The annotations of every photo of a COCO file, from here or as an annotation tool wrote it.
+    """Read the annotations of every photo of a COCO file that polarsim or an annotation tool wrote.
 
-    Categories go by their names. A picture's photo key is its `key`, else in its file name, which may have folders,
-    another suffix, or letters and a dash in front of the
-    photo key, as Label Studio puts them. Masks may be runs, compressed or not, or polygons. A box that is not there is
-    that of the mask; a rock, source or confidence may stand among `attributes`, as CVAT puts them, or be missing.
+    Categories are identified by name. The photo key of an image is the field `key` or part of the file name, which may
+    have folders, another suffix, or letters and a dash before the photo key (Label Studio). Masks are runs, compressed
+    or not, or polygons. A missing box is computed from the mask. The rock, source and confidence are read from the
+    annotation or from `attributes` (CVAT) and may be missing.
 
     Parameters
     ----------
     size
-        Width and height that all pictures must have, px.
+        Width and height that all images must have, px.
     kinds
-        Names that categories may have; None: any, as it is written.
+        Accepted names of categories; None: any name.
 
     Raises
     ------
     FormatError
-        No COCO file; a picture that is no photo, comes twice, or has another size; an annotation of no known picture
-        or category, without box and mask, or with a broken one.
+        The file is no COCO file, an image is not a photo, is repeated or has another size, or an annotation has an
+        unknown image or category, neither box nor mask, or an invalid box or mask.
     """
     photos: dict[PhotoKey, list[Annotation]] = {}
-    for name, own_size, rows in read_pictures(path, kinds, size):
-        if own_size != size:
+    for name, image_size, rows in read_pictures(path, kinds, size):
+        if image_size != size:
             raise FormatError(
-                f"image {name}: {own_size[0]} x {own_size[1]} px, expected {size[0]} x {size[1]}", path=path
+                f"image {name}: {image_size[0]} x {image_size[1]} px, expected {size[0]} x {size[1]}", path=path
             )
         key = key_of_picture(path, name)
         if key in photos:
@@ -282,7 +293,7 @@ def read_coco(
 
 
 def key_of_picture(path: str | Path, name: str) -> PhotoKey:
-    """Return the photo key in the name of a picture that a file states.
+    """Return the photo key in the name of an image that a label file states.
 
     Raises
     ------
@@ -297,7 +308,7 @@ def key_of_picture(path: str | Path, name: str) -> PhotoKey:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One annotation of a COCO file: its name in messages, its form there, and what it holds."""
+    """Annotation of a COCO file with its name for messages and the form in which it was stored."""
 
     where: str
     form: str  # box, rotated box, polygon, mask or crowd region
@@ -308,22 +319,23 @@ class Row:
 def read_pictures(
     path: str | Path, kinds: Sequence[str] | None = None, default_size: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> list[tuple[str, tuple[int, int], list[Row]]]:
-    """Read the name, the size (width, height) and the annotations of every picture of a COCO file.
+    """Read the name, the size (width, height) and the annotations of every image of a COCO file.
 
-    Annotations are in pixels of their picture. A name is the photo key that an image states, else its `file_name`.
-    A rotated box, as CVAT exports it, is replaced by the box around it.
+    Annotations are in pixels of the image. The name is the photo key of the image if `key` is given, else `file_name`.
+    A rotated box (CVAT) is replaced by the axis-aligned box around it.
 
     Parameters
     ----------
     kinds
-        Names that categories may have; None: any, as it is written.
+        Accepted names of categories; None: any name.
     default_size
-        Size of pictures without one, px.
+        Size of images without width and height, px.
 
     Raises
     ------
     FormatError
-        No COCO file; an annotation of no known picture or category, without box and mask, or with an implausible one.
+        The file is no COCO file, or an annotation has an unknown image or category, neither box nor mask, or an
+        implausible box or mask.
     """
     try:
         content = _FILE.validate_json(Path(path).read_bytes())
@@ -339,7 +351,7 @@ def read_pictures(
         where = f"annotation {number if row.id is None else row.id}"
         try:
             if row.image_id not in images:
-                raise FormatError(f"image_id {row.image_id} is no image's")
+                raise FormatError(f"image_id {row.image_id} is not the id of an image in the file")
             annotation = _annotation(row, names, sizes[row.image_id], kinds)
         except PolarsimError as error:
             raise FormatError(f"{where}: {error.reason}", path=path) from error
@@ -349,7 +361,7 @@ def read_pictures(
 
 
 def _problem(error: ValidationError) -> str:
-    """First problem of a file, by the names of its fields."""
+    """Return the first error of a file, with the names of the fields."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
     parts = [part for part in first["loc"] if isinstance(part, int) or part in _FIELDS]
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).lstrip(".")
@@ -367,21 +379,25 @@ def _problem(error: ValidationError) -> str:
 
 
 def _check_corners(path: str | Path, annotations: Sequence[_Annotation], sizes: Mapping[int, tuple[int, int]]) -> None:
-    """Refuse a file whose boxes are all two corners instead of a corner and a size."""
+    """Raise an error if all boxes of a file are two corners instead of a corner and a size."""
     boxed = [row for row in annotations if row.bbox]
     boxes = np.array([row.bbox for row in boxed]).reshape(-1, 4)
     picture = np.array([sizes[row.image_id] for row in boxed]).reshape(-1, 2)
-    if len(boxed) >= _LEAST_BOXES and (boxes[:, 2:] > boxes[:, :2]).all() and (boxes[:, 2:] > picture / 2).any():
+    if (
+        len(boxed) >= _MIN_CORNER_CHECK_BOXES
+        and (boxes[:, 2:] > boxes[:, :2]).all()
+        and (boxes[:, 2:] > picture / 2).any()
+    ):
         raise FormatError(f"annotation {boxed[0].id}: bbox {boxed[0].bbox}: {_TWO_CORNERS}", path=path)
 
 
 def _once(path: str | Path, what: str, pairs: Iterable[tuple[int, Any]]) -> dict[int, Any]:
-    found: dict[int, Any] = {}
+    value_of_id: dict[int, Any] = {}
     for number, value in pairs:
-        if number in found:
-            raise FormatError(f"{what} id {number} comes twice", path=path)
-        found[number] = value
-    return found
+        if number in value_of_id:
+            raise FormatError(f"{what} id {number} is used twice", path=path)
+        value_of_id[number] = value
+    return value_of_id
 
 
 def _form(row: _Annotation) -> str:
@@ -396,17 +412,17 @@ def _annotation(
     row: _Annotation, names: Mapping[int, str], size: tuple[int, int], kinds: Sequence[str] | None
 ) -> Annotation:
     if row.category_id not in names:
-        raise FormatError(f"category_id {row.category_id} is no category's")
+        raise FormatError(f"category_id {row.category_id} is not the id of a category in the file")
     kind = names[row.category_id]
     if kinds is not None:
         kind = kind.strip().lower()
         if kind not in kinds:
             raise FormatError(f"category {names[row.category_id]!r}, expected {' or '.join(kinds)}")
     mask = _mask(row.segmentation, size)
-    rock, confidence = row.named("rock", NO_ROCK), row.named("confidence", 1.0)
-    source = row.named("source", row.named("label_source", ""))
-    whole = _mask(row.amodal_segmentation, size)
-    amodal = Amodal(whole, _box(row.amodal_bbox, whole, size)) if whole else None
+    rock, confidence = row.value_of("rock", NO_ROCK), row.value_of("confidence", 1.0)
+    source = row.value_of("source", row.value_of("label_source", ""))
+    amodal_mask = _mask(row.amodal_segmentation, size)
+    amodal = Amodal(amodal_mask, _box(row.amodal_bbox, amodal_mask, size)) if amodal_mask else None
     box = _box(row.bbox, mask, size)
     if row.bbox:
         _check_plausible(row, mask, size)
@@ -420,12 +436,12 @@ _TWO_CORNERS = "expected x, y, width and height: are these x0, y0, x1, y1?"
 
 
 def _check_plausible(row: _Annotation, mask: Rle | None, size: tuple[int, int]) -> None:
-    """Refuse a bbox in shares of the picture, far over its border, or of two corners."""
+    """Raise an error for a bbox in shares of the image size, far over the image border, or of two corners."""
     x, y, width, height = row.bbox
     if max(row.bbox) <= 1:
         raise FormatError(f"bbox {row.bbox}, expected pixels: are these shares of the picture?")
     border = np.array([x + width, y + height]) - size
-    if (border > BEYOND * np.array(size)).any() or min(x / size[0], y / size[1]) < -BEYOND:
+    if (border > MAX_OVERHANG * np.array(size)).any() or min(x / size[0], y / size[1]) < -MAX_OVERHANG:
         raise FormatError(f"bbox {row.bbox} reaches far over the border of {size[0]} x {size[1]} px; {_TWO_CORNERS}")
     if width <= x or height <= y:
         return
@@ -433,11 +449,11 @@ def _check_plausible(row: _Annotation, mask: Rle | None, size: tuple[int, int]) 
         covered = of_mask(mask.mask())
         corners, sized = np.array(row.bbox), np.array([x, y, x + width, y + height])
         if covered is not None and np.abs(corners - covered).max() < 2 < np.abs(sized - covered).max():
-            raise FormatError(f"bbox {row.bbox} beside a mask of {covered.tolist()}; {_TWO_CORNERS}")
+            raise FormatError(f"bbox {row.bbox} contradicts the mask from {covered.tolist()}; {_TWO_CORNERS}")
     elif isinstance(row.area, (int, float)) and row.area > 0:
-        off = [abs(row.area / other - 1) for other in ((width - x) * (height - y), width * height)]
-        if off[0] < 0.01 < off[1]:
-            raise FormatError(f"bbox {row.bbox} of area {row.area}; {_TWO_CORNERS}")
+        of_corners, of_size = (abs(row.area / value - 1) for value in ((width - x) * (height - y), width * height))
+        if of_corners < 0.01 < of_size:
+            raise FormatError(f"bbox {row.bbox} contradicts the area {row.area}; {_TWO_CORNERS}")
 
 
 def _mask(segmentation: _Segmentation | None, size: tuple[int, int]) -> Rle | None:
@@ -461,7 +477,7 @@ def _mask(segmentation: _Segmentation | None, size: tuple[int, int]) -> Rle | No
 
 
 def _box(bbox: list[float], mask: Rle | None, size: tuple[int, int]) -> np.ndarray:
-    """(4,) as x0, y0, x1, y1."""
+    """Return the bounding box (4,) as x0, y0, x1, y1."""
     if bbox:
         if len(bbox) != 4 or min(bbox[2:]) <= 0:
             raise FormatError(f"bbox {bbox}, expected x, y, width and height, both above 0")
@@ -469,7 +485,7 @@ def _box(bbox: list[float], mask: Rle | None, size: tuple[int, int]) -> np.ndarr
         if (box[:2] >= size).any() or (box[2:] <= 0).any():
             raise FormatError(f"bbox {bbox} outside the photo")
         return box
-    found = of_mask(mask.mask()) if mask else None
-    if found is None:
+    covered = of_mask(mask.mask()) if mask else None
+    if covered is None:
         raise FormatError("neither a bbox nor a mask")
-    return found
+    return covered

@@ -1,11 +1,11 @@
-"""A terrain's rigs as a COLMAP model in text: `cameras.txt rigs.txt frames.txt images.txt points3D.txt`.
+"""Stereo rigs of a terrain as a COLMAP model in text: `cameras.txt rigs.txt frames.txt images.txt points3D.txt`.
 
-One rig with the left camera as its reference, one frame a position, two images a frame: photos, named by the way from
-the model's folder, or `PosA_CamL` and `PosA_CamR` where there are none; or a frame a moment, with the names of its
-pictures. Points are those of meshes, grey and without tracks. COLMAP's world is the sandbox, metres; its pixel centres
-lie at integer + 0.5, as ours do.
+The model has a single rig, with the left camera as reference sensor, and a frame with two images per position. Images
+are photos, named by the path from the folder of the model, or `PosA_CamL` and `PosA_CamR` without photos. Models of a
+drive have a frame per moment. Points are vertices of meshes, without tracks. COLMAP's world frame is the sandbox frame,
+metres; pixel centres are at integer + 0.5, as in polarsim.
 
-COLMAP's text format separates fields by blanks, so that a name must not have any.
+COLMAP's text format separates fields by blanks, so that a name must not contain blanks.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from polarsim.photo import CAMERAS
 
 CAMERA_ID = {"L": 1, "R": 2}
 RIG_ID = 1
-_GREY = np.full(3, 128, np.uint8)  # of points: no one photo shows their colour
+_GREY = np.full(3, 128, np.uint8)  # colour of points; meshes have no colour
 
 
 class LocalisedPair(Protocol):
@@ -45,20 +45,20 @@ def write_model(
     pictures: Mapping[tuple[str, str], str] | None = None,
     points: np.ndarray | None = None,
 ) -> None:
-    """Write the rigs of a terrain by position; they must have one calibration.
+    """Write the rigs of a terrain by position. All rigs must have the same calibration.
 
     Parameters
     ----------
     pictures : (position, camera) -> name
-        Names of images, with the position as `PosX` and the camera as `CamL` or `CamR` in them, or a photo key. They
-        are paths from the folder. A file with a blank in its name is linked into the model, as `images/PosX_CamL.png`.
+        Names of images: paths from the folder that contain the position as `PosX` and the camera as `CamL` or `CamR`,
+        or a photo key. A file with a blank in the name is linked into the model as `images/PosX_CamL.png`.
     points : (n, 3) float
-        Of the scene, sandbox frame, metres.
+        Points of the scene, sandbox frame, metres.
 
     Raises
     ------
     FormatError
-        Two positions have different rigs, or there is none.
+        Two positions have different rigs, or no position is given.
     """
     import pycolmap
 
@@ -68,11 +68,11 @@ def write_model(
     for frame_id, position in enumerate(sorted(localised), 1):
         names: dict[str, str] = {}
         for camera in CAMERAS:
-            own = f"Pos{position}_Cam{camera}"
-            name = (pictures or {}).get((position, camera), own)
+            default_name = f"Pos{position}_Cam{camera}"
+            name = (pictures or {}).get((position, camera), default_name)
             if len(name.split()) > 1:
                 file = Path(os.path.normpath(Path(folder, name)))
-                name = f"images/{own}{file.suffix}" if file.is_file() else own
+                name = f"images/{default_name}{file.suffix}" if file.is_file() else default_name
                 linked |= {name: file} if file.is_file() else {}
             names[camera] = name
         _add_frame(model, frame_id, names, localised[position].sandbox_from_left)
@@ -86,18 +86,20 @@ def write_model(
 
 
 def one_rig(localised: Mapping[str, LocalisedPair]) -> StereoRig:
-    """The rig of all positions.
+    """Return the rig that all positions share.
 
     Raises
     ------
     FormatError
-        Two positions have different rigs, or there is none.
+        Two positions have different rigs, or no position is given.
     """
     if not localised:
-        raise FormatError("a COLMAP model needs a position")
-    rigs = [one.rig for one in localised.values()]
+        raise FormatError("no position given, a COLMAP model needs at least 1")
+    rigs = [pair.rig for pair in localised.values()]
     if any(not _same_rig(rig, rigs[0]) for rig in rigs):
-        raise FormatError(f"positions {', '.join(sorted(localised))} have different rigs, a model has one")
+        raise FormatError(
+            f"positions {', '.join(sorted(localised))} have different rigs, a COLMAP model has a single rig"
+        )
     return rigs[0]
 
 
@@ -108,14 +110,14 @@ def write_pictures(
     points: np.ndarray,
     colours: np.ndarray,
 ) -> None:
-    """Write a model of pictures of one rig, and points that a reconstruction may start from, into a folder.
+    """Write a model with the images of a single rig and with initial points for a reconstruction.
 
     Parameters
     ----------
     frames
-        Of each moment the names of its pictures by camera, one or both, and `sandbox_from_left`.
+        Names of the images by camera (one or both cameras) and `sandbox_from_left` of each moment.
     points, colours
-        (n, 3) metres in the sandbox, (n, 3) uint8; without tracks, for no picture was matched.
+        (n, 3) in the sandbox frame, metres; (n, 3) uint8. Points have no tracks because images are not matched.
     """
     import pycolmap
 
@@ -129,7 +131,7 @@ def write_pictures(
 
 
 def _model(rig: StereoRig) -> Any:
-    """Two cameras on one rig, no frame yet."""
+    """Return a model with the two cameras of a rig, without frames."""
     import pycolmap
 
     model = pycolmap.Reconstruction()

@@ -1,4 +1,4 @@
-"""Nothing half-written: files and folders are made under a temporary name beside the target, then renamed."""
+"""Paths, text encodings and atomic writing: files get a temporary name in the same folder and are renamed when complete."""
 
 from __future__ import annotations
 
@@ -14,27 +14,29 @@ from typing import Any
 from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats.readers import reader
 
-ENCODINGS = (  # by byte order mark; that of UTF-16 starts that of UTF-32
+ENCODINGS = (  # by byte order mark; UTF-32 first, because its mark begins with the mark of UTF-16
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-_CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository, in a wheel a copy
+_CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository; in a wheel a copy
 
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside `path`; what was written there takes its name at the end, or vanishes on an error.
+    """Yield a temporary path in the folder of `path`; rename the file to `path` at the end, or delete it on an error.
 
     Raises
     ------
     PolarsimError
-        The disk is full or not writable: one line with the file's name.
+        The disk is full or not writable: one line with the name of the file.
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")  # keeps the suffix: writers look at it
+    temporary = path.with_name(
+        f".{path.stem}.{os.getpid()}{path.suffix}"
+    )  # same suffix: writers choose the format by it
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
@@ -42,13 +44,13 @@ def writing(path: str | Path) -> Iterator[Path]:
     except OSError as error:
         raise PolarsimError(f"cannot be written, {error.strerror or error}", path=path) from error
     finally:
-        with suppress(OSError):  # the error that is under way says more
+        with suppress(OSError):  # do not replace the first error
             temporary.unlink(missing_ok=True)
 
 
 @contextmanager
 def writing_folder(path: str | Path) -> Iterator[Path]:
-    """As `writing`, for a whole folder: an existing one is replaced only when the new one is complete."""
+    """Write a folder as `writing` does a file: an existing folder is replaced only when the new folder is complete."""
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     former = path.with_name(f".{path.name}.former.{os.getpid()}")
@@ -56,7 +58,7 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
         yield temporary
-        if path.is_dir():  # moved away whole: who is killed while removing it leaves no half of it under this name
+        if path.is_dir():  # renamed first: a process killed during removal must not leave a partial folder at `path`
             path.replace(former)
         temporary.replace(path)
     except OSError as error:
@@ -81,7 +83,7 @@ def existing_folder(path: str | Path) -> Path:
 
 
 def check_new_folder(path: Path) -> None:
-    """Refuse a folder to write that holds something, or a file of its name.
+    """Raise an error if a folder to be written exists and is not empty, or if the path is a file.
 
     Raises
     ------
@@ -89,54 +91,54 @@ def check_new_folder(path: Path) -> None:
         The folder is not empty.
     """
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise ConfigError("not empty, and nothing is overwritten: name a new folder", path=path)
+        raise ConfigError("exists and is not empty, files are not overwritten: give a new folder", path=path)
 
 
 def found_from(path: str | Path, file: str | Path) -> Path:
-    """A path that a file states, such as a table of photos: where it is, whatever folder the program was started in.
+    """Return the location of a path that is stated in a file, such as a table of photos.
 
-    A relative path counts from the file's own folder, or from the nearest folder above it where it is there: paths of a
-    run count from the folder in which the run was made. One that is nowhere stays as it is, from the current folder.
+    A relative path is resolved from the folder of the file, then from each folder above: paths in a run are relative to
+    the folder in which the run was started. A path that does not exist in any of these folders is returned unchanged.
     """
     path = Path(path)
     if not path.is_absolute():
         for folder in Path(file).absolute().parents:
-            if (there := folder / path).exists():
-                return path if folder == Path.cwd() else there  # the shorter form where both are one
+            if (resolved := folder / path).exists():
+                return path if folder == Path.cwd() else resolved  # the shorter form from the current folder
     return path
 
 
 def packaged(path: str | Path) -> Path:
-    """A path below `config/`: where there is none from here, the file of that name that came with polarsim.
+    """Return a path; if a path below `config/` does not exist, return the file of that name in the installed package.
 
-    So configurations, vehicles and soils are at hand without a clone.
+    Configurations, vehicles and soils can therefore be used without a clone of the repository.
     """
     path = Path(path)
-    own = _CONFIGS.joinpath(*path.parts[1:])
-    return own if path.parts[:1] == ("config",) and not path.exists() and own.is_file() else path
+    installed = _CONFIGS.joinpath(*path.parts[1:])
+    return installed if path.parts[:1] == ("config",) and not path.exists() and installed.is_file() else path
 
 
-def census(folder: Path, most: int = 6) -> str:
-    """How many files of each suffix a folder holds at any depth, with an example of each, for messages."""
+def census(folder: Path, max_suffixes: int = 6) -> str:
+    """Return, for messages, the number of files of each suffix below a folder with an example of each."""
     by_suffix: dict[str, list[str]] = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")):
         by_suffix.setdefault(path.suffix.lower() or "without suffix", []).append(relative_to(path, folder))
     parts = [f"{len(names)} {suffix} ({names[0]})" for suffix, names in by_suffix.items()]
-    return ", ".join(parts[:most]) or "no file"
+    return ", ".join(parts[:max_suffixes]) or "no file"
 
 
 def relative_to(path: str | Path, folder: str | Path) -> str:
-    """A path as it is written into a file of a folder: from there, with slashes."""
+    """Return a path relative to a folder, with forward slashes, as it is written into files of the folder."""
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def share_file(source: Path, target: Path) -> None:
-    """Give a file a second name, which takes no room and is a file to `tar`, `rsync` and `cp`, as a link is not.
+    """Create a hard link to a file, or a copy if the file system does not support the link.
 
-    Where the file system has no hard links, or the names lie on two of them, its bytes are copied. What replaces the
-    source later leaves the target as it is.
+    A hard link needs no space, and `tar`, `rsync` and `cp` treat it as a file, unlike a symbolic link. The target does
+    not change if the source is replaced later.
     """
-    source = source.resolve()  # the file itself, not what links to it
+    source = source.resolve()  # the file, not a symbolic link to it
     try:
         os.link(source, target)
     except OSError:
@@ -146,8 +148,8 @@ def share_file(source: Path, target: Path) -> None:
 def decode_text(content: bytes) -> str:
     """Return the text of a file: UTF-8, or UTF-16 and UTF-32 with a byte order mark, else Latin-1.
 
-    Every reader of text uses this function. PowerShell writes UTF-16, editors of Windows write marks, and old programs
-    write Latin-1 names and comments.
+    Every reader of text uses this function. PowerShell writes UTF-16, Windows editors write byte order marks, and old
+    programs write names and comments in Latin-1.
 
     Raises
     ------
@@ -166,12 +168,12 @@ def decode_text(content: bytes) -> str:
 
 
 def lines_of(content: bytes) -> list[str]:
-    """Return the lines of a text, see `decode_text`, of any system: they end in CR LF, LF or CR."""
+    """Return the lines of a text, decoded by `decode_text`. Lines end with CR LF, LF or CR."""
     return decode_text(content).replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def text_of(path: str | Path) -> str:
-    """Return the text of a file, see `decode_text`, with line feeds between its lines."""
+    """Return the text of a file, decoded by `decode_text`, with line feeds between the lines."""
     return "\n".join(lines_of(Path(path).read_bytes()))
 
 
@@ -186,7 +188,7 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
 
 def write_json(path: str | Path, content: Any) -> None:
-    """Sorted keys and shortest floats: same content, same bytes."""
+    """Write JSON with sorted keys and shortest floats, so that equal content makes equal bytes."""
     write_text(path, json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n")
 
 
@@ -197,6 +199,6 @@ def read_json(path: str | Path) -> Any:
     Raises
     ------
     FormatError
-        The file is missing or is no JSON.
+        The file is missing or is not JSON.
     """
     return json.loads(decode_text(Path(path).read_bytes()))

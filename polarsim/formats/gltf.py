@@ -1,6 +1,6 @@
-"""Binary glTF 2.0 of a whole terrain, for viewers: ground and rocks as named nodes, in metres, +Y up as glTF asks.
+"""Binary glTF 2.0 of a terrain, for viewers: ground and rocks as named nodes, metres, +Y up as glTF requires.
 
-Vertices that no scan supports are tinted; their support, 0 to 1, is the vertex attribute `_SUPPORT`.
+Vertices without support from a scan are tinted. The support, 0 to 1, is the vertex attribute `_SUPPORT`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from polarsim.formats.files import writing
 from polarsim.geometry.meshes import Mesh
 
-GROUND = "ground"  # name of the ground's node; all others are rocks
+GROUND = "ground"  # name of the ground node; the other nodes are rocks
 SAND, ROCK, UNSEEN = np.array([176, 168, 152]), np.array([110, 106, 100]), np.array([168, 92, 72])  # sRGB
 Y_UP_FROM_SANDBOX = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
@@ -30,14 +30,14 @@ def write(
     extras: Mapping[str, Mapping[str, Any]] | None = None,
     finish: Callable[[dict[str, Any]], None] | None = None,
 ) -> None:
-    """Write meshes by the names of their nodes, with the support (v,) of their vertices where it is known.
+    """Write meshes by node name, with the support (v,) of the vertices if it is known.
 
     Parameters
     ----------
     extras
-        What else a mesh is said to be, by the name of its node.
+        Metadata of meshes by node name.
     finish
-        Given the file's JSON before it is written, for nodes that are no meshes.
+        Function that edits the JSON of the file before it is written, to add nodes that are not meshes.
     """
     import trimesh
 
