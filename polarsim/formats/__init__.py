@@ -1,7 +1,7 @@
 """File formats that other programs define: a module per format, with reader and writer.
 
-All readers and writers share `files` (atomic writing, paths, encodings) and `readers` (errors as a single line). Files that
-only polarsim defines are in `polarsim.run_files`.
+All readers and writers share `files` (atomic writing, paths, encodings) and `readers` (errors as a single line). Files
+that only polarsim defines are in `polarsim.run_files`.
 """
 
 from polarsim.public import offered

@@ -1,4 +1,4 @@
-"""Paths, text encodings and atomic writing: files get a temporary name in the same folder and are renamed when complete."""
+"""Paths, text encodings and atomic writing: files have a temporary name in the same folder until they are complete."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""NPZ files: named arrays in one file, the same arrays in the same bytes."""
+"""NPZ files of named arrays. Equal arrays make equal bytes."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from polarsim.formats.readers import reader
 
 
 def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.generic) -> None:
-    """An NPZ file; same arrays, same bytes. Unpacked it is larger, and written in a tenth of the time."""
+    """Write an NPZ file. Without compression (`packed`), the file is larger and written in a tenth of the time."""
     save = np.savez_compressed if packed else np.savez
     with writing(path) as temporary:
-        save(temporary, **arrays)  # type: ignore[arg-type]  # its stub takes names for options
+        save(temporary, **arrays)  # type: ignore[arg-type]  # the type stub treats the names as options
 
 
 @reader("NPZ file", largest_mb=4000)
 def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The arrays of an NPZ file that must be there.
+    """Read an NPZ file that must contain the arrays `names`.
 
     Raises
     ------
     FormatError
-        No readable NPZ file, or an array is missing.
+        The file is unreadable, or an array is missing.
     """
     with np.load(path, allow_pickle=False) as content:
         arrays = {name: content[name] for name in content.files}

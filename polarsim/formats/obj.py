@@ -1,4 +1,4 @@
-"""OBJ meshes as the release has them: metres, x y z in the sandbox frame, triangles, vertex normals, no material."""
+"""OBJ meshes in the form of the release: metres, sandbox frame, triangles, vertex normals, no material."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ def ground_name(terrain: int) -> str:
 
 
 def parse_rock_name(name: str) -> tuple[int, int, bool] | None:
-    """Terrain, rock id and whether it is a decimated copy; None for other names."""
-    found = _ROCK_NAME.fullmatch(name)
-    return (int(found[1]), int(found[2]), found[3] is not None) if found else None
+    """Return the terrain, the rock id and whether the mesh is decimated; None for names of other files."""
+    match = _ROCK_NAME.fullmatch(name)
+    return (int(match[1]), int(match[2]), match[3] is not None) if match else None
 
 
 def rock_files(folder: str | Path) -> dict[int, Path]:
-    """The rock meshes of a folder by id: the full one, or the decimated copy where only that is there."""
-    found: dict[int, Path] = {}
+    """Return the rock meshes of a folder by rock id; the decimated mesh only if the full mesh is missing."""
+    files: dict[int, Path] = {}
     for path in sorted(Path(folder).glob("*.obj")):
         parsed = parse_rock_name(path.name)
-        if parsed and (not parsed[2] or parsed[1] not in found):
-            found[parsed[1]] = path
-    return dict(sorted(found.items()))
+        if parsed and (not parsed[2] or parsed[1] not in files):
+            files[parsed[1]] = path
+    return dict(sorted(files.items()))
 
 
 @reader("OBJ file", largest_mb=2000)
@@ -54,7 +54,7 @@ def read(path: str | Path) -> Mesh:
     Raises
     ------
     FormatError
-        The file is missing, has no triangle, a vertex is not finite, or a face names a missing vertex.
+        The file is missing or has no triangle, a vertex is not finite, or a face refers to a missing vertex.
     """
     content = Path(path).read_bytes().removeprefix(codecs.BOM_UTF8)
     mesh = _plain_triangles(content) or _any_faces(path, content)
@@ -62,14 +62,14 @@ def read(path: str | Path) -> Mesh:
         raise FormatError("no triangle, expected lines such as `f 1 2 3`", path=path)
     outside = mesh.faces[mesh.faces >= len(mesh.vertices)]
     if len(outside):
-        raise FormatError(f"a face names vertex {outside[0] + 1} of {len(mesh.vertices)}", path=path)
+        raise FormatError(f"a face refers to vertex {outside[0] + 1} of {len(mesh.vertices)}", path=path)
     if not np.isfinite(mesh.vertices).all():
         raise FormatError("a vertex is not finite", path=path)
     return mesh
 
 
 def _plain_triangles(content: bytes) -> Mesh | None:
-    """Read a file of one block of vertices and one of triangles at once; return None for all other files."""
+    """Read a file with a block of vertices and a block of triangles in vectorised form; None for all other files."""
     vertices, faces = _block(content, b"v "), _block(content, b"f ")
     if vertices is None or faces is None or not _is_plain(content, vertices, faces):
         return None
@@ -77,26 +77,26 @@ def _plain_triangles(content: bytes) -> Mesh | None:
     lines = content[faces]
     if coordinates is None or b"x" in lines:  # Arrow reads hexadecimal numbers
         return None
-    # Texture and normal numbers follow a corner's vertex, as in `f 1//1 2//2 3//3`: every line has as many slashes.
-    apart = {0: 1, 3: 2, 6: 3}.get(lines.count(b"/", 0, lines.find(b"\n")))
-    if apart is None:
+    # A corner is the number of a vertex, optionally followed by texture and normal, as in `f 1//1 2//2 3//3`.
+    step = {0: 1, 3: 2, 6: 3}.get(lines.count(b"/", 0, lines.find(b"\n")))  # fields per corner
+    if step is None:
         return None
-    corners = _columns(lines.replace(b"/", b" "), int, (1, 1 + apart, 1 + 2 * apart), of=1 + 3 * apart)
+    corners = _columns(lines.replace(b"/", b" "), int, (1, 1 + step, 1 + 2 * step), of=1 + 3 * step)
     return Mesh(coordinates, corners - 1) if corners is not None and corners.min() > 0 else None
 
 
 def _is_plain(content: bytes, *blocks: slice) -> bool:
-    """Return whether no vertex or face is outside the blocks, no line is continued, and no CR ends a line."""
+    """Return whether all vertices and faces are inside the blocks, and no line is continued or ends with CR only."""
     if b"\\" in content and (b"\\\n" in content or b"\\\r" in content):
         return False
     if b"\r" in content and content.count(b"\r") != content.count(b"\r\n"):
         return False
     first, second = sorted(blocks, key=lambda block: block.start)
     rest = (slice(0, first.start), slice(first.stop, second.start), slice(second.stop, len(content)))
-    return not any(_is_spelled_otherwise(content[part]) for part in rest)
+    return not any(_has_unusual_start(content[part]) for part in rest)
 
 
-def _is_spelled_otherwise(lines: bytes) -> bool:
+def _has_unusual_start(lines: bytes) -> bool:
     """Return whether a line starts with a blank, or with `v` or `f` and a tab."""
     signs = np.frombuffer(lines, np.uint8)
     starts = np.concatenate([[0], np.flatnonzero(signs == ord("\n")) + 1])
@@ -107,7 +107,7 @@ def _is_spelled_otherwise(lines: bytes) -> bool:
 
 
 def _block(content: bytes, tag: bytes) -> slice | None:
-    """Return the part of all lines with a tag; None where there is none, or where other lines lie between them."""
+    """Return the slice of all lines with a tag; None if there is no such line or if other lines are in between."""
     start = content.find(b"\n" + tag) + 1
     end = content.find(b"\n", content.rfind(b"\n" + tag) + 1) + 1
     if not 0 < start < end or content.startswith(tag):
@@ -116,27 +116,30 @@ def _block(content: bytes, tag: bytes) -> slice | None:
 
 
 def _columns(block: bytes, kind: type[float] | type[int], chosen: tuple[int, ...], of: int) -> np.ndarray | None:
-    """(n, len(chosen)) numbers of a block whose every line has `of` fields with one space between; None for others."""
+    """Return the chosen columns (n, len(chosen)) of a block in which each line has `of` fields separated by a space.
+
+    Return None for other blocks.
+    """
     names = [str(column) for column in range(of)]
-    wanted = [names[column] for column in chosen]
+    chosen_names = [names[column] for column in chosen]
     try:
         table = csv.read_csv(
             pyarrow.BufferReader(block),
             csv.ReadOptions(use_threads=False, column_names=names),
             csv.ParseOptions(delimiter=" ", quote_char=False),
             csv.ConvertOptions(
-                column_types=dict.fromkeys(wanted, pyarrow.float64() if kind is float else pyarrow.int64()),
-                include_columns=wanted,
+                column_types=dict.fromkeys(chosen_names, pyarrow.float64() if kind is float else pyarrow.int64()),
+                include_columns=chosen_names,
                 null_values=[],
             ),
         )
     except pyarrow.ArrowInvalid:
         return None
-    return np.stack([table[name].to_numpy() for name in wanted], axis=1)
+    return np.stack([table[name].to_numpy() for name in chosen_names], axis=1)
 
 
 def _any_faces(path: str | Path, content: bytes) -> Mesh:
-    """Read line by line: every spelling, polygons, negative numbers, and every error with its line."""
+    """Read a file line by line: any notation, polygons, negative vertex numbers. Errors state the line."""
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
     lines = lines_of(content)
@@ -168,30 +171,30 @@ def _fields(line: str) -> list[str]:
 
 
 def _joined(lines: list[str]) -> Iterator[tuple[int, str]]:
-    """Yield line numbers from 1 and lines; a line that ends in a backslash is continued by the next one."""
-    start, held = 0, ""
+    """Yield line numbers from 1 and lines; a line that ends with a backslash is joined with the next line."""
+    start, joined = 0, ""
     for number, line in enumerate(lines, 1):
         if line.endswith("\\"):
-            start, held = start or number, f"{held}{line[:-1]} "
+            start, joined = start or number, f"{joined}{line[:-1]} "
         elif start:
-            yield start, held + line
-            start, held = 0, ""
+            yield start, joined + line
+            start, joined = 0, ""
         else:
             yield number, line
     if start:
-        yield start, held
+        yield start, joined
 
 
 def _counted(corner: int, vertices: int) -> int:
-    """Return the number from 1 of a vertex that a face names; negative numbers count back from the last vertex."""
-    counted = corner if corner > 0 else vertices + 1 + corner
-    if corner == 0 or counted < 1:
-        raise ValueError(f"a face names vertex {corner} of {vertices}; the first is 1, and -1 is the last so far")
-    return counted
+    """Return the positive number of a vertex of a face; negative numbers are relative to the last vertex (-1)."""
+    number = corner if corner > 0 else vertices + 1 + corner
+    if corner == 0 or number < 1:
+        raise ValueError(f"a face refers to vertex {corner} of {vertices}, expected a number from 1 or from -1 down")
+    return number
 
 
 def write(path: str | Path, mesh: Mesh, name: str) -> None:
-    """Write with vertex normals, micrometre steps: same mesh, same bytes."""
+    """Write a mesh with vertex normals, rounded to micrometres. Equal meshes make equal bytes."""
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"# polarsim, metres, sandbox frame\no {name}\n")
         for form, rows in (("v %.6f %.6f %.6f\n", mesh.vertices), ("vn %.4f %.4f %.4f\n", mesh.normals())):
@@ -203,5 +206,5 @@ def write(path: str | Path, mesh: Mesh, name: str) -> None:
 
 
 def _blocks(rows: np.ndarray, length: int = 20_000) -> Iterator[np.ndarray]:
-    """Parts of an array, so that the text of a large mesh never is in memory as a whole."""
+    """Yield blocks of rows, to bound the memory for the text of a large mesh."""
     return (rows[start : start + length] for start in range(0, len(rows), length))

@@ -1,7 +1,7 @@
-"""PDS4 products: raw arrays and delimited tables with their XML labels, as NASA's Planetary Data System archives them.
+"""Products of NASA's Planetary Data System (PDS4): arrays and delimited tables with XML labels.
 
-An array lies in its file row by row, highest byte first; a table is text with commas. A label states type, unit and
-meaning of every value. Labels name no time of their making: same content, same bytes.
+Arrays are stored row by row in big-endian order, tables as comma-separated text. The label states type, unit and
+description of every value. Labels have no creation time, so that equal content makes equal bytes.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ _HEAD = (
 )
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _TYPES = {"u1": "UnsignedByte", "u2": "UnsignedMSB2", "f4": "IEEE754MSBSingle"}
-MISSING = -999999.0  # of a number that is not known; its field's label says so
+MISSING = -999999.0  # value of a missing number; declared in the label of the field
 Node = ElementTree.Element
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Who a product is."""
+    """Identifier, title, description and citation of a product."""
 
     lid: str  # logical identifier, without a version
     title: str
-    description: str  # what it is, its frames, and whether its values were measured, fitted or made up
+    description: str  # content, frames, and whether values are measured, fitted or simulated
     citation: tuple[str, str] | None = None  # authors and year; bundles, collections and documents must have one
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table, as its label states it."""
+    """Column of a table as stated in the label."""
 
     name: str
     unit: str
@@ -51,7 +51,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Observed:
-    """Of what an observation tells, and with what."""
+    """Processing level, target, instrument and investigation of an observation."""
 
     level: str  # Raw, Calibrated or Derived
     target: str
@@ -60,18 +60,18 @@ class Observed:
 
 
 def node(tag: str, *children: Node | str | int | float, **attributes: str) -> Node:
-    """An element with elements or one text in it."""
-    made = ElementTree.Element(tag, attributes)
+    """Return an XML element with child elements or a text."""
+    element = ElementTree.Element(tag, attributes)
     for child in children:
         if isinstance(child, Node):
-            made.append(child)
+            element.append(child)
         else:
-            made.text = str(child)
-    return made
+            element.text = str(child)
+    return element
 
 
 def label(kind: str, identity: Identity, *areas: Node) -> bytes:
-    """A product's label: its class, who it is, and what follows."""
+    """Return the label of a product: class, identification area and further areas."""
     identification = node(
         "Identification_Area",
         node("logical_identifier", identity.lid),
@@ -102,7 +102,7 @@ def _citation(identity: Identity) -> list[Node]:
 
 
 def observation(identity: Identity, observed: Observed) -> Node:
-    """What was observed; nobody states when."""
+    """Return the observation area. The time of the observation is unknown."""
     return node(
         "Observation_Area",
         node("comment", identity.description),
@@ -136,26 +136,26 @@ def _reference(lid: str, kind: str) -> Node:
 
 
 def file_node(path: Path, name: str, records: int | None = None) -> Node:
-    """A file as its label states it: name, size and checksum."""
+    """Return the element of a file: name, size and checksum."""
     content = path.read_bytes()
     parts = [
         node("file_name", name),
         node("file_size", len(content), unit="byte"),
         *([node("records", records)] if records is not None else []),
-        node("md5_checksum", hashlib.md5(content, usedforsecurity=False).hexdigest()),  # PDS4 knows no other
+        node("md5_checksum", hashlib.md5(content, usedforsecurity=False).hexdigest()),  # the only checksum of PDS4
     ]
     return node("File", *parts)
 
 
 def array_bytes(values: np.ndarray) -> bytes:
-    """(h, w) or (bands, h, w) values, highest byte first."""
+    """Return the big-endian bytes of values (h, w) or (bands, h, w)."""
     return values.astype(values.dtype.newbyteorder(">")).tobytes()
 
 
 def array_area(
     path: Path, name: str, shape: Sequence[int], dtype: np.dtype, unit: str, description: str, scale: float = 1.0
 ) -> Node:
-    """Where an array lies: axes from the slowest to the fastest; a value times `scale` is in `unit`."""
+    """Return the file area of an array with axes from slowest to fastest. A value times `scale` is in `unit`."""
     names = ("Band", "Line", "Sample")[-len(shape) :]
     element = [node("data_type", _TYPES[f"{dtype.kind}{dtype.itemsize}"])]
     element += [node("unit", unit)] if unit else []
@@ -181,7 +181,7 @@ def array_area(
 
 
 def table_bytes(table: pd.DataFrame) -> bytes:
-    """Comma between values, CR LF behind a row; `MISSING` where a number is not known: readers take nothing for 0."""
+    """Return a table as comma-separated text. Missing numbers are `MISSING`, because readers parse empty text as 0."""
     out = io.StringIO()
     rows = csv.writer(out, lineterminator="\r\n")
     for row in table.itertuples(index=False):
@@ -190,7 +190,7 @@ def table_bytes(table: pd.DataFrame) -> bytes:
 
 
 def table_area(path: Path, name: str, table: pd.DataFrame, columns: Iterable[Column], description: str) -> Node:
-    """Where a table lies, and what its columns mean."""
+    """Return the file area of a table with the descriptions of the columns."""
     fields = []
     for number, column in enumerate(columns, 1):
         parts = [node("name", column.name), node("field_number", number), node("data_type", _type(table[column.name]))]

@@ -28,7 +28,7 @@ class Cloud:
 
 
 def write(path: str | Path, cloud: Cloud) -> None:
-    """Write `x y z nx ny nz`, little-endian float32; an empty cloud is a sound file."""
+    """Write `x y z nx ny nz` as little-endian float32. An empty cloud makes a valid file."""
     properties = "".join(f"property float {name}\n" for name in _COLUMNS)
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(cloud)}\n{properties}end_header\n"
     rows = np.ascontiguousarray(np.column_stack([cloud.points, cloud.normals]).reshape(-1, 6), "<f4")
@@ -38,12 +38,12 @@ def write(path: str | Path, cloud: Cloud) -> None:
 
 @reader("PLY file", largest_mb=4000)
 def read(path: str | Path) -> Cloud:
-    """Read what `write` wrote: vertices of six float properties, binary.
+    """Read a binary file of `write`: vertices with six float properties.
 
     Raises
     ------
     FormatError
-        The file is missing, cut off, has other properties, or a value that is not finite.
+        The file is missing, truncated or has other properties, or a value is not finite.
     """
     content = Path(path).read_bytes()
     end = content.find(b"end_header\n", 0, _LONGEST_HEADER)
@@ -56,7 +56,7 @@ def read(path: str | Path) -> Cloud:
         raise FormatError(f"expected the float properties {' '.join(_COLUMNS)}", path=path)
     elements = [line.split() for line in lines if line.startswith("element")]
     if len(elements) != 1 or elements[0][:2] != ["element", "vertex"] or not elements[0][-1].isdigit():
-        raise FormatError("expected one element vertex", path=path)
+        raise FormatError("unknown elements, expected only the element vertex", path=path)
     body = content[end + len(b"end_header\n") :]
     if len(body) != int(elements[0][-1]) * _ROW.itemsize:
         raise FormatError(f"{len(body)} bytes of points, expected {elements[0][-1]} x {_ROW.itemsize}", path=path)

@@ -1,7 +1,7 @@
 """Images: PNG files of 16-bit photos with 12-bit values and of 8-bit maps, written fast and with reproducible bytes.
 
-`read` and `size` also accept JPEG, TIFF, BMP, WebP and PGM files. Both apply the EXIF orientation, so that pixels and
-sizes are those that viewers and labelling tools show.
+`read` and `size` also accept JPEG, TIFF, BMP, WebP and PGM files. Both apply the EXIF orientation, as viewers and
+annotation tools do.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from polarsim.formats.readers import reader
 from polarsim.photo import HEIGHT, WHITE_LEVEL, WIDTH
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # of PNG's colour types
-_FROM_LEFT = 1  # PNG's filter "Sub"
-_LEVEL = 1  # of ISA-L's 0 to 3: higher levels gain less than 2 % on photos
+_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # number of channels by PNG colour type
+_FILTER_SUB = 1
+_LEVEL = 1  # of ISA-L's levels 0 to 3; higher levels save less than 2 % on photos
 _FIRST = 16  # bytes, see `_deflate`
-_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # first bytes, of BigTIFF too
-_MOST_BANDS = 4
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # signatures of TIFF and BigTIFF
+_MAX_BANDS = 4
 _ORIENTATION = 0x0112  # EXIF tag
-_TURNED = (5, 6, 7, 8)  # values of the tag that exchange width and height
+_TRANSPOSED = (5, 6, 7, 8)  # values of the tag that exchange width and height
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm")
-MOST_PIXELS = 1 << 28  # of an image of any kind: 268 megapixels, more than any camera has; a photo has 2.4 million
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))  # OpenCV reads both at its import
-os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # the reason is in our own message
+MAX_PIXELS = 1 << 28  # 268 megapixels, more than any camera has; a photo has 2.4 megapixels
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_PIXELS))  # OpenCV reads both variables on import
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # polarsim reports the error
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class Header:
 
 
 def parse_header(content: bytes) -> Header:
-    """Header of a whole PNG file, whose chunks are all there and bear their checksums; no pixel is decoded.
+    """Return the header of a PNG file after a check that all chunks are complete; pixels are not decoded.
 
     Raises
     ------
     FormatError
-        No PNG, or cut or damaged.
+        The content is no PNG file, or is truncated or damaged.
     """
     if not content.startswith(_SIGNATURE):
         raise FormatError("no PNG file")
@@ -64,22 +64,22 @@ def parse_header(content: bytes) -> Header:
         length, kind = struct.unpack(">I4s", content[offset : offset + 8].ljust(8, b"\0"))
         end = offset + 12 + length
         if end > len(content):
-            raise FormatError(f"the PNG file is cut after {len(content)} bytes")
+            raise FormatError(f"the PNG file is truncated after {len(content)} bytes")
         if zlib.crc32(content[offset + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
-            raise FormatError(f"a damaged PNG file, wrong checksum at byte {offset}")
+            raise FormatError(f"the PNG file is damaged, wrong checksum at byte {offset}")
         if offset == len(_SIGNATURE):
             header = content[offset + 8 : end - 4]
         if kind == b"eXIf":
             exif = content[offset + 8 : end - 4]
         offset = end
     if len(header) != 13 or header[9] not in _CHANNELS:
-        raise FormatError("a PNG file without a header")
+        raise FormatError("the PNG file has no header")
     width, height, bits, colour = struct.unpack(">IIBB", header[:10])
     return Header(width, height, bits, _CHANNELS[colour], _orientation(exif) if exif else 1)
 
 
 def _orientation(exif: bytes) -> int:
-    """Return the orientation in an EXIF block; 1 where the block is damaged, as viewers do."""
+    """Return the orientation in an EXIF block; 1 if the block is damaged, as viewers do."""
     from PIL import Image
 
     with suppress(Exception):
@@ -98,18 +98,18 @@ def read(path: str | Path) -> np.ndarray:
     Raises
     ------
     FormatError
-        The file is missing, cut, no image, or has more than `MOST_PIXELS` pixels.
+        The file is missing, truncated, no image, or has more than `MAX_PIXELS` pixels.
     """
     import cv2
 
     content = Path(path).read_bytes()
     width, height = _size(content)
-    if width * height > MOST_PIXELS:
-        raise FormatError(f"{width} x {height} pixels, expected at most {MOST_PIXELS / 1e6:.0f} megapixels")
+    if width * height > MAX_PIXELS:
+        raise FormatError(f"{width} x {height} pixels, expected at most {MAX_PIXELS / 1e6:.0f} megapixels")
     # Without IMREAD_UNCHANGED, OpenCV applies the EXIF orientation.
     pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
     if pixels is None:
-        raise FormatError("no readable picture")
+        raise FormatError("no readable image")
     if pixels.ndim == 3:
         pixels = pixels[..., [2, 1, 0]]
     return np.asarray(pixels)
@@ -122,20 +122,20 @@ def size(path: str | Path) -> tuple[int, int]:
     Raises
     ------
     FormatError
-        The file is missing or no image; a PNG file is cut or damaged.
+        The file is missing or no image, or a PNG file is truncated or damaged.
     """
     return _size(Path(path).read_bytes())
 
 
 def _size(content: bytes) -> tuple[int, int]:
     if content.startswith(_SIGNATURE):
-        header = parse_header(content)  # OpenCV reads cut and damaged files without an error
+        header = parse_header(content)  # OpenCV reads truncated and damaged files without an error
         width, height, orientation = header.width, header.height, header.orientation
     elif content.startswith(_TIFF):
         width, height, orientation = _tiff_size(content)
     else:
         width, height, orientation = _pillow_size(content)
-    return (height, width) if orientation in _TURNED else (width, height)
+    return (height, width) if orientation in _TRANSPOSED else (width, height)
 
 
 def _tiff_size(content: bytes) -> tuple[int, int, int]:
@@ -143,8 +143,8 @@ def _tiff_size(content: bytes) -> tuple[int, int, int]:
 
     with tifffile.TiffFile(io.BytesIO(content)) as tiff:
         page: Any = tiff.pages[0]
-        if page.samplesperpixel > _MOST_BANDS:
-            raise FormatError(f"{page.samplesperpixel} bands, expected 1 to {_MOST_BANDS}")
+        if page.samplesperpixel > _MAX_BANDS:
+            raise FormatError(f"{page.samplesperpixel} bands, expected 1 to {_MAX_BANDS}")
         orientation = page.tags.get(_ORIENTATION)
         return page.imagewidth, page.imagelength, 1 if orientation is None else int(orientation.value)
 
@@ -152,31 +152,33 @@ def _tiff_size(content: bytes) -> tuple[int, int, int]:
 def _pillow_size(content: bytes) -> tuple[int, int, int]:
     from PIL import Image, UnidentifiedImageError
 
-    Image.MAX_IMAGE_PIXELS = None  # the caller has its own limit
+    Image.MAX_IMAGE_PIXELS = None  # the caller checks the size
     try:
         with Image.open(io.BytesIO(content)) as image:
             exif = image.info.get("exif", b"")
             return image.width, image.height, _orientation(exif) if exif else 1
     except UnidentifiedImageError as error:
-        raise FormatError("no readable picture" if content else "an empty file") from error
+        raise FormatError("no readable image" if content else "the file is empty") from error
 
 
 @reader("photo")
 def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
-    """A raw photo: (h, w) uint16 with 12-bit values.
+    """Read a raw photo (h, w), uint16 with 12-bit values.
 
     Raises
     ------
     FormatError
-        Another size (width, height), bit depth or number of channels, or values beyond 12 bits.
+        The photo has another size (width, height), bit depth or number of channels, or values above 12 bits.
     """
     pixels = read(path)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
-        raise FormatError(f"{pixels.dtype} with shape {pixels.shape}, a photo is one channel of 16 bits", path=path)
+        raise FormatError(
+            f"{pixels.dtype} with shape {pixels.shape}, expected a photo with a single channel of 16 bits", path=path
+        )
     if (pixels.shape[1], pixels.shape[0]) != size:
         raise FormatError(f"{pixels.shape[1]} x {pixels.shape[0]} pixels, expected {size[0]} x {size[1]}", path=path)
     if pixels.max(initial=0) > WHITE_LEVEL:
-        raise FormatError(f"value {pixels.max()}, a photo has 12 bits (0 to {WHITE_LEVEL})", path=path)
+        raise FormatError(f"value {pixels.max()}, expected 12 bits (0 to {WHITE_LEVEL})", path=path)
     return pixels
 
 
@@ -194,7 +196,8 @@ def write(path: str | Path, pixels: np.ndarray) -> None:
 def encode(pixels: np.ndarray) -> bytes:
     """Return the PNG file of (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16.
 
-    Intel's deflate takes a fifth of OpenCV's time; every row is stored as differences to the pixel on its left.
+    Rows are stored as differences between adjacent pixels (filter "Sub"). Intel's deflate is five times as fast as
+    OpenCV's.
     """
     assert pixels.dtype in (np.uint8, np.uint16)
     assert pixels.shape[2:] in ((), (3,))
@@ -203,7 +206,7 @@ def encode(pixels: np.ndarray) -> bytes:
     step = pixels.itemsize * (3 if pixels.ndim == 3 else 1)  # bytes from a pixel to the next
     rows = np.ascontiguousarray(pixels, f">u{pixels.itemsize}").view(np.uint8).reshape(height, width * step)
     filtered = np.empty((height, 1 + width * step), np.uint8)
-    filtered[:, 0] = _FROM_LEFT
+    filtered[:, 0] = _FILTER_SUB
     filtered[:, 1 : 1 + step] = rows[:, :step]
     np.subtract(rows[:, step:], rows[:, :-step], out=filtered[:, 1 + step :])
     header = struct.pack(">IIBBBBB", width, height, bits, 2 if pixels.ndim == 3 else 0, 0, 0, 0)
@@ -215,9 +218,9 @@ def _deflate(content: np.ndarray) -> bytes:
     """Compress (n,) bytes; the result depends on the bytes only.
 
     At the start of a stream, ISA-L (2.32.1, `.write_first_byte` of `igzip_icf_body_h1_gr_bt.asm`) computes the
-    hash of the third byte from a register that still holds the address of the stream. Addresses differ between threads
-    and processes, and so did about one file in thousands. Inputs of 4 to 16 bytes take another path, which is correct
-    and leaves a history behind; the rest of the stream then does not start at that instruction.
+    hash of the third byte from a register that contains the address of the stream. Addresses vary between threads
+    and processes, and therefore some files did, about 1 in thousands. Inputs of 4 to 16 bytes use a different, correct
+    code path and create a history, after which the rest of the stream does not execute that instruction.
     """
     from isal import isal_zlib
 

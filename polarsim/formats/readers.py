@@ -1,7 +1,7 @@
-"""The net under every reader: whatever a parser stumbles over is one line with the file, and sizes are bounded.
+"""Error handling of parsers: every exception becomes a single line with the file name, and file sizes are limited.
 
-Parsers of damaged files raise nearly anything. So no reader lists what its parser may raise: `reader` marks it, and
-`tests/formats/test_hostile_files.py` gives each that is marked thousands of damaged files.
+Parsers raise exceptions of almost any type for damaged files. The decorator `reader` converts all exceptions, and
+`tests/formats/test_hostile_files.py` runs every decorated function on thousands of damaged files.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from typing import Any, ParamSpec, TypeVar
 
 from polarsim.errors import FormatError, PolarsimError
 
-READERS: dict[str, Callable[..., Any]] = {}  # every function that is marked, by module and name
+READERS: dict[str, Callable[..., Any]] = {}  # all decorated functions by module and name
 MB = 1_000_000  # bytes
-_LONGEST = 400  # characters of a reason: what it quotes of a file may be a megabyte
+_MAX_REASON = 400  # characters; a quotation from a file could be a megabyte
 Arguments = ParamSpec("Arguments")
 Read = TypeVar("Read")
 
 
 def reader(
-    what: str, largest_mb: float = 1000, error: type[PolarsimError] = FormatError
+    kind: str, largest_mb: float = 1000, error: type[PolarsimError] = FormatError
 ) -> Callable[[Callable[Arguments, Read]], Callable[Arguments, Read]]:
-    """Mark a function whose first argument is the file or folder that it reads.
+    """Decorate a function that reads the file or folder given by the first argument.
 
     Parameters
     ----------
-    what
-        What the file should be, as messages say it: `no readable WHAT, ...`.
+    kind
+        Kind of file for messages: `no readable KIND, ...`.
     largest_mb
-        A larger file is refused before a byte of it is read.
+        Maximum size of the file, checked before reading.
     error
-        The error that it raises.
+        Type of the exceptions.
     """
 
     def mark(function: Callable[Arguments, Read]) -> Callable[Arguments, Read]:
@@ -44,7 +44,7 @@ def reader(
         @wraps(function)
         def read(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Read:
             path: Any = args[0] if args else kwargs[first]
-            with reading(what, path, error):
+            with reading(kind, path, error):
                 _check_size(Path(path), largest_mb, error)
                 return function(*args, **kwargs)
 
@@ -55,34 +55,34 @@ def reader(
 
 
 @contextmanager
-def reading(what: str, path: str | Path | None = None, error: type[PolarsimError] = FormatError) -> Iterator[None]:
-    """As `reader`, for a part of a function or for what is in memory."""
+def reading(kind: str, path: str | Path | None = None, error: type[PolarsimError] = FormatError) -> Iterator[None]:
+    """Convert exceptions as `reader` does, for a part of a function or for data in memory."""
     try:
         yield
-    except PolarsimError as found:
-        found.path = found.path if found.path is not None or path is None else Path(path)
-        found.reason = _one_line(found.reason)
+    except PolarsimError as known:
+        known.path = known.path if known.path is not None or path is None else Path(path)
+        known.reason = _single_line(known.reason)
         raise
-    except Exception as found:  # never KeyboardInterrupt or SystemExit
-        raise error(f"no readable {what}, {reason_of(found)}", path=path, line=_line_of(found)) from found
+    except Exception as unknown:  # never KeyboardInterrupt or SystemExit
+        raise error(f"no readable {kind}, {reason_of(unknown)}", path=path, line=_line_of(unknown)) from unknown
 
 
 def reason_of(error: Exception) -> str:
-    """What an exception complains about, in one line."""
-    if isinstance(error, UnpicklingError):  # PyTorch's own text advises to run whatever code the file holds
-        return "PyTorch finds no weights in it, or code beside them"
-    text = _one_line((isinstance(error, OSError) and error.strerror) or str(error))
+    """Return the message of an exception as a single line."""
+    if isinstance(error, UnpicklingError):  # PyTorch's message recommends to execute code from the file
+        return "the file contains no PyTorch weights, or also contains code"
+    text = _single_line((isinstance(error, OSError) and error.strerror) or str(error))
     terse = isinstance(error, (LookupError, TypeError, AttributeError, ArithmeticError, AssertionError)) or not text
     return f"{type(error).__name__}: {text}".removesuffix(": ") if terse else text
 
 
-def _one_line(text: str) -> str:
+def _single_line(text: str) -> str:
     line = " ".join(text.split())
-    return line if len(line) <= _LONGEST else f"{line[:_LONGEST]} ..."
+    return line if len(line) <= _MAX_REASON else f"{line[:_MAX_REASON]} ..."
 
 
 def _line_of(error: Exception) -> int | None:
-    """The line that a parser of text stopped at, where it says so."""
+    """Return the line at which a text parser stopped, if the exception states the line."""
     if isinstance(error, UnicodeDecodeError):
         return error.object[: error.start].count(b"\n") + 1
     mark = getattr(error, "problem_mark", None)  # YAML's, from 0
@@ -94,4 +94,4 @@ def _line_of(error: Exception) -> int | None:
 
 def _check_size(path: Path, largest_mb: float, error: type[PolarsimError]) -> None:
     if path.is_file() and (size := path.stat().st_size) > largest_mb * MB:
-        raise error(f"{size / MB:.0f} MB, no file of this kind has more than {largest_mb:g} MB")
+        raise error(f"{size / MB:.0f} MB, expected at most {largest_mb:g} MB for a file of this kind")

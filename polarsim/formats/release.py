@@ -1,7 +1,7 @@
-"""The layout of the published release: which file is what, and which names are strays.
+"""Layout of the published release: files of each kind, and strays (files with other names).
 
 `Labels/TerrainNN/KEY.txt`, `SegmentationLabels/terrainNN/labels/KEY.txt`, `TerrainMeshes/TerrainNN/terrainNN_*.obj` and
-`CoverPhotoOfIndices/cover_photo_indexed_NN_P.png`. Only exact names count: the release holds copies beside the files.
+`CoverPhotoOfIndices/cover_photo_indexed_NN_P.png`. Names must match exactly, because the release also contains copies.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from polarsim.photo import PhotoKey
 
 BOXES, POLYGONS, MESHES, COVERS = "Labels", "SegmentationLabels", "TerrainMeshes", "CoverPhotoOfIndices"
 
-SNAKEMAKE_FILE = ".snakemake_timestamp"  # in every folder that is an output of a rule
+SNAKEMAKE_FILE = ".snakemake_timestamp"  # in every folder that a rule writes
 _TERRAIN_FOLDER = re.compile(r"[Tt]errain(\d\d)")
 _COVER = re.compile(r"cover_photo_indexed_(\d\d)_([A-G])\.(?i:png)")
-_EXAMPLES = 3  # of the strays, in the log
+_EXAMPLES = 3  # maximum number of strays named in the log
 
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where label files are stored below a root; `{:02d}` stands for the number of a terrain."""
+    """Folders of label files below a root; `{:02d}` is replaced by the number of a terrain."""
 
     name: str
     boxes: str
@@ -42,20 +42,20 @@ class Layout:
         return root / self.boxes.format(terrain)
 
     def box_files(self, root: Path, terrain: int) -> KeyFiles:
-        """The box files of a terrain; in a flat folder, files of other terrains are no strays."""
+        """Return the box files of a terrain. In a flat folder, files of other terrains are not strays."""
         folder = self.box_folder(root, terrain)
         if folder != root:
             return terrain_files(folder, terrain)
-        found = key_files(root)
-        first = terrain == min((key.terrain for key in found.files), default=terrain)
-        own = {key: path for key, path in found.files.items() if key.terrain == terrain}
-        return KeyFiles(own, found.stray if first else [])
+        all_files = key_files(root)
+        first = terrain == min((key.terrain for key in all_files.files), default=terrain)
+        files = {key: path for key, path in all_files.files.items() if key.terrain == terrain}
+        return KeyFiles(files, all_files.stray if first else [])
 
     def polygon_files(self, root: Path, terrain: int) -> KeyFiles:
         return terrain_files(root / self.polygons.format(terrain), terrain) if self.polygons else KeyFiles()
 
     def terrains(self, root: Path) -> list[int]:
-        """Numbers of the terrains with label files or folders of them."""
+        """Return the numbers of the terrains with label files or label folders."""
         if self.boxes == ".":
             return sorted({key.terrain for key in key_files(root).files})
         parents = {(root / template).parent for template in (self.boxes, self.polygons) if template}
@@ -70,162 +70,163 @@ FLAT = Layout("flat", ".")
 
 @dataclass
 class KeyFiles:
-    """The label files of a folder by photo key, and the files that are none."""
+    """Label files of a folder by photo key, and the other files of the folder."""
 
     files: dict[PhotoKey, Path] = field(default_factory=dict)
     stray: list[Path] = field(default_factory=list)
 
     def sort(self) -> KeyFiles:
-        """The same in the order of keys and names."""
+        """Return a copy that is sorted by photo key and file name."""
         return KeyFiles(dict(sorted(self.files.items())), sorted(self.stray))
 
 
 def key_files(folder: str | Path) -> KeyFiles:
-    """Every `KEY.txt` of a folder and of its `TerrainNN` subfolders.
+    """Return every `KEY.txt` in a folder and in the `TerrainNN` subfolders.
 
-    A file in the folder of another terrain than its key's is a stray. A folder that is not there has no file.
+    A file in the folder of a different terrain is a stray. The result is empty if the folder does not exist.
 
     Raises
     ------
     LabelError
-        A key is there twice.
+        A photo key has two files.
     """
-    found = KeyFiles()
+    files = KeyFiles()
     folder = Path(folder)
     if folder.is_dir():
-        _collect(folder, _terrain_of(folder.name), found)
+        _collect(folder, _terrain_of(folder.name), files)
         for below in sorted(folder.iterdir()):
             if below.is_dir() and _terrain_of(below.name) is not None:
-                _collect(below, _terrain_of(below.name), found)
-    return found.sort()
+                _collect(below, _terrain_of(below.name), files)
+    return files.sort()
 
 
 @reader("label folder")
 def read_annotated(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.ndarray]]:
-    """Class numbers (n,) and boxes (n, 4), as `yolo.read_boxes` has them, of `key_files` that people edited.
+    """Read the class numbers (n,) and boxes (n, 4) of a folder that annotators edited, as `yolo.read_boxes` does.
 
-    labelImg rewrites `classes.txt` whenever it saves: with other names in it, or the same in another order, the numbers
-    in `KEY.txt` mean something else. The names count here, never the numbers. Pictures and files of other names are
-    left out; the log says which text files these were.
+    labelImg rewrites `classes.txt` on every save. If the names or their order change, the class numbers in `KEY.txt`
+    change their meaning. Classes are therefore identified by name. Images and files with other names are skipped;
+    skipped text files are reported in the log.
 
     Raises
     ------
     FormatError
-        No such folder, a photo with two files, a class list that is none, or a broken line: file, line and reason.
+        The folder is missing, a photo has two files, a class list is invalid, or a line is invalid (file, line and
+        reason).
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise FormatError("no such folder of label files", path=folder)
     try:
-        found = key_files(folder)
+        files = key_files(folder)
     except LabelError as error:
         raise FormatError(error.reason, path=error.path) from error
-    log_strays((path for path in found.stray if path.suffix == ".txt"), str(folder))
-    names = {below: yolo.class_names(below) for below in {path.parent for path in found.files.values()}}
-    return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in found.files.items()}
+    log_strays((path for path in files.stray if path.suffix == ".txt"), str(folder))
+    names = {below: yolo.class_names(below) for below in {path.parent for path in files.files.values()}}
+    return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in files.files.items()}
 
 
 def terrain_files(folder: Path, terrain: int) -> KeyFiles:
-    """Every `KEY.txt` of one terrain in a folder; files of other names or terrains are strays."""
-    found = KeyFiles()
+    """Return every `KEY.txt` of a terrain in a folder. Files of other names or terrains are strays."""
+    files = KeyFiles()
     if folder.is_dir():
-        _collect(folder, terrain, found)
-    return found.sort()
+        _collect(folder, terrain, files)
+    return files.sort()
 
 
 def box_folder(folder: Path) -> Path:
-    """The folder of box files in a folder that a user names: the published root, a run's labels, detections.
+    """Return the folder of box files in a folder given by the user.
 
-    These are `Labels`, `boxes` and `labels`; any other folder holds the files itself.
+    It is `Labels` in the published root, `boxes` in the labels of a run, `labels` in detections, or the given folder.
     """
     inside = (folder / name for name in (BOXES, "boxes", "labels"))
     return next((below for below in inside if below.is_dir()), folder)
 
 
 def polygon_sources(folder: Path) -> list[Path]:
-    """The polygon files of a folder that a user names: flat, by terrain, a run's labels, or the published root.
+    """Return the polygon files of a folder given by the user: flat, by terrain, labels of a run, or published root.
 
     Raises
     ------
     FormatError
-        No such folder, no polygon file, or two files of one name.
+        The folder is missing or has no polygon file, or two files have the same name.
     """
     existing_folder(folder)
-    places = [below for below in (folder / POLYGONS, folder / "polygons") if below.is_dir()] or [folder]
-    folders = [path for place in places for path in (place, *sorted(place.glob("*"))) if path == place or
+    tops = [below for below in (folder / POLYGONS, folder / "polygons") if below.is_dir()] or [folder]
+    folders = [path for top in tops for path in (top, *sorted(top.glob("*"))) if path == top or
                _terrain_of(path.name) is not None]  # fmt: skip
     nested = [path / "labels" if (path / "labels").is_dir() else path for path in folders]
     files = [path for below in nested for path in sorted(below.glob("*.txt")) if path.name != yolo.CLASS_FILE]
     if not files:
-        raise FormatError("no polygon file (*.txt), in it or in TerrainNN folders", path=folder)
-    seen: dict[str, Path] = {}
+        raise FormatError("no polygon file (*.txt) in the folder or in TerrainNN subfolders", path=folder)
+    path_of_name: dict[str, Path] = {}
     for path in files:
-        if path.name in seen:
-            raise FormatError(f"has the name of {seen[path.name]}", path=path)
-        seen[path.name] = path
+        if path.name in path_of_name:
+            raise FormatError(f"{path_of_name[path.name]} has the same name, expected a file per photo", path=path)
+        path_of_name[path.name] = path
     return files
 
 
 def label_folder(root: str | Path, terrain: int) -> Path:
-    """Where the boxes of a terrain are published."""
+    """Return the folder of the published boxes of a terrain."""
     return PUBLISHED.box_folder(Path(root), terrain)
 
 
 def polygon_folder(root: str | Path, terrain: int) -> Path:
-    """Where the polygons of a terrain are published."""
+    """Return the folder of the published polygons of a terrain."""
     return Path(root) / POLYGONS / f"terrain{terrain:02d}" / "labels"
 
 
 def mesh_folder(root: str | Path, terrain: int) -> Path:
-    """Where the meshes of a terrain are published."""
+    """Return the folder of the published meshes of a terrain."""
     return Path(root) / MESHES / f"Terrain{terrain:02d}"
 
 
 def label_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
-    """The hand-annotated boxes of a terrain."""
+    """Return the files of hand-annotated boxes of a terrain."""
     return key_files(label_folder(root, terrain)).files
 
 
 def polygon_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
-    """The hand-annotated polygons of a terrain."""
+    """Return the files of hand-annotated polygons of a terrain."""
     return PUBLISHED.polygon_files(Path(root), terrain).files
 
 
 def mesh_files(root: str | Path, terrain: int) -> dict[int, Path]:
-    """The rock meshes of a terrain by rock id: the full one, or the decimated copy where only that is there."""
-    found = obj.rock_files(mesh_folder(root, terrain))
-    return {rock: path for rock, path in found.items() if _mesh_terrain(path.name) == terrain}
+    """Return the rock meshes of a terrain by rock id; the decimated mesh only if the full mesh is missing."""
+    files = obj.rock_files(mesh_folder(root, terrain))
+    return {rock: path for rock, path in files.items() if _mesh_terrain(path.name) == terrain}
 
 
 def ground_file(root: str | Path, terrain: int) -> Path | None:
-    """The ground mesh of a terrain, where it is there."""
+    """Return the ground mesh of a terrain; None if it is missing."""
     path = mesh_folder(root, terrain) / obj.ground_name(terrain)
     return path if path.is_file() else None
 
 
 def cover_photos(root: str | Path, terrain: int) -> dict[str, Path]:
-    """Pictures with rock ids drawn in, by position."""
-    found = {}
+    """Return the cover photos with rock ids by position."""
+    photos = {}
     for path in sorted((Path(root) / COVERS).glob("*.[pP][nN][gG]")):
         name = _COVER.fullmatch(path.name)
         if name and int(name[1]) == terrain:
-            found[name[2]] = path
-    return found
+            photos[name[2]] = path
+    return photos
 
 
 def terrains(root: str | Path) -> list[int]:
-    """Numbers of the terrains that have a folder of boxes, polygons or meshes."""
+    """Return the numbers of the terrains with a folder of boxes, polygons or meshes."""
     return _terrains_in({Path(root) / name for name in (BOXES, POLYGONS, MESHES)})
 
 
 def _terrains_in(parents: Iterable[Path]) -> list[int]:
-    """Numbers of the terrains that have a folder in one of some folders."""
+    """Return the numbers of the terrains with a subfolder in any of the parent folders."""
     folders = [folder for parent in parents for folder in parent.glob("*") if folder.is_dir()]
     return sorted({number for folder in folders if (number := _terrain_of(folder.name)) is not None})
 
 
 def stray_files(root: str | Path, terrain: int) -> list[Path]:
-    """Files in the terrain's folders that the layout does not name: copies, system files, impossible exposures."""
+    """Return the files in the folders of a terrain with names outside the layout: copies, system files and so on."""
     meshes = mesh_folder(root, terrain)
     stray = [*key_files(label_folder(root, terrain)).stray, *PUBLISHED.polygon_files(Path(root), terrain).stray]
     if meshes.is_dir():
@@ -235,17 +236,17 @@ def stray_files(root: str | Path, terrain: int) -> list[Path]:
 
 
 def log_strays(stray: Iterable[Path], where: str) -> None:
-    """One line with the number of strays and the first of them; nothing where there are none."""
+    """Log the number of strays and the first names; log no line without strays."""
     names = [path.name for path in stray]
     if names:
         more = ", ..." if len(names) > _EXAMPLES else ""
         log.warning(
-            "%s: %d stray files left out: %s%s", where, len(names), ", ".join(map(repr, names[:_EXAMPLES])), more
+            "%s: %d stray files skipped: %s%s", where, len(names), ", ".join(map(repr, names[:_EXAMPLES])), more
         )
 
 
 def key_of(name: str) -> PhotoKey | None:
-    """The photo key of a label file's name; None for every other name."""
+    """Return the photo key in the name of a label file; None for other names."""
     if not name.endswith(".txt"):
         return None
     try:
@@ -254,28 +255,28 @@ def key_of(name: str) -> PhotoKey | None:
         return None
 
 
-def _collect(folder: Path, terrain: int | None, found: KeyFiles) -> None:
+def _collect(folder: Path, terrain: int | None, into: KeyFiles) -> None:
     for path in sorted(folder.iterdir()):
         if yolo.is_class_list(path) or path.name == SNAKEMAKE_FILE or not path.is_file():
             continue
         key = key_of(path.name)
         if key is None or (terrain is not None and key.terrain != terrain):
-            found.stray.append(path)
-        elif key in found.files:
-            raise LabelError(f"{key} is also at {found.files[key]}, a photo has one label file", path=path)
+            into.stray.append(path)
+        elif key in into.files:
+            raise LabelError(f"{key} also has the label file {into.files[key]}: remove a file", path=path)
         else:
-            found.files[key] = path
+            into.files[key] = path
 
 
 def _terrain_of(folder: str) -> int | None:
-    found = _TERRAIN_FOLDER.fullmatch(folder)
-    return int(found[1]) if found else None
+    match = _TERRAIN_FOLDER.fullmatch(folder)
+    return int(match[1]) if match else None
 
 
 def _mesh_terrain(name: str) -> int | None:
-    """Terrain that a mesh's name states; None for a name that is no mesh's."""
+    """Return the terrain in the file name of a mesh; None for other names."""
     rock = obj.parse_rock_name(name)
     if rock:
         return rock[0]
-    found = re.fullmatch(r"terrain(\d\d)_ground\.obj", name)
-    return int(found[1]) if found else None
+    match = re.fullmatch(r"terrain(\d\d)_ground\.obj", name)
+    return int(match[1]) if match else None

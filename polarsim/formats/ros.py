@@ -1,7 +1,7 @@
-"""Messages of ROS 2 as plain dictionaries, and their definitions as text: no ROS is needed.
+"""ROS 2 messages as dictionaries and message definitions as text, without ROS.
 
-Units are ROS's: metres, radians, seconds. ROS counts pixels from the first one's centre, polarsim from its corner: what
-leaves here is half a pixel less.
+Units are metres, radians and seconds, as in ROS. The origin of ROS pixel coordinates is the centre of the first pixel,
+that of polarsim its corner: half a pixel is subtracted.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from polarsim.geometry.poses import Pose
 
 Message = dict[str, Any]
 Stamped = tuple[int, str, str, Message]  # time, ns; topic; type; message
-# Definitions that rosbags' ROS 2 Humble has not: of vision_msgs 4, grid_map 2 and our own `polarsim_msgs`, without
-# their comments. The order of fields is the order of bytes.
+# Definitions that are missing in the ROS 2 Humble store of rosbags: vision_msgs 4, grid_map 2 and `polarsim_msgs`,
+# without comments. The order of fields is the order of bytes.
 OTHERS = {
     "vision_msgs/msg/Point2D": "float64 x\nfloat64 y",
     "vision_msgs/msg/Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
@@ -39,8 +39,8 @@ OTHERS = {
         "std_msgs/Header header\ngrid_map_msgs/GridMapInfo info\nstring[] layers\nstring[] basic_layers\n"
         "std_msgs/Float32MultiArray[] data\nuint16 outer_start_index\nuint16 inner_start_index"
     ),
-    # Slip as a share of the rim's speed; sinkage, metres, below the ground as it now is round the wheel and below the
-    # ground before the drive; load, N; torque of the motor, N m; what the wheel stands on.
+    # Slip as a share of the rim speed; sinkage, metres, below the current ground around the wheel and below the ground
+    # before the drive; load, N; motor torque, N m; kind of ground in contact.
     "polarsim_msgs/msg/WheelState": (
         "uint8 NONE=0\nuint8 SOIL=1\nuint8 ROCK=2\nuint8 BOTH=3\nstring name\nfloat64 slip\nfloat64 sinkage\n"
         "float64 sinkage_first\nfloat64 load\nfloat64 torque\nuint8 contact"
@@ -50,7 +50,7 @@ OTHERS = {
 
 
 def definition(name: str) -> str:
-    """The text of a message, such as `nav_msgs/msg/Odometry`, and of all messages in it, as bags carry it."""
+    """Return the definition of a message, such as `nav_msgs/msg/Odometry`, and of all nested messages, for bags."""
     return _store().generate_msgdef(name, ros_version=2)[0]
 
 
@@ -71,7 +71,7 @@ def header(time_ns: int, frame: str) -> Message:
 
 
 def transform(time_ns: int, parent: str, child: str, parent_from_child: Pose) -> Message:
-    """geometry_msgs/TransformStamped."""
+    """Return a geometry_msgs/TransformStamped."""
     return {
         "header": header(time_ns, parent),
         "child_frame_id": child,
@@ -83,7 +83,7 @@ def transform(time_ns: int, parent: str, child: str, parent_from_child: Pose) ->
 
 
 def camera_info(time_ns: int, frame: str, lens: Lens) -> Message:
-    """sensor_msgs/CameraInfo."""
+    """Return a sensor_msgs/CameraInfo."""
     matrix = lens.opencv_matrix()
     return {
         "header": header(time_ns, frame),
@@ -101,12 +101,15 @@ def camera_info(time_ns: int, frame: str, lens: Lens) -> Message:
 
 
 def image(time_ns: int, frame: str, content: bytes) -> Message:
-    """sensor_msgs/CompressedImage of a grey PNG file of 16 bits."""
+    """Return a sensor_msgs/CompressedImage of a grey PNG file of 16 bits."""
     return {"header": header(time_ns, frame), "format": "mono16; png compressed mono16", "data": content}
 
 
 def detections(time_ns: int, frame: str, rows: Sequence[Mapping[str, Any]]) -> Message:
-    """vision_msgs/Detection2DArray of rows with `kind`, `x0` to `y1`, px, and `confidence` or, of truth, `rock`."""
+    """Return a vision_msgs/Detection2DArray of rows with `kind`, `x0` to `y1` (px) and `confidence`.
+
+    Rows of ground truth have `rock` instead of `confidence`.
+    """
     return {
         "header": header(time_ns, frame),
         "detections": [

@@ -1,4 +1,4 @@
-"""A long table made part by part: memory is bounded by a part, and work that was stopped goes on after the last one."""
+"""Long tables written in parts: memory is bounded by a part, and interrupted work resumes after the last part."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from polarsim.progress import track
 def write_in_parts(
     path: Path, items: Sequence[str], rows_of: Callable[[Sequence[str]], pd.DataFrame], size: int, identity: str
 ) -> None:
-    """Write the rows of all items as one Parquet file, a row group a part.
+    """Write the rows of all items to a Parquet file with a row group per part.
 
     Parameters
     ----------
     items : sequence of str
-        In the order that the table will have; not none.
+        Items in the order of the table; at least 1.
     rows_of : callable
-        The table of some items one after the other, always with the same columns.
+        Function that returns the table of some items in the given order, always with the same columns.
     size : int
-        Items of a part.
+        Number of items per part.
     identity : str
-        Of all that decides the rows. Parts that an earlier call left behind are taken over if it had the same one.
+        Text that identifies everything that determines the rows. Parts of an interrupted call with the same identity
+        are reused.
     """
     folder = path.with_name(f".{path.stem}.parts")
     reuse_folder(folder, identity)
@@ -42,7 +43,7 @@ def write_in_parts(
 
 
 def reuse_folder(folder: Path, identity: str) -> None:
-    """Make a folder for work that can be resumed, emptied unless it holds work of the same identity."""
+    """Create a folder for resumable work. Delete the existing content unless it has the same identity."""
     note = folder / "identity.txt"
     if not note.is_file() or note.read_text(encoding="utf-8") != identity:
         shutil.rmtree(folder, ignore_errors=True)

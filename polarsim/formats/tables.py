@@ -1,4 +1,4 @@
-"""Tables as Parquet and CSV, always the same bytes for the same rows."""
+"""Tables as Parquet and CSV files. Equal rows make equal bytes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
-    """One row group, no pandas index, zstd: the bytes depend on the rows alone."""
+    """Write a table with a single row group, zstd and no pandas index: the bytes depend on the rows only."""
     with writing(path) as temporary:
         table.to_parquet(temporary, index=False, compression="zstd")
 
@@ -31,12 +31,12 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     Raises
     ------
     FormatError
-        No readable Parquet file, or a column is missing.
+        The Parquet file is unreadable, or a column is missing.
     """
     table = pd.read_parquet(path)
     texts: list[str] = list(table.select_dtypes("str").columns)
     for name in texts:
-        pa.Array.from_pandas(table[name]).validate(full=True)  # texts that are none are found only when they are used
+        pa.Array.from_pandas(table[name]).validate(full=True)  # invalid texts would raise later
     return _with_columns(table, columns, path)
 
 
@@ -52,14 +52,14 @@ def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     Raises
     ------
     FormatError
-        No readable CSV file, or a column is missing.
+        The CSV file is unreadable, or a column is missing.
     """
     text = io.StringIO(text_of(path))
     return _with_columns(pd.read_csv(text, dtype={"azimuth": str, "light": str, "key": str}), columns, path)
 
 
 def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path) -> pd.DataFrame:
-    """Return the table, if it has all columns."""
+    """Return the table after a check that it has all columns."""
     for name in columns:
         if name not in table.columns:
             raise FormatError(f"column {name!r} is missing", path=path)
@@ -67,7 +67,7 @@ def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path)
 
 
 def key_columns(key: PhotoKey) -> dict[str, object]:
-    """The seven columns that name a photo."""
+    """Return the seven columns that identify a photo."""
     return {
         "key": str(key),
         "terrain": key.terrain,
@@ -80,12 +80,12 @@ def key_columns(key: PhotoKey) -> dict[str, object]:
 
 
 def label_table(rows: list[dict[str, object]] | pd.DataFrame) -> pd.DataFrame:
-    """Rows with `LABEL_COLUMNS`, typed and in the order of photo, kind, rock, box; also when there are none."""
+    """Return a table with `LABEL_COLUMNS` and their types, sorted by photo, kind, rock and box. It may be empty."""
     table = pd.DataFrame(rows, columns=list(LABEL_COLUMNS)).astype(LABELS.dtypes)
     return table.sort_values(["key", "kind", "rock", "x0", "y0"], kind="stable", ignore_index=True)
 
 
 def merge_label_tables(*, tables: list[Path], merged: Path) -> None:
-    """One table of all terrains, in the order of photos."""
+    """Merge the label tables of terrains into a table sorted by photo."""
     parts = [read_parquet(path, LABEL_COLUMNS) for path in tables]
     write_parquet(merged, label_table(pd.concat(parts)))

@@ -1,4 +1,4 @@
-"""Text files of fields between blanks, one record per line, such as those of YOLO and KITTI."""
+"""Text files with a record per line and fields separated by blanks, such as YOLO label files."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from polarsim.formats.files import lines_of
 from polarsim.formats.readers import reading
 
 
-def fields_of(path: str | Path, what: str) -> list[tuple[int, list[str]]]:
-    """Return number and fields of every line that is not empty; `what` names the kind of file, such as `label file`.
+def fields_of(path: str | Path, kind: str) -> list[tuple[int, list[str]]]:
+    """Return number and fields of every line that is not empty; `kind` is the kind of file, such as `label file`.
 
     Raises
     ------
     FormatError
-        No readable file, or no text.
+        The file is unreadable or no text.
     """
-    with reading(what, path):
+    with reading(kind, path):
         lines = lines_of(Path(path).read_bytes())
     return [(n, line.split()) for n, line in enumerate(lines, 1) if line.strip()]
 
@@ -31,7 +31,7 @@ def numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
     Raises
     ------
     FormatError
-        A field is no finite number.
+        A field is not a finite number.
     """
     values = np.empty(len(fields))
     for n, field in enumerate(fields):
@@ -41,7 +41,7 @@ def numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
             values[n] = float(field)
         except ValueError as error:
             comma = ", write a decimal point" if "," in field else ""
-            raise FormatError(f"{field!r} is no number{comma}", path=path, line=number) from error
+            raise FormatError(f"{field!r} is not a number{comma}", path=path, line=number) from error
     if not np.isfinite(values).all():
-        raise FormatError("a value that is not finite", path=path, line=number)
+        raise FormatError("a value is not finite", path=path, line=number)
     return values

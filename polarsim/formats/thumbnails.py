@@ -1,4 +1,4 @@
-"""Pictures small enough to stand inside a page, as data URIs."""
+"""Small images as data URIs, for pages."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from polarsim.tone import to_8bit
 if TYPE_CHECKING:
     from PIL import Image
 
-_QUALITY = 82  # of WebP: lines and digits stay sharp
+_QUALITY = 82  # of WebP; lines and digits remain sharp
 
 
 def of_picture(path: Path, width: int) -> str:
-    """A picture of eight bits as a data URI: WebP, at most `width` pixels wide."""
+    """Return an 8-bit image as a data URI (WebP) with a maximum width in pixels."""
     from PIL import Image
 
     with Image.open(path) as picture:
@@ -27,12 +27,12 @@ def of_picture(path: Path, width: int) -> str:
 
 
 def of_photo(path: Path, width: int) -> str:
-    """A photo or twin of 12 bits as a data URI, toned by its own brightness: WebP, at most `width` pixels wide.
+    """Return a 12-bit photo or twin, tone-mapped by brightness, as a data URI (WebP) with a maximum width in pixels.
 
     Raises
     ------
     FormatError
-        The file is missing, cut, or no picture.
+        The file is missing, truncated, or no image.
     """
     from PIL import Image
 

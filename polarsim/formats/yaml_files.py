@@ -1,4 +1,4 @@
-"""YAML files that hold a pydantic model, and what is wrong with them in one line."""
+"""YAML files of pydantic models, with all errors of a file reported in a single line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from polarsim.errors import ConfigError
 from polarsim.formats.files import packaged, text_of
 from polarsim.formats.readers import reader
 
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's takes a tenth of the time
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the loader of libyaml is ten times as fast
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9_]+")  # YAML 1.1 reads 010 as octal 8, and 08 as text
 _SEXAGESIMAL = re.compile(r"[-+]?[0-9][0-9_]*(:[0-5]?[0-9])+(\.[0-9_]*)?")  # YAML 1.1 reads 1:30 as 90
 Model = TypeVar("Model", bound=BaseModel)
@@ -21,12 +21,12 @@ Model = TypeVar("Model", bound=BaseModel)
 
 @reader("YAML file", largest_mb=1, error=ConfigError)
 def read_yaml(path: str | Path) -> Any:
-    """What a YAML file holds; one of `config/` may be that which came with polarsim (see `files.packaged`).
+    """Read a YAML file; a missing file of `config/` is read from the installed package (see `files.packaged`).
 
     Raises
     ------
     ConfigError
-        No file, or no YAML.
+        The file is missing or not YAML.
     """
     return parse_yaml(text_of(packaged(path)))
 
@@ -34,14 +34,14 @@ def read_yaml(path: str | Path) -> Any:
 def parse_yaml(text: str) -> Any:
     """Parse a YAML text.
 
-    Stricter than YAML 1.1 where its rules silently change what a person wrote.
+    Values that YAML 1.1 would silently interpret in an unexpected way are errors.
 
     Raises
     ------
     yaml.YAMLError
-        No YAML.
+        The text is not YAML.
     ConfigError
-        A key given twice in one mapping; a number with leading zeros or with colons; a value that contains itself.
+        A mapping has a repeated key, a number has leading zeros or colons, or a value contains itself.
     """
     loader = _Loader(text)
     try:
@@ -55,7 +55,7 @@ def parse_yaml(text: str) -> Any:
 
 
 def _check_nodes(node: yaml.Node, checked: set[int], above: frozenset[int]) -> None:
-    """Refuse repeated keys, ambiguous numbers and values that contain themselves, in a node and all nodes below it."""
+    """Raise an error for repeated keys, ambiguous numbers and recursive values in a node and all descendants."""
     if id(node) in above:
         raise ConfigError("this value contains itself through an alias", line=node.start_mark.line + 1)
     if id(node) in checked:  # an alias
@@ -74,7 +74,7 @@ def _check_nodes(node: yaml.Node, checked: set[int], above: frozenset[int]) -> N
             if isinstance(key, yaml.ScalarNode):
                 name, line = (key.tag, key.value), key.start_mark.line + 1
                 if name in first_line and not key.tag.endswith(":merge"):
-                    reason = f"the key {key.value!r} is given twice, first in line {first_line[name]}: merge the two"
+                    reason = f"the key {key.value!r} is repeated, first in line {first_line[name]}: merge both"
                     raise ConfigError(reason, line=line)
                 first_line[name] = line
             _check_nodes(value, checked, above)
@@ -88,37 +88,39 @@ def _check_number(node: yaml.ScalarNode) -> None:
         plain = node.value.replace("_", "").lstrip("+-0") or "0"
         raise ConfigError(f"{node.value} has a leading zero: write {plain}, or '{node.value}' for text", line=line)
     if _SEXAGESIMAL.fullmatch(node.value) and not node.tag.endswith((":str", ":timestamp")):
-        raise ConfigError(f"{node.value} is a number to the base 60 in YAML: write '{node.value}' for text", line=line)
+        raise ConfigError(f"{node.value} is a base-60 number in YAML: write '{node.value}' for text", line=line)
 
 
 @reader("YAML file", largest_mb=1, error=ConfigError)
-def read_model(path: str | Path, model: type[Model], whole: str) -> Model:
-    """The model that a YAML file holds; `whole` names it where no single key is wrong.
+def read_model(path: str | Path, model: type[Model], subject: str) -> Model:
+    """Read a model from a YAML file; `subject` is the name of the model in messages about no particular key.
 
     Raises
     ------
     ConfigError
-        No YAML, unknown or missing keys, impossible values: one line with the file and each key.
+        The file is not YAML, or keys are unknown, missing or invalid: a single line with the file and each key.
     """
     content = read_yaml(path)
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise ConfigError(describe_error(error, whole), path=path) from error
+        raise ConfigError(describe_error(error, subject), path=path) from error
 
 
-def describe_error(error: ValidationError, whole: str) -> str:
-    """Describe all problems in one line; those of no single key are the `whole`'s."""
+def describe_error(error: ValidationError, subject: str) -> str:
+    """Describe all errors in a single line; errors of no particular key are attributed to `subject`."""
     problems: dict[tuple[str, ...], list[Any]] = {}
     for problem in error.errors():
         problems.setdefault(_key(problem["loc"]), []).append(problem)
-    # Where a part is wrong, pydantic also complains of the list that lacks it, or of a form that the whole could have.
+    # If a part is invalid, pydantic also reports the enclosing list, or another member of a union.
     outer = {key[:length] for key in problems for length in range(len(key))}
-    return "; ".join(f"{'.'.join(key) or whole}{_reason(found)}" for key, found in problems.items() if key not in outer)
+    return "; ".join(
+        f"{'.'.join(key) or subject}{_reason(of_key)}" for key, of_key in problems.items() if key not in outer
+    )
 
 
 def _key(location: tuple[int | str, ...]) -> tuple[str, ...]:
-    """Return a key as a file has it: without the types that pydantic tried."""
+    """Return a key as written in the file, without the types that pydantic tried."""
     tried = {"int", "float", "str", "bool", *_names_below(BaseModel)}
     return tuple(str(part) for part in location if part not in tried and "[" not in str(part))
 
@@ -129,37 +131,37 @@ def _names_below(kind: type) -> set[str]:
 
 
 def _reason(problems: list[Any]) -> str:
-    """Return what is wrong with one key: each problem is a form that its value could have and has not."""
+    """Return the reason why the value of a key is invalid; each problem belongs to a form that the value could have."""
     problem = problems[0]
     known = {"extra_forbidden": ": unknown key", "missing": ": missing", "union_tag_not_found": ".kind: missing"}
     if problem["type"] in known:
         return known[problem["type"]]
-    found = problem.get("input")
+    value = problem.get("input")
     text = problem["msg"].removeprefix("Value error, ")
-    ours = problem["type"] == "value_error"  # such a text may say already what was found
-    if not ours:
-        first, *others = dict.fromkeys(map(_expected, problems))
-        text = " or ".join([first, *(other.removeprefix("should be ") for other in others)])
-    if isinstance(found, BaseModel | dict) or (ours and str(found) in text):
+    by_validator = problem["type"] == "value_error"  # the text of a validator may already quote the value
+    if not by_validator:
+        first, *rest = dict.fromkeys(map(_expected, problems))
+        text = " or ".join([first, *(form.removeprefix("should be ") for form in rest)])
+    if isinstance(value, BaseModel | dict) or (by_validator and str(value) in text):
         return f": {text}"
-    return f": {text}, found {found!r}"
+    return f": {text}, found {value!r}"
 
 
 def _expected(problem: Any) -> str:
-    """Return what a value should be, in the words of a configuration file."""
+    """Return the expected form of a value in terms of a configuration file."""
     kind, context = problem["type"], problem.get("ctx", {})
     form = next((form for start, form in _FORMS.items() if kind.startswith(start)), None)
     if form:
         return f"should be {form}"
     if kind in ("too_short", "too_long"):
-        least, length = kind == "too_short", context["min_length" if kind == "too_short" else "max_length"]
-        return f"should have at {'least' if least else 'most'} {length} {'entry' if length == 1 else 'entries'}"
+        bound, length = ("least", context["min_length"]) if kind == "too_short" else ("most", context["max_length"])
+        return f"should have at {bound} {length} {'entry' if length == 1 else 'entries'}"
     if kind == "string_pattern_mismatch":
         return f"should match {context['pattern']}"
     return str(problem["msg"]).removeprefix("Input ")
 
 
-_FORMS = {  # beginning of pydantic's name of a problem -> what was expected
+_FORMS = {  # start of pydantic's error type -> expected form
     "int_": "a whole number",
     "float_": "a number",
     "bool_": "true or false",

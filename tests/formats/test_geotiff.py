@@ -1,4 +1,4 @@
-"""Elevation models: heights where the file says that they lie, and one line for whatever is none."""
+"""Elevation models: positions of heights, and one-line errors for other files."""
 
 import numpy as np
 import pytest
@@ -27,25 +27,25 @@ def slope():
     return (7 + 0.1 * PIXEL * (column + 0.5) + 0.2 * PIXEL * (29.5 - row)).astype(np.float32)
 
 
-def test_heights_lie_east_and_north_of_the_place_that_is_asked_for(tmp_path, slope):
+def test_heights_are_relative_to_the_given_point(tmp_path, slope):
     path = write(tmp_path / "a.tif", slope)
-    found = read_elevation(path, 10.0, 14.0, (WEST + 41.0, NORTH - 27.0))
-    x, y = np.meshgrid(found.x, found.y)
-    np.testing.assert_allclose(found.height, 7 + 0.1 * (41.0 + x) + 0.2 * (33.0 + y), atol=1e-4)
-    assert found.pixel_m == PIXEL
-    for axis in (found.x, found.y):
+    elevation = read_elevation(path, 10.0, 14.0, (WEST + 41.0, NORTH - 27.0))
+    x, y = np.meshgrid(elevation.x, elevation.y)
+    np.testing.assert_allclose(elevation.height, 7 + 0.1 * (41.0 + x) + 0.2 * (33.0 + y), atol=1e-4)
+    assert elevation.pixel_m == PIXEL
+    for axis in (elevation.x, elevation.y):
         assert (np.diff(axis) == PIXEL).all()
-        assert axis[0] < -14 < 14 < axis[-1]  # no more than a spline needs
+        assert axis[0] < -14 < 14 < axis[-1]  # with the margin of a spline
         assert len(axis) < 24
 
 
-def test_the_middle_is_the_place_where_none_is_named_and_far_ground_is_what_there_is(tmp_path, slope):
-    found = read_elevation(write(tmp_path / "a.tif", slope), 20.0, 500.0)
-    assert found.height.shape == slope.shape
-    assert (found.x[0], found.x[-1], found.y[0], found.y[-1]) == (-39.0, 39.0, -29.0, 29.0)
+def test_the_default_point_is_the_centre_and_distant_heights_are_limited_by_the_file(tmp_path, slope):
+    elevation = read_elevation(write(tmp_path / "a.tif", slope), 20.0, 500.0)
+    assert elevation.height.shape == slope.shape
+    assert (elevation.x[0], elevation.x[-1], elevation.y[0], elevation.y[-1]) == (-39.0, 39.0, -29.0, 29.0)
 
 
-def test_heights_have_the_files_scale_and_offset(tmp_path):
+def test_scale_and_offset_of_the_file_are_applied(tmp_path):
     path = write(tmp_path / "a.tif", np.full((20, 20), 40, np.int16))
     with rasterio.open(path, "r+") as file:
         file.scales, file.offsets = (0.5,), (-3.0,)
@@ -55,25 +55,25 @@ def test_heights_have_the_files_scale_and_offset(tmp_path):
 @pytest.mark.parametrize(
     ("more", "reason"),
     [
-        ({"crs": None}, "no coordinate reference system"),
-        ({"crs": "+proj=longlat +R=1737400 +no_defs"}, "geographic, in degrees"),
-        ({"crs": "EPSG:2277"}, "US survey foot.* metres were expected"),
-        ({"transform": rasterio.Affine(PIXEL, 0.5, WEST, 0.5, -PIXEL, NORTH)}, "north was expected to be up"),
-        ({"transform": rasterio.Affine(0.5, 0, WEST, 0, -0.5, NORTH)}, r"reach 7\.25 m .* 20 m were asked for"),
-        ({"nodata": 7.1}, None),
+        ({"crs": None}, "coordinate reference system"),
+        ({"crs": "+proj=longlat +R=1737400 +no_defs"}, "degrees"),
+        ({"crs": "EPSG:2277"}, "US survey foot"),
+        ({"transform": rasterio.Affine(PIXEL, 0.5, WEST, 0.5, -PIXEL, NORTH)}, "north"),
+        ({"transform": rasterio.Affine(0.5, 0, WEST, 0, -0.5, NORTH)}, r"7\.25 m .* 20 m"),
     ],
 )
-def test_what_is_no_model_in_metres_is_refused_with_its_name(tmp_path, slope, more, reason):
+def test_a_file_that_is_no_elevation_model_in_metres_is_an_error(tmp_path, slope, more, reason):
     path = write(tmp_path / "a.tif", slope, **more)
-    if reason is None:  # a value that no pixel has is no hole
-        assert read_elevation(path, 20.0, 20.0).height.size
-        return
     with pytest.raises(FormatError, match=rf"a\.tif: .*{reason}"):
         read_elevation(path, 20.0, 20.0)
 
 
+def test_an_unused_no_data_value_is_accepted(tmp_path, slope):
+    assert read_elevation(write(tmp_path / "a.tif", slope, nodata=7.1), 20.0, 20.0).height.size
+
+
 @pytest.mark.parametrize(("value", "more"), [(-9999.0, {"nodata": -9999.0}), (-32768.0, {}), (np.nan, {})])
-def test_holes_are_refused_with_the_first_ones_place(tmp_path, slope, value, more):
+def test_holes_are_errors_with_the_location_of_the_first_hole(tmp_path, slope, value, more):
     slope[10:12, 20] = value
     path = write(tmp_path / "a.tif", slope, **more)
     place = rf"\({WEST + 20.5 * PIXEL:.2f}, {NORTH - 10.5 * PIXEL:.2f}\)"
@@ -81,35 +81,35 @@ def test_holes_are_refused_with_the_first_ones_place(tmp_path, slope, value, mor
         read_elevation(path, 20.0, 100.0)
 
 
-MARKS = (-9999, 9999, -32768, -32767, 99999, -99999, 32767, -3.4028234663852886e38, float("nan"), 1e20)
+NO_DATA = (-9999, 9999, -32768, -32767, 99999, -99999, 32767, -3.4028234663852886e38, float("nan"), 1e20)
 
 
 @pytest.mark.parametrize("base", [0.0, -4500.0, 3000.0])
-@pytest.mark.parametrize("mark", MARKS)
 @pytest.mark.parametrize("tagged", ["untagged", "side file"])
-def test_marks_of_holes_are_never_heights(tmp_path, slope, base, mark, tagged):
-    slope += base
-    slope[10:13, 10:13] = mark
-    path = write(tmp_path / "a.tif", slope)
-    if tagged == "side file":
-        band = f'<PAMRasterBand band="1"><NoDataValue>{mark:.20g}</NoDataValue></PAMRasterBand>'
-        (tmp_path / "a.tif.aux.xml").write_text(f"<PAMDataset>{band}</PAMDataset>")
-    with pytest.raises(FormatError, match=r"a\.tif"):
-        read_elevation(path, 20.0, 30.0)
+def test_no_data_values_are_never_heights(tmp_path, slope, base, tagged):
+    for value in NO_DATA:
+        height = slope + base
+        height[10:13, 10:13] = value
+        path = write(tmp_path / "a.tif", height.astype(np.float32))
+        if tagged == "side file":
+            band = f'<PAMRasterBand band="1"><NoDataValue>{value:.20g}</NoDataValue></PAMRasterBand>'
+            (tmp_path / "a.tif.aux.xml").write_text(f"<PAMDataset>{band}</PAMDataset>")
+        with pytest.raises(FormatError, match=r"a\.tif"):
+            read_elevation(path, 20.0, 30.0)
 
 
-def test_a_place_beside_a_hole_is_read(tmp_path, slope):
+def test_a_part_without_the_hole_of_the_file_is_read(tmp_path, slope):
     slope[:3, :3] = -9999
     assert read_elevation(write(tmp_path / "a.tif", slope), 8.0, 8.0).height.min() > 0
 
 
-def test_radii_are_refused_by_name(tmp_path, slope):
+def test_radii_are_errors(tmp_path, slope):
     with pytest.raises(FormatError):
         read_elevation(write(tmp_path / "a.tif", slope.astype(float) + 1_737_400), 20.0, 30.0)
 
 
 def test_steep_ground_is_no_hole(tmp_path):
-    """A crater's wall of 60 degrees, 200 m high."""
+    """A crater wall of 60 degrees, 200 m high, is read."""
     height = np.repeat(np.clip(np.arange(40) * PIXEL * np.tan(np.radians(60)) - 60, 0, 200)[None], 30, axis=0)
     assert np.ptp(read_elevation(write(tmp_path / "a.tif", height.astype(np.float32)), 20.0, 40.0).height) > 70
 
@@ -120,15 +120,15 @@ def test_a_local_frame_in_metres_is_read(tmp_path, slope, crs):
     assert read_elevation(write(tmp_path / "a.tif", slope, crs), 20.0, 50.0).height.shape == slope.shape
 
 
-def test_a_world_file_places_the_heights(tmp_path, slope):
+def test_a_world_file_sets_the_position_of_the_heights(tmp_path, slope):
     path = write(tmp_path / "a.tif", slope, transform=None)
     (tmp_path / "a.tfw").write_text(f"{PIXEL}\n0\n0\n{-PIXEL}\n{WEST + PIXEL / 2}\n{NORTH - PIXEL / 2}\n")
-    found = read_elevation(path, 10.0, 14.0, (WEST + 41.0, NORTH - 27.0))
-    x, y = np.meshgrid(found.x, found.y)
-    np.testing.assert_allclose(found.height, 7 + 0.1 * (41.0 + x) + 0.2 * (33.0 + y), atol=1e-4)
+    elevation = read_elevation(path, 10.0, 14.0, (WEST + 41.0, NORTH - 27.0))
+    x, y = np.meshgrid(elevation.x, elevation.y)
+    np.testing.assert_allclose(elevation.height, 7 + 0.1 * (41.0 + x) + 0.2 * (33.0 + y), atol=1e-4)
 
 
-def test_heights_in_another_unit_are_refused(tmp_path, slope):
+def test_heights_in_kilometres_are_errors(tmp_path, slope):
     path = write(tmp_path / "a.tif", slope)
     with rasterio.open(path, "r+") as file:
         file.units = ("km",)
@@ -136,10 +136,10 @@ def test_heights_in_another_unit_are_refused(tmp_path, slope):
         read_elevation(path, 20.0, 20.0)
 
 
-def test_no_geotiff_is_refused_in_one_line(tmp_path):
-    (tmp_path / "a.tif").write_text("no picture")
-    with pytest.raises(FormatError, match=r"a\.tif") as found:
+def test_a_file_that_is_no_geotiff_is_a_one_line_error(tmp_path):
+    (tmp_path / "a.tif").write_text("no image")
+    with pytest.raises(FormatError, match=r"a\.tif") as error:
         read_elevation(tmp_path / "a.tif", 1.0, 1.0)
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(error.value)
     with pytest.raises(FormatError, match=r"none\.tif"):
         read_elevation(tmp_path / "none.tif", 1.0, 1.0)

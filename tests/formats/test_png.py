@@ -215,7 +215,7 @@ def test_images_of_large_cameras_are_read(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
 def test_images_above_the_limit_are_refused_by_their_size(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(png, "MOST_PIXELS", 100)
+    monkeypatch.setattr(png, "MAX_PIXELS", 100)
     Image.fromarray(np.zeros((10, 11), np.uint8)).save(tmp_path / name)
     with pytest.raises(FormatError):
         png.read(tmp_path / name)

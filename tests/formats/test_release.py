@@ -95,7 +95,7 @@ def test_strays_are_logged_in_one_line_with_their_number_and_examples(tmp_path, 
         release.log_strays([tmp_path / f"{letter} copy.txt" for letter in "abcdef"], "here")
         release.log_strays([], "there")
     assert [record.getMessage() for record in caplog.records] == [
-        "here: 6 stray files left out: 'a copy.txt', 'b copy.txt', 'c copy.txt', ..."
+        "here: 6 stray files skipped: 'a copy.txt', 'b copy.txt', 'c copy.txt', ..."
     ]
 
 
