@@ -1,4 +1,4 @@
-"""Rig poses, lenses and the pose between them adjusted together, so that sandbox points fall where photos show them."""
+"""Joint adjustment of rig poses, lenses and the pose between the cameras to matched points in photos."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from polarsim.photo import PositionCamera
 from polarsim.run_files.rigs import LocalisedRig
 
 _STEPS = 30
-_STILL = 1e-4  # of a prior's standard deviation: steps smaller than this end the adjustment
-_NUDGE = 1e-4  # of the same, for numeric derivatives
+_CONVERGED = 1e-4  # of a prior's standard deviation: smaller steps end the adjustment
+_DIFFERENCE_STEP = 1e-4  # of a prior's standard deviation, for numeric derivatives
 _OF_POSE, _OF_RIG, _OF_LENS = 6, 6, 4
 
 
 @dataclass(frozen=True)
 class Sightings:
-    """Points of one view."""
+    """Matched points of a view."""
 
     points: np.ndarray  # (n, 3) points in the sandbox, metres
-    pixels: np.ndarray  # (n, 2) where its photos show them
-    whitening: np.ndarray  # (n, 2, 2) turns an offset, px, into two of standard deviation 1
+    pixels: np.ndarray  # (n, 2) measured positions of these points in the photos
+    whitening: np.ndarray  # (n, 2, 2) converts an offset, px, to two components of standard deviation 1
 
 
 @dataclass(frozen=True)
 class Priors:
-    """Standard deviations of what was known before: poses, and the calibration."""
+    """Standard deviations of the poses and of the calibration before the adjustment."""
 
     pose_m: float
     pose_rad: float
@@ -40,7 +40,7 @@ class Priors:
     k1: float
 
     def scale(self, positions: int, *, lenses: bool) -> np.ndarray:
-        """One standard deviation of every unknown: poses one by one, then the rig, then the left and the right lens."""
+        """Return the standard deviation of every unknown: poses, pose between the cameras, left lens, right lens."""
         pose = [self.pose_rad] * 3 + [self.pose_m] * 3
         rig = [self.rig_rad] * 3 + [self.rig_m] * 3
         lens = [self.focal_px, self.centre_px, self.centre_px, self.k1]
@@ -49,7 +49,7 @@ class Priors:
 
 @dataclass(frozen=True)
 class Adjusted:
-    """The rigs adjusted; each pose's covariance (6, 6) of rotation, rad, and translation, m, in its left frame."""
+    """Adjusted rigs, and the covariance (6, 6) of rotation, rad, and translation, m, of each pose in its left frame."""
 
     localised: dict[str, LocalisedRig]
     covariance: dict[str, np.ndarray]
@@ -62,18 +62,18 @@ def adjust(
     independent: int,
     lenses: bool,
 ) -> Adjusted:
-    """Gauss-Newton steps with weights that outliers lose (Cauchy's), all unknowns at once.
+    """Solve for all unknowns at once by Gauss-Newton steps with Cauchy weights.
 
-    Slopes are those of the start: what is mended are pixels, over which they hardly change.
+    The derivatives are computed once, at the start: the corrections are a few pixels, over which they hardly change.
 
     Parameters
     ----------
     localised : position -> LocalisedRig
-        The start, and the mean of the priors; all with one calibration.
+        The start, and the mean of the priors; all with the same calibration.
     independent : int
-        How many windows of a view at most count: neighbours err alike.
+        Maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
     lenses : bool
-        Whether the calibration is adjusted too: one for all positions.
+        Whether the calibration, which all positions share, is adjusted too.
     """
     scale = priors.scale(len(localised), lenses=lenses)
     unknowns = np.zeros(len(scale))
@@ -89,7 +89,7 @@ def adjust(
             pull += rows.T @ (part * root[:, None]).ravel()
         step = np.linalg.solve(information, pull)
         unknowns = unknowns - step
-        if np.abs(step).max() < _STILL:
+        if np.abs(step).max() < _CONVERGED:
             break
     covariance = np.linalg.inv(information) * np.outer(scale, scale)
     blocks = [slice(_OF_POSE * number, _OF_POSE * (number + 1)) for number in range(len(localised))]
@@ -127,14 +127,14 @@ def _moved_lens(lens: Lens, change: np.ndarray) -> Lens:
 
 
 def offsets_px(rig: LocalisedRig, camera: str, seen: Sightings) -> np.ndarray:
-    """(n, 2) from where photos show points to where a rig puts them; zero for points behind the camera."""
+    """Return (n, 2) offsets from measured to projected points, px; zero for points with z <= 0 in the camera frame."""
     return np.nan_to_num(rig.project(camera, seen.points) - seen.pixels)
 
 
 def _residuals(
     localised: Mapping[str, LocalisedRig], sightings: Mapping[PositionCamera, Sightings]
 ) -> list[np.ndarray]:
-    """(n, 2) of every view, in standard deviations."""
+    """Return the residuals (n, 2) of every view, in standard deviations."""
     return [
         whitened(offsets_px(localised[position], camera, seen), seen.whitening)
         for (position, camera), seen in sorted(sightings.items())
@@ -144,20 +144,20 @@ def _residuals(
 def _slopes(
     localised: Mapping[str, LocalisedRig], sightings: Mapping[PositionCamera, Sightings], scale: np.ndarray
 ) -> list[np.ndarray]:
-    """(n, 2, unknowns) of every view at the start, by central differences."""
+    """Return the derivatives (n, 2, unknowns) of every view at the start, by central differences."""
     columns = []
-    for nudge in _NUDGE * np.diag(scale):
+    for nudge in _DIFFERENCE_STEP * np.diag(scale):
         ahead, behind = (_residuals(_moved(localised, sign * nudge), sightings) for sign in (1, -1))
-        columns.append([(a - b) / (2 * _NUDGE) for a, b in zip(ahead, behind, strict=True)])
+        columns.append([(a - b) / (2 * _DIFFERENCE_STEP) for a, b in zip(ahead, behind, strict=True)])
     return [np.stack(view, axis=-1) for view in zip(*columns, strict=True)]
 
 
 def whitened(off: np.ndarray, whitening: np.ndarray) -> np.ndarray:
-    """(n, 2) offsets, px, in standard deviations."""
+    """Convert offsets (n, 2), px, to standard deviations."""
     return np.einsum("nkl,nl->nk", whitening, off)
 
 
 def outlier_weights(off: np.ndarray, independent: int) -> np.ndarray:
-    """(n,) Cauchy's weights of whitened offsets (n, 2); together they never count for more than `independent`."""
+    """Return Cauchy weights (n,) of whitened offsets (n, 2); their sum never exceeds `independent`."""
     share = min(1.0, independent / max(1, len(off)))
     return np.asarray(share / (1 + np.einsum("nk,nk->n", off, off)))

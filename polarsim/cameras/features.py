@@ -1,10 +1,9 @@
-"""Rigs that neither scans nor labels localise, by what their photos share with those of localised positions.
+"""Localisation of rigs without scans and labels, by photo features shared with localised positions.
 
-Terrain 13 was photographed from seven positions within decimetres, and its scans are of three of them. Photos under the
-same lamp from nearly the same place show the same texture: their SIFT features (Lowe, IJCV 60 (2004) 91) are matched,
-those of the localised photo lie on the meshes, and the pose is the one that sees these points where the other photo has
-them (P3P within RANSAC, then least squares). From far away, as from position A to C, too few features match: then
-nothing is found.
+Terrain 13 was photographed from seven positions within decimetres, and only three of them were scanned. Photos from
+nearly the same place under the same lamp show the same texture. Their SIFT features (Lowe, IJCV 60 (2004) 91) are
+matched, features of the localised photo are projected onto the meshes, and the pose is estimated from these points
+(P3P within RANSAC, then least squares). Between distant positions, such as A and C, too few features match.
 """
 
 from __future__ import annotations
@@ -24,25 +23,25 @@ from polarsim.run_files.best_photos import Photos, Pictures, read_shrunk
 from polarsim.run_files.rigs import FEATURES, LocalisedRig
 from polarsim.tone import to_8bit
 
-SCALE = 0.5  # of the photos in which features are looked for
-_MOST = 6000  # features of a photo
-_OFF_PX = 2.0  # farthest of a point from where the pose sees it, in pixels of the shrunk photo
+SCALE = 0.5  # of the photos in which features are detected
+_MOST = 6000  # maximum number of features of a photo
+_OFF_PX = 2.0  # maximum reprojection error of an inlier, pixels of the shrunk photo
 _DRAWS = 5000
-LEAST_MATCHES, LEAST_SHARE = 30, 0.25  # that agree with the pose; of all matches
+LEAST_MATCHES, LEAST_SHARE = 30, 0.25  # minimum number of inliers, and minimum share of inliers among the matches
 log = logging.getLogger("polarsim")
 
 
 def localise_by_features(
     name: str, positions: Iterable[str], localised: Mapping[str, LocalisedRig], surface: Surface, pictures: Pictures
 ) -> dict[str, LocalisedRig]:
-    """Those of the positions whose left photos share enough with a localised position's; the others are a warning.
+    """Localise the positions with enough matches to a localised position; log a warning for each of the rest.
 
     Parameters
     ----------
     name
-        Of the terrain, for messages.
+        Name of the terrain, for messages.
     localised : position -> LocalisedRig
-        Rigs to start from; all have one calibration.
+        Localised rigs; all have the same calibration.
     pictures
         Photos by view and azimuth of the Sun lamp.
     """
@@ -67,9 +66,7 @@ def localise_by_features(
                 pixels.append(here.pixels[second][hit])
         pose, metrics = _pose(np.concatenate(points), np.concatenate(pixels), lens)
         if pose is None:
-            log.warning(
-                "%s, position %s: its photos share too little with those of localised positions", name, position
-            )
+            log.warning("%s, position %s: too few features match photos of localised positions", name, position)
             continue
         found[position] = LocalisedRig(rig, pose, FEATURES, metrics)
     return found
@@ -84,7 +81,7 @@ def _features(photos: Photos) -> dict[str, Features]:
 
 
 def _points(surface: Surface, camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) what the meshes show at pixels (n, 2), sandbox frame, metres, and (n,) bool: where they show anything."""
+    """Return the mesh points (n, 3) at pixels (n, 2), sandbox frame, metres, and a mask (n,) of the rays that hit."""
     directions = camera.directions(pixels).astype(np.float32)
     origins = np.broadcast_to(camera.centre.astype(np.float32), directions.shape)
     distance, _ = surface.rays.nearest(origins, directions)
@@ -93,7 +90,7 @@ def _points(surface: Surface, camera: Camera, pixels: np.ndarray) -> tuple[np.nd
 
 
 def _pose(points: np.ndarray, pixels: np.ndarray, lens: Lens) -> tuple[Pose | None, dict[str, float]]:
-    """`sandbox_from_left` from which points (n, 3) are seen at pixels (n, 2), and how well; None: too few agree."""
+    """Return `sandbox_from_left` from points (n, 3) at pixels (n, 2), and its metrics; None with too few inliers."""
     import cv2
 
     if len(points) < LEAST_MATCHES:

@@ -1,4 +1,4 @@
-"""How two levelled scans lie to each other, roughly: height maps rotated and translated until relief meets relief."""
+"""Coarse alignment of two levelled scans by correlation of rotated and translated height maps."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from scipy.ndimage import gaussian_filter
 
 from polarsim.geometry.poses import Pose
 
-RELIEF_WIDTH = 0.15  # metres: standard deviation of the blur that counts as level ground
-RELIEF_LIMIT = 0.06  # metres: walls and large rocks shall not outweigh everything else
-PEAK_CELLS = 4  # two peaks of a correlation are further apart than so many cells
-MIN_OVERLAP = 0.25  # of the smaller map, for a correlation to count
+RELIEF_WIDTH = 0.15  # metres: standard deviation of the blur that estimates the local level
+RELIEF_LIMIT = 0.06  # metres: limits the weight of walls and large rocks
+PEAK_CELLS = 4  # minimum distance between two peaks of a correlation, cells
+MIN_OVERLAP = 0.25  # minimum overlap of a translation, share of the smaller map
 
 
 @dataclass(frozen=True)
 class HeightMap:
-    """Mean heights of square cells: rows along y, columns along x, from -reach to +reach; NaN where nothing is."""
+    """Mean heights of square cells: rows along y, columns along x, from -reach to +reach; NaN in empty cells."""
 
     height: np.ndarray  # (n, n) metres
     step: float
@@ -28,7 +28,7 @@ class HeightMap:
         return np.isfinite(self.height)
 
     def relief(self) -> np.ndarray:
-        """(n, n) heights above their surroundings, clipped; 0 where nothing is known."""
+        """Return heights (n, n) above their surroundings, clipped; 0 in empty cells."""
         known = self.known.astype(float)
         blur = RELIEF_WIDTH / self.step
         weight = gaussian_filter(known, blur)
@@ -37,7 +37,7 @@ class HeightMap:
 
 
 def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
-    """Mean height of points (n, 3) in cells of `step` over a square of +-`reach`, metres."""
+    """Return mean heights of points (n, 3) in cells of `step` over a square of +-`reach`, metres."""
     side = 2 * round(reach / step)
     cells = np.floor((points[:, :2] + reach) / step).astype(int)
     inside = ((cells >= 0) & (cells < side)).all(axis=1)
@@ -51,16 +51,16 @@ def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
 def rotated_and_translated(
     fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, translation: float, count: int
 ) -> list[Pose]:
-    """The best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
+    """Return the best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
 
     Parameters
     ----------
     yaws : (y,) float
         Rotations about +z to try, radians.
     translation : float
-        Translations along x and y to try, up to so many metres: one wall of the box looks like another.
+        Maximum translation along x and y, metres: the walls of the box are similar to each other.
     count : int
-        How many to give; they differ by more than a few steps or a rotation.
+        Maximum number of poses; they differ by more than a few steps or a rotation.
     """
     target = _Masked.of(height_map(fixed, reach, step))
     peaks: list[tuple[float, float, np.ndarray]] = []
@@ -99,7 +99,7 @@ class _Masked:
         return cls(next(parts), next(parts), next(parts), float(known.sum()), side)
 
     def correlate(self, moving: _Masked) -> np.ndarray:
-        """(side, side) normalised correlation over the cells that both know, for every translation of `moving`.
+        """Return the normalised correlation (side, side) over common cells for every translation of `moving`.
 
         Masked correlation after Padfield, IEEE Trans. Image Process. 21 (2012) 2706.
         """
@@ -117,7 +117,7 @@ class _Masked:
 
 
 def _peaks(score: np.ndarray, limit: int, count: int) -> list[tuple[float, np.ndarray]]:
-    """Highest scores within `limit` cells, some cells apart, with their translations (2,) along x and y in cells."""
+    """Return the highest scores within `limit` cells, not adjacent, with translations (2,) along x and y in cells."""
     limit = min(limit, len(score) // 2 - 1)
     near = np.roll(score, (limit, limit), axis=(0, 1))[: 2 * limit + 1, : 2 * limit + 1].copy()
     found = []
@@ -130,16 +130,16 @@ def _peaks(score: np.ndarray, limit: int, count: int) -> list[tuple[float, np.nd
 
 
 def agreement(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, tolerance: float) -> tuple[float, int]:
-    """Part of the cells that two aligned clouds share whose heights agree, and the number of shared cells."""
+    """Return the share of common cells of two aligned clouds with equal heights, and the number of common cells."""
     first, second = height_map(fixed, reach, step), height_map(moving, reach, step)
     off = np.abs(first.height - second.height)[first.known & second.known]
     return (float((off < tolerance).mean()) if len(off) else 0.0), len(off)
 
 
 def relief_correlation(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, least: float) -> float:
-    """Correlation of the relief of two aligned clouds (n, 3), (m, 3) over the cells that both have, -1 to 1.
+    """Return the correlation of the relief of two aligned clouds (n, 3), (m, 3) over common cells, -1 to 1.
 
-    1 where neither relief has a standard deviation of `least` metres, and where they share no cell.
+    Return 1 if the standard deviation of both reliefs is below `least` metres, or without common cells.
     """
     first, second = height_map(fixed, reach, step), height_map(moving, reach, step)
     both = first.known & second.known

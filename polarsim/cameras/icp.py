@@ -1,8 +1,8 @@
-"""Scans laid on each other: pairs by Open3D's ICP on coarse grids, then all scans at once on the fine grid.
+"""Registration of scans: pairs by Open3D's ICP on coarse grids, then all scans at once on the fine grid.
 
-Both minimise distances from points to the other scan's local planes, with Tukey's loss, which forgets what the other
-scan does not show. The joint step weighs each distance by the inverse of its variance, for far scans are noisier. It
-runs in NumPy with SciPy's tree: the same bits whatever the number of threads.
+Both minimise distances from points to local planes of the other scan, with Tukey's loss, which ignores surfaces that
+the other scan does not show. The joint step weights each distance by its inverse variance, because distant scans are
+noisier. It runs in NumPy with SciPy's tree, so that the output does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.poses import Pose
 
-NORMAL_RADIUS = 4.0  # in voxels
+NORMAL_RADIUS = 4.0  # voxels
 NORMAL_NEIGHBOURS = 24
 PLANE_UNKNOWNS = 3
-LEAST_SPREAD = 0.0002  # metres: no scan knows its surface better
-GATE = 3.0  # voxels: pairs further apart are none
+LEAST_SPREAD = 0.0002  # minimum standard deviation of a point, metres
+GATE = 3.0  # voxels: maximum distance of a pair
 COARSE_SAMPLES = 6_000  # points of a scan in a coarse alignment
-FINE_SAMPLES = 20_000  # points of a scan in the joint one
-SLOPE_BINS = 5  # of the normals' two level components: every slope has its say, not only the wide flats
-FACING_AWAY = 0.5  # cosine between normals below which two points are of different surfaces
-PARTNER_REACH = 0.04  # metres: partners further apart are none
-TUKEY = 4.685  # standard deviations: 95 % efficient where errors are Gaussian
-WIDTHS = (4.0, 2.0, 1.0)  # of Tukey's scale, one a pass of the joint alignment
-ROUNDS = 25  # of a pass, at most
-STILL = 1e-7  # metres and radians: smaller steps end it
-PATCH = 0.2  # metres: side of the patches of ground whose errors count as independent
+FINE_SAMPLES = 20_000  # points of a scan in the joint alignment
+SLOPE_BINS = 5  # bins of each level component of the normals: flat parts must not outweigh steep parts
+FACING_AWAY = 0.5  # minimum cosine between normals of points on the same surface
+PARTNER_REACH = 0.04  # maximum distance of a pair, metres
+TUKEY = 4.685  # standard deviations: 95 % efficient for Gaussian errors
+WIDTHS = (4.0, 2.0, 1.0)  # factors of Tukey's scale, one per pass of the joint alignment
+ROUNDS = 25  # maximum number of steps of a pass
+STILL = 1e-7  # metres and radians: smaller steps end a pass
+PATCH = 0.2  # metres: side of the patches of ground with independent errors
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A scan thinned to a grid and smoothed: points and outward unit normals (n, 3), metres."""
+    """Scan thinned to a grid and smoothed: points and outward unit normals (n, 3), metres."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -50,7 +50,7 @@ class Surface:
 
     @cached_property
     def cloud(self) -> Any:
-        """As Open3D has it."""
+        """Convert to a point cloud of Open3D."""
         import open3d as o3d
 
         cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(self.points))
@@ -58,11 +58,11 @@ class Surface:
         return cloud
 
     def select(self, chosen: np.ndarray) -> Surface:
-        """The points of a mask or index array (n,)."""
+        """Select points by a mask or an index array (n,)."""
         return Surface(self.points[chosen], self.normals[chosen], self.spread[chosen])
 
     def sample(self, count: int) -> Surface:
-        """About `count` points, spread over slopes and, within a slope, evenly over the scan."""
+        """Select about `count` points, evenly over slopes and, within a slope, evenly over the scan."""
         bins = np.clip(((self.normals[:, :2] + 1) / 2 * SLOPE_BINS).astype(int), 0, SLOPE_BINS - 1)
         slope = bins[:, 0] * SLOPE_BINS + bins[:, 1]
         shares = _fair_shares(np.bincount(slope, minlength=SLOPE_BINS**2), count)
@@ -72,17 +72,17 @@ class Surface:
 
 @dataclass(frozen=True)
 class Alignment:
-    """How well a moving scan lies on a fixed one."""
+    """Quality of the alignment of a moving scan with a fixed scan."""
 
-    fitness: float  # part of the moving scan's samples that lie on the fixed one's surface
-    rmse: float  # metres, of those
+    fitness: float  # share of the moving scan's samples on the surface of the fixed scan
+    rmse: float  # metres, of these samples
     points: int  # samples
 
 
 def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
-    """Thin points (n, 3) to a grid of `voxel` metres and lay each on the plane through its neighbours.
+    """Thin points (n, 3) to a grid of `voxel` metres and project each onto the plane through its neighbours.
 
-    Normals look towards the viewpoint (3,). Points with few neighbours, on threads and in mid-air, are left out.
+    Normals point towards the viewpoint (3,). Points with few neighbours, such as threads, are removed.
     """
     import open3d as o3d
 
@@ -100,13 +100,13 @@ def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
     normals = axes[:, :, 0]
     normals = np.where(((viewpoint - own) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
     on_plane = own - ((own - centre) * normals).sum(axis=1, keepdims=True) * normals
-    # At most: in the centre of its neighbours a plane is known better than at their border.
+    # An upper bound: a plane is more accurate in the centre of its points than at their border.
     spread = np.sqrt(np.maximum(variances[:, 0], 0) * PLANE_UNKNOWNS / NORMAL_NEIGHBOURS)
     return Surface(on_plane, normals, np.maximum(spread, LEAST_SPREAD))
 
 
 def align_coarsely(fixed: list[Surface], moving: list[Surface], voxels: list[float], start: Pose) -> Pose:
-    """`fixed_from_moving` from Open3D's point-to-plane ICP over grids from coarse to fine."""
+    """Return `fixed_from_moving` from Open3D's point-to-plane ICP over grids from coarse to fine."""
     import open3d as o3d
 
     registration = o3d.pipelines.registration
@@ -124,9 +124,9 @@ def align_coarsely(fixed: list[Surface], moving: list[Surface], voxels: list[flo
 
 
 def align_jointly(surfaces: Mapping[str, Surface], start: Mapping[str, Pose], reference: str) -> dict[str, Pose]:
-    """Poses `reference_from_own` of all scans at once: Gauss-Newton over all ordered pairs.
+    """Return the poses `reference_from_own` of all scans by Gauss-Newton over all ordered pairs.
 
-    The reference stays; which scan that is does not matter to how the scans lie to each other.
+    The pose of the reference is fixed; the choice of the reference does not affect the relative poses.
     """
     names = [name for name in sorted(surfaces) if name != reference]
     poses = dict(start)
@@ -146,16 +146,16 @@ def align_jointly(surfaces: Mapping[str, Surface], start: Mapping[str, Pose], re
 
 
 def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> dict[str, np.ndarray]:
-    """(6, 6) formal covariance of each scan's rotation (radians) and translation (metres), the mean of all scans held.
+    """Return the formal covariance (6, 6) of each scan's rotation (radians) and translation (metres).
 
-    Neighbouring points share errors: smoothing, roughness seen from one side, stripes of the scanner. So what is summed
-    is the square of each patch's pull, not of each point's: the sandwich estimate over clusters (Liang and Zeger,
-    Biometrika 73 (1986) 13), with Tukey's second derivative as bread.
+    The mean of all scans is fixed. Neighbouring points share errors: smoothing, roughness seen from one side, stripes
+    of the scanner. Therefore the gradients are squared by patch, not by point: the sandwich estimate over clusters
+    (Liang and Zeger, Biometrika 73 (1986) 13), with Tukey's second derivative as bread.
     """
     names = sorted(surfaces)
     if len(names) == 1:
         return {names[0]: np.zeros((6, 6))}
-    free = names[1:]  # the first is held, then the mean of all
+    free = names[1:]  # first the first scan is fixed, then the mean of all scans
     samples = {name: surfaces[name].sample(FINE_SAMPLES) for name in names}
     bread, pulls, patches = np.zeros((6 * len(free), 6 * len(free))), [], []
     for pair in _pairs(free, surfaces, samples, poses, 1.0):
@@ -174,7 +174,7 @@ def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> d
 
 
 def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance: float) -> Alignment:
-    """How the moving scan lies on the fixed one; a sample further from its plane than `tolerance` metres does not."""
+    """Measure an alignment; a sample is on the fixed scan if its plane is nearer than `tolerance` metres."""
     sample = moving.sample(FINE_SAMPLES)
     _, _, distance = _partners(fixed, sample, fixed_from_moving)
     near = np.abs(distance) < tolerance
@@ -184,11 +184,11 @@ def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance:
 
 @dataclass(frozen=True)
 class _Pair:
-    """The partners of one ordered pair of scans, as many as count."""
+    """Matched points of an ordered pair of scans."""
 
-    points: np.ndarray  # (n, 3) of the moving scan's points in the reference's frame, metres
-    distances: np.ndarray  # (n,) from the partners' planes, metres
-    slopes: np.ndarray  # (n, 6 u) of the distance by rotations and translations of the u unknown scans
+    points: np.ndarray  # (n, 3) points of the moving scan in the reference frame, metres
+    distances: np.ndarray  # (n,) distances from the planes of the fixed scan, metres
+    slopes: np.ndarray  # (n, 6 u) derivatives of the distances by rotations and translations of the u unknown scans
     weights: np.ndarray  # (n,) inverse variances times Tukey's weights
     bends: np.ndarray  # (n,) inverse variances times the second derivatives of Tukey's loss
 
@@ -200,7 +200,7 @@ def _pairs(
     poses: Mapping[str, Pose],
     width: float,
 ) -> Iterator[_Pair]:
-    """All ordered pairs; the scans of `names` are unknown, Tukey's scale is `width` times as wide as errors ask for."""
+    """Yield all ordered pairs; the scans of `names` are unknown, Tukey's scale is multiplied by `width`."""
     for moving, fixed in permutations(sorted(surfaces), 2):
         fixed_from_moving = poses[fixed].inverse() @ poses[moving]
         rows, partner, distances = _partners(surfaces[fixed], samples[moving], fixed_from_moving)
@@ -208,7 +208,7 @@ def _pairs(
         near = np.clip(1 - (distances / (width * TUKEY)) ** 2 / variance, 0, None)
         points = poses[moving].apply(samples[moving].points[rows])
         direction = poses[fixed].rotate(surfaces[fixed].normals[partner])
-        slope = np.concatenate([np.cross(points, direction), direction], axis=1)  # of the distance, by the moving scan
+        slope = np.concatenate([np.cross(points, direction), direction], axis=1)  # derivative by the moving scan
         slopes = np.zeros((len(rows), 6 * len(names)))
         for sign, name in ((1, moving), (-1, fixed)):
             if name in names:
@@ -218,7 +218,7 @@ def _pairs(
 
 
 def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of the sample, their nearest points on the fixed scan, and the distances from those points' planes."""
+    """Return rows of the sample, their nearest points on the fixed scan, and the distances from their planes."""
     points = fixed_from_moving.apply(sample.points)
     gap, nearest = fixed.tree.query(points, distance_upper_bound=PARTNER_REACH)
     rows, partner = np.flatnonzero(np.isfinite(gap)), np.asarray(nearest)
@@ -230,7 +230,7 @@ def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple
 
 
 def _fair_shares(available: np.ndarray, count: int) -> np.ndarray:
-    """Split `count` over bins so that none gets more than it has, and the rest share alike."""
+    """Split `count` evenly over bins, at most the available number per bin."""
     share = np.zeros(len(available), int)
     for _ in range(len(available)):
         short = available > share
@@ -242,5 +242,5 @@ def _fair_shares(available: np.ndarray, count: int) -> np.ndarray:
 
 
 def _evenly(rows: np.ndarray, count: int) -> np.ndarray:
-    """`count` of the rows, evenly spaced."""
+    """Select `count` evenly spaced rows."""
     return rows[(np.arange(count) * len(rows)) // max(count, 1)]

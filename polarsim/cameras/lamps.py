@@ -1,7 +1,7 @@
-"""Sun lamps refined on photos: how far windows of a shaded view lie off, and how far a moved lamp moves them.
+"""Positions of Sun lamps from photos: offsets of windows in shaded views, and their derivatives by the lamp's position.
 
-The survey is decimetres off, which moves the tip of a rock's shadow by centimetres. A lamp's direction is found, its
-distance is not: that hardly moves a shadow.
+The survey has errors of decimetres, which move the tip of a rock's shadow by centimetres. Only the direction of a lamp
+can be estimated, because its distance hardly changes a shadow.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PositionCamera
 from polarsim.run_files.best_photos import Photos
 from polarsim.run_files.rigs import LocalisedRig
 
-_NUDGE = 0.04  # metres: about a pixel of a coarse view
-_WEIGHTS = 20  # steps of a robust fit
-_SURVEY_SD = 0.15  # metres: prior on a lamp's position about the survey
+_NUDGE = 0.04  # metres: step of numeric derivatives, about a pixel of a coarse view
+_WEIGHTS = 20  # number of steps of a robust fit
+_SURVEY_SD = 0.15  # metres: prior of a lamp's position about its survey
 _LEAST_WINDOWS = 30
-_LEAST_SHARE = 0.1  # of a window that must lie in shadow, and in light
+_LEAST_SHARE = 0.1  # minimum share of a window in shadow, and in light
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One view of a lamp's light: what its rays meet, and its photo, (h, w) float32 grey values of the same size."""
+    """Ray hits of a view, and its photo under one lamp, (h, w) float32 grey values of the same size."""
 
     seen: Seen
     photo: np.ndarray
@@ -36,7 +36,7 @@ class Shot:
 def shots_of(
     surface: Surface, localised: Mapping[str, LocalisedRig], photos: Mapping[PositionCamera, Photos], scale: float
 ) -> dict[str, list[Shot]]:
-    """What shows the light of each Sun lamp, by azimuth: the left cameras' photos, shrunk by a scale."""
+    """Return the shrunk photos of the left cameras for each Sun lamp, by azimuth."""
     shots: dict[str, list[Shot]] = {}
     for (position, camera), shown in sorted(photos.items()):
         if camera != "L" or position not in localised:
@@ -50,16 +50,16 @@ def shots_of(
 def refine_lamp(
     start: np.ndarray, surveyed: np.ndarray, shots: list[Shot], window: Window, independent: int
 ) -> np.ndarray | None:
-    """(3,) position of a lamp, found across the line to the sandbox's centre; None where photos show too little of it.
+    """Return the position (3,) of a lamp, moved across the line to the sandbox's centre; None with too few windows.
 
-    One linear step: shadows move evenly with a lamp.
+    A single linear step suffices, because shadows move in proportion to the lamp.
 
     Parameters
     ----------
     start, surveyed : (3,) float
-        Where the lamp is looked for, and where the survey has it, metres.
+        Start of the fit, and surveyed position, metres.
     independent : int
-        How many windows of a view at most count: neighbours err alike.
+        Maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
     """
     across = _across(surveyed)
     moved = across @ (start - surveyed)
@@ -73,13 +73,13 @@ def refine_lamp(
 
 
 def _across(position: np.ndarray) -> np.ndarray:
-    """(2, 3) unit vectors across the line from a lamp to the sandbox's centre: level, and upright."""
+    """Return (2, 3) unit vectors perpendicular to the line from a lamp to the sandbox's centre: level, and upright."""
     side = np.array([position[1], -position[0], 0.0])
     return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
 
 
 def _responses(lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window) -> tuple[np.ndarray, np.ndarray]:
-    """How far windows lie off in the photo, (n, 2), and how they move with the lamp, (n, 2, 2) a metre: whitened."""
+    """Return whitened offsets of windows in the photo, (n, 2), and their derivatives by the lamp, (n, 2, 2) a metre."""
     here = shot.seen.under(lamp)
     usable = shot.seen.hit & _on_shadow_edges(here, window)
     in_photo = find(here, shot.photo, usable, window)
@@ -95,7 +95,7 @@ def _responses(lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window)
 
 
 def _on_shadow_edges(image: np.ndarray, window: Window) -> np.ndarray:
-    """(h, w) bool: where a window would show shadow and light; what else it shows tells little of a lamp's position."""
+    """Return a mask (h, w) of windows that contain shadow and light; other windows hardly depend on the lamp."""
     import cv2
 
     size = 2 * window.half + 1
@@ -104,7 +104,7 @@ def _on_shadow_edges(image: np.ndarray, window: Window) -> np.ndarray:
 
 
 def _as_photo(image: np.ndarray) -> np.ndarray:
-    """Radiance as grey values, far from both ends of their range."""
+    """Scale radiance to grey values in the middle of their range."""
     return np.asarray(BLACK_LEVEL + image * (0.5 * WHITE_LEVEL / max(float(image.max()), 1e-12)))
 
 
@@ -113,7 +113,7 @@ def _moves(found: MatchedWindows) -> dict[tuple[float, ...], np.ndarray]:
 
 
 def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, independent: int) -> np.ndarray:
-    """(2,) how far the lamp stands from its survey across the line, m, by weights that outliers lose (Cauchy's)."""
+    """Return the offset (2,) of a lamp from its survey across the line, m, by a fit with Cauchy weights."""
     step = np.zeros(2)
     prior = np.eye(2) / _SURVEY_SD**2
     for _ in range(_WEIGHTS):

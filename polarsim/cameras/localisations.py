@@ -1,8 +1,7 @@
-"""All positions of a terrain localised by seed boxes, the surest first; rocks that stand off their positions move
-along.
+"""Localisation of all positions of a terrain by seed boxes, most certain first, with translations of the rocks.
 
-Published meshes were cut and placed by hand: most stand within millimetres, some off by centimetres. What the boxes of
-a position tell of the rocks helps to localise the next one.
+Published meshes were cut and placed by hand: most are accurate to millimetres, some are off by centimetres. The boxes
+of a position improve the positions of the rocks, which helps to localise the next position.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ log = logging.getLogger("polarsim")
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why labels do not localise a position, and the pose that explains them best, where there is one."""
+    """Reason why labels do not localise a position, and the best pose if there is one."""
 
     reason: str
     best: LabelLocalisation | None
@@ -67,7 +66,7 @@ def localise_all(
 
 
 def untranslated_fits(found: Localisations, outlines: Outlines, lens: Lens) -> list[BoxFit]:
-    """What the boxes of the localised positions say of the meshes as they are, seen from the same poses."""
+    """Return fits of the boxes of the localised positions to the original meshes, at the same poses."""
     return [
         check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, FINAL_NOISE)
         for one in found.localised.values()
@@ -77,7 +76,7 @@ def untranslated_fits(found: Localisations, outlines: Outlines, lens: Lens) -> l
 def _alone(
     position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: LocalisationOptions
 ) -> LabelLocalisation | None:
-    """A position by itself, without what others tell of rocks; None where nothing is explained."""
+    """Localise a position without the boxes of other positions; None if no pose explains any box."""
     try:
         return localise_by_labels(boxes, outlines, lens, pose_beside(position, {}), options)
     except RegistrationError:
@@ -93,10 +92,10 @@ def _with_position(
     options: LocalisationOptions,
     alone: LabelLocalisation | None,
 ) -> Localisations:
-    """One more position, and all poses and translations fitted anew; or one more that is refused."""
+    """Add a position and fit all poses and translations again, or refuse the position."""
     best = alone
     try:
-        if alone is None or before.localised:  # others have told of the rocks since
+        if alone is None or before.localised:  # the rocks have been moved since
             moved = translated(outlines, before.translations.metres)
             poses = {other: one.fit.sandbox_from_left for other, one in before.localised.items()}
             surveyed = pose_beside(position, poses)
@@ -116,7 +115,7 @@ def _fitted(
     lens: Lens,
     options: LocalisationOptions,
 ) -> Localisations:
-    """All positions localised together with translations of the rocks."""
+    """Fit all positions together with the translations of the rocks."""
     if not options.rock_translation_sd_mm:
         return Localisations(dict(localised), start, {})
     unknowns, translations = fit_translations(

@@ -1,4 +1,4 @@
-"""Where every rig of a terrain stood: from scans, else from labels and meshes, else from the survey."""
+"""Localisation of all rigs of a terrain: by scans, by labels and meshes, or by the survey."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ from polarsim.run_files.scans import read_scan
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
 from polarsim.survey import half_width
 
-_NOTHING = "no scan, no labels and meshes that localise it, and no survey"
+_NOTHING = "localised neither by a scan, nor by labels and meshes, nor by the survey"
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
 class Located:
-    """What a way of localising rigs found, and the tables that show how well; file name -> table."""
+    """Localised rigs, and tables of their quality by file name."""
 
     localised: dict[str, LocalisedRig]
     details: dict[str, pd.DataFrame]
-    guessed: Mapping[str, LocalisedRig] = field(default_factory=dict)  # unproven poses of other positions
+    guessed: Mapping[str, LocalisedRig] = field(default_factory=dict)  # unconfirmed poses of further positions
 
 
 def locate_cameras(
@@ -61,23 +61,23 @@ def locate_cameras(
     options: LocalisationOptions,
     threads: int,
 ) -> None:
-    """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/`, and how well it went.
+    """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/` and tables of quality.
 
     Parameters
     ----------
     inventory, calibration : Path
-        What the source has, and the rig's lenses.
+        Inventory of the source, and calibration of the rig.
     seeds : Path
-        Folder of seed labels; those of the left camera are used, where there are no scans.
+        Folder of seed labels; the labels of the left camera are used if there are no scans.
     threads : int
-        Cores for Open3D.
+        Number of threads of Open3D.
 
     Raises
     ------
     RegistrationError
-        Scans disagree, labels and meshes contradict each other, or nothing is known of a position.
+        Scans disagree, labels and meshes contradict each other, or no position has a pose.
     FormatError
-        A file is not what it should be.
+        A file is invalid.
     """
     os.environ["OMP_NUM_THREADS"] = str(threads)  # read by Open3D's OpenMP when it is first loaded
     known, rig = read_inventory(inventory), read_rig(calibration)
@@ -102,7 +102,7 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
     surveyed = stations(known.terrain)
     network = register_scans(scans, surveyed)
     for reason in network.refused:
-        log.warning("%s; the scan is left out", reason)
+        log.warning("%s; the scan is excluded", reason)
     frame = _frame(network, surveyed, half_width(known.terrain))
     localised = {}
     for position, level_from_left in network.level_from_left.items():
@@ -129,29 +129,29 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
 
 
 def _frame(network: Network, surveyed: Mapping[str, Pose], half: float) -> SandboxFrame:
-    """By the walls of the surveyed sandbox, or by the small box of a terrain that nobody surveyed."""
+    """Return the sandbox frame by the walls of a surveyed sandbox, or by the small box of a terrain without survey."""
     if surveyed:
         frame = find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
         if not frame.walls:
-            log.warning("no two walls of the box are seen in the scans: origin and heading are the survey's")
+            log.warning("the scans show no two walls at right angles: origin and heading are taken from the survey")
         return frame
     points = np.concatenate([network.points[position] for position in sorted(network.points)])
     pose = small_box_frame(points, half, network.level_from_left.values())
     if pose is not None:
         return SandboxFrame(pose, 4)
     log.warning(
-        "no box of sand %g m wide stands on the floor that scans show: origin and heading are arbitrary, for nobody "
-        "surveyed this terrain",
+        "the scans show no box of sand %g m wide on the floor: origin and heading are arbitrary, because this terrain "
+        "was not surveyed",
         2 * half,
     )
     return find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
 
 
 def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, float]:
-    """Standard deviations of a tripod at `position` (3,), from the covariance (6, 6) of rotation and translation about
-    the origin.
+    """Return the standard deviations of a tripod at `position` (3,), from the covariance (6, 6) of rotation and
+    translation about the origin.
 
-    They are relative to the mean of the terrain's scans, whose common frame rests on the walls or on the survey.
+    They are relative to the mean of all scans; the error of the frame from walls or survey is not included.
     """
     x, y, z = position
     lever = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # of the rotation's cross product with the position
@@ -198,11 +198,11 @@ def _locate_by_labels(
 
 
 def _tell_refused(found: Localisations) -> None:
-    """Warn of positions that labels do not localise."""
+    """Log a warning for each position that labels do not localise."""
     for position, refusal in sorted(found.refused.items()):
         log.warning("position %s: %s", position, refusal.reason)
     if found.refused and not found.localised:
-        log.warning("labels and meshes localise no position: do they show the same terrain?")
+        log.warning("labels and meshes localise no position: check that they belong to the same terrain")
 
 
 def _label_metrics(localisation: LabelLocalisation, meshes: int) -> dict[str, float]:
@@ -224,7 +224,7 @@ def _label_metrics(localisation: LabelLocalisation, meshes: int) -> dict[str, fl
 
 
 def _match_rows(position: str, localisation: LabelLocalisation, rocks: np.ndarray) -> list[tuple[Any, ...]]:
-    """A row of `MATCHES` a pair; `rocks` (m,) are the numbers of the outlines."""
+    """Return a row of `MATCHES` for each pair; `rocks` (m,) are the rock numbers of the outlines."""
     fit = localisation.fit
     seeds, meshes = localisation.boxes[fit.box], fit.projected[fit.outline]
     pairs = zip(rocks[fit.outline].tolist(), seeds, meshes, fit.iou, _offsets(localisation), strict=True)
@@ -232,7 +232,7 @@ def _match_rows(position: str, localisation: LabelLocalisation, rocks: np.ndarra
 
 
 def _offsets(localisation: LabelLocalisation) -> np.ndarray:
-    """(n, 2) of the projected boxes' centres from the annotated ones, pixels."""
+    """Return offsets (n, 2) from the centres of annotated boxes to the centres of projected boxes, pixels."""
     mesh, seed = localisation.fit.projected[localisation.fit.outline], localisation.boxes[localisation.fit.box]
     return np.asarray((mesh[:, :2] + mesh[:, 2:] - seed[:, :2] - seed[:, 2:]) / 2)
 
@@ -240,10 +240,10 @@ def _offsets(localisation: LabelLocalisation) -> np.ndarray:
 def _completed(
     located: Located, positions: Sequence[str], rig: StereoRig, surveyed: Mapping[str, Pose]
 ) -> dict[str, LocalisedRig]:
-    """All positions: those that neither scans nor labels localise get the likeliest pose, which nothing proves.
+    """Add the most likely pose for each position without a confirmed pose.
 
-    It is the one that labels suggest, or else that of the survey, moved as the terrain's localised positions are.
-    Positions of terrain 13 are in no survey: they are left to the photos, unless no position has a pose then.
+    It is the pose suggested by labels or, without labels, the surveyed pose with the mean offset of the terrain's
+    localised positions. The survey does not include some positions of terrain 13: photos may localise them later.
 
     Raises
     ------
@@ -256,14 +256,14 @@ def _completed(
         if position in complete:
             continue
         if position in located.guessed:
-            log.warning("position %s: its pose is a guess by labels and meshes that nothing confirms", position)
+            log.warning("position %s: its pose is suggested by labels and meshes, but not confirmed", position)
             complete[position] = located.guessed[position]
             continue
         likely = likely_pose(position, poses) if position in surveyed else None
         if likely is None:
             log.warning("position %s: %s; photos may localise it", position, _NOTHING)
             continue
-        log.warning("position %s has neither a scan nor labels and meshes that localise it: the survey does", position)
+        log.warning("position %s has neither a scan nor enough labels and meshes: its surveyed pose is used", position)
         pose, pitch_sd = likely
         metrics = {PITCH_SD: pitch_sd, **_off_survey(position, pose, surveyed)}
         complete[position] = _localised(rig, pose, SURVEYED, metrics)
@@ -277,7 +277,7 @@ def _localised(rig: StereoRig, pose: Pose, method: str, metrics: Mapping[str, fl
 
 
 def _off_survey(position: str, pose: Pose, surveyed: Mapping[str, Pose]) -> dict[str, float]:
-    """How far a tripod stands from its surveyed position, and its heading from the nominal one."""
+    """Return distance and heading difference between a tripod and its surveyed pose."""
     if position not in surveyed:
         return {}
     yaw = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed[position])[0])

@@ -1,7 +1,7 @@
-"""Rig poses, lenses and lamps refined on photos, in which meshes shaded under the Sun lamps are found again.
+"""Refinement of rig poses, lenses and lamps: meshes shaded under the Sun lamps are matched with the photos.
 
-Scans localise tripods to the millimetres and hundredths of a degree by which a scan was registered to its camera, and
-nothing in the scans tells that error. Photos do.
+The pose of a scan relative to its camera has errors of millimetres and hundredths of a degree that scans cannot reveal,
+but photos can.
 """
 
 from __future__ import annotations
@@ -35,39 +35,39 @@ from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import read_terrain
 
-# Windows of 21 px of a shaded view are looked for up to 5 px away, one every 12 px; their correlation with the photo is
-# at least 0.6, and the noise of their position 0.4 of sqrt((1 - correlation) / bend of the correlation).
+# Windows of 21 px of a shaded view, every 12 px, are matched within 5 px. Their correlation with the photo is at least
+# 0.6, and the noise of their position is 0.4 of sqrt((1 - correlation) / second derivative of the correlation).
 WINDOW = Window(21 // 2, 5, 12, 0.6, 0.4)
-MIN_WINDOWS = 200  # positions with fewer windows found stay as located
-INDEPENDENT = 300  # windows of a view that at most count: neighbours err alike
-# What scans and the calibration are worth: how far registered scans stand off their cameras, and the calibration's
-# repeatability. Metres, radians and pixels, standard deviations on each axis.
+MIN_WINDOWS = 200  # minimum number of matched windows for the refinement of a position
+INDEPENDENT = 300  # maximum weight of a view, in windows: the errors of neighbouring windows are correlated
+# Accuracy of registered scans relative to their cameras, and repeatability of the calibration. Metres, radians and
+# pixels, standard deviations on each axis.
 PRIORS = Priors(
     pose_m=0.003, pose_rad=float(np.radians(0.1)), rig_m=0.0005, rig_rad=float(np.radians(0.02)),
     focal_px=1.5, centre_px=1.5, k1=0.003,
 )  # fmt: skip
-_MODEL_POINTS = 20_000  # of the meshes in a COLMAP model
+_MODEL_POINTS = 20_000  # maximum number of mesh vertices in a COLMAP model
 log = logging.getLogger("polarsim")
 
 
 def refine_cameras(
     *, terrain: int, located: Path, meshes: Path, photos: Path | None, cameras: Path, options: RefinementOptions
 ) -> None:
-    """Write the folder `cameras` anew: what `located` holds, poses, lenses and lamps refined where photos allow it.
+    """Write the folder `cameras`: the files of `located`, with poses, lenses and lamps refined on photos.
 
     Parameters
     ----------
     located : Path
-        Folder that `locate_cameras` wrote.
+        Output folder of `locate_cameras`.
     meshes : Path
         The terrain's meshes, in the frame of these poses.
     photos : Path or None
-        `photos.parquet`; without it, or without photos that show the meshes, everything stays as it was located.
+        `photos.parquet`; without photos that show the meshes, the poses are not changed.
 
     Raises
     ------
     FormatError
-        A mesh, pose or table is missing or broken.
+        A mesh, pose or table is missing or invalid.
     """
     localised = start = read_all_localised(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
@@ -91,7 +91,7 @@ def refine_cameras(
 
 
 def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
-    """A Sun-lit photo of about the usual exposure by position and camera, as a model's folder names it."""
+    """Return a Sun-lit photo of about the usual exposure for each position and camera, as a path from `folder`."""
     best: dict[tuple[str, str], tuple[Any, ...]] = {}
     for key, path in pictures_at(photos).items():
         rank = (key.azimuth == "no", key.light == "on", abs(math.log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key)
@@ -101,14 +101,14 @@ def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
 
 
 def model_points(vertices: np.ndarray) -> np.ndarray:
-    """At most `_MODEL_POINTS` of the vertices (n, 3), evenly through their list."""
+    """Return at most `_MODEL_POINTS` of the vertices (n, 3), evenly spaced in their list."""
     return np.asarray(vertices[:: max(1, math.ceil(len(vertices) / _MODEL_POINTS))], float)
 
 
 def _with_features(
     name: str, located: dict[str, LocalisedRig], surface: Surface, pictures: Pictures
 ) -> dict[str, LocalisedRig]:
-    """The rigs, and those of further positions whose photos share enough with theirs."""
+    """Add rigs of positions whose photos share enough features with the localised positions."""
     sure = {position: one for position, one in located.items() if not one.unproven}
     unsure = {view[0] for view in pictures} - set(sure)
     return located | (localise_by_features(name, unsure, sure, surface, pictures) if unsure else {})
@@ -117,9 +117,9 @@ def _with_features(
 def _refined(
     name: str, located: dict[str, LocalisedRig], surface: Surface, pictures: Pictures, options: RefinementOptions
 ) -> tuple[dict[str, LocalisedRig], dict[str, np.ndarray]]:
-    """Rigs and found lamps, in turn from coarse to fine.
+    """Refine rigs and lamps alternately, from coarse to fine.
 
-    Rigs whose photos match the meshes are refined; the others get the adjusted lenses alone.
+    Rigs whose photos match the meshes are refined; the remaining rigs only get the adjusted lenses.
     """
     current = located
     surveyed = lamps.surveyed_suns(located)
@@ -134,7 +134,7 @@ def _refined(
         }
         seen = _of_sure_positions(name, seen)
         if not seen:
-            log.warning("%s: photos do not match the meshes, cameras stay as they were located", name)
+            log.warning("%s: the photos do not match the meshes, the poses are not refined", name)
             return located, {}
         sure = {position: located[position] for position, _ in seen}
         lenses = scale == options.scales[-1]
@@ -144,7 +144,7 @@ def _refined(
         suns = _found_suns(name, shots_of(surface, adjusted.localised, photos, scale), surveyed, suns)
     for azimuth, lamp in suns.items():
         off_mm = 1000 * np.linalg.norm(lamp - surveyed[azimuth])
-        log.info("%s: lamp %s stands %.0f mm from its survey", name, azimuth, off_mm)
+        log.info("%s: lamp %s is %.0f mm from its surveyed position", name, azimuth, off_mm)
     return {
         position: _described(position, located[position], adjusted, seen)
         if position in sure
@@ -156,7 +156,7 @@ def _refined(
 def _sightings(
     surface: Surface, rig: LocalisedRig, camera: str, photos: Photos, scale: float, suns: Mapping[str, np.ndarray]
 ) -> Sightings:
-    """Where the photos of a view, shrunk by a scale, show points of the meshes, in pixels of the full photo."""
+    """Match mesh points with the photos of a view, shrunk by a scale; return pixels of the full photo."""
     seen = look(surface, rig.camera(camera).scaled(scale))
     points, pixels, whitening = [], [], []
     for azimuth, photo in photos.items():
@@ -171,7 +171,7 @@ def _sightings(
 def _found_suns(
     name: str, shots: Mapping[str, list[Shot]], surveyed: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """The Sun lamps whose shadows photos show, where these say that they stood; a start is what was found before."""
+    """Return refined positions of the Sun lamps with enough visible shadows, starting from previous positions."""
     suns = {}
     for azimuth in track(sorted(shots), f"lamps of {name}"):
         start = found.get(azimuth, surveyed[azimuth])
@@ -182,25 +182,25 @@ def _found_suns(
 
 
 def _of_sure_positions(name: str, seen: Mapping[PositionCamera, Sightings]) -> dict[PositionCamera, Sightings]:
-    """The sightings of the positions that have enough of them."""
+    """Select the matched points of positions with enough of them."""
     counts: Counter[str] = Counter()
     for (position, _), found in seen.items():
         counts[position] += len(found.pixels)
     for position, count in counts.items():
         if count < MIN_WINDOWS:
-            log.warning("%s, %s: %d windows of its photos match the meshes, no refinement", name, position, count)
+            log.warning("%s, %s: only %d windows of its photos match the meshes, no refinement", name, position, count)
     return {view: found for view, found in seen.items() if counts[view[0]] >= MIN_WINDOWS}
 
 
 def _offset_px(off: np.ndarray, found: Sightings) -> np.ndarray:
-    """(n,) how far windows are off, (n, 2) px, along the direction that each tells best: across its edges."""
+    """Return the offsets (n,) of windows, (n, 2) px, along the direction with the smallest error: across edges."""
     return np.abs(np.einsum("nk,nk->n", np.linalg.eigh(found.whitening)[1][:, :, 1], off))
 
 
 def _described(
     position: str, located: LocalisedRig, adjusted: Adjusted, seen: Mapping[PositionCamera, Sightings]
 ) -> LocalisedRig:
-    """The adjusted rig with how well photos and meshes agree, before and now, and its formal standard deviations."""
+    """Return the adjusted rig with offsets between photos and meshes before and after, and its standard deviations."""
     rig = adjusted.localised[position]
     own = {camera: found for (where, camera), found in seen.items() if where == position}
     before, now = (

@@ -1,4 +1,4 @@
-"""A view's pose refined on box edges: rocks are paired with boxes, the pose follows, and again."""
+"""Refinement of the pose of a view on box edges: rocks and boxes are paired and the pose is fitted, repeatedly."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ MIN_IN_VIEW = 0.5  # a rock with less of its box inside the photo is out of view
 
 @dataclass(frozen=True)
 class EdgeNoise:
-    """What a fit takes for likely."""
+    """Noise model of box edges."""
 
     edge_px: float  # standard deviation of an annotated edge
-    border_px: float  # edges this near to the photo's border are not measured
+    border_px: float  # edges within this distance of the image border are not measured
     loss: Literal["soft_l1", "cauchy"] = "soft_l1"
     loss_scale: float = 1.0
 
 
 @dataclass(frozen=True)
 class PosePrior:
-    """What is known of a pose before any box is seen: centre (metres), yaw, pitch, roll (radians)."""
+    """Prior of a pose: centre (metres), yaw, pitch, roll (radians)."""
 
     mean: np.ndarray  # (6,)
-    sd: np.ndarray  # (6,); infinite where nothing is known
+    sd: np.ndarray  # (6,); infinite for unknowns without a prior
 
     def residuals(self, unknowns: np.ndarray) -> np.ndarray:
-        """(6,) in standard deviations."""
+        """Return (6,) residuals in standard deviations."""
         off = unknowns - self.mean
         off[3:] = (off[3:] + np.pi) % (2 * np.pi) - np.pi
         return np.asarray(off / self.sd)
@@ -48,14 +48,14 @@ class PosePrior:
 
 @dataclass(frozen=True)
 class BoxFit:
-    """A pose and the pairs it rests on."""
+    """Pose, and the matched pairs of outlines and boxes."""
 
     sandbox_from_left: Pose
-    outline: np.ndarray  # (n,) numbers of outlines
-    box: np.ndarray  # (n,) numbers of boxes
-    projected: np.ndarray  # (m, 4) boxes of all outlines, cut at the border
+    outline: np.ndarray  # (n,) indices of outlines
+    box: np.ndarray  # (n,) indices of boxes
+    projected: np.ndarray  # (m, 4) boxes of all outlines, clipped at the image border
     iou: np.ndarray  # (n,)
-    in_view: int  # outlines that the photo shows
+    in_view: int  # number of outlines inside the photo
     covariance: np.ndarray  # (6, 6) of centre (metres) and yaw, pitch, roll (radians)
 
     @property
@@ -107,7 +107,7 @@ class EdgeProblem:
     noise: EdgeNoise
 
     def measured(self) -> np.ndarray:
-        """(n, 4) edges that the photo's border does not cut."""
+        """Return a mask (n, 4) of the edges that the image border does not cut."""
         far = np.array([self.lens.width, self.lens.height] * 2)
         return (self.boxes > self.noise.border_px) & (self.boxes < far - self.noise.border_px)
 
@@ -118,7 +118,7 @@ class EdgeProblem:
         return np.concatenate([edges.ravel() / self.noise.edge_px, self.prior.residuals(unknowns)])
 
     def jacobian(self, unknowns: np.ndarray) -> np.ndarray:
-        """(4 n + 6, 6): the edges move with the points that make them."""
+        """Return the derivatives (4 n + 6, 6); an edge moves with the point that defines it."""
         pose = pose_of(unknowns)
         _, points = self.outlines.edges(Camera(pose, self.lens))
         camera_from_sandbox = pose.inverse()
@@ -132,7 +132,7 @@ class EdgeProblem:
         return np.concatenate([np.nan_to_num(rows).reshape(-1, 6) / self.noise.edge_px, np.diag(1 / self.prior.sd)])
 
     def covariance(self, pose: Pose) -> np.ndarray:
-        """(6, 6) formal covariance, scaled by the robust spread of the edges where that is larger."""
+        """Return the formal covariance (6, 6), scaled by the robust spread of the edges if that is larger."""
         unknowns = unknowns_of(pose)
         residuals, jacobian = self.residuals(unknowns), self.jacobian(unknowns)
         edges = residuals[:-6]
@@ -154,18 +154,17 @@ def _solve(start: Pose, problem: EdgeProblem) -> Pose:
 
 
 def unknowns_of(pose: Pose) -> np.ndarray:
-    """(6,) centre in metres, yaw, pitch, roll in radians."""
+    """Return (6,) centre in metres, yaw, pitch, roll in radians."""
     return np.concatenate([pose.translation, yaw_pitch_roll(pose)])
 
 
 def pose_of(unknowns: np.ndarray) -> Pose:
-    """The inverse of `unknowns_of`."""
+    """Return the pose of unknowns; the inverse of `unknowns_of`."""
     return looking(unknowns[:3], *unknowns[3:])
 
 
 def _moved(from_centre: np.ndarray, pose: Pose, yaw: float) -> np.ndarray:
-    """(..., 3, 6) how points, seen from the camera, move in sandbox axes with each unknown.
-
+    """Return the derivatives (..., 3, 6) of points relative to the camera, in sandbox axes, by each unknown.
     A camera that rotates about an axis sees the world rotate the other way: -axis x point. Yaw rotates about up, pitch
     about minus the level right axis, roll about the optical axis.
     """
@@ -177,7 +176,7 @@ def _moved(from_centre: np.ndarray, pose: Pose, yaw: float) -> np.ndarray:
 
 
 def _projection_slope(lens: Lens, points: np.ndarray) -> np.ndarray:
-    """(..., 2, 3) change of the pixel with the point in the camera's frame, by central differences."""
+    """Return the derivatives (..., 2, 3) of a pixel by the point in the camera frame, by central differences."""
     step = 1e-6
     columns = [
         (lens.project(points + offset) - lens.project(points - offset)) / (2 * step) for offset in step * np.eye(3)

@@ -1,4 +1,4 @@
-"""Poses and lenses rounded before they are written: sums in threads differ in the last bits, files must not."""
+"""Rounding of poses and lenses before they are written: sums in threads differ in the last bits, files must not."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from polarsim.geometry.stereo import StereoRig
 
 
 def rounded(pose: Pose) -> Pose:
-    """To 1e-6 m and 1e-7 rad."""
+    """Round to 1e-6 m and 1e-7 rad."""
     rotvec = np.round(Rotation.from_matrix(pose.rotation).as_rotvec(), 7)
     return Pose.from_rotvec(rotvec, np.round(pose.translation, 6) + 0.0)
 
 
 def rounded_rig(rig: StereoRig) -> StereoRig:
-    """To 1e-4 px, 1e-7 in the distortion, and the pose between the cameras as `rounded`."""
+    """Round to 1e-4 px, 1e-7 in the distortion, and the pose between the cameras as `rounded`."""
     return StereoRig(_rounded_lens(rig.left), _rounded_lens(rig.right), rounded(rig.left_from_right))
 
 
 def rounded_metrics(metrics: dict[str, float]) -> dict[str, float]:
-    """Metrics of a fit, to six digits."""
+    """Round metrics of a fit to six digits."""
     return {name: float(f"{value:.6g}") for name, value in metrics.items()}
 
 

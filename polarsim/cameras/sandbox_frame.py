@@ -1,10 +1,9 @@
-"""The sandbox frame of aligned scans.
+"""Sandbox frame of aligned scans.
 
-What scans alone leave open is settled so: +Z is the normal of a robust plane through the whole sand, and z = 0 its
-height at the origin. Origin and heading come from the box: its inner walls lie at +-`SANDBOX_HALF_WIDTH` along X and
-Y, and the survey says which wall is which: they are looked for about where the tripods put them, by the rotation and
-translation that best lay these on their surveyed positions and headings. Where fewer than two walls at right angles are
-seen, that is the frame.
++Z is the normal of a robust plane through all sand, and z = 0 is the height of this plane at the origin. Origin and
+heading are computed from the box: its inner walls are at +-`SANDBOX_HALF_WIDTH` along X and Y. The walls are searched
+near their expected places in the frame that best maps the tripods to their surveyed positions and headings. If the
+scans do not show two walls at right angles, the frame of the survey is used.
 """
 
 from __future__ import annotations
@@ -20,28 +19,28 @@ from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 
-GROUND_STEP = 0.04  # metres: cells that weigh alike in the ground's plane
+GROUND_STEP = 0.04  # metres: side of the cells with equal weight in the fit of the ground plane
 GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04]
-GROUND_SHARE = 0.9  # of the half width: beyond it sand piles up at the walls
+GROUND_SHARE = 0.9  # of the half width; sand piles up near the walls
 
-WALL_BAND = (0.06, SURELY_WALL)  # metres above the sand in which a wall is looked for: no foot, no top edge
-WALL_SLACK = 0.6  # metres that a wall may be off its position before the frame is known
-WALL_UPRIGHT = 0.3  # |z| of the normal of a wall, at most
-WALL_FACING = 0.95  # cosine between a wall's normal and the axis
-WALL_THICK = 0.03  # metres about the wall's plane that count as it
+WALL_BAND = (0.06, SURELY_WALL)  # metres above the sand between which walls are searched, without foot and top edge
+WALL_SLACK = 0.6  # maximum distance of a wall from its expected place, metres
+WALL_UPRIGHT = 0.3  # maximum |z| of the normal of a wall
+WALL_FACING = 0.95  # minimum cosine between the normal of a wall and the axis
+WALL_THICK = 0.03  # metres from the plane of a wall within which points belong to the wall
 WALL_BIN = 0.01  # metres
-WALL_LENGTH = 1.0  # metres of wall that must be seen, in all
-WALL_CELL = 0.05  # metres: pieces of wall that are counted for that
+WALL_LENGTH = 1.0  # minimum total length of the visible parts of a wall, metres
+WALL_CELL = 0.05  # metres: size of the pieces of wall that are counted for the length
 
-TRIPOD_SD, HEADING_SD = 0.3, np.radians(3.0)  # of the survey
+TRIPOD_SD, HEADING_SD = 0.3, np.radians(3.0)  # standard deviations of the survey, metres and radians
 
 
 @dataclass(frozen=True)
 class SandboxFrame:
-    """`sandbox_from_level`, and what it rests on."""
+    """`sandbox_from_level`, and the number of walls from which it was computed."""
 
     sandbox_from_level: Pose
-    walls: int  # inner walls that were found; 0: the survey alone
+    walls: int  # inner walls that were detected; 0: survey only
 
 
 def find_sandbox_frame(
@@ -50,9 +49,10 @@ def find_sandbox_frame(
     level_from_left: Mapping[str, Pose],
     stations: Mapping[str, Pose],
 ) -> SandboxFrame:
-    """The sandbox frame from scans (n, 3) and their normals (n, 3) in one nearly level frame near it.
+    """Compute the sandbox frame from scans (n, 3) and normals (n, 3) in a common, nearly level frame.
 
-    `stations` are `sandbox_from_left` as surveyed, by position; none: origin and heading stay, unless walls tell them.
+    `stations` are the surveyed `sandbox_from_left` by position. Without them, origin and heading change only if walls
+    are detected.
     """
     all_points = np.concatenate([points[position] for position in sorted(points)])
     all_normals = np.concatenate([normals[position] for position in sorted(points)])
@@ -64,7 +64,7 @@ def find_sandbox_frame(
         settled = _from_walls(rotated, walls) @ settled
     else:
         walls = []
-    # The plane's height is meant at the origin, which has moved since; its slope is nil, so any point will do.
+    # The plane's height is defined at the origin, which has moved; the plane is level, so that any point is suitable.
     ground = _ground(settled.apply(all_points))
     down = Pose(np.eye(3), np.array([0, 0, -ground[2]]))
     return SandboxFrame(down @ settled, len(walls))
@@ -72,7 +72,7 @@ def find_sandbox_frame(
 
 @dataclass(frozen=True)
 class _Wall:
-    """An inner wall: along x (axis 0) or y (1), at the low (-1) or high (+1) end, and its points."""
+    """Inner wall along x (axis 0) or y (1), at the low (-1) or high (+1) end, and its points."""
 
     axis: int
     side: int
@@ -80,7 +80,7 @@ class _Wall:
 
 
 def _ground(points: np.ndarray) -> np.ndarray:
-    """(3,) z = a x + b y + c through the sand."""
+    """Return (3,) coefficients of the plane z = a x + b y + c through the sand."""
     reach = GROUND_SHARE * SANDBOX_HALF_WIDTH
     heights = height_map(points[np.abs(points[:, 2]) < 0.6], reach, GROUND_STEP).height
     row, column = np.nonzero(np.isfinite(heights))
@@ -90,7 +90,7 @@ def _ground(points: np.ndarray) -> np.ndarray:
 
 
 def _walls(points: np.ndarray, normals: np.ndarray) -> list[_Wall]:
-    """Inner walls of a box that is rotated by at most half a right angle."""
+    """Return the inner walls of a box that is rotated by at most 45 degrees."""
     outer = np.abs(points[:, :2]).max(axis=1)
     likely = (
         (points[:, 2] > WALL_BAND[0])
@@ -118,7 +118,7 @@ def _walls(points: np.ndarray, normals: np.ndarray) -> list[_Wall]:
 
 
 def _peak(values: np.ndarray) -> np.ndarray:
-    """True for values about the fullest bin."""
+    """Return a mask of the values near the fullest bin."""
     if not len(values):
         return np.zeros(0, bool)
     bins = np.floor(values / WALL_BIN).astype(int)
@@ -129,7 +129,7 @@ def _peak(values: np.ndarray) -> np.ndarray:
 
 
 def _from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
-    """Pose that lays the walls on their stated lines; opposite walls may both be off by half the box's error."""
+    """Fit the pose that maps the walls to their nominal lines; both half widths of the box are unknowns."""
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         moved = _flat(unknowns)
@@ -138,8 +138,8 @@ def _from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
             off = moved.apply(points[wall.rows])[:, wall.axis] - wall.side * (
                 SANDBOX_HALF_WIDTH + unknowns[3 + wall.axis]
             )
-            parts.append(off / np.sqrt(len(off)))  # every wall weighs alike
-        # The box's true half widths are free where both ends are seen, and held by this where one is.
+            parts.append(off / np.sqrt(len(off)))  # equal weight for every wall
+        # The half widths are free if both opposite walls are visible; otherwise this term fixes them.
         return np.concatenate([*parts, 1e-3 * unknowns[3:]])
 
     found = least_squares(residuals, np.zeros(5), loss="soft_l1", f_scale=0.01, x_scale=[0.01, 0.1, 0.1, 0.1, 0.1])
@@ -167,5 +167,5 @@ def _from_survey(level_from_left: Mapping[str, Pose], stations: Mapping[str, Pos
 
 
 def _flat(unknowns: np.ndarray) -> Pose:
-    """Rotation about +Z and translation along X and Y."""
+    """Return a rotation about +Z and a translation along X and Y."""
     return Pose.from_rotvec(np.array([0, 0, unknowns[0]]), np.array([unknowns[1], unknowns[2], 0.0]))

@@ -1,4 +1,4 @@
-"""All scans of a terrain brought together: each levelled on its sand, pairs found by relief, then aligned jointly."""
+"""Registration of all scans of a terrain: levelling on the sand, pairwise search by relief, joint alignment."""
 
 from __future__ import annotations
 
@@ -15,59 +15,59 @@ from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, looking
 from polarsim.survey import NOMINAL_PITCH_DEG
 
-SCAN_RADIUS = 3.2  # metres about the terrain's centre: beyond it scans show the hall
-VOXEL = 0.012  # metres: grid to which scans are thinned for the last alignment
-MAP_STEP = 0.02  # metres: grid of the height maps that are correlated
-YAW_RANGE_DEG, YAW_STEP_DEG = 15.0, 1.0  # of the search between two scans: the survey tells yaw to some degrees
+SCAN_RADIUS = 3.2  # metres from the terrain's centre; points farther out belong to the hall
+VOXEL = 0.012  # metres: grid of the thinned scans for the joint alignment
+MAP_STEP = 0.02  # metres: grid of the correlated height maps
+YAW_RANGE_DEG, YAW_STEP_DEG = 15.0, 1.0  # of the search between two scans; the survey is accurate to a few degrees
 TRANSLATION_RANGE = 1.0  # metres along x and y of the same search
-CANDIDATES = 5  # best correlations that are tried by ICP
-SAME_SURFACE = 0.01  # metres: points of two scans nearer than this lie on one surface
+CANDIDATES = 5  # number of correlation peaks that are refined by ICP
+SAME_SURFACE = 0.01  # metres: maximum distance between points of two scans on the same surface
 MIN_FITNESS = 0.5  # part of the overlap that must agree between scans
-MIN_LIKENESS = 0.5  # correlation of relief below which two scans show different terrains; 0.9 is usual
-SAND_REACH = 1.6  # metres about the centre where a scan shows sand and rocks only, for all errors of the survey
-SAND_SCALES = [0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]  # metres: what belongs to the sand, ever closer
+MIN_LIKENESS = 0.5  # minimum correlation of relief between scans of the same terrain; 0.9 is usual
+SAND_REACH = 1.6  # metres from the centre: scans show only sand and rocks there, despite the errors of the survey
+SAND_SCALES = [0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]  # metres: scales of the robust fit of the sand
 MIN_SAND_POINTS = 1000
 MIN_SAND_AREA = 1.0  # square metres: scans of the analog show 5 to 11
-LEAST_RELIEF = 0.005  # metres, standard deviation: two flatter scans look alike whatever they show
-HEIGHT_REACH = 1.0  # metres about the sand's level: above are curtains and stands
-LEVEL, FLAT = 0.2, 0.8  # metres about the sand's level, and |z| of normals, of what counts as sand near the walls
+LEAST_RELIEF = 0.005  # minimum standard deviation, metres: the relief of flatter scans cannot be compared
+HEIGHT_REACH = 1.0  # metres from the sand's level; curtains and stands are higher
+LEVEL, FLAT = 0.2, 0.8  # sand near the walls: maximum |z|, metres, and minimum |z| of normals
 COARSE_VOXELS = [0.04, 0.02]  # metres
-AGREE = 0.015  # metres between heights of one cell in two scans
-GUESSED_POSITION = np.array([3.6, 0.0, 1.55])  # metres: of a position that the survey does not have
+AGREE = 0.015  # maximum height difference in a cell of two scans that agree, metres
+GUESSED_POSITION = np.array([3.6, 0.0, 1.55])  # metres: start for a position that was not surveyed
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two scans laid on each other."""
+    """Two aligned scans."""
 
     fixed: str
     moving: str
     alignment: icp.Alignment
-    agreement: float  # part of the shared ground whose heights agree
+    agreement: float  # share of the common ground with equal heights
 
 
 @dataclass(frozen=True)
 class Network:
-    """Scans in one level frame; `level_from_left` of every position that has one."""
+    """Scans in a common level frame; `level_from_left` of every registered position."""
 
     level_from_left: dict[str, Pose]
     pairs: list[Pair]
-    covariances: dict[str, np.ndarray]  # (6, 6) rotation, translation; level frame, the scans' mean held
+    covariances: dict[str, np.ndarray]  # (6, 6) rotation, translation; level frame, relative to the mean of the scans
     points: dict[str, np.ndarray]  # (n, 3) thinned, in the level frame
     normals: dict[str, np.ndarray]  # (n, 3)
-    refused: list[RegistrationError]  # of scans that are not of this terrain, and therefore in none of the above
+    refused: list[RegistrationError]  # reasons for the scans that were excluded
 
 
 @dataclass(frozen=True)
 class _Levelled:
-    """A scan near the sandbox frame, on grids from coarse to fine."""
+    """Scan near the sandbox frame, on grids from coarse to fine."""
 
     level_from_left: Pose
     coarse: list[icp.Surface]
     fine: icp.Surface
 
     def sand(self) -> icp.Surface:
-        """The fine grid without walls: they have two sides, and cloth on them hangs otherwise in every scan."""
+        """Return the fine grid without walls: they have two sides, and the cloth on them moves between scans."""
         points, normals = self.fine.points, self.fine.normals
         inside = (np.abs(points[:, :2]) < SAND_REACH).all(axis=1)
         level = (np.abs(points[:, 2]) < LEVEL) & (np.abs(normals[:, 2]) > FLAT)
@@ -75,23 +75,23 @@ class _Levelled:
 
 
 def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]) -> Network:
-    """Lay the scans of a terrain on each other, without those that show no sand or another terrain than most.
+    """Register the scans of a terrain, without scans that show no sand or another terrain than the majority.
 
     Parameters
     ----------
     scans : position -> (n, 3) float
-        Points in the left camera's frame of their position, metres.
+        Points in the left camera frame of each position, metres.
     stations : position -> Pose
-        `sandbox_from_left` as surveyed; positions without one are taken to stand alike, before the terrain.
+        Surveyed `sandbox_from_left`; positions without a survey start from the same pose in front of the terrain.
 
     Raises
     ------
     RegistrationError
-        No scan shows sand where the survey has it, two scans are copies, or no more than half of them agree.
+        No scan shows enough sand, two scans are copies, or at most half of the scans agree.
     """
     for one, other in combinations(sorted(scans), 2):
         if np.array_equal(scans[one], scans[other]):
-            raise RegistrationError(f"the scans of positions {one} and {other} are copies: the same points in both")
+            raise RegistrationError(f"the scans of positions {one} and {other} are identical: replace one by its scan")
     levelled, sandless = _all_levelled(scans, stations)
     reference, start, strange = _majority(levelled)
     levelled = {position: scan for position, scan in levelled.items() if position in start}
@@ -114,7 +114,7 @@ def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
 def _all_levelled(
     scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
 ) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
-    """The scans that show sand, and why others do not."""
+    """Level the scans, and return the scans that show sand and the reasons for the rest."""
     levelled, refused = {}, []
     for position, points in sorted(scans.items()):
         try:
@@ -127,9 +127,9 @@ def _all_levelled(
 
 
 def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], list[RegistrationError]]:
-    """A scan that more than half of all agree with, those by their `reference_from_own`, and why others do not.
+    """Return a reference, the poses `reference_from_own` of the scans that agree with it, and reasons for the rest.
 
-    The scan with most points is asked first.
+    More than half of the scans must agree with the reference. Scans are tried in the order of their number of points.
     """
     first: RegistrationError | None = None
     for reference in sorted(levelled, key=lambda position: (-len(levelled[position].fine.points), position)):
@@ -143,17 +143,20 @@ def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], 
         if len(start) > len(levelled) / 2:
             return reference, start, refused
         first = first or refused[0]
-    assert first is not None  # a scan alone agrees with itself
+    assert first is not None  # a single scan agrees with itself
     raise first
 
 
 def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> Pose:
-    """Near-sandbox frame from a scan's left frame: survey for position and heading, the sand for tilt and height."""
+    """Return `level_from_left`: position and heading from the survey, tilt and height from the sand."""
     guess = stations.get(position) or looking(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
     seen = guess.apply(points)
     sand = seen[(np.abs(seen[:, :2]) < SAND_REACH).all(axis=1)]
     if len(sand) < MIN_SAND_POINTS:
-        raise RegistrationError(f"the scan of position {position} has {len(sand)} points where the sand should be")
+        raise RegistrationError(
+            f"the scan of position {position} has {len(sand)} points within {SAND_REACH:g} m of the centre, "
+            f"{MIN_SAND_POINTS} needed"
+        )
     thin = sand[:: max(1, len(sand) // 100_000)]
     return level_from(tracked_plane(thin, np.array([0, 0, np.median(thin[:, 2])]), SAND_SCALES)) @ guess
 
@@ -168,20 +171,20 @@ def _levelled(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -
     if area < MIN_SAND_AREA:
         raise RegistrationError(
             f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the centre, "
-            f"{MIN_SAND_AREA:g} m2 needed: walls alone localise no camera"
+            f"{MIN_SAND_AREA:g} m2 needed: walls do not suffice for a registration"
         )
     fine = icp.surface(near, viewpoint, VOXEL)
     return _Levelled(level_from_left, [icp.surface(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine)
 
 
 def _sand_area(coarse: icp.Surface) -> float:
-    """Square metres of level surface about the centre, by a scan on the coarsest grid."""
+    """Return the area of level surface near the centre, square metres, on the coarsest grid."""
     sand = (np.abs(coarse.points) < [SAND_REACH, SAND_REACH, LEVEL]).all(axis=1) & (np.abs(coarse.normals[:, 2]) > FLAT)
     return float(sand.sum() * COARSE_VOXELS[0] ** 2)
 
 
 def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> Pose:
-    """`fixed_from_moving`: the best of several candidates, each tried on the coarse grids."""
+    """Return `fixed_from_moving`, the best of several candidates, each refined on the coarse grids."""
     first, second = levelled[fixed], levelled[moving]
     farthest = np.radians(YAW_RANGE_DEG)
     yaws = np.linspace(-farthest, farthest, 2 * round(YAW_RANGE_DEG / YAW_STEP_DEG) + 1)
@@ -210,7 +213,7 @@ def _measured(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Level
 
 
 def _likeness(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:
-    """Correlation of the relief that both scans show of the sand; 1 where there is too little to tell."""
+    """Return the correlation of the sand's relief in both scans; 1 if the relief is too flat."""
     moved = fixed_from_moving.apply(moving.fine.points)
     return relief_correlation(fixed.fine.points, moved, SAND_REACH, MAP_STEP, LEAST_RELIEF)
 

@@ -1,8 +1,9 @@
-"""A view's pose from boxes and meshes with no start: every pairing of a rock with a box, from every likely position.
+"""Search for the pose of a view from boxes and meshes without a start.
 
-From a given position and with a level camera, exactly one yaw and pitch puts the centre of a rock on the centre of a
-box. So positions on a coarse grid, times all pairs, hold a hypothesis near the truth; it shows by how many other rocks
-then meet a box of their size. Directions and sizes are compared as on a plane at distance 1, without distortion.
+From a given position and with a level camera, exactly one yaw and pitch projects the centre of a rock onto the centre
+of a box. Therefore a coarse grid of positions, times all pairs of rock and box, contains a hypothesis near the true
+pose. Its score is the number of other rocks that coincide with a box of their size. Directions and sizes are compared
+on a plane at distance 1, without distortion.
 """
 
 from __future__ import annotations
@@ -15,22 +16,22 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, looking
 
-DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: steps of the search for a position
+DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: grid of tried positions
 AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG = 12.0, 4.0  # of the search about the surveyed azimuth
-SEARCH_SD_PX = 40.0  # tolerance of box centres: about what a step moves them by
-DISTANCE_RANGE = (1.0, 7.0)  # metres from the origin at which a tripod is tried, horizontally
-HEIGHT_RANGE = (0.8, 2.0)  # metres above the median rock at which a camera is tried
-STARTS = 25  # best hypotheses that are refined
+SEARCH_SD_PX = 40.0  # tolerance of box centres: about their displacement by a step
+DISTANCE_RANGE = (1.0, 7.0)  # horizontal distance of a tripod from the origin, metres
+HEIGHT_RANGE = (0.8, 2.0)  # height of a camera above the median rock, metres
+STARTS = 25  # maximum number of hypotheses that are refined
 SIZE_SD = 0.5  # tolerance of log width and log height
-PITCH = np.radians([2.0, 60.0])  # of any sensible camera here, downwards
-YAW_OFF_ORIGIN = np.radians(25.0)  # the camera looks at the terrain
-TWIN_DISTANCE, TWIN_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are one
-BEST_OF_A_POSITION = 20  # hypotheses that one position may keep
+PITCH = np.radians([2.0, 60.0])  # minimum and maximum, downwards
+YAW_OFF_ORIGIN = np.radians(25.0)  # maximum angle between the optical axis and the terrain's centre
+TWIN_DISTANCE, TWIN_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are duplicates
+BEST_OF_A_POSITION = 20  # maximum number of hypotheses of a position
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A level camera and how many rocks it seems to explain."""
+    """Level camera, and about how many rocks coincide with boxes."""
 
     centre: np.ndarray  # (3,) metres
     yaw: float
@@ -43,12 +44,12 @@ class Hypothesis:
 
 
 def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
-    """(n, 3) positions to try.
+    """Return positions (n, 3) to try.
 
     Parameters
     ----------
     azimuth : float or None
-        Where the tripod stands, seen from the origin, radians; None tries the full circle.
+        Azimuth of the tripod from the origin, radians; None tries the full circle.
     level : float
         Height of the scene, metres.
     """
@@ -63,12 +64,12 @@ def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
 
 
 def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray) -> list[Hypothesis]:
-    """The best hypotheses that differ from one another, best first.
+    """Return the best distinct hypotheses, best first.
 
     Parameters
     ----------
     outlines : Outlines
-        Of all rocks with a mesh.
+        Outlines of all rocks with a mesh.
     boxes : (b, 4) float
         Rock boxes of the view, pixels.
     centres : (n, 3) float
@@ -86,7 +87,7 @@ def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.n
 
 @dataclass(frozen=True)
 class _SeenBoxes:
-    """Boxes on the plane at distance 1: centres (b, 2), log sizes (b, 2), and the plane's tolerance."""
+    """Boxes on the plane at distance 1: centres (b, 2), log sizes (b, 2), and the tolerance on the plane."""
 
     centre: np.ndarray
     log_size: np.ndarray
@@ -102,7 +103,7 @@ class _SeenBoxes:
         return cls(lens.directions(centre_px)[:, :2], np.log(np.stack([width, height], axis=1)), sd_px / lens.fx)
 
     def features(self) -> np.ndarray:
-        """(b, 4) so scaled that squared distances are the search's chi squared."""
+        """Return (b, 4) features, scaled so that squared distances are the chi squared of the search."""
         return np.concatenate([self.centre / self.sd, self.log_size / SIZE_SD], axis=1)
 
 
@@ -126,7 +127,7 @@ def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> 
 
 
 def _rocks_from(home: Pose, outlines: Outlines) -> tuple[np.ndarray, np.ndarray]:
-    """Sandbox directions (m, 3) of the centres of the rocks' boxes, and their log sizes (m, 2) as if on the axis."""
+    """Return sandbox directions (m, 3) of the centres of the rocks' boxes, and log sizes (m, 2) as if on the axis."""
     upper, whole = (home.inverse().apply(points) for points in (outlines.upper, outlines.whole))
     x, y = upper[..., 0] / upper[..., 2], whole[..., 1] / whole[..., 2]
     low, high = np.stack([x.min(1), y.min(1)], axis=1), np.stack([x.max(1), y.max(1)], axis=1)
@@ -139,15 +140,15 @@ def _rocks_from(home: Pose, outlines: Outlines) -> tuple[np.ndarray, np.ndarray]
 
 
 def _log_stretch(points: np.ndarray) -> np.ndarray:
-    """Log of how much larger things appear on the plane off the axis: mean of the radial and tangential stretch."""
+    """Return the log of the magnification on the plane off the axis: mean of the radial and tangential stretch."""
     return np.asarray(0.75 * np.log(1 + (points[..., :2] ** 2).sum(axis=-1)))
 
 
 def _aimed(directions: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Yaw and pitch (n,) of the level camera that sees unit sandbox directions (n, 3) at centres (n, 2)."""
+    """Return yaw and pitch (n,) of the level camera that projects unit sandbox directions (n, 3) to centres (n, 2)."""
     reach = np.sqrt(1 + (centre**2).sum(axis=1))
     right, down, forward = centre[:, 0] / reach, centre[:, 1] / reach, 1 / reach
-    with np.errstate(invalid="ignore"):  # no pitch reaches a direction that is too steep
+    with np.errstate(invalid="ignore"):  # NaN for directions that are too steep for any pitch
         pitch = np.arcsin(-directions[:, 2] / np.hypot(down, forward)) - np.arctan2(down, forward)
     ahead = np.cos(pitch) * forward - np.sin(pitch) * down
     return np.arctan2(directions[:, 1], directions[:, 0]) + np.arctan2(right, ahead), pitch
@@ -156,7 +157,7 @@ def _aimed(directions: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.n
 def _scores(
     yaw: np.ndarray, pitch: np.ndarray, directions: np.ndarray, log_size: np.ndarray, seen: _SeenBoxes
 ) -> np.ndarray:
-    """(n,) sum over rocks of exp(-chi squared / 2) of the best box."""
+    """Return the sum (n,) over rocks of exp(-chi squared / 2) of the best box."""
     cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
     right = np.stack([sy, -cy, np.zeros_like(sy)], axis=1)
     down = np.stack([-sp * cy, -sp * sy, -cp], axis=1)
@@ -168,7 +169,7 @@ def _scores(
     size = np.where(np.isfinite(log_size), log_size, 0)[None] + _log_stretch(projected)[..., None]
     rocks = np.concatenate([projected / seen.sd, size / SIZE_SD], axis=-1)  # (n, m, 4)
     boxes = seen.features()
-    # Squared distances by the binomial formula: one matrix product.
+    # Squared distances by the binomial formula need only one matrix product.
     part = (boxes**2).sum(axis=1) - 2 * rocks.reshape(-1, 4) @ boxes.T
     chi2 = (rocks**2).sum(axis=-1) + part.min(axis=1).reshape(rocks.shape[:2])
     return np.where(behind, 0, np.exp(-chi2 / 2)).sum(axis=1)
@@ -183,5 +184,5 @@ def _twins(first: Hypothesis, second: Hypothesis) -> bool:
 
 
 def _steps(low: float, high: float, step: float) -> np.ndarray:
-    """From low to high inclusive."""
+    """Return values from low to high inclusive."""
     return low + step * np.arange(int(np.floor((high - low) / step + 1e-9)) + 1)

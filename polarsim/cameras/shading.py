@@ -1,6 +1,7 @@
-"""What a view shows of a terrain's meshes under one lamp at a time, plainly shaded: enough to find it again in photos.
+"""Simple shading of a terrain's meshes in a view under one lamp at a time, for matching with photos.
 
-Matte surfaces without texture or indirect light. The renderer does better, and may be edited without moving a camera.
+Surfaces are matte, without texture and indirect light. The renderer is more accurate, but changes of the renderer must
+not move cameras.
 """
 
 from __future__ import annotations
@@ -17,28 +18,28 @@ from polarsim.run_files.scene import TerrainMesh
 
 @dataclass(frozen=True)
 class Surface:
-    """Triangles ready for rays, with a normal for each."""
+    """Triangles prepared for ray casts, with a normal for each."""
 
     rays: Caster
-    normals: np.ndarray  # (f, 3) float32, the mean of the corners' smooth ones
+    normals: np.ndarray  # (f, 3) float32, means of the smooth normals of the corners
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What the rays of a view's pixels meet."""
+    """Ray hits of the pixels of a view."""
 
     surface: Surface
-    points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres; NaN where nothing is met
-    point: np.ndarray  # (n, 3) the same of the pixels that meet something
-    normal: np.ndarray  # (n, 3) float32, to the side that is seen
+    points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres; NaN for rays without a hit
+    point: np.ndarray  # (n, 3) the points of the pixels with a hit
+    normal: np.ndarray  # (n, 3) float32, towards the camera
 
     @property
     def hit(self) -> np.ndarray:
-        """(h, w) bool: pixels whose rays meet a surface."""
+        """Mask (h, w) of pixels with a hit."""
         return np.isfinite(self.points[..., 0])
 
     def under(self, lamp: np.ndarray) -> np.ndarray:
-        """(h, w) float32 brightness under a point light at (3,), sandbox frame, metres; zero where no light falls."""
+        """Return the brightness (h, w) float32 under a point light at (3,), sandbox frame, metres; zero in shadow."""
         to_lamp = lamp.astype(np.float32) - self.point
         square = np.einsum("nk,nk->n", to_lamp, to_lamp)
         light = np.einsum("nk,nk->n", self.normal, to_lamp) / square**1.5  # cosine over distance squared

@@ -1,7 +1,7 @@
-"""The sandbox frame of a terrain that nobody surveyed: its small box of sand stands by itself on the floor.
+"""Sandbox frame of a terrain without survey, from the small box of sand on the floor.
 
-Seen from above the box is a square of known size that lies higher than the floor around it, with upright sides. Its
-middle is the origin, its sand z = 0, +Z the floor's normal, and +X points to that side of it which faces the cameras.
+In a height map, the box is a raised square of known size with upright sides. Its centre is the origin, the sand is at
+z = 0, +Z is the normal of the floor, and +X points to the side that faces the cameras.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from polarsim.cameras.heightmaps import height_map
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose
 
-REACH, STEP = 3.0, 0.02  # metres about the origin that are searched, and side of a cell
-LEAST_HEIGHT = 0.08  # metres above the floor at which a box begins
-GAP = 0.06  # metres: what a rock or a wall hides of the box is bridged
-SIZE_SLACK = 0.3  # of its stated width, by which a side of the square may be off
-SQUARE = 0.8  # least share of its rectangle that it fills
-SAND_SHARE = 0.8  # of the half width: beyond it walls stand and sand piles up
-SCALES = [0.10, 0.08, 0.06, 0.05, 0.04, 0.03, 0.03, 0.03]  # metres: what belongs to floor or sand, ever closer
+REACH, STEP = 3.0, 0.02  # half side of the searched square about the origin, and side of a cell, metres
+LEAST_HEIGHT = 0.08  # minimum height of the box above the floor, metres
+GAP = 0.06  # maximum width of closed gaps, metres; rocks and walls occlude parts of the box
+SIZE_SLACK = 0.3  # maximum relative error of a side of the square
+SQUARE = 0.8  # minimum share of the bounding rectangle that the square covers
+SAND_SHARE = 0.8  # of the half width; farther out are walls and piles of sand
+SCALES = [0.10, 0.08, 0.06, 0.05, 0.04, 0.03, 0.03, 0.03]  # metres: scales of the robust fits of floor and sand
 
 
 def small_box_frame(points: np.ndarray, half_width: float, cameras: Iterable[Pose]) -> Pose | None:
-    """`sandbox_from_level` of scans (n, 3) in a level frame, metres; None where no such square stands on the floor.
+    """Return `sandbox_from_level` from scans (n, 3) in a level frame, metres; None if there is no such square.
 
     Parameters
     ----------
     half_width : float
-        Of the box, metres.
+        Half the width of the box, metres.
     cameras
-        `level_from_left` of the scans' positions.
+        `level_from_left` of the scanned positions.
     """
     upright = _level_floor(points)
     points = upright.apply(points)
@@ -41,7 +41,7 @@ def small_box_frame(points: np.ndarray, half_width: float, cameras: Iterable[Pos
         return None
     home = Pose.from_rotvec(np.array([0, 0, -heading]), np.zeros(3)) @ Pose(np.eye(3), -np.append(centre, 0.0))
     forward = sum(((home @ upright @ pose).rotation @ [0.0, 0.0, 1.0] for pose in cameras), np.zeros(3))
-    quarters = round((np.pi - np.arctan2(forward[1], forward[0])) / (np.pi / 2))  # cameras look along -X
+    quarters = round((np.pi - np.arctan2(forward[1], forward[0])) / (np.pi / 2))  # optical axes along -X
     home = Pose.from_rotvec(np.array([0, 0, quarters * np.pi / 2]), np.zeros(3)) @ home
     moved = home.apply(points)
     sand = moved[(np.abs(moved[:, :2]) < SAND_SHARE * half_width).all(axis=1)]
@@ -50,9 +50,9 @@ def small_box_frame(points: np.ndarray, half_width: float, cameras: Iterable[Pos
 
 
 def _level_floor(points: np.ndarray) -> Pose:
-    """The rotation and translation that make the floor level, at z = 0.
+    """Return the rotation and translation that make the floor level, at z = 0.
 
-    The sand of a small box would tell it worse: its relief tilts a plane by a degree.
+    The sand of a small box is less accurate: its relief tilts a plane by a degree.
     """
     near = points[(np.abs(points[:, :2]) < REACH).all(axis=1)]
     floor = _floor(height_map(points, REACH, STEP).height)
@@ -60,12 +60,12 @@ def _level_floor(points: np.ndarray) -> Pose:
 
 
 def _square(heights: np.ndarray, half_width: float) -> tuple[np.ndarray | None, float]:
-    """Centre (2,) of the box on a map of heights, and the heading of one of its sides, radians."""
+    """Return the centre (2,) of the box in a height map, and the heading of a side, radians."""
     import cv2
 
     raised = np.nan_to_num(heights, nan=-np.inf) > _floor(heights) + LEAST_HEIGHT
     raised = ndimage.binary_closing(raised, np.ones((3, 3), bool), iterations=round(GAP / STEP / 2))
-    raised = ndimage.binary_opening(raised, np.ones((5, 5), bool))  # cuts off what leans on the box
+    raised = ndimage.binary_opening(raised, np.ones((5, 5), bool))  # removes objects that lean on the box
     parts, _ = ndimage.label(raised)
     best: tuple[float, np.ndarray | None, float] = (np.inf, None, 0.0)
     for number, window in enumerate(ndimage.find_objects(parts), 1):
@@ -80,9 +80,9 @@ def _square(heights: np.ndarray, half_width: float) -> tuple[np.ndarray | None, 
 
 
 def _by_area(cells: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre (2,) and heading of a side, radians, of a square of cells (n, 2): by its area, for its edges are ragged.
+    """Return centre (2,) and heading of a side, radians, of a square of cells (n, 2), by area because edges are ragged.
 
-    About its centre the fourth moment of a square along the axes, the sum of (x + iy)^4, is real and below 0.
+    The fourth moment of a square about its centre, the sum of (x + iy)^4, is real and negative in its axes.
     """
     centre = cells.mean(axis=0)
     x, y = (cells - centre).T
@@ -90,7 +90,7 @@ def _by_area(cells: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _floor(heights: np.ndarray) -> float:
-    """The floor's height: the fullest of bins of 2 cm."""
+    """Return the height of the floor: the centre of the fullest bin of 2 cm."""
     known = heights[np.isfinite(heights)]
     bins = np.floor(known / STEP).astype(int)
     return float((np.bincount(bins - bins.min()).argmax() + bins.min() + 0.5) * STEP)

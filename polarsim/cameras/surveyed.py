@@ -1,4 +1,4 @@
-"""Poses as the survey has them: starts, priors, and the last resort of a position that nothing else localises."""
+"""Surveyed poses: starts, priors, and poses of positions without scans and labels."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from polarsim import survey
 from polarsim.geometry.poses import Pose, looking, surveyed_pose, yaw_pitch_roll
 
-# The rig was tilted anew for C; from A to B it only moved back: on six terrains their pitches of 21.8 to 28.4 degrees
-# differ by 1.1 at most.
+# The rig was tilted again for C, but only moved back from A to B: on six terrains the pitches of A and B, 21.8 to 28.4
+# degrees, differ by at most 1.1 degrees.
 SAME_TILT = {"A": "B", "B": "A"}
 USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG = 25.4, 2.3  # downwards, mean and standard deviation of 18 localised positions
-SHARED_PITCH_SD_DEG = 0.8  # of A about B
+SHARED_PITCH_SD_DEG = 0.8  # of the difference between A and B
 
 
 def stations(terrain: int) -> dict[str, Pose]:
-    """`sandbox_from_left` of the nominal stations of a terrain by position; none where nobody surveyed them."""
+    """Return `sandbox_from_left` of the nominal stations by position; empty for terrains without survey."""
     if not survey.is_surveyed(terrain):
         return {}
     return {position: pose for position in survey.SURVEYED_LEFT if (pose := surveyed_pose(position)) is not None}
 
 
 def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
-    """The surveyed pose, moved as the terrain's other positions stand off theirs (mean offset; no rotation).
+    """Return the surveyed pose, translated by the mean offset of the other positions from their surveyed poses.
 
-    Every terrain has its own frame, so its tripods share part of their distance from the survey; their tilts do not.
+    Every terrain has a separate frame, so that its tripods share part of their offset from the survey, but not tilts.
     """
     surveyed = surveyed_pose(position)
     if surveyed is None:
@@ -40,11 +40,11 @@ def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
 
 
 def likely_pose(position: str, localised: Mapping[str, Pose]) -> tuple[Pose, float] | None:
-    """The likeliest pose of a position without evidence of its own; None for positions that the survey does not have.
+    """Return the most likely pose of a position without evidence, and the standard deviation of its pitch, degrees.
 
-    It is `pose_beside`, tilted as the position whose tilt it shares, or as positions usually are; behind it the
-    standard deviation of the pitch, degrees. Rocks drawn on left photos of 03, 04, 08, 11, 12 that the ground moves by
-    it to the right photos meet drawn ones with F1 0.76, by `pose_beside` with 0.57.
+    It is `pose_beside` with the pitch of the position that shares the tilt, or the usual pitch; None for positions
+    that the survey does not include. Boxes of 03, 04, 08, 11, 12 that the ground transfers by this pose from left to
+    right photos match annotated boxes with F1 0.76, by `pose_beside` with F1 0.57.
     """
     pose = pose_beside(position, localised)
     if pose is None:

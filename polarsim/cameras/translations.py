@@ -1,4 +1,4 @@
-"""Rocks moved by millimetres so that boxes of all views agree: published meshes were cut and placed by hand."""
+"""Translations of rocks by millimetres that make the boxes of all views agree: meshes were cut and placed by hand."""
 
 from __future__ import annotations
 
@@ -16,46 +16,46 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.run_files.rock_translations import TRANSLATION_COLUMNS
 
-ROUNDS = 3  # of pairing rocks and boxes anew
-FAR = 2.0  # standard deviations of the prior from which on a rock was plainly put elsewhere: the prior lets it go
-FARTHEST = 0.1  # metres: boxes that would move a rock further are another one's
-STEPS = 30  # of a fit, at most
-SETTLED = 1e-6  # metres and radians: a fit whose unknowns move less has ended
+ROUNDS = 3  # number of times that rocks and boxes are paired
+FAR = 2.0  # standard deviations of the prior beyond which a rock was clearly moved: the prior loses its influence
+FARTHEST = 0.1  # maximum translation, metres: boxes that imply more belong to another rock
+STEPS = 30  # maximum number of steps of a fit
+SETTLED = 1e-6  # metres and radians: smaller steps end a fit
 
 
 @dataclass(frozen=True)
 class Translations:
-    """Where rocks belong, sandbox frame."""
+    """Translations of rocks in the sandbox frame."""
 
     metres: np.ndarray  # (m, 3)
-    sd: np.ndarray  # (m, 3) metres; the prior's where no box tells
-    boxes: np.ndarray  # (m,) boxes that a translation rests on
+    sd: np.ndarray  # (m, 3) metres; of the prior for rocks without boxes
+    boxes: np.ndarray  # (m,) number of boxes that determine a translation
 
 
 def no_translations(outlines: Outlines, sd: float) -> Translations:
-    """Rocks where their meshes have them, known to `sd` metres on each axis."""
+    """Return zero translations with standard deviation `sd`, metres, on each axis."""
     shape = len(outlines), 3
     return Translations(np.zeros(shape), np.full(shape, sd), np.zeros(len(outlines), int))
 
 
 def translated(outlines: Outlines, metres: np.ndarray) -> Outlines:
-    """Outlines moved by translations (m, 3)."""
+    """Translate outlines by (m, 3)."""
     return replace(outlines, whole=outlines.whole + metres[:, None], upper=outlines.upper + metres[:, None])
 
 
 def fit_translations(
     positions: Mapping[str, LabelLocalisation], outlines: Outlines, lens: Lens, sd: float, start: np.ndarray
 ) -> tuple[dict[str, np.ndarray], Translations]:
-    """Poses of all views and translations of all rocks; iterated least squares with Cauchy weights of the edges.
+    """Fit poses of all views and translations of all rocks by iterated least squares with Cauchy weights of the edges.
 
-    A prior of `sd` metres on each axis holds the rocks, and with them the terrain's frame: moving all rocks and all
-    cameras alike changes no box. Its tails are a Cauchy distribution's: few rocks were put centimetres off, and these
-    must not pull the others.
+    A prior of `sd` metres on each axis fixes the rocks and the terrain's frame, because moving all rocks and all
+    cameras by the same translation changes no box. The prior has the tails of a Cauchy distribution: a few rocks were
+    moved by centimetres, and must not shift the rest.
 
     Parameters
     ----------
     start : (m, 3) float
-        Translations known so far, metres.
+        Previous translations, metres.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def fit_translations(
     """
     unknowns = {position: unknowns_of(one.fit.sandbox_from_left) for position, one in positions.items()}
     metres = start
-    strangers = np.zeros(len(outlines), bool)  # rocks whose boxes are somebody else's
+    strangers = np.zeros(len(outlines), bool)  # rocks with boxes of another rock
     pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for _ in range(ROUNDS):
         moved = translated(outlines, metres)
@@ -98,7 +98,7 @@ def _normal_equations(
     lens: Lens,
     sd: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Matrix and right side for the poses' unknowns (6 a position), then the translations (3 a rock)."""
+    """Return matrix and right side for the unknowns of the poses (6 each), then the translations (3 each)."""
     poses = 6 * len(positions)
     size = poses + 3 * len(outlines)
     moved = translated(outlines, metres)
@@ -108,10 +108,10 @@ def _normal_equations(
         problem = EdgeProblem(moved.part(rows), one.boxes[columns], lens, one.prior, FINAL_NOISE)
         residuals, slopes = problem.residuals(unknowns[position]), problem.jacobian(unknowns[position])
         weights = 1 / (1 + (residuals / FINAL_NOISE.loss_scale) ** 2)
-        weights[-6:] = 1  # the prior is no outlier
+        weights[-6:] = 1  # the prior is not an outlier
         jacobian = np.zeros((len(residuals), size))
         jacobian[:, 6 * number : 6 * number + 6] = slopes
-        for pair, rock in enumerate(rows):  # a rock that moves is a camera that moves the other way
+        for pair, rock in enumerate(rows):  # moving a rock is equivalent to moving the camera in the opposite direction
             edges = slice(4 * pair, 4 * pair + 4)
             jacobian[edges, poses + 3 * rock : poses + 3 * rock + 3] = -slopes[edges, :3]
         matrix += (jacobian * weights[:, None]).T @ jacobian
@@ -126,12 +126,12 @@ def _normal_equations(
 def translation_table(
     rocks: np.ndarray, translations: Translations, before: Sequence[BoxFit], after: Sequence[BoxFit]
 ) -> pd.DataFrame:
-    """A row a rock, to a hundredth of a millimetre; IoU are means over the views that show the rock, NaN without one.
+    """Return a row for each rock, rounded to 0.01 mm; IoU are means over the views that show the rock, NaN without.
 
     Parameters
     ----------
     before, after : sequence of BoxFit
-        Fits of all views to the meshes as they are and to the translated ones.
+        Fits of all views to the original and to the translated meshes.
     """
     millimetres = np.round(1000 * translations.metres, 2) + 0.0
     columns = {
