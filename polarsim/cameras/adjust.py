@@ -19,7 +19,7 @@ _OF_POSE, _OF_RIG, _OF_LENS = 6, 6, 4
 
 
 @dataclass(frozen=True)
-class Sightings:
+class MatchedPoints:
     """Matched points of a view."""
 
     points: np.ndarray  # (n, 3) points in the sandbox, metres
@@ -48,7 +48,7 @@ class Priors:
 
 
 @dataclass(frozen=True)
-class Adjusted:
+class Adjustment:
     """Adjusted rigs, and the covariance (6, 6) of rotation, rad, and translation, m, of each pose in its left frame."""
 
     localised: dict[str, LocalisedRig]
@@ -57,11 +57,11 @@ class Adjusted:
 
 def adjust(
     localised: Mapping[str, LocalisedRig],
-    sightings: Mapping[PositionCamera, Sightings],
+    matched: Mapping[PositionCamera, MatchedPoints],
     priors: Priors,
     independent: int,
     lenses: bool,
-) -> Adjusted:
+) -> Adjustment:
     """Solve for all unknowns at once by Gauss-Newton steps with Cauchy weights.
 
     The derivatives are computed once, at the start: the corrections are a few pixels, over which they hardly change.
@@ -77,9 +77,9 @@ def adjust(
     """
     scale = priors.scale(len(localised), lenses=lenses)
     unknowns = np.zeros(len(scale))
-    slopes = _slopes(localised, sightings, scale)
+    slopes = _jacobians(localised, matched, scale)
     for _ in range(_STEPS):
-        off = _residuals(_moved(localised, unknowns * scale), sightings)
+        off = _residuals(_apply_changes(localised, unknowns * scale), matched)
         weights = [outlier_weights(part, independent) for part in off]
         information, pull = np.eye(len(scale)), unknowns.copy()
         for part, slope, weight in zip(off, slopes, weights, strict=True):
@@ -93,32 +93,32 @@ def adjust(
             break
     covariance = np.linalg.inv(information) * np.outer(scale, scale)
     blocks = [slice(_OF_POSE * number, _OF_POSE * (number + 1)) for number in range(len(localised))]
-    return Adjusted(
-        _moved(localised, unknowns * scale),
+    return Adjustment(
+        _apply_changes(localised, unknowns * scale),
         {position: covariance[block, block] for position, block in zip(sorted(localised), blocks, strict=True)},
     )
 
 
-def _moved(localised: Mapping[str, LocalisedRig], unknowns: np.ndarray) -> dict[str, LocalisedRig]:
+def _apply_changes(localised: Mapping[str, LocalisedRig], unknowns: np.ndarray) -> dict[str, LocalisedRig]:
     rest = unknowns[_OF_POSE * len(localised) :]
     moved = {}
     for number, position in enumerate(sorted(localised)):
         start = localised[position]
-        own = unknowns[_OF_POSE * number : _OF_POSE * (number + 1)]
+        change = unknowns[_OF_POSE * number : _OF_POSE * (number + 1)]
         rig = start.rig
         if len(rest):
             rig = replace(
                 rig,
-                left=_moved_lens(rig.left, rest[_OF_RIG : _OF_RIG + _OF_LENS]),
-                right=_moved_lens(rig.right, rest[_OF_RIG + _OF_LENS :]),
+                left=_change_lens(rig.left, rest[_OF_RIG : _OF_RIG + _OF_LENS]),
+                right=_change_lens(rig.right, rest[_OF_RIG + _OF_LENS :]),
                 left_from_right=rig.left_from_right @ Pose.from_rotvec(rest[:3], rest[3:_OF_RIG]),
             )
-        pose = start.sandbox_from_left @ Pose.from_rotvec(own[:3], own[3:])
+        pose = start.sandbox_from_left @ Pose.from_rotvec(change[:3], change[3:])
         moved[position] = replace(start, rig=rig, sandbox_from_left=pose)
     return moved
 
 
-def _moved_lens(lens: Lens, change: np.ndarray) -> Lens:
+def _change_lens(lens: Lens, change: np.ndarray) -> Lens:
     focal, cx, cy, k1 = map(float, change)
     return replace(
         lens, fx=lens.fx + focal, fy=lens.fy + focal, cx=lens.cx + cx, cy=lens.cy + cy,
@@ -126,33 +126,33 @@ def _moved_lens(lens: Lens, change: np.ndarray) -> Lens:
     )  # fmt: skip
 
 
-def offsets_px(rig: LocalisedRig, camera: str, seen: Sightings) -> np.ndarray:
+def offsets_px(rig: LocalisedRig, camera: str, points: MatchedPoints) -> np.ndarray:
     """Return (n, 2) offsets from measured to projected points, px; zero for points with z <= 0 in the camera frame."""
-    return np.nan_to_num(rig.project(camera, seen.points) - seen.pixels)
+    return np.nan_to_num(rig.project(camera, points.points) - points.pixels)
 
 
 def _residuals(
-    localised: Mapping[str, LocalisedRig], sightings: Mapping[PositionCamera, Sightings]
+    localised: Mapping[str, LocalisedRig], matched: Mapping[PositionCamera, MatchedPoints]
 ) -> list[np.ndarray]:
     """Return the residuals (n, 2) of every view, in standard deviations."""
     return [
-        whitened(offsets_px(localised[position], camera, seen), seen.whitening)
-        for (position, camera), seen in sorted(sightings.items())
+        whiten(offsets_px(localised[position], camera, points), points.whitening)
+        for (position, camera), points in sorted(matched.items())
     ]
 
 
-def _slopes(
-    localised: Mapping[str, LocalisedRig], sightings: Mapping[PositionCamera, Sightings], scale: np.ndarray
+def _jacobians(
+    localised: Mapping[str, LocalisedRig], matched: Mapping[PositionCamera, MatchedPoints], scale: np.ndarray
 ) -> list[np.ndarray]:
     """Return the derivatives (n, 2, unknowns) of every view at the start, by central differences."""
     columns = []
     for nudge in _DIFFERENCE_STEP * np.diag(scale):
-        ahead, behind = (_residuals(_moved(localised, sign * nudge), sightings) for sign in (1, -1))
+        ahead, behind = (_residuals(_apply_changes(localised, sign * nudge), matched) for sign in (1, -1))
         columns.append([(a - b) / (2 * _DIFFERENCE_STEP) for a, b in zip(ahead, behind, strict=True)])
     return [np.stack(view, axis=-1) for view in zip(*columns, strict=True)]
 
 
-def whitened(off: np.ndarray, whitening: np.ndarray) -> np.ndarray:
+def whiten(off: np.ndarray, whitening: np.ndarray) -> np.ndarray:
     """Convert offsets (n, 2), px, to standard deviations."""
     return np.einsum("nkl,nl->nk", whitening, off)
 

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from polarsim.cameras.rounding import rounded, rounded_metrics
-from polarsim.cameras.shading import Surface
+from polarsim.cameras.shading import MeshSurface
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.features import Features, match_features, sift_features
 from polarsim.geometry.lens import Lens
@@ -24,15 +24,15 @@ from polarsim.run_files.rigs import FEATURES, LocalisedRig
 from polarsim.tone import to_8bit
 
 SCALE = 0.5  # of the photos in which features are detected
-_MOST = 6000  # maximum number of features of a photo
-_OFF_PX = 2.0  # maximum reprojection error of an inlier, pixels of the shrunk photo
+_MAX_FEATURES = 6000  # maximum number of features of a photo
+_MAX_REPROJECTION_PX = 2.0  # maximum reprojection error of an inlier, pixels of the shrunk photo
 _DRAWS = 5000
-LEAST_MATCHES, LEAST_SHARE = 30, 0.25  # minimum number of inliers, and minimum share of inliers among the matches
+MIN_INLIERS, MIN_INLIER_SHARE = 30, 0.25  # minimum number of inliers, and minimum share of inliers among the matches
 log = logging.getLogger("polarsim")
 
 
 def localise_by_features(
-    name: str, positions: Iterable[str], localised: Mapping[str, LocalisedRig], surface: Surface, pictures: Pictures
+    name: str, positions: Iterable[str], localised: Mapping[str, LocalisedRig], surface: MeshSurface, pictures: Pictures
 ) -> dict[str, LocalisedRig]:
     """Localise the positions with enough matches to a localised position; log a warning for each of the rest.
 
@@ -53,11 +53,11 @@ def localise_by_features(
         if view[1] == "L"
     }
     features = {position: _features(photos) for position, photos in shown.items()}
-    found = {}
+    by_features = {}
     for position in sorted(set(positions) & set(features)):
         points, pixels = [np.empty((0, 3))], [np.empty((0, 2))]
-        for other, known in localised.items():
-            camera = known.camera("L").scaled(SCALE)
+        for other, rig_of_other in localised.items():
+            camera = rig_of_other.camera("L").scaled(SCALE)
             for azimuth in sorted(set(features[position]) & set(features.get(other, ()))):
                 here, there = features[position][azimuth], features[other][azimuth]
                 first, second = match_features(there, here)
@@ -68,19 +68,19 @@ def localise_by_features(
         if pose is None:
             log.warning("%s, position %s: too few features match photos of localised positions", name, position)
             continue
-        found[position] = LocalisedRig(rig, pose, FEATURES, metrics)
-    return found
+        by_features[position] = LocalisedRig(rig, pose, FEATURES, metrics)
+    return by_features
 
 
 def _features(photos: Photos) -> dict[str, Features]:
     """Return the features of each photo, by the azimuth of the Sun lamp."""
     return {
-        azimuth: sift_features(to_8bit(np.rint(photo).astype(np.uint16))[..., 0], _MOST)
+        azimuth: sift_features(to_8bit(np.rint(photo).astype(np.uint16))[..., 0], _MAX_FEATURES)
         for azimuth, photo in photos.items()
     }
 
 
-def _points(surface: Surface, camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _points(surface: MeshSurface, camera: Camera, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the mesh points (n, 3) at pixels (n, 2), sandbox frame, metres, and a mask (n,) of the rays that hit."""
     directions = camera.directions(pixels).astype(np.float32)
     origins = np.broadcast_to(camera.centre.astype(np.float32), directions.shape)
@@ -93,21 +93,21 @@ def _pose(points: np.ndarray, pixels: np.ndarray, lens: Lens) -> tuple[Pose | No
     """Return `sandbox_from_left` from points (n, 3) at pixels (n, 2), and its metrics; None with too few inliers."""
     import cv2
 
-    if len(points) < LEAST_MATCHES:
+    if len(points) < MIN_INLIERS:
         return None, {}
     rays = lens.directions(pixels)[:, :2]
-    tolerance = _OFF_PX / lens.fx
+    tolerance = _MAX_REPROJECTION_PX / lens.fx
     plain = np.eye(3)
-    done, rotation, translation, agreeing = cv2.solvePnPRansac(
+    done, rotation, translation, inliers = cv2.solvePnPRansac(
         points, rays, plain, None, iterationsCount=_DRAWS, reprojectionError=tolerance, confidence=0.9999,
         flags=cv2.SOLVEPNP_P3P,
     )  # fmt: skip
-    if not done or len(agreeing) < max(LEAST_MATCHES, LEAST_SHARE * len(points)):
+    if not done or len(inliers) < max(MIN_INLIERS, MIN_INLIER_SHARE * len(points)):
         return None, {}
-    chosen = agreeing[:, 0]
+    chosen = inliers[:, 0]
     rotation, translation = cv2.solvePnPRefineLM(points[chosen], rays[chosen], plain, None, rotation, translation)
-    seen, _ = cv2.projectPoints(points[chosen], rotation, translation, plain, None)
-    off_px = np.linalg.norm(seen[:, 0] - rays[chosen], axis=1) * lens.fx / SCALE
+    projected, _ = cv2.projectPoints(points[chosen], rotation, translation, plain, None)
+    off_px = np.linalg.norm(projected[:, 0] - rays[chosen], axis=1) * lens.fx / SCALE
     pose = Pose.from_rotvec(rotation.ravel(), translation.ravel()).inverse()
     metrics = {"matches": len(points), "agreeing": len(chosen), "features_off_px": np.median(off_px)}
     return rounded(pose), rounded_metrics({name: float(value) for name, value in metrics.items()})

@@ -48,7 +48,7 @@ def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
         return HeightMap((total / np.where(count > 0, count, np.nan)).reshape(side, side), step)
 
 
-def rotated_and_translated(
+def correlate_rotations(
     fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, translation: float, count: int
 ) -> list[Pose]:
     """Return the best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
@@ -62,11 +62,11 @@ def rotated_and_translated(
     count : int
         Maximum number of poses; they differ by more than a few steps or a rotation.
     """
-    target = _Masked.of(height_map(fixed, reach, step))
+    target = _MaskedSpectra.of(height_map(fixed, reach, step))
     peaks: list[tuple[float, float, np.ndarray]] = []
     for yaw in yaws:
         rotated = Pose.from_rotvec(np.array([0, 0, yaw]), np.zeros(3)).apply(moving)
-        score = target.correlate(_Masked.of(height_map(rotated, reach, step)))
+        score = target.correlate(_MaskedSpectra.of(height_map(rotated, reach, step)))
         peaks += [(value, yaw, cells * step) for value, cells in _peaks(score, round(translation / step), count)]
     peaks.sort(key=lambda peak: -peak[0])
     kept: list[tuple[float, np.ndarray]] = []
@@ -82,7 +82,7 @@ def rotated_and_translated(
 
 
 @dataclass(frozen=True)
-class _Masked:
+class _MaskedSpectra:
     """Spectra of a map's relief, of its square and of its mask, padded so that translations do not wrap."""
 
     relief: np.ndarray
@@ -92,13 +92,13 @@ class _Masked:
     side: int
 
     @classmethod
-    def of(cls, heights: HeightMap) -> _Masked:
+    def of(cls, heights: HeightMap) -> _MaskedSpectra:
         relief, known = heights.relief(), heights.known.astype(float)
         side = fft.next_fast_len(2 * len(known), real=True)
         parts = (np.asarray(fft.rfft2(part, s=(side, side))) for part in (relief, relief**2, known))
         return cls(next(parts), next(parts), next(parts), float(known.sum()), side)
 
-    def correlate(self, moving: _Masked) -> np.ndarray:
+    def correlate(self, moving: _MaskedSpectra) -> np.ndarray:
         """Return the normalised correlation (side, side) over common cells for every translation of `moving`.
 
         Masked correlation after Padfield, IEEE Trans. Image Process. 21 (2012) 2706.
@@ -120,13 +120,13 @@ def _peaks(score: np.ndarray, limit: int, count: int) -> list[tuple[float, np.nd
     """Return the highest scores within `limit` cells, not adjacent, with translations (2,) along x and y in cells."""
     limit = min(limit, len(score) // 2 - 1)
     near = np.roll(score, (limit, limit), axis=(0, 1))[: 2 * limit + 1, : 2 * limit + 1].copy()
-    found = []
+    peaks = []
     for _ in range(count):
         row, column = np.unravel_index(near.argmax(), near.shape)
-        found.append((float(near[row, column]), np.array([column - limit, row - limit], float)))
+        peaks.append((float(near[row, column]), np.array([column - limit, row - limit], float)))
         around = [slice(max(0, index - PEAK_CELLS), index + PEAK_CELLS + 1) for index in (row, column)]
         near[tuple(around)] = -np.inf
-    return found
+    return peaks
 
 
 def agreement(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, tolerance: float) -> tuple[float, int]:
@@ -136,14 +136,14 @@ def agreement(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, 
     return (float((off < tolerance).mean()) if len(off) else 0.0), len(off)
 
 
-def relief_correlation(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, least: float) -> float:
+def relief_correlation(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, min_sd: float) -> float:
     """Return the correlation of the relief of two aligned clouds (n, 3), (m, 3) over common cells, -1 to 1.
 
-    Return 1 if the standard deviation of both reliefs is below `least` metres, or without common cells.
+    Return 1 if the standard deviation of both reliefs is below `min_sd` metres, or without common cells.
     """
     first, second = height_map(fixed, reach, step), height_map(moving, reach, step)
     both = first.known & second.known
-    one, other = first.relief()[both], second.relief()[both]
-    if not len(one) or max(one.std(), other.std()) < least:
+    one, two = first.relief()[both], second.relief()[both]
+    if not len(one) or max(one.std(), two.std()) < min_sd:
         return 1.0
-    return float(((one - one.mean()) * (other - other.mean())).mean() / max(one.std() * other.std(), 1e-12))
+    return float(((one - one.mean()) * (two - two.mean())).mean() / max(one.std() * two.std(), 1e-12))

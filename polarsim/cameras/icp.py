@@ -22,7 +22,7 @@ from polarsim.geometry.poses import Pose
 NORMAL_RADIUS = 4.0  # voxels
 NORMAL_NEIGHBOURS = 24
 PLANE_UNKNOWNS = 3
-LEAST_SPREAD = 0.0002  # minimum standard deviation of a point, metres
+MIN_SPREAD = 0.0002  # minimum standard deviation of a point, metres
 GATE = 3.0  # voxels: maximum distance of a pair
 COARSE_SAMPLES = 6_000  # points of a scan in a coarse alignment
 FINE_SAMPLES = 20_000  # points of a scan in the joint alignment
@@ -32,12 +32,12 @@ PARTNER_REACH = 0.04  # maximum distance of a pair, metres
 TUKEY = 4.685  # standard deviations: 95 % efficient for Gaussian errors
 WIDTHS = (4.0, 2.0, 1.0)  # factors of Tukey's scale, one per pass of the joint alignment
 ROUNDS = 25  # maximum number of steps of a pass
-STILL = 1e-7  # metres and radians: smaller steps end a pass
+CONVERGED = 1e-7  # metres and radians: smaller steps end a pass
 PATCH = 0.2  # metres: side of the patches of ground with independent errors
 
 
 @dataclass(frozen=True)
-class Surface:
+class ScanSurface:
     """Scan thinned to a grid and smoothed: points and outward unit normals (n, 3), metres."""
 
     points: np.ndarray
@@ -57,11 +57,11 @@ class Surface:
         cloud.normals = o3d.utility.Vector3dVector(self.normals)
         return cloud
 
-    def select(self, chosen: np.ndarray) -> Surface:
+    def select(self, chosen: np.ndarray) -> ScanSurface:
         """Select points by a mask or an index array (n,)."""
-        return Surface(self.points[chosen], self.normals[chosen], self.spread[chosen])
+        return ScanSurface(self.points[chosen], self.normals[chosen], self.spread[chosen])
 
-    def sample(self, count: int) -> Surface:
+    def sample(self, count: int) -> ScanSurface:
         """Select about `count` points, evenly over slopes and, within a slope, evenly over the scan."""
         bins = np.clip(((self.normals[:, :2] + 1) / 2 * SLOPE_BINS).astype(int), 0, SLOPE_BINS - 1)
         slope = bins[:, 0] * SLOPE_BINS + bins[:, 1]
@@ -79,7 +79,7 @@ class Alignment:
     points: int  # samples
 
 
-def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
+def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> ScanSurface:
     """Thin points (n, 3) to a grid of `voxel` metres and project each onto the plane through its neighbours.
 
     Normals point towards the viewpoint (3,). Points with few neighbours, such as threads, are removed.
@@ -92,20 +92,20 @@ def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> Surface:
         np.asarray, KDTree(thin).query(thin, k=NORMAL_NEIGHBOURS, distance_upper_bound=NORMAL_RADIUS * voxel)
     )
     dense = np.isfinite(distance).all(axis=1)
-    neighbours, own = thin[near[dense]], thin[dense]
+    neighbours, kept = thin[near[dense]], thin[dense]
     centre = neighbours.mean(axis=1)
     offsets = neighbours - centre[:, None]
     scatter = np.einsum("nkc,nkd->ncd", offsets, offsets) / (NORMAL_NEIGHBOURS - PLANE_UNKNOWNS)
     variances, axes = np.linalg.eigh(scatter)
     normals = axes[:, :, 0]
-    normals = np.where(((viewpoint - own) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
-    on_plane = own - ((own - centre) * normals).sum(axis=1, keepdims=True) * normals
+    normals = np.where(((viewpoint - kept) * normals).sum(axis=1, keepdims=True) < 0, -normals, normals)
+    on_plane = kept - ((kept - centre) * normals).sum(axis=1, keepdims=True) * normals
     # An upper bound: a plane is more accurate in the centre of its points than at their border.
     spread = np.sqrt(np.maximum(variances[:, 0], 0) * PLANE_UNKNOWNS / NORMAL_NEIGHBOURS)
-    return Surface(on_plane, normals, np.maximum(spread, LEAST_SPREAD))
+    return ScanSurface(on_plane, normals, np.maximum(spread, MIN_SPREAD))
 
 
-def align_coarsely(fixed: list[Surface], moving: list[Surface], voxels: list[float], start: Pose) -> Pose:
+def align_coarsely(fixed: list[ScanSurface], moving: list[ScanSurface], voxels: list[float], start: Pose) -> Pose:
     """Return `fixed_from_moving` from Open3D's point-to-plane ICP over grids from coarse to fine."""
     import open3d as o3d
 
@@ -123,7 +123,7 @@ def align_coarsely(fixed: list[Surface], moving: list[Surface], voxels: list[flo
     return Pose(np.array(matrix[:3, :3]), np.array(matrix[:3, 3]))
 
 
-def align_jointly(surfaces: Mapping[str, Surface], start: Mapping[str, Pose], reference: str) -> dict[str, Pose]:
+def align_jointly(surfaces: Mapping[str, ScanSurface], start: Mapping[str, Pose], reference: str) -> dict[str, Pose]:
     """Return the poses `reference_from_own` of all scans by Gauss-Newton over all ordered pairs.
 
     The pose of the reference is fixed; the choice of the reference does not affect the relative poses.
@@ -140,12 +140,12 @@ def align_jointly(surfaces: Mapping[str, Surface], start: Mapping[str, Pose], re
             step = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(len(normal)), right).reshape(-1, 6)
             for name, change in zip(names, step, strict=True):
                 poses[name] = Pose(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:]) @ poses[name]
-            if np.abs(step).max(initial=0) < STILL:
+            if np.abs(step).max(initial=0) < CONVERGED:
                 break
     return poses
 
 
-def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> dict[str, np.ndarray]:
+def covariances(surfaces: Mapping[str, ScanSurface], poses: Mapping[str, Pose]) -> dict[str, np.ndarray]:
     """Return the formal covariance (6, 6) of each scan's rotation (radians) and translation (metres).
 
     The mean of all scans is fixed. Neighbouring points share errors: smoothing, roughness seen from one side, stripes
@@ -173,7 +173,7 @@ def covariances(surfaces: Mapping[str, Surface], poses: Mapping[str, Pose]) -> d
     return {name: spread[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] for k, name in enumerate(names)}
 
 
-def measure(fixed: Surface, moving: Surface, fixed_from_moving: Pose, tolerance: float) -> Alignment:
+def measure(fixed: ScanSurface, moving: ScanSurface, fixed_from_moving: Pose, tolerance: float) -> Alignment:
     """Measure an alignment; a sample is on the fixed scan if its plane is nearer than `tolerance` metres."""
     sample = moving.sample(FINE_SAMPLES)
     _, _, distance = _partners(fixed, sample, fixed_from_moving)
@@ -195,8 +195,8 @@ class _Pair:
 
 def _pairs(
     names: list[str],
-    surfaces: Mapping[str, Surface],
-    samples: Mapping[str, Surface],
+    surfaces: Mapping[str, ScanSurface],
+    samples: Mapping[str, ScanSurface],
     poses: Mapping[str, Pose],
     width: float,
 ) -> Iterator[_Pair]:
@@ -217,7 +217,9 @@ def _pairs(
         yield _Pair(points, distances, slopes, near**2 / variance, near * (5 * near - 4) / variance)
 
 
-def _partners(fixed: Surface, sample: Surface, fixed_from_moving: Pose) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _partners(
+    fixed: ScanSurface, sample: ScanSurface, fixed_from_moving: Pose
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rows of the sample, their nearest points on the fixed scan, and the distances from their planes."""
     points = fixed_from_moving.apply(sample.points)
     gap, nearest = fixed.tree.query(points, distance_upper_bound=PARTNER_REACH)

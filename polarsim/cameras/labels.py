@@ -26,8 +26,8 @@ START_NOISE, FINAL_NOISE = EdgeNoise(6.0, 3.0), EdgeNoise(3.0, 3.0, "cauchy", lo
 MIN_FIT = 0.52  # sum of IoU over possible matches at which a pose needs no lead
 MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # minimum with a lead over the second best pose, and that lead
 START_DIRECTIONS = 64  # points per rock in the first fit
-SAME_POSITION = 0.1  # metres: nearer fits are the same pose
-NO_LEAD = 0.1  # minimum lead over the second best pose, whatever share both explain
+DUPLICATE_FIT_DISTANCE = 0.1  # metres: nearer fits are the same pose
+REQUIRED_LEAD = 0.1  # minimum lead over the second best pose, whatever share both explain
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ class LabelLocalisation:
     @property
     def share(self) -> float:
         """Summed IoU over the number of possible pairs."""
-        return share_of(self.fit, self.boxes)
+        return explained_share(self.fit, self.boxes)
 
 
 def localise_by_labels(
     boxes: np.ndarray, outlines: Outlines, lens: Lens, surveyed: Pose | None, options: LocalisationOptions
 ) -> LabelLocalisation:
-    """Estimate the pose of the left camera from boxes and meshes, without a start. `checked` tests its confidence.
+    """Estimate the pose of the left camera from boxes and meshes without a start; see also `check_localisation`.
 
     Every hypothesis of the search is refined to the end before poses are compared, because rough fits of the same
     pose differ by decimetres.
@@ -75,16 +75,16 @@ def localise_by_labels(
     fits = _distinct(_final_fits(starts, boxes, outlines, lens, prior), prior)
     if not fits:
         raise RegistrationError("no pose projects any rock onto any box")
-    rival = max((share_of(fit, boxes) for fit in fits[1:]), default=0.0)
+    rival = max((explained_share(fit, boxes) for fit in fits[1:]), default=0.0)
     return LabelLocalisation(fits[0], rival, prior, boxes)
 
 
-def share_of(fit: BoxFit, boxes: np.ndarray) -> float:
+def explained_share(fit: BoxFit, boxes: np.ndarray) -> float:
     """Return the summed IoU of a fit over the number of possible pairs: rocks in view or boxes (b, 4), the smaller."""
     return fit.sum_iou / max(1, min(fit.in_view, len(boxes)))
 
 
-def checked(localisation: LabelLocalisation) -> LabelLocalisation:
+def check_localisation(localisation: LabelLocalisation) -> LabelLocalisation:
     """Refuse a pose that explains too few boxes, is ambiguous, or is too far from the survey.
 
     Raises
@@ -98,7 +98,7 @@ def checked(localisation: LabelLocalisation) -> LabelLocalisation:
             f"the best pose explains {localisation.share:.2f} of the possible matches, the second "
             f"{localisation.runner_up:.2f}; {MIN_FIT:g}, or {MIN_LED_FIT:g} with a lead of {MIN_LEAD:g}, is needed"
         )
-    if localisation.share - localisation.runner_up < NO_LEAD:
+    if localisation.share - localisation.runner_up < REQUIRED_LEAD:
         raise RegistrationError(
             f"two poses explain the {len(localisation.boxes)} boxes almost equally, {localisation.share:.2f} and "
             f"{localisation.runner_up:.2f} of the possible matches"
@@ -112,8 +112,8 @@ def checked(localisation: LabelLocalisation) -> LabelLocalisation:
     return localisation
 
 
-def is_likely(localisation: LabelLocalisation) -> bool:
-    """Return whether a pose that `checked` refuses is good enough to move labels in the image.
+def is_plausible(localisation: LabelLocalisation) -> bool:
+    """Return whether a pose that `check_localisation` refuses is good enough to move labels in the image.
 
     This holds for poses near a surveyed tripod. At 19 positions of 03, 08, 11, 12 with few seeds, refused poses
     explained 0.19 to 0.82 of the possible matches. Boxes that the ground transferred from left to right by such poses
@@ -160,12 +160,13 @@ def _distinct(fits: list[BoxFit], prior: PosePrior) -> list[BoxFit]:
 
     kept: list[BoxFit] = []
     for fit in sorted(fits, key=worth, reverse=True):
-        if not any(_same(fit, other) for other in kept):
+        if not any(_is_duplicate(fit, other) for other in kept):
             kept.append(fit)
     return kept
 
 
-def _same(first: BoxFit, second: BoxFit) -> bool:
+def _is_duplicate(first: BoxFit, second: BoxFit) -> bool:
     return bool(
-        np.linalg.norm(first.sandbox_from_left.translation - second.sandbox_from_left.translation) < SAME_POSITION
+        np.linalg.norm(first.sandbox_from_left.translation - second.sandbox_from_left.translation)
+        < DUPLICATE_FIT_DISTANCE
     )

@@ -11,44 +11,44 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.adjust import outlier_weights, whitened
-from polarsim.cameras.shading import Seen, Surface, look
+from polarsim.cameras.adjust import outlier_weights, whiten
+from polarsim.cameras.shading import MeshSurface, ViewHits, cast_view
 from polarsim.geometry.patches import MatchedWindows, Window, find
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PositionCamera
 from polarsim.run_files.best_photos import Photos
 from polarsim.run_files.rigs import LocalisedRig
 
-_NUDGE = 0.04  # metres: step of numeric derivatives, about a pixel of a coarse view
+_DIFFERENCE_STEP = 0.04  # metres: step of numeric derivatives, about a pixel of a coarse view
 _WEIGHTS = 20  # number of steps of a robust fit
 _SURVEY_SD = 0.15  # metres: prior of a lamp's position about its survey
-_LEAST_WINDOWS = 30
-_LEAST_SHARE = 0.1  # minimum share of a window in shadow, and in light
+_MIN_WINDOWS = 30
+_MIN_SHARE = 0.1  # minimum share of a window in shadow, and in light
 
 
 @dataclass(frozen=True)
-class Shot:
+class LampView:
     """Ray hits of a view, and its photo under one lamp, (h, w) float32 grey values of the same size."""
 
-    seen: Seen
+    hits: ViewHits
     photo: np.ndarray
 
 
-def shots_of(
-    surface: Surface, localised: Mapping[str, LocalisedRig], photos: Mapping[PositionCamera, Photos], scale: float
-) -> dict[str, list[Shot]]:
+def lamp_views(
+    surface: MeshSurface, localised: Mapping[str, LocalisedRig], photos: Mapping[PositionCamera, Photos], scale: float
+) -> dict[str, list[LampView]]:
     """Return the shrunk photos of the left cameras for each Sun lamp, by azimuth."""
-    shots: dict[str, list[Shot]] = {}
+    views: dict[str, list[LampView]] = {}
     for (position, camera), shown in sorted(photos.items()):
         if camera != "L" or position not in localised:
             continue
-        seen = look(surface, localised[position].camera(camera).scaled(scale))
+        hits = cast_view(surface, localised[position].camera(camera).scaled(scale))
         for azimuth, photo in shown.items():
-            shots.setdefault(azimuth, []).append(Shot(seen, photo))
-    return shots
+            views.setdefault(azimuth, []).append(LampView(hits, photo))
+    return views
 
 
 def refine_lamp(
-    start: np.ndarray, surveyed: np.ndarray, shots: list[Shot], window: Window, independent: int
+    start: np.ndarray, surveyed: np.ndarray, views: list[LampView], window: Window, independent: int
 ) -> np.ndarray | None:
     """Return the position (3,) of a lamp, moved across the line to the sandbox's centre; None with too few windows.
 
@@ -63,12 +63,12 @@ def refine_lamp(
     """
     across = _across(surveyed)
     moved = across @ (start - surveyed)
-    parts = [_responses(surveyed + moved @ across, across, shot, window) for shot in shots]
+    parts = [_responses(surveyed + moved @ across, across, view, window) for view in views]
     off = np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)])
     slopes = np.concatenate([np.zeros((0, 2, 2)), *(part[1] for part in parts)])
-    if len(off) < _LEAST_WINDOWS:
+    if len(off) < _MIN_WINDOWS:
         return None
-    moved = _fitted(moved, off, slopes, independent * len(shots))
+    moved = _fit_offset(moved, off, slopes, independent * len(views))
     return np.asarray(surveyed + moved @ across)
 
 
@@ -78,19 +78,22 @@ def _across(position: np.ndarray) -> np.ndarray:
     return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
 
 
-def _responses(lamp: np.ndarray, across: np.ndarray, shot: Shot, window: Window) -> tuple[np.ndarray, np.ndarray]:
+def _responses(lamp: np.ndarray, across: np.ndarray, view: LampView, window: Window) -> tuple[np.ndarray, np.ndarray]:
     """Return whitened offsets of windows in the photo, (n, 2), and their derivatives by the lamp, (n, 2, 2) a metre."""
-    here = shot.seen.under(lamp)
-    usable = shot.seen.hit & _on_shadow_edges(here, window)
-    in_photo = find(here, shot.photo, usable, window)
-    nudged = [_moves(find(here, _as_photo(shot.seen.under(lamp + nudge)), usable, window)) for nudge in _NUDGE * across]
+    shaded = view.hits.shade(lamp)
+    usable = view.hits.hit & _on_shadow_edges(shaded, window)
+    in_photo = find(shaded, view.photo, usable, window)
+    nudged = [
+        _moves(find(shaded, _as_photo(view.hits.shade(lamp + nudge)), usable, window))
+        for nudge in _DIFFERENCE_STEP * across
+    ]
     pixels = [tuple(pixel) for pixel in in_photo.pixel.tolist()]
     rows = [row for row, at in enumerate(pixels) if all(at in moves for moves in nudged)]
     slopes = [[moves[pixels[row]] for row in rows] for moves in nudged]
     whitening = in_photo.whitening[rows]
     return (
-        whitened((in_photo.seen - in_photo.pixel)[rows], whitening),
-        whitening @ np.moveaxis(np.array(slopes).reshape(2, -1, 2), 0, -1) / _NUDGE,
+        whiten((in_photo.seen - in_photo.pixel)[rows], whitening),
+        whitening @ np.moveaxis(np.array(slopes).reshape(2, -1, 2), 0, -1) / _DIFFERENCE_STEP,
     )
 
 
@@ -100,7 +103,7 @@ def _on_shadow_edges(image: np.ndarray, window: Window) -> np.ndarray:
 
     size = 2 * window.half + 1
     dark = cv2.blur((image == 0).astype(np.float32), (size, size))
-    return np.asarray((dark > _LEAST_SHARE) & (dark < 1 - _LEAST_SHARE))
+    return np.asarray((dark > _MIN_SHARE) & (dark < 1 - _MIN_SHARE))
 
 
 def _as_photo(image: np.ndarray) -> np.ndarray:
@@ -108,11 +111,13 @@ def _as_photo(image: np.ndarray) -> np.ndarray:
     return np.asarray(BLACK_LEVEL + image * (0.5 * WHITE_LEVEL / max(float(image.max()), 1e-12)))
 
 
-def _moves(found: MatchedWindows) -> dict[tuple[float, ...], np.ndarray]:
-    return {tuple(pixel): move for pixel, move in zip(found.pixel.tolist(), found.seen - found.pixel, strict=True)}
+def _moves(windows: MatchedWindows) -> dict[tuple[float, ...], np.ndarray]:
+    return {
+        tuple(pixel): move for pixel, move in zip(windows.pixel.tolist(), windows.seen - windows.pixel, strict=True)
+    }
 
 
-def _fitted(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, independent: int) -> np.ndarray:
+def _fit_offset(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, independent: int) -> np.ndarray:
     """Return the offset (2,) of a lamp from its survey across the line, m, by a fit with Cauchy weights."""
     step = np.zeros(2)
     prior = np.eye(2) / _SURVEY_SD**2

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelLocalisation, checked, localise_by_labels
+from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelLocalisation, check_localisation, localise_by_labels
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import BoxFit, check_pose, pose_of
-from polarsim.cameras.surveyed import pose_beside
+from polarsim.cameras.surveyed import offset_surveyed_pose
 from polarsim.cameras.translations import Translations, fit_translations, no_translations, translated
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
@@ -57,58 +57,64 @@ def localise_all(
         Positions with too few boxes or meshes are neither localised nor refused.
     """
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
-    found = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
-    alone = {position: _alone(position, seen[position], outlines, lens, options) for position in usable}
-    surest_first = sorted(usable, key=lambda position: (-(one.share if (one := alone[position]) else 0.0), position))
+    result = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
+    separately = {
+        position: _localise_separately(position, seen[position], outlines, lens, options) for position in usable
+    }
+    surest_first = sorted(
+        usable, key=lambda position: (-(one.share if (one := separately[position]) else 0.0), position)
+    )
     for position in surest_first:
-        found = _with_position(found, position, seen[position], outlines, lens, options, alone[position])
-    return found
+        result = _add_position(result, position, seen[position], outlines, lens, options, separately[position])
+    return result
 
 
-def untranslated_fits(found: Localisations, outlines: Outlines, lens: Lens) -> list[BoxFit]:
+def untranslated_fits(result: Localisations, outlines: Outlines, lens: Lens) -> list[BoxFit]:
     """Return fits of the boxes of the localised positions to the original meshes, at the same poses."""
     return [
-        check_pose(one.fit.sandbox_from_left, outlines, one.boxes, lens, one.prior, FINAL_NOISE)
-        for one in found.localised.values()
+        check_pose(
+            localisation.fit.sandbox_from_left, outlines, localisation.boxes, lens, localisation.prior, FINAL_NOISE
+        )
+        for localisation in result.localised.values()
     ]
 
 
-def _alone(
+def _localise_separately(
     position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: LocalisationOptions
 ) -> LabelLocalisation | None:
     """Localise a position without the boxes of other positions; None if no pose explains any box."""
     try:
-        return localise_by_labels(boxes, outlines, lens, pose_beside(position, {}), options)
+        return localise_by_labels(boxes, outlines, lens, offset_surveyed_pose(position, {}), options)
     except RegistrationError:
         return None
 
 
-def _with_position(
+def _add_position(
     before: Localisations,
     position: str,
     boxes: np.ndarray,
     outlines: Outlines,
     lens: Lens,
     options: LocalisationOptions,
-    alone: LabelLocalisation | None,
+    separately: LabelLocalisation | None,
 ) -> Localisations:
     """Add a position and fit all poses and translations again, or refuse the position."""
-    best = alone
+    best = separately
     try:
-        if alone is None or before.localised:  # the rocks have been moved since
+        if separately is None or before.localised:  # the rocks have been moved since
             moved = translated(outlines, before.translations.metres)
-            poses = {other: one.fit.sandbox_from_left for other, one in before.localised.items()}
-            surveyed = pose_beside(position, poses)
+            poses = {other: localisation.fit.sandbox_from_left for other, localisation in before.localised.items()}
+            surveyed = offset_surveyed_pose(position, poses)
             best = localise_by_labels(boxes, moved, lens, surveyed, options)
         assert best is not None
-        after = _fitted({**before.localised, position: best}, before.translations, outlines, lens, options)
-        checked(after.localised[position])
+        after = _fit_jointly({**before.localised, position: best}, before.translations, outlines, lens, options)
+        check_localisation(after.localised[position])
     except RegistrationError as error:
         return replace(before, refused={**before.refused, position: Refusal(error.reason, best)})
     return replace(after, refused=before.refused)
 
 
-def _fitted(
+def _fit_jointly(
     localised: Mapping[str, LabelLocalisation],
     start: Translations,
     outlines: Outlines,
@@ -123,7 +129,7 @@ def _fitted(
     )
     moved = translated(outlines, translations.metres)
     after = {}
-    for position, one in localised.items():
-        fit = check_pose(pose_of(unknowns[position]), moved, one.boxes, lens, one.prior, FINAL_NOISE)
-        after[position] = replace(one, fit=fit)
+    for position, localisation in localised.items():
+        fit = check_pose(pose_of(unknowns[position]), moved, localisation.boxes, lens, localisation.prior, FINAL_NOISE)
+        after[position] = replace(localisation, fit=fit)
     return Localisations(after, translations, {})

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.cameras.labels import LabelLocalisation, is_likely
+from polarsim.cameras.labels import LabelLocalisation, is_plausible
 from polarsim.cameras.localisations import Localisations, localise_all, untranslated_fits
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics
@@ -37,17 +37,17 @@ from polarsim.run_files.scans import read_scan
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
 from polarsim.survey import half_width
 
-_NOTHING = "localised neither by a scan, nor by labels and meshes, nor by the survey"
+_NOT_LOCALISED = "localised neither by a scan, nor by labels and meshes, nor by the survey"
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
-class Located:
+class LocalisationResult:
     """Localised rigs, and tables of their quality by file name."""
 
     localised: dict[str, LocalisedRig]
     details: dict[str, pd.DataFrame]
-    guessed: Mapping[str, LocalisedRig] = field(default_factory=dict)  # unconfirmed poses of further positions
+    unconfirmed: Mapping[str, LocalisedRig] = field(default_factory=dict)  # unconfirmed poses of further positions
 
 
 def locate_cameras(
@@ -80,14 +80,14 @@ def locate_cameras(
         A file is invalid.
     """
     os.environ["OMP_NUM_THREADS"] = str(threads)  # read by Open3D's OpenMP when it is first loaded
-    known, rig = read_inventory(inventory), read_rig(calibration)
-    scanned = [position for position in positions if position in known.scanned]
+    source, rig = read_inventory(inventory), read_rig(calibration)
+    scanned = [position for position in positions if position in source.scanned]
     with within(f"Terrain{terrain:02d}"):
         if scanned:
-            located = _locate_by_scans(known, scanned, rig)
+            located = _locate_by_scans(source, scanned, rig)
         else:
-            located = _locate_by_labels(known, positions, rig, seeds, options)
-        localised = _completed(located, positions, rig, stations(known.terrain))
+            located = _locate_by_labels(source, positions, rig, seeds, options)
+        localised = _complete_positions(located, positions, rig, stations(source.terrain))
     with writing_folder(cameras) as folder:
         for position in sorted(localised):
             write_localised(folder / f"Pos{position}.json", localised[position])
@@ -97,13 +97,13 @@ def locate_cameras(
             write(folder / name, table)
 
 
-def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> Located:
-    scans = {position: read_scan(known, position, rig) for position in positions}
-    surveyed = stations(known.terrain)
+def _locate_by_scans(source: Inventory, positions: list[str], rig: StereoRig) -> LocalisationResult:
+    scans = {position: read_scan(source, position, rig) for position in positions}
+    surveyed = stations(source.terrain)
     network = register_scans(scans, surveyed)
     for reason in network.refused:
         log.warning("%s; the scan is excluded", reason)
-    frame = _frame(network, surveyed, half_width(known.terrain))
+    frame = _frame(network, surveyed, half_width(source.terrain))
     localised = {}
     for position, level_from_left in network.level_from_left.items():
         pose = frame.sandbox_from_level @ level_from_left
@@ -111,7 +111,7 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
         metrics = {
             "walls": float(frame.walls),
             "points": float(len(scans[position])),
-            **_off_survey(position, pose, surveyed),
+            **_survey_offsets(position, pose, surveyed),
         }
         if mine:
             metrics |= {
@@ -120,12 +120,14 @@ def _locate_by_scans(known: Inventory, positions: list[str], rig: StereoRig) -> 
                 "agreement": max(pair.agreement for pair in mine),
                 **_formal_errors(network.covariances[position], level_from_left.translation),
             }
-        localised[position] = _localised(rig, pose, "scans", metrics)
+        localised[position] = _rounded_rig(rig, pose, "scans", metrics)
     rows = []
     for pair in network.pairs:
-        laid = pair.alignment
-        rows.append((f"{pair.fixed}-{pair.moving}", laid.fitness, 1000 * laid.rmse, laid.points, pair.agreement))
-    return Located(localised, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
+        alignment = pair.alignment
+        rows.append(
+            (f"{pair.fixed}-{pair.moving}", alignment.fitness, 1000 * alignment.rmse, alignment.points, pair.agreement)
+        )
+    return LocalisationResult(localised, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
 
 
 def _frame(network: Network, surveyed: Mapping[str, Pose], half: float) -> SandboxFrame:
@@ -163,45 +165,48 @@ def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, fl
 
 
 def _locate_by_labels(
-    known: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: LocalisationOptions
-) -> Located:
-    meshes = {rock: obj.read(path) for rock, path in known.rock_meshes().items()}
+    source: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: LocalisationOptions
+) -> LocalisationResult:
+    meshes = {rock: obj.read(path) for rock, path in source.rock_meshes().items()}
     outlines = outlines_of(meshes)
-    annotated = read_rock_boxes(seeds, known.terrain)
+    annotated = read_rock_boxes(seeds, source.terrain)
     seen = {position: consensus_boxes(annotated.get(position, [])) for position in positions}
-    found = localise_all(seen, outlines, rig.left, options)
-    _tell_refused(found)
+    result = localise_all(seen, outlines, rig.left, options)
+    _warn_refused(result)
     details = {}
-    if options.rock_translation_sd_mm and found.localised:
-        before = untranslated_fits(found, outlines, rig.left)
-        fits = [one.fit for one in found.localised.values()]
-        details[TRANSLATION_FILE] = translation_table(outlines.rocks, found.translations, before, fits)
-    surveyed, localised, rows = stations(known.terrain), {}, []
-    for position, localisation in sorted(found.localised.items()):
+    if options.rock_translation_sd_mm and result.localised:
+        before = untranslated_fits(result, outlines, rig.left)
+        fits = [localisation.fit for localisation in result.localised.values()]
+        details[TRANSLATION_FILE] = translation_table(outlines.rocks, result.translations, before, fits)
+    surveyed, localised, rows = stations(source.terrain), {}, []
+    for position, localisation in sorted(result.localised.items()):
         pose = localisation.fit.sandbox_from_left
-        metrics = {**_label_metrics(localisation, len(outlines)), **_off_survey(position, pose, surveyed)}
-        localised[position] = _localised(rig, pose, "labels", metrics)
+        metrics = {**_label_metrics(localisation, len(outlines)), **_survey_offsets(position, pose, surveyed)}
+        localised[position] = _rounded_rig(rig, pose, "labels", metrics)
         rows += _match_rows(position, localisation, outlines.rocks)
     rows.sort(key=itemgetter(0, 1))
-    guessed = {
-        position: _localised(
+    unconfirmed = {
+        position: _rounded_rig(
             rig,
             guess.fit.sandbox_from_left,
             UNSURE,
-            {**_label_metrics(guess, len(outlines)), **_off_survey(position, guess.fit.sandbox_from_left, surveyed)},
+            {
+                **_label_metrics(guess, len(outlines)),
+                **_survey_offsets(position, guess.fit.sandbox_from_left, surveyed),
+            },
         )
-        for position, refusal in sorted(found.refused.items())
-        if (guess := refusal.best) is not None and is_likely(guess)
+        for position, refusal in sorted(result.refused.items())
+        if (guess := refusal.best) is not None and is_plausible(guess)
     }
     matches = pd.DataFrame(rows, columns=list(MATCHES.columns))
-    return Located(localised, {**details, "matches.parquet": matches}, guessed)
+    return LocalisationResult(localised, {**details, "matches.parquet": matches}, unconfirmed)
 
 
-def _tell_refused(found: Localisations) -> None:
+def _warn_refused(result: Localisations) -> None:
     """Log a warning for each position that labels do not localise."""
-    for position, refusal in sorted(found.refused.items()):
+    for position, refusal in sorted(result.refused.items()):
         log.warning("position %s: %s", position, refusal.reason)
-    if found.refused and not found.localised:
+    if result.refused and not result.localised:
         log.warning("labels and meshes localise no position: check that they belong to the same terrain")
 
 
@@ -237,8 +242,8 @@ def _offsets(localisation: LabelLocalisation) -> np.ndarray:
     return np.asarray((mesh[:, :2] + mesh[:, 2:] - seed[:, :2] - seed[:, 2:]) / 2)
 
 
-def _completed(
-    located: Located, positions: Sequence[str], rig: StereoRig, surveyed: Mapping[str, Pose]
+def _complete_positions(
+    located: LocalisationResult, positions: Sequence[str], rig: StereoRig, surveyed: Mapping[str, Pose]
 ) -> dict[str, LocalisedRig]:
     """Add the most likely pose for each position without a confirmed pose.
 
@@ -251,32 +256,32 @@ def _completed(
         No position has a pose.
     """
     complete = dict(located.localised)
-    poses = {position: one.sandbox_from_left for position, one in located.localised.items()}
+    poses = {position: other.sandbox_from_left for position, other in located.localised.items()}
     for position in positions:
         if position in complete:
             continue
-        if position in located.guessed:
+        if position in located.unconfirmed:
             log.warning("position %s: its pose is suggested by labels and meshes, but not confirmed", position)
-            complete[position] = located.guessed[position]
+            complete[position] = located.unconfirmed[position]
             continue
         likely = likely_pose(position, poses) if position in surveyed else None
         if likely is None:
-            log.warning("position %s: %s; photos may localise it", position, _NOTHING)
+            log.warning("position %s: %s; photos may localise it", position, _NOT_LOCALISED)
             continue
         log.warning("position %s has neither a scan nor enough labels and meshes: its surveyed pose is used", position)
         pose, pitch_sd = likely
-        metrics = {PITCH_SD: pitch_sd, **_off_survey(position, pose, surveyed)}
-        complete[position] = _localised(rig, pose, SURVEYED, metrics)
+        metrics = {PITCH_SD: pitch_sd, **_survey_offsets(position, pose, surveyed)}
+        complete[position] = _rounded_rig(rig, pose, SURVEYED, metrics)
     if not complete:
-        raise RegistrationError(f"positions {', '.join(positions)}: {_NOTHING}")
+        raise RegistrationError(f"positions {', '.join(positions)}: {_NOT_LOCALISED}")
     return complete
 
 
-def _localised(rig: StereoRig, pose: Pose, method: str, metrics: Mapping[str, float]) -> LocalisedRig:
+def _rounded_rig(rig: StereoRig, pose: Pose, method: str, metrics: Mapping[str, float]) -> LocalisedRig:
     return LocalisedRig(rig, rounded(pose), method, rounded_metrics(dict(metrics)))
 
 
-def _off_survey(position: str, pose: Pose, surveyed: Mapping[str, Pose]) -> dict[str, float]:
+def _survey_offsets(position: str, pose: Pose, surveyed: Mapping[str, Pose]) -> dict[str, float]:
     """Return distance and heading difference between a tripod and its surveyed pose."""
     if position not in surveyed:
         return {}

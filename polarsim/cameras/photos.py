@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.cameras.adjust import Adjusted, Priors, Sightings, adjust, offsets_px
+from polarsim.cameras.adjust import Adjustment, MatchedPoints, Priors, adjust, offsets_px
 from polarsim.cameras.features import localise_by_features
-from polarsim.cameras.lamps import Shot, refine_lamp, shots_of
+from polarsim.cameras.lamps import LampView, lamp_views, refine_lamp
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
-from polarsim.cameras.shading import Surface, look, surface_of
+from polarsim.cameras.shading import MeshSurface, cast_view, surface_of
 from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
 from polarsim.geometry.patches import Window, find
@@ -74,9 +74,9 @@ def refine_cameras(
     suns: dict[str, np.ndarray] = {}
     if any(view[0] in localised and not localised[view[0]].unproven for view in pictures):
         name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
-        localised = _with_features(name, localised, surface, pictures)
+        localised = _add_by_features(name, localised, surface, pictures)
         shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].unproven}
-        localised, suns = _refined(name, localised, surface, shown, options)
+        localised, suns = _refine(name, localised, surface, shown, options)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():
@@ -105,8 +105,8 @@ def model_points(vertices: np.ndarray) -> np.ndarray:
     return np.asarray(vertices[:: max(1, math.ceil(len(vertices) / _MODEL_POINTS))], float)
 
 
-def _with_features(
-    name: str, located: dict[str, LocalisedRig], surface: Surface, pictures: Pictures
+def _add_by_features(
+    name: str, located: dict[str, LocalisedRig], surface: MeshSurface, pictures: Pictures
 ) -> dict[str, LocalisedRig]:
     """Add rigs of positions whose photos share enough features with the localised positions."""
     sure = {position: one for position, one in located.items() if not one.unproven}
@@ -114,8 +114,8 @@ def _with_features(
     return located | (localise_by_features(name, unsure, sure, surface, pictures) if unsure else {})
 
 
-def _refined(
-    name: str, located: dict[str, LocalisedRig], surface: Surface, pictures: Pictures, options: RefinementOptions
+def _refine(
+    name: str, located: dict[str, LocalisedRig], surface: MeshSurface, pictures: Pictures, options: RefinementOptions
 ) -> tuple[dict[str, LocalisedRig], dict[str, np.ndarray]]:
     """Refine rigs and lamps alternately, from coarse to fine.
 
@@ -126,85 +126,90 @@ def _refined(
     suns: dict[str, np.ndarray] = {}
     for scale in options.scales:
         photos = read_all_shrunk(pictures, located, scale)
-        seen = {
-            (position, camera): _sightings(
+        matches = {
+            (position, camera): _match_view(
                 surface, current[position], camera, photos[position, camera], scale, surveyed | suns
             )
             for position, camera in track(sorted(photos), f"cameras of {name}, scale {scale:g}")
         }
-        seen = _of_sure_positions(name, seen)
-        if not seen:
+        matches = _with_enough_windows(name, matches)
+        if not matches:
             log.warning("%s: the photos do not match the meshes, the poses are not refined", name)
             return located, {}
-        sure = {position: located[position] for position, _ in seen}
+        reliable = {position: located[position] for position, _ in matches}
         lenses = scale == options.scales[-1]
-        adjusted = adjust(sure, seen, PRIORS, INDEPENDENT, lenses)
+        adjusted = adjust(reliable, matches, PRIORS, INDEPENDENT, lenses)
         rig = next(iter(adjusted.localised.values())).rig
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.localised
-        suns = _found_suns(name, shots_of(surface, adjusted.localised, photos, scale), surveyed, suns)
+        suns = _refine_suns(name, lamp_views(surface, adjusted.localised, photos, scale), surveyed, suns)
     for azimuth, lamp in suns.items():
         off_mm = 1000 * np.linalg.norm(lamp - surveyed[azimuth])
         log.info("%s: lamp %s is %.0f mm from its surveyed position", name, azimuth, off_mm)
     return {
-        position: _described(position, located[position], adjusted, seen)
-        if position in sure
+        position: _describe(position, located[position], adjusted, matches)
+        if position in reliable
         else replace(one, rig=rounded_rig(one.rig))
         for position, one in current.items()
     }, suns
 
 
-def _sightings(
-    surface: Surface, rig: LocalisedRig, camera: str, photos: Photos, scale: float, suns: Mapping[str, np.ndarray]
-) -> Sightings:
+def _match_view(
+    surface: MeshSurface, rig: LocalisedRig, camera: str, photos: Photos, scale: float, suns: Mapping[str, np.ndarray]
+) -> MatchedPoints:
     """Match mesh points with the photos of a view, shrunk by a scale; return pixels of the full photo."""
-    seen = look(surface, rig.camera(camera).scaled(scale))
+    hits = cast_view(surface, rig.camera(camera).scaled(scale))
     points, pixels, whitening = [], [], []
     for azimuth, photo in photos.items():
-        found = find(seen.under(suns[azimuth]), photo, seen.hit, WINDOW)
-        column, row = found.pixel.astype(int).T
-        points.append(seen.points[row, column].astype(float))
-        pixels.append(found.seen / scale)
-        whitening.append(found.whitening * scale)
-    return Sightings(np.concatenate(points), np.concatenate(pixels), np.concatenate(whitening))
+        windows = find(hits.shade(suns[azimuth]), photo, hits.hit, WINDOW)
+        column, row = windows.pixel.astype(int).T
+        points.append(hits.points[row, column].astype(float))
+        pixels.append(windows.seen / scale)
+        whitening.append(windows.whitening * scale)
+    return MatchedPoints(np.concatenate(points), np.concatenate(pixels), np.concatenate(whitening))
 
 
-def _found_suns(
-    name: str, shots: Mapping[str, list[Shot]], surveyed: Mapping[str, np.ndarray], found: Mapping[str, np.ndarray]
+def _refine_suns(
+    name: str,
+    views: Mapping[str, list[LampView]],
+    surveyed: Mapping[str, np.ndarray],
+    previous: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """Return refined positions of the Sun lamps with enough visible shadows, starting from previous positions."""
     suns = {}
-    for azimuth in track(sorted(shots), f"lamps of {name}"):
-        start = found.get(azimuth, surveyed[azimuth])
-        lamp = refine_lamp(start, surveyed[azimuth], shots[azimuth], WINDOW, INDEPENDENT)
+    for azimuth in track(sorted(views), f"lamps of {name}"):
+        start = previous.get(azimuth, surveyed[azimuth])
+        lamp = refine_lamp(start, surveyed[azimuth], views[azimuth], WINDOW, INDEPENDENT)
         if lamp is not None:
             suns[azimuth] = lamp
     return suns
 
 
-def _of_sure_positions(name: str, seen: Mapping[PositionCamera, Sightings]) -> dict[PositionCamera, Sightings]:
+def _with_enough_windows(
+    name: str, matches: Mapping[PositionCamera, MatchedPoints]
+) -> dict[PositionCamera, MatchedPoints]:
     """Select the matched points of positions with enough of them."""
     counts: Counter[str] = Counter()
-    for (position, _), found in seen.items():
-        counts[position] += len(found.pixels)
+    for (position, _), points in matches.items():
+        counts[position] += len(points.pixels)
     for position, count in counts.items():
         if count < MIN_WINDOWS:
             log.warning("%s, %s: only %d windows of its photos match the meshes, no refinement", name, position, count)
-    return {view: found for view, found in seen.items() if counts[view[0]] >= MIN_WINDOWS}
+    return {view: points for view, points in matches.items() if counts[view[0]] >= MIN_WINDOWS}
 
 
-def _offset_px(off: np.ndarray, found: Sightings) -> np.ndarray:
+def _offset_px(off: np.ndarray, points: MatchedPoints) -> np.ndarray:
     """Return the offsets (n,) of windows, (n, 2) px, along the direction with the smallest error: across edges."""
-    return np.abs(np.einsum("nk,nk->n", np.linalg.eigh(found.whitening)[1][:, :, 1], off))
+    return np.abs(np.einsum("nk,nk->n", np.linalg.eigh(points.whitening)[1][:, :, 1], off))
 
 
-def _described(
-    position: str, located: LocalisedRig, adjusted: Adjusted, seen: Mapping[PositionCamera, Sightings]
+def _describe(
+    position: str, located: LocalisedRig, adjusted: Adjustment, matches: Mapping[PositionCamera, MatchedPoints]
 ) -> LocalisedRig:
     """Return the adjusted rig with offsets between photos and meshes before and after, and its standard deviations."""
     rig = adjusted.localised[position]
-    own = {camera: found for (where, camera), found in seen.items() if where == position}
+    points = {camera: part for (where, camera), part in matches.items() if where == position}
     before, now = (
-        np.concatenate([_offset_px(offsets_px(one, camera, found), found) for camera, found in own.items()])
+        np.concatenate([_offset_px(offsets_px(one, camera, part), part) for camera, part in points.items()])
         for one in (located, rig)
     )
     moved = located.sandbox_from_left.inverse() @ rig.sandbox_from_left

@@ -86,12 +86,12 @@ def check_pose(
     pose: Pose, outlines: Outlines, boxes: np.ndarray, lens: Lens, prior: PosePrior, noise: EdgeNoise
 ) -> BoxFit:
     """Pairs, overlap and covariance at a pose."""
-    whole = outlines.project(Camera(pose, lens))
-    projected = box_geometry.clip(whole, lens.width, lens.height)
+    unclipped = outlines.project(Camera(pose, lens))
+    projected = box_geometry.clip(unclipped, lens.width, lens.height)
     rows, columns = assign(projected, boxes, MATCH_GATE_PX)
     overlap = np.diag(box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])).copy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(whole)
+        in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(unclipped)
     problem = EdgeProblem(outlines.part(rows), boxes[columns], lens, prior, noise)
     return BoxFit(pose, rows, columns, projected, overlap, int(in_view.sum()), problem.covariance(pose))
 
@@ -123,7 +123,7 @@ class EdgeProblem:
         _, points = self.outlines.edges(Camera(pose, self.lens))
         camera_from_sandbox = pose.inverse()
         in_camera = camera_from_sandbox.apply(points)
-        moved = _moved(points - pose.translation, pose, unknowns[3])  # (n, 4, 3, 6) sandbox axes
+        moved = _motion_jacobian(points - pose.translation, pose, unknowns[3])  # (n, 4, 3, 6) sandbox axes
         moved_camera = np.einsum("ij,nejk->neik", camera_from_sandbox.rotation, moved)
         slope = _projection_slope(self.lens, in_camera)  # (n, 4, 2, 3)
         axis = np.arange(EDGES) % 2  # left and right edges are u, top and bottom v
@@ -141,7 +141,7 @@ class EdgeProblem:
 
 
 def _solve(start: Pose, problem: EdgeProblem) -> Pose:
-    found = least_squares(
+    fit = least_squares(
         problem.residuals,
         unknowns_of(start),
         problem.jacobian,
@@ -150,7 +150,7 @@ def _solve(start: Pose, problem: EdgeProblem) -> Pose:
         x_scale=np.array([0.1, 0.1, 0.1, 0.03, 0.03, 0.03]),
         max_nfev=30,
     )
-    return pose_of(found.x)
+    return pose_of(fit.x)
 
 
 def unknowns_of(pose: Pose) -> np.ndarray:
@@ -163,7 +163,7 @@ def pose_of(unknowns: np.ndarray) -> Pose:
     return looking(unknowns[:3], *unknowns[3:])
 
 
-def _moved(from_centre: np.ndarray, pose: Pose, yaw: float) -> np.ndarray:
+def _motion_jacobian(from_centre: np.ndarray, pose: Pose, yaw: float) -> np.ndarray:
     """Return the derivatives (..., 3, 6) of points relative to the camera, in sandbox axes, by each unknown.
     A camera that rotates about an axis sees the world rotate the other way: -axis x point. Yaw rotates about up, pitch
     about minus the level right axis, roll about the optical axis.

@@ -57,11 +57,13 @@ def find_sandbox_frame(
     all_points = np.concatenate([points[position] for position in sorted(points)])
     all_normals = np.concatenate([normals[position] for position in sorted(points)])
     upright = level_from(_ground(all_points))
-    settled = _from_survey({position: upright @ pose for position, pose in level_from_left.items()}, stations) @ upright
+    settled = (
+        _pose_from_survey({position: upright @ pose for position, pose in level_from_left.items()}, stations) @ upright
+    )
     rotated = settled.apply(all_points)
     walls = _walls(rotated, settled.rotate(all_normals))
     if len({wall.axis for wall in walls}) == 2:
-        settled = _from_walls(rotated, walls) @ settled
+        settled = _pose_from_walls(rotated, walls) @ settled
     else:
         walls = []
     # The plane's height is defined at the origin, which has moved; the plane is level, so that any point is suitable.
@@ -128,7 +130,7 @@ def _peak(values: np.ndarray) -> np.ndarray:
     return np.abs(values - centre) < WALL_THICK
 
 
-def _from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
+def _pose_from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
     """Fit the pose that maps the walls to their nominal lines; both half widths of the box are unknowns."""
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
@@ -142,11 +144,11 @@ def _from_walls(points: np.ndarray, walls: list[_Wall]) -> Pose:
         # The half widths are free if both opposite walls are visible; otherwise this term fixes them.
         return np.concatenate([*parts, 1e-3 * unknowns[3:]])
 
-    found = least_squares(residuals, np.zeros(5), loss="soft_l1", f_scale=0.01, x_scale=[0.01, 0.1, 0.1, 0.1, 0.1])
-    return _flat(found.x)
+    fit = least_squares(residuals, np.zeros(5), loss="soft_l1", f_scale=0.01, x_scale=[0.01, 0.1, 0.1, 0.1, 0.1])
+    return _flat(fit.x)
 
 
-def _from_survey(level_from_left: Mapping[str, Pose], stations: Mapping[str, Pose]) -> Pose:
+def _pose_from_survey(level_from_left: Mapping[str, Pose], stations: Mapping[str, Pose]) -> Pose:
     pairs = [
         (level_from_left[position], stations[position]) for position in sorted(set(level_from_left) & set(stations))
     ]

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from polarsim.cameras import icp
-from polarsim.cameras.heightmaps import agreement, relief_correlation, rotated_and_translated
+from polarsim.cameras.heightmaps import agreement, correlate_rotations, relief_correlation
 from polarsim.errors import RegistrationError
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, looking
@@ -23,12 +23,12 @@ TRANSLATION_RANGE = 1.0  # metres along x and y of the same search
 CANDIDATES = 5  # number of correlation peaks that are refined by ICP
 SAME_SURFACE = 0.01  # metres: maximum distance between points of two scans on the same surface
 MIN_FITNESS = 0.5  # part of the overlap that must agree between scans
-MIN_LIKENESS = 0.5  # minimum correlation of relief between scans of the same terrain; 0.9 is usual
+MIN_RELIEF_CORRELATION = 0.5  # minimum correlation of relief between scans of the same terrain; 0.9 is usual
 SAND_REACH = 1.6  # metres from the centre: scans show only sand and rocks there, despite the errors of the survey
 SAND_SCALES = [0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]  # metres: scales of the robust fit of the sand
 MIN_SAND_POINTS = 1000
 MIN_SAND_AREA = 1.0  # square metres: scans of the analog show 5 to 11
-LEAST_RELIEF = 0.005  # minimum standard deviation, metres: the relief of flatter scans cannot be compared
+MIN_RELIEF = 0.005  # minimum standard deviation, metres: the relief of flatter scans cannot be compared
 HEIGHT_REACH = 1.0  # metres from the sand's level; curtains and stands are higher
 LEVEL, FLAT = 0.2, 0.8  # sand near the walls: maximum |z|, metres, and minimum |z| of normals
 COARSE_VOXELS = [0.04, 0.02]  # metres
@@ -63,10 +63,10 @@ class _Levelled:
     """Scan near the sandbox frame, on grids from coarse to fine."""
 
     level_from_left: Pose
-    coarse: list[icp.Surface]
-    fine: icp.Surface
+    coarse: list[icp.ScanSurface]
+    fine: icp.ScanSurface
 
-    def sand(self) -> icp.Surface:
+    def sand(self) -> icp.ScanSurface:
         """Return the fine grid without walls: they have two sides, and the cloth on them moves between scans."""
         points, normals = self.fine.points, self.fine.normals
         inside = (np.abs(points[:, :2]) < SAND_REACH).all(axis=1)
@@ -89,16 +89,16 @@ def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
     RegistrationError
         No scan shows enough sand, two scans are copies, or at most half of the scans agree.
     """
-    for one, other in combinations(sorted(scans), 2):
-        if np.array_equal(scans[one], scans[other]):
-            raise RegistrationError(f"the scans of positions {one} and {other} are identical: replace one by its scan")
-    levelled, sandless = _all_levelled(scans, stations)
-    reference, start, strange = _majority(levelled)
+    for first, second in combinations(sorted(scans), 2):
+        if np.array_equal(scans[first], scans[second]):
+            raise RegistrationError(f"the scans of positions {first} and {second} have the same points: one is a copy")
+    levelled, sandless = _level_all(scans, stations)
+    reference, start, strange = _find_majority(levelled)
     levelled = {position: scan for position, scan in levelled.items() if position in start}
     sands = {position: scan.sand() for position, scan in levelled.items()}
     moves = icp.align_jointly(sands, start, reference)
     pairs = [
-        _measured(fixed, moving, moves[fixed].inverse() @ moves[moving], levelled)
+        _measure_pair(fixed, moving, moves[fixed].inverse() @ moves[moving], levelled)
         for fixed, moving in combinations(levelled, 2)
     ]
     return Network(
@@ -111,14 +111,14 @@ def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
     )
 
 
-def _all_levelled(
+def _level_all(
     scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
 ) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
     """Level the scans, and return the scans that show sand and the reasons for the rest."""
     levelled, refused = {}, []
     for position, points in sorted(scans.items()):
         try:
-            levelled[position] = _levelled(position, points, stations)
+            levelled[position] = _level_scan(position, points, stations)
         except RegistrationError as reason:
             refused.append(reason)
     if not levelled:
@@ -126,7 +126,7 @@ def _all_levelled(
     return levelled, refused
 
 
-def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], list[RegistrationError]]:
+def _find_majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], list[RegistrationError]]:
     """Return a reference, the poses `reference_from_own` of the scans that agree with it, and reasons for the rest.
 
     More than half of the scans must agree with the reference. Scans are tried in the order of their number of points.
@@ -137,7 +137,7 @@ def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], 
         for position in levelled:
             if position != reference:
                 try:
-                    start[position] = _found(reference, position, levelled)
+                    start[position] = _align_pair(reference, position, levelled)
                 except RegistrationError as reason:
                     refused.append(reason)
         if len(start) > len(levelled) / 2:
@@ -150,8 +150,8 @@ def _majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Pose], 
 def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> Pose:
     """Return `level_from_left`: position and heading from the survey, tilt and height from the sand."""
     guess = stations.get(position) or looking(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
-    seen = guess.apply(points)
-    sand = seen[(np.abs(seen[:, :2]) < SAND_REACH).all(axis=1)]
+    near = guess.apply(points)
+    sand = near[(np.abs(near[:, :2]) < SAND_REACH).all(axis=1)]
     if len(sand) < MIN_SAND_POINTS:
         raise RegistrationError(
             f"the scan of position {position} has {len(sand)} points within {SAND_REACH:g} m of the centre, "
@@ -161,7 +161,7 @@ def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose]) 
     return level_from(tracked_plane(thin, np.array([0, 0, np.median(thin[:, 2])]), SAND_SCALES)) @ guess
 
 
-def _levelled(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> _Levelled:
+def _level_scan(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> _Levelled:
     level_from_left = level_pose(position, points, stations)
     near = level_from_left.apply(points)
     reach = [SCAN_RADIUS, SCAN_RADIUS, HEIGHT_REACH]
@@ -177,19 +177,19 @@ def _levelled(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -
     return _Levelled(level_from_left, [icp.surface(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine)
 
 
-def _sand_area(coarse: icp.Surface) -> float:
+def _sand_area(coarse: icp.ScanSurface) -> float:
     """Return the area of level surface near the centre, square metres, on the coarsest grid."""
     sand = (np.abs(coarse.points) < [SAND_REACH, SAND_REACH, LEVEL]).all(axis=1) & (np.abs(coarse.normals[:, 2]) > FLAT)
     return float(sand.sum() * COARSE_VOXELS[0] ** 2)
 
 
-def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> Pose:
+def _align_pair(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> Pose:
     """Return `fixed_from_moving`, the best of several candidates, each refined on the coarse grids."""
     first, second = levelled[fixed], levelled[moving]
     farthest = np.radians(YAW_RANGE_DEG)
     yaws = np.linspace(-farthest, farthest, 2 * round(YAW_RANGE_DEG / YAW_STEP_DEG) + 1)
     grids = first.coarse[-1].points, second.coarse[-1].points
-    starts = rotated_and_translated(*grids, SCAN_RADIUS, MAP_STEP, yaws, TRANSLATION_RANGE, CANDIDATES)
+    starts = correlate_rotations(*grids, SCAN_RADIUS, MAP_STEP, yaws, TRANSLATION_RANGE, CANDIDATES)
     tried = [icp.align_coarsely(first.coarse, second.coarse, COARSE_VOXELS, start) for start in starts]
     share = [_agreement(first, second, pose) for pose in tried]
     if max(share) < MIN_FITNESS:
@@ -197,25 +197,25 @@ def _found(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> Pose:
             f"the scans of positions {fixed} and {moving} agree on {max(share):.2f} of the ground that both show, "
             f"{MIN_FITNESS:g} needed"
         )
-    found = tried[int(np.argmax(share))]
-    alike = _likeness(first, second, found)
-    if alike < MIN_LIKENESS:
+    best = tried[int(np.argmax(share))]
+    similarity = _relief_similarity(first, second, best)
+    if similarity < MIN_RELIEF_CORRELATION:
         raise RegistrationError(
             f"the scans of positions {fixed} and {moving} show different terrains: their relief correlates by "
-            f"{alike:.2f}, {MIN_LIKENESS:g} needed"
+            f"{similarity:.2f}, {MIN_RELIEF_CORRELATION:g} needed"
         )
-    return found
+    return best
 
 
-def _measured(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled]) -> Pair:
+def _measure_pair(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _Levelled]) -> Pair:
     alignment = icp.measure(levelled[fixed].fine, levelled[moving].fine, pose, SAME_SURFACE)
     return Pair(fixed, moving, alignment, _agreement(levelled[fixed], levelled[moving], pose))
 
 
-def _likeness(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:
+def _relief_similarity(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:
     """Return the correlation of the sand's relief in both scans; 1 if the relief is too flat."""
     moved = fixed_from_moving.apply(moving.fine.points)
-    return relief_correlation(fixed.fine.points, moved, SAND_REACH, MAP_STEP, LEAST_RELIEF)
+    return relief_correlation(fixed.fine.points, moved, SAND_REACH, MAP_STEP, MIN_RELIEF)
 
 
 def _agreement(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:

@@ -25,8 +25,8 @@ STARTS = 25  # maximum number of hypotheses that are refined
 SIZE_SD = 0.5  # tolerance of log width and log height
 PITCH = np.radians([2.0, 60.0])  # minimum and maximum, downwards
 YAW_OFF_ORIGIN = np.radians(25.0)  # maximum angle between the optical axis and the terrain's centre
-TWIN_DISTANCE, TWIN_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are duplicates
-BEST_OF_A_POSITION = 20  # maximum number of hypotheses of a position
+DUPLICATE_DISTANCE, DUPLICATE_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are duplicates
+MAX_PER_POSITION = 20  # maximum number of hypotheses of a position
 
 
 @dataclass(frozen=True)
@@ -75,18 +75,18 @@ def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.n
     centres : (n, 3) float
         Positions to try, metres.
     """
-    seen = _SeenBoxes.of(boxes, lens, SEARCH_SD_PX)
+    normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX)
     thin = outlines.thinned(26)
-    found = [hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, seen)]
+    hypotheses = [hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, normalised)]
     kept: list[Hypothesis] = []
-    for hypothesis in sorted(found, key=lambda hypothesis: -hypothesis.score):
-        if len(kept) < STARTS and not any(_twins(hypothesis, other) for other in kept):
+    for hypothesis in sorted(hypotheses, key=lambda hypothesis: -hypothesis.score):
+        if len(kept) < STARTS and not any(_is_duplicate(hypothesis, other) for other in kept):
             kept.append(hypothesis)
     return kept
 
 
 @dataclass(frozen=True)
-class _SeenBoxes:
+class _NormalisedBoxes:
     """Boxes on the plane at distance 1: centres (b, 2), log sizes (b, 2), and the tolerance on the plane."""
 
     centre: np.ndarray
@@ -94,7 +94,7 @@ class _SeenBoxes:
     sd: float
 
     @classmethod
-    def of(cls, boxes: np.ndarray, lens: Lens, sd_px: float) -> _SeenBoxes:
+    def of(cls, boxes: np.ndarray, lens: Lens, sd_px: float) -> _NormalisedBoxes:
         centre_px = (boxes[:, :2] + boxes[:, 2:]) / 2
         half_px = (boxes[:, 2:] - boxes[:, :2]) / 2
         across, down = half_px * [1, 0], half_px * [0, 1]
@@ -107,22 +107,22 @@ class _SeenBoxes:
         return np.concatenate([self.centre / self.sd, self.log_size / SIZE_SD], axis=1)
 
 
-def _hypotheses_at(centre: np.ndarray, outlines: Outlines, seen: _SeenBoxes) -> list[Hypothesis]:
+def _hypotheses_at(centre: np.ndarray, outlines: Outlines, normalised: _NormalisedBoxes) -> list[Hypothesis]:
     yaw_home = float(np.arctan2(-centre[1], -centre[0]))
     pitch_home = float(np.arctan2(centre[2] - np.median(outlines.centres[:, 2]), np.hypot(centre[0], centre[1])))
     home = looking(centre, yaw_home, pitch_home)
     directions, log_size = _rocks_from(home, outlines)
     with np.errstate(invalid="ignore"):
-        rock, box = np.nonzero((np.abs(log_size[:, None] - seen.log_size[None]) < SIZE_SD).all(axis=-1))
-    yaw, pitch = _aimed(directions[rock], seen.centre[box])
+        rock, box = np.nonzero((np.abs(log_size[:, None] - normalised.log_size[None]) < SIZE_SD).all(axis=-1))
+    yaw, pitch = _aim(directions[rock], normalised.centre[box])
     off = (yaw - yaw_home + np.pi) % (2 * np.pi) - np.pi
     with np.errstate(invalid="ignore"):
         good = (pitch > PITCH[0]) & (pitch < PITCH[1]) & (np.abs(off) < YAW_OFF_ORIGIN)
     yaw, pitch = yaw[good], pitch[good]
     if not len(yaw):
         return []
-    score = _scores(yaw, pitch, directions, log_size, seen)
-    best = np.argsort(-score, kind="stable")[:BEST_OF_A_POSITION]
+    score = _scores(yaw, pitch, directions, log_size, normalised)
+    best = np.argsort(-score, kind="stable")[:MAX_PER_POSITION]
     return [Hypothesis(centre, float(yaw[k]), float(pitch[k]), float(score[k])) for k in best]
 
 
@@ -144,7 +144,7 @@ def _log_stretch(points: np.ndarray) -> np.ndarray:
     return np.asarray(0.75 * np.log(1 + (points[..., :2] ** 2).sum(axis=-1)))
 
 
-def _aimed(directions: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _aim(directions: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return yaw and pitch (n,) of the level camera that projects unit sandbox directions (n, 3) to centres (n, 2)."""
     reach = np.sqrt(1 + (centre**2).sum(axis=1))
     right, down, forward = centre[:, 0] / reach, centre[:, 1] / reach, 1 / reach
@@ -155,7 +155,7 @@ def _aimed(directions: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _scores(
-    yaw: np.ndarray, pitch: np.ndarray, directions: np.ndarray, log_size: np.ndarray, seen: _SeenBoxes
+    yaw: np.ndarray, pitch: np.ndarray, directions: np.ndarray, log_size: np.ndarray, normalised: _NormalisedBoxes
 ) -> np.ndarray:
     """Return the sum (n,) over rocks of exp(-chi squared / 2) of the best box."""
     cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
@@ -167,19 +167,19 @@ def _scores(
     depth = np.where(behind, 1, depth)
     projected = np.stack([right @ directions.T, down @ directions.T], axis=-1) / depth[..., None]
     size = np.where(np.isfinite(log_size), log_size, 0)[None] + _log_stretch(projected)[..., None]
-    rocks = np.concatenate([projected / seen.sd, size / SIZE_SD], axis=-1)  # (n, m, 4)
-    boxes = seen.features()
+    rocks = np.concatenate([projected / normalised.sd, size / SIZE_SD], axis=-1)  # (n, m, 4)
+    boxes = normalised.features()
     # Squared distances by the binomial formula need only one matrix product.
     part = (boxes**2).sum(axis=1) - 2 * rocks.reshape(-1, 4) @ boxes.T
     chi2 = (rocks**2).sum(axis=-1) + part.min(axis=1).reshape(rocks.shape[:2])
     return np.where(behind, 0, np.exp(-chi2 / 2)).sum(axis=1)
 
 
-def _twins(first: Hypothesis, second: Hypothesis) -> bool:
+def _is_duplicate(first: Hypothesis, second: Hypothesis) -> bool:
     yaw = (first.yaw - second.yaw + np.pi) % (2 * np.pi) - np.pi
     return (
-        float(np.linalg.norm(first.centre - second.centre)) < TWIN_DISTANCE
-        and max(abs(yaw), abs(first.pitch - second.pitch)) < TWIN_ANGLE
+        float(np.linalg.norm(first.centre - second.centre)) < DUPLICATE_DISTANCE
+        and max(abs(yaw), abs(first.pitch - second.pitch)) < DUPLICATE_ANGLE
     )
 
 

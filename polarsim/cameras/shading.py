@@ -17,7 +17,7 @@ from polarsim.run_files.scene import TerrainMesh
 
 
 @dataclass(frozen=True)
-class Surface:
+class MeshSurface:
     """Triangles prepared for ray casts, with a normal for each."""
 
     rays: Caster
@@ -25,10 +25,10 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Seen:
+class ViewHits:
     """Ray hits of the pixels of a view."""
 
-    surface: Surface
+    surface: MeshSurface
     points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres; NaN for rays without a hit
     point: np.ndarray  # (n, 3) the points of the pixels with a hit
     normal: np.ndarray  # (n, 3) float32, towards the camera
@@ -38,7 +38,7 @@ class Seen:
         """Mask (h, w) of pixels with a hit."""
         return np.isfinite(self.points[..., 0])
 
-    def under(self, lamp: np.ndarray) -> np.ndarray:
+    def shade(self, lamp: np.ndarray) -> np.ndarray:
         """Return the brightness (h, w) float32 under a point light at (3,), sandbox frame, metres; zero in shadow."""
         to_lamp = lamp.astype(np.float32) - self.point
         square = np.einsum("nk,nk->n", to_lamp, to_lamp)
@@ -50,11 +50,11 @@ class Seen:
         return image
 
 
-def surface_of(mesh: TerrainMesh) -> Surface:
-    return Surface(caster(mesh.vertices, mesh.faces), mesh.normals[mesh.faces].mean(axis=1).astype(np.float32))
+def surface_of(mesh: TerrainMesh) -> MeshSurface:
+    return MeshSurface(caster(mesh.vertices, mesh.faces), mesh.normals[mesh.faces].mean(axis=1).astype(np.float32))
 
 
-def look(surface: Surface, camera: Camera) -> Seen:
+def cast_view(surface: MeshSurface, camera: Camera) -> ViewHits:
     """Cast a ray through every pixel of a view."""
     pixels = camera.pixel_directions().astype(np.float32)
     directions = pixels.reshape(-1, 3)
@@ -64,4 +64,4 @@ def look(surface: Surface, camera: Camera) -> Seen:
     points[hit] = camera.centre + distance[hit, None] * directions[hit]
     normal = surface.normals[face[hit]]
     normal = normal * -np.sign(np.einsum("nk,nk->n", normal, directions[hit]))[:, None]
-    return Seen(surface, points.reshape(pixels.shape), points[hit], normal)
+    return ViewHits(surface, points.reshape(pixels.shape), points[hit], normal)

@@ -16,7 +16,7 @@ from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose
 
 REACH, STEP = 3.0, 0.02  # half side of the searched square about the origin, and side of a cell, metres
-LEAST_HEIGHT = 0.08  # minimum height of the box above the floor, metres
+MIN_BOX_HEIGHT = 0.08  # minimum height of the box above the floor, metres
 GAP = 0.06  # maximum width of closed gaps, metres; rocks and walls occlude parts of the box
 SIZE_SLACK = 0.3  # maximum relative error of a side of the square
 SQUARE = 0.8  # minimum share of the bounding rectangle that the square covers
@@ -63,7 +63,7 @@ def _square(heights: np.ndarray, half_width: float) -> tuple[np.ndarray | None, 
     """Return the centre (2,) of the box in a height map, and the heading of a side, radians."""
     import cv2
 
-    raised = np.nan_to_num(heights, nan=-np.inf) > _floor(heights) + LEAST_HEIGHT
+    raised = np.nan_to_num(heights, nan=-np.inf) > _floor(heights) + MIN_BOX_HEIGHT
     raised = ndimage.binary_closing(raised, np.ones((3, 3), bool), iterations=round(GAP / STEP / 2))
     raised = ndimage.binary_opening(raised, np.ones((5, 5), bool))  # removes objects that lean on the box
     parts, _ = ndimage.label(raised)
@@ -91,6 +91,6 @@ def _by_area(cells: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _floor(heights: np.ndarray) -> float:
     """Return the height of the floor: the centre of the fullest bin of 2 cm."""
-    known = heights[np.isfinite(heights)]
-    bins = np.floor(known / STEP).astype(int)
+    heights_of_cells = heights[np.isfinite(heights)]
+    bins = np.floor(heights_of_cells / STEP).astype(int)
     return float((np.bincount(bins - bins.min()).argmax() + bins.min() + 0.5) * STEP)

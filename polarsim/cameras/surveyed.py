@@ -23,7 +23,7 @@ def stations(terrain: int) -> dict[str, Pose]:
     return {position: pose for position in survey.SURVEYED_LEFT if (pose := surveyed_pose(position)) is not None}
 
 
-def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
+def offset_surveyed_pose(position: str, localised: Mapping[str, Pose]) -> Pose | None:
     """Return the surveyed pose, translated by the mean offset of the other positions from their surveyed poses.
 
     Every terrain has a separate frame, so that its tripods share part of their offset from the survey, but not tilts.
@@ -32,9 +32,9 @@ def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
     if surveyed is None:
         return None
     offsets = [
-        pose.translation - known.translation
+        pose.translation - surveyed_other.translation
         for other, pose in sorted(localised.items())
-        if other != position and (known := surveyed_pose(other)) is not None
+        if other != position and (surveyed_other := surveyed_pose(other)) is not None
     ]
     return Pose(surveyed.rotation, surveyed.translation + (np.mean(offsets, axis=0) if offsets else 0.0))
 
@@ -42,11 +42,11 @@ def pose_beside(position: str, localised: Mapping[str, Pose]) -> Pose | None:
 def likely_pose(position: str, localised: Mapping[str, Pose]) -> tuple[Pose, float] | None:
     """Return the most likely pose of a position without evidence, and the standard deviation of its pitch, degrees.
 
-    It is `pose_beside` with the pitch of the position that shares the tilt, or the usual pitch; None for positions
-    that the survey does not include. Boxes of 03, 04, 08, 11, 12 that the ground transfers by this pose from left to
-    right photos match annotated boxes with F1 0.76, by `pose_beside` with F1 0.57.
+    It is `offset_surveyed_pose` with the pitch of the position that shares the tilt, or the usual pitch; None for
+    positions that the survey does not include. Boxes of 03, 04, 08, 11, 12 that the ground transfers by this pose from
+    left to right photos match annotated boxes with F1 0.76, by `offset_surveyed_pose` with F1 0.57.
     """
-    pose = pose_beside(position, localised)
+    pose = offset_surveyed_pose(position, localised)
     if pose is None:
         return None
     neighbour = localised.get(SAME_TILT.get(position, ""))

@@ -16,11 +16,11 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.run_files.rock_translations import TRANSLATION_COLUMNS
 
-ROUNDS = 3  # number of times that rocks and boxes are paired
-FAR = 2.0  # standard deviations of the prior beyond which a rock was clearly moved: the prior loses its influence
-FARTHEST = 0.1  # maximum translation, metres: boxes that imply more belong to another rock
+PAIRINGS = 3  # number of times that rocks and boxes are paired
+OUTLIER_SD = 2.0  # standard deviations of the prior beyond which a rock was clearly moved: the prior loses weight
+MAX_TRANSLATION = 0.1  # maximum translation, metres: boxes that imply more belong to another rock
 STEPS = 30  # maximum number of steps of a fit
-SETTLED = 1e-6  # metres and radians: smaller steps end a fit
+CONVERGED = 1e-6  # metres and radians: smaller steps end a fit
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,19 @@ def fit_translations(
         Centre (metres), yaw, pitch and roll (radians) of the left cameras.
     translations : Translations
     """
-    unknowns = {position: unknowns_of(one.fit.sandbox_from_left) for position, one in positions.items()}
+    unknowns = {
+        position: unknowns_of(localisation.fit.sandbox_from_left) for position, localisation in positions.items()
+    }
     metres = start
-    strangers = np.zeros(len(outlines), bool)  # rocks with boxes of another rock
+    mismatched = np.zeros(len(outlines), bool)  # rocks with boxes of another rock
     pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for _ in range(ROUNDS):
+    for _ in range(PAIRINGS):
         moved = translated(outlines, metres)
-        for position, one in positions.items():
-            rows, columns = assign(moved.seen(Camera(pose_of(unknowns[position]), lens)), one.boxes, MATCH_GATE_PX)
-            known = ~strangers[rows]
+        for position, localisation in positions.items():
+            rows, columns = assign(
+                moved.seen(Camera(pose_of(unknowns[position]), lens)), localisation.boxes, MATCH_GATE_PX
+            )
+            known = ~mismatched[rows]
             pairs[position] = rows[known], columns[known]
         for _ in range(STEPS):
             normal_matrix, right_side = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd)
@@ -79,14 +83,14 @@ def fit_translations(
             for number, position in enumerate(unknowns):
                 unknowns[position] = unknowns[position] + step[6 * number : 6 * number + 6]
             metres = metres + step[6 * len(positions) :].reshape(-1, 3)
-            if np.abs(step).max() < SETTLED:
+            if np.abs(step).max() < CONVERGED:
                 break
-        strangers |= np.linalg.norm(metres, axis=1) > FARTHEST
-        metres = np.where(strangers[:, None], 0.0, metres)
+        mismatched |= np.linalg.norm(metres, axis=1) > MAX_TRANSLATION
+        metres = np.where(mismatched[:, None], 0.0, metres)
     normal_matrix, _ = _normal_equations(positions, pairs, unknowns, outlines, metres, lens, sd)
     variance = np.diag(np.linalg.inv(normal_matrix))[6 * len(positions) :].reshape(-1, 3)
-    seen = np.concatenate([rows for rows, _ in pairs.values()])
-    return unknowns, Translations(metres, np.sqrt(variance), np.bincount(seen, minlength=len(outlines)))
+    matched = np.concatenate([rows for rows, _ in pairs.values()])
+    return unknowns, Translations(metres, np.sqrt(variance), np.bincount(matched, minlength=len(outlines)))
 
 
 def _normal_equations(
@@ -103,9 +107,9 @@ def _normal_equations(
     size = poses + 3 * len(outlines)
     moved = translated(outlines, metres)
     matrix, side = np.zeros((size, size)), np.zeros(size)
-    for number, (position, one) in enumerate(positions.items()):
+    for number, (position, localisation) in enumerate(positions.items()):
         rows, columns = pairs[position]
-        problem = EdgeProblem(moved.part(rows), one.boxes[columns], lens, one.prior, FINAL_NOISE)
+        problem = EdgeProblem(moved.part(rows), localisation.boxes[columns], lens, localisation.prior, FINAL_NOISE)
         residuals, slopes = problem.residuals(unknowns[position]), problem.jacobian(unknowns[position])
         weights = 1 / (1 + (residuals / FINAL_NOISE.loss_scale) ** 2)
         weights[-6:] = 1  # the prior is not an outlier
@@ -117,7 +121,7 @@ def _normal_equations(
         matrix += (jacobian * weights[:, None]).T @ jacobian
         side -= jacobian.T @ (weights * residuals)
     held = np.arange(poses, size)
-    hold = np.repeat(sd**-2 / (1 + (metres**2).sum(axis=1) / (FAR * sd) ** 2), 3)
+    hold = np.repeat(sd**-2 / (1 + (metres**2).sum(axis=1) / (OUTLIER_SD * sd) ** 2), 3)
     matrix[held, held] += hold
     side[poses:] -= hold * metres.ravel()
     return matrix, side

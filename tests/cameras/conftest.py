@@ -21,7 +21,7 @@ TRUE_POSES = {  # decimetres and degrees off the survey, as real ones are
 
 
 def rock(rng: np.random.Generator, position: np.ndarray, size: float) -> Mesh:
-    """A convex rock about a position (3,), about `size` metres long."""
+    """Return a convex rock at a position (3,), about `size` metres long."""
     points = rng.standard_normal((60, 3))
     points *= size / 2 * rng.uniform(0.6, 1, 3) / np.linalg.norm(points, axis=1, keepdims=True)
     hull = ConvexHull(points)
@@ -35,7 +35,7 @@ def rock(rng: np.random.Generator, position: np.ndarray, size: float) -> Mesh:
 
 
 def rocks(rng: np.random.Generator, count: int) -> dict[int, Mesh]:
-    """Rocks with ids from 1 that do not touch."""
+    """Return rocks with ids from 1 that do not touch."""
     points: list[np.ndarray] = []
     while len(points) < count:
         position = np.append(rng.uniform(-1.5, 1.5, 2), 0.0)
@@ -47,7 +47,7 @@ def rocks(rng: np.random.Generator, count: int) -> dict[int, Mesh]:
 def annotated_boxes(
     meshes: dict[int, Mesh], rig: StereoRig, pose: Pose, rng: np.random.Generator, sd: float
 ) -> np.ndarray:
-    """(m, 4) boxes that a person would draw: edges off by `sd` px, then whole pixels; NaN for rocks out of sight."""
+    """Return boxes (m, 4) as annotated by a person: edges off by `sd` px, whole pixels; NaN for rocks out of view."""
     made = []
     for mesh in meshes.values():
         box = boxes.around(rig.left.project(pose.inverse().apply(mesh.vertices)))
@@ -59,13 +59,13 @@ def annotated_boxes(
 
 @dataclass(frozen=True)
 class Sandbox:
-    """Sand with relief, rocks and walls, ready for rays."""
+    """Sand with relief, rocks and walls, prepared for ray casts."""
 
     scene: object
     rig: StereoRig
 
     def scan(self, sandbox_from_left: Pose, rng: np.random.Generator, noise: float) -> np.ndarray:
-        """(h, w, 3) range map in the rectified left frame, metres, NaN where nothing is."""
+        """Return a range map (h, w, 3) in the rectified left frame, metres, NaN without a hit."""
         import open3d as o3d
 
         grid = rectified_left(self.rig)
@@ -128,7 +128,7 @@ def range_maps(sandbox: Sandbox) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="session")
 def scans(sandbox: Sandbox, range_maps: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The same as (n, 3) points in the left cameras' frames."""
+    """Convert the range maps to points (n, 3) in the left camera frames."""
     left_from_rectified = rectified_left(sandbox.rig).left_from_rectified
     return {p: left_from_rectified.apply(m[np.isfinite(m).all(axis=-1)]) for p, m in range_maps.items()}
 
@@ -140,19 +140,19 @@ def true_poses() -> dict[str, Pose]:
 
 @dataclass(frozen=True)
 class LabelledRocks:
-    """Rocks with ids, and the box that a person drew round each (NaN: out of sight), by position."""
+    """Rocks with ids, and their annotated boxes by position (NaN: out of view)."""
 
     meshes: dict[int, Mesh]
     boxes: dict[str, np.ndarray]
 
     def seen(self, position: str) -> np.ndarray:
-        """(n, 4) boxes without the gaps."""
+        """Return the boxes (n, 4) of visible rocks."""
         return self.boxes[position][np.isfinite(self.boxes[position]).all(axis=1)]
 
 
 @pytest.fixture(scope="session")
 def labelled() -> LabelledRocks:
-    """Fifteen rocks, edges annotated 2 px off: about what people do."""
+    """Fifteen rocks with annotated edges that are off by 2 px, as those of people."""
     rng = np.random.default_rng(11)
     meshes = rocks(rng, 15)
     return LabelledRocks(

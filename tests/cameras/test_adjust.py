@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.cameras.adjust import Priors, Sightings, adjust
+from polarsim.cameras.adjust import MatchedPoints, Priors, adjust
 from polarsim.geometry.poses import Pose, angle_between, looking
 from polarsim.geometry.stereo import stated_rig
 from polarsim.run_files.rigs import LocalisedRig
@@ -28,7 +28,7 @@ def sightings(true, rng, noise_px=0.3, outliers=0.0, count=600, stated_px=0.7):
             pixels[wrong] += rng.uniform(-10, 10, (wrong.sum(), 2))
             inside = ((pixels > 0) & (pixels < [1936, 1216])).all(axis=1)
             whitening = np.tile(np.eye(2) / stated_px, (inside.sum(), 1, 1))
-            seen[position, camera] = Sightings(points[inside], pixels[inside], whitening)
+            seen[position, camera] = MatchedPoints(points[inside], pixels[inside], whitening)
     return seen
 
 
@@ -77,7 +77,7 @@ def test_a_calibration_that_is_off_is_mended_for_all_positions_alike():
 
 
 def test_where_nothing_is_seen_the_priors_stay():
-    nothing = {("A", "L"): Sightings(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2, 2)))}
+    nothing = {("A", "L"): MatchedPoints(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2, 2)))}
     found = adjust({"A": TRUE["A"]}, nothing, PRIORS, INDEPENDENT, lenses=True)
     np.testing.assert_allclose(found.localised["A"].sandbox_from_left.matrix, TRUE["A"].sandbox_from_left.matrix)
     sd = np.sqrt(np.diag(found.covariance["A"]))
@@ -99,10 +99,10 @@ def test_many_windows_of_a_view_count_for_no_more_than_so_many(independent):
 
 
 def test_what_windows_do_not_tell_does_not_matter():
-    """Windows on upright edges say nothing of heights: wrong heights there move no camera."""
+    """Windows on upright edges do not measure heights: wrong heights there move no camera."""
     rng = np.random.default_rng(4)
     seen = {
-        view: Sightings(
+        view: MatchedPoints(
             one.points, one.pixels + np.array([0, 8]), np.tile(np.diag([1 / 0.7, 0]), (len(one.pixels), 1, 1))
         )
         for view, one in sightings(TRUE, rng, noise_px=0).items()

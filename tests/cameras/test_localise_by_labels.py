@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.cameras.labels import checked, localise_by_labels, survey_prior
+from polarsim.cameras import search
+from polarsim.cameras.labels import check_localisation, localise_by_labels, survey_prior
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import candidate_centres, search_pose
@@ -12,7 +13,7 @@ from polarsim.cameras.surveyed import (
     USUAL_PITCH_DEG,
     USUAL_PITCH_SD_DEG,
     likely_pose,
-    pose_beside,
+    offset_surveyed_pose,
     surveyed_pose,
 )
 from polarsim.errors import RegistrationError
@@ -25,13 +26,28 @@ OPTIONS = LocalisationOptions()
 LENS = stated_rig().left
 
 
+@pytest.fixture(autouse=True, scope="module")
+def coarse_search():
+    """Search on a coarser grid, to save time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "DISTANCE_STEP", 0.6)
+        patch.setattr(search, "HEIGHT_STEP", 0.3)
+        patch.setattr(search, "STARTS", 10)
+        yield
+
+
 @pytest.fixture(scope="module")
 def outlines(labelled):
-    return outlines_of(labelled.meshes, 0.0, 0.0)  # clean rocks without skirts
+    return outlines_of(labelled.meshes, 0.0, 0.0)  # rocks without skirts
+
+
+@pytest.fixture(scope="module")
+def localisation_of_a(labelled, outlines):
+    return localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
 
 
 def spoiled(boxes, rng):
-    """A fifth of the boxes gone, five false ones of real sizes added."""
+    """Remove a fifth of the boxes, and add five false boxes of real sizes."""
     kept = boxes[np.sort(rng.permutation(len(boxes))[: round(0.8 * len(boxes))])]
     sizes = boxes[rng.integers(len(boxes), size=5), 2:] - boxes[rng.integers(len(boxes), size=5), :2]
     sizes = np.clip(np.abs(sizes), 20, 200)
@@ -50,12 +66,11 @@ def test_the_pose_is_found_with_missing_and_false_boxes(position, labelled, outl
     ids = outlines.rocks[localisation.fit.outline]
     annotated = labelled.boxes[position][ids - 1]
     real = localisation.fit.box < round(0.8 * len(labelled.seen(position)))
-    np.testing.assert_array_equal(boxes[localisation.fit.box][real], annotated[real])  # each rock met its own box
+    np.testing.assert_array_equal(boxes[localisation.fit.box][real], annotated[real])  # correct pairs of rock and box
 
 
 def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses, monkeypatch):
-    for name, value in (("AZIMUTH_STEP_DEG", 6.0), ("DISTANCE_STEP", 0.6), ("HEIGHT_STEP", 0.3)):
-        monkeypatch.setattr(f"polarsim.cameras.search.{name}", value)
+    monkeypatch.setattr(search, "AZIMUTH_STEP_DEG", 6.0)
     found = localise_by_labels(labelled.seen("A"), outlines, LENS, None, OPTIONS).fit.sandbox_from_left
     assert np.linalg.norm(found.translation - true_poses["A"].translation) < 0.03
 
@@ -66,62 +81,58 @@ def test_boxes_of_another_scene_are_refused(labelled, outlines, rng):
     localisation = localise_by_labels(
         np.column_stack([corner, corner + size]), outlines, LENS, surveyed_pose("A"), OPTIONS
     )
-    with pytest.raises(RegistrationError, match="the best pose explains 0"):
-        checked(localisation)
+    with pytest.raises(RegistrationError):
+        check_localisation(localisation)
 
 
 def test_mirrored_boxes_are_refused(labelled, outlines):
     mirrored = labelled.seen("A") * [-1, 1, -1, 1] + [LENS.width, 0, LENS.width, 0]
     localisation = localise_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS)
-    with pytest.raises(RegistrationError, match="the best pose explains 0"):
-        checked(localisation)
+    with pytest.raises(RegistrationError):
+        check_localisation(localisation)
 
 
 def test_boxes_of_another_position_are_refused(labelled, outlines):
-    # A and B stand one behind the other: the boxes of B are explained perfectly, from where B stands.
+    # B is behind A in the same direction: the boxes of B are explained perfectly by a pose at B.
     localisation = localise_by_labels(labelled.seen("B"), outlines, LENS, surveyed_pose("A"), OPTIONS)
-    with pytest.raises(
-        RegistrationError, match=r"stands 2\.\d m from the survey's position, .* another position's boxes"
-    ):
-        checked(localisation)
+    with pytest.raises(RegistrationError) as refused:
+        check_localisation(localisation)
+    assert "2." in refused.value.reason  # metres from the survey
 
 
-def test_of_two_poses_that_explain_alike_none_is_believed(labelled, outlines):
-    localisation = localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
-    rivalled = replace(localisation, runner_up=localisation.share - 0.05)
-    with pytest.raises(RegistrationError, match=r"two poses explain the \d+ boxes nearly alike"):
-        checked(rivalled)
+def test_an_ambiguous_pose_is_refused(localisation_of_a):
+    with pytest.raises(RegistrationError):
+        check_localisation(replace(localisation_of_a, runner_up=localisation_of_a.share - 0.05))
 
 
-def test_one_pose_found_twice_is_not_its_own_rival(labelled, outlines):
-    localisation = localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
-    assert localisation.share > 0.8
-    assert localisation.runner_up < 0.5 * localisation.share
+def test_the_second_best_pose_is_at_another_position(localisation_of_a):
+    assert localisation_of_a.share > 0.8
+    assert localisation_of_a.runner_up < 0.5 * localisation_of_a.share
 
 
 def test_too_few_boxes_are_refused(outlines):
-    with pytest.raises(RegistrationError, match="2 boxes and 15 meshes, a pose needs 3 of each"):
+    with pytest.raises(RegistrationError):
         localise_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS)
 
 
-def test_the_search_alone_comes_within_its_grid(labelled, outlines, true_poses):
+def test_the_search_reaches_the_accuracy_of_its_grid(labelled, outlines, true_poses):
     centres = candidate_centres(0.0, 0.0)
     best = search_pose(outlines, labelled.seen("B"), LENS, centres)[0]
-    # The grid has steps of 0.3 m, 4 degrees (0.43 m at B) and 0.2 m.
+    # The grid has steps of 0.6 m, 4 degrees (0.43 m at B) and 0.3 m.
     assert np.linalg.norm(best.centre - true_poses["B"].translation) < 0.5
     assert np.degrees(angle_between(best.sandbox_from_left, true_poses["B"])) < 6
 
 
 def test_candidate_centres_cover_the_stated_ranges():
     centres = candidate_centres(np.pi / 2, 0.5)
-    assert len(centres) == 21 * 7 * 7
+    assert len(centres) == 11 * 7 * 5
     distance = np.hypot(centres[:, 0], centres[:, 1])
     assert (distance.min(), distance.max()) == pytest.approx((1.0, 7.0))
     assert (centres[:, 2].min(), centres[:, 2].max()) == pytest.approx((1.3, 2.5))
     assert np.degrees(np.arctan2(centres[:, 1], centres[:, 0])).min() == pytest.approx(78)
 
 
-def test_a_box_of_another_size_is_no_partner_even_where_it_lies_right():
+def test_boxes_are_matched_by_size_and_distance():
     rock = np.array([[100.0, 100, 140, 130]])
     assert len(assign(rock, np.array([[60.0, 70, 180, 160]]), 40)[0]) == 0  # three times as large
     assert len(assign(rock, np.array([[110.0, 105, 150, 135]]), 40)[0]) == 1
@@ -141,15 +152,17 @@ def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
     np.testing.assert_allclose(problem.jacobian(at), numeric, rtol=1e-4, atol=1e-2)
 
 
-def test_a_position_beside_others_shares_their_mean_offset_from_the_survey():
+def test_an_unlocalised_position_gets_the_mean_offset_of_localised_positions():
     translation = np.array([0.1, -0.2, 0.3])
     localised = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + translation) for p in "AC"}
-    np.testing.assert_allclose(pose_beside("B", localised).translation, surveyed_pose("B").translation + translation)
-    np.testing.assert_array_equal(pose_beside("B", {}).matrix, surveyed_pose("B").matrix)
-    assert pose_beside("G", localised) is None
+    np.testing.assert_allclose(
+        offset_surveyed_pose("B", localised).translation, surveyed_pose("B").translation + translation
+    )
+    np.testing.assert_array_equal(offset_surveyed_pose("B", {}).matrix, surveyed_pose("B").matrix)
+    assert offset_surveyed_pose("G", localised) is None
 
 
-def test_a_position_without_evidence_is_tilted_as_its_neighbour_or_as_usual():
+def test_a_position_without_evidence_gets_the_tilt_of_its_neighbour_or_the_usual_tilt():
     steep = looking(surveyed_pose("A").translation, np.pi, np.radians(19.0))
     for localised, pitch, sd in (
         ({"A": steep, "C": surveyed_pose("C")}, 19.0, SHARED_PITCH_SD_DEG),
@@ -157,7 +170,7 @@ def test_a_position_without_evidence_is_tilted_as_its_neighbour_or_as_usual():
         ({}, USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG),
     ):
         pose, found_sd = likely_pose("B", localised)
-        np.testing.assert_allclose(pose.translation, pose_beside("B", localised).translation)
+        np.testing.assert_allclose(pose.translation, offset_surveyed_pose("B", localised).translation)
         np.testing.assert_allclose(np.degrees(yaw_pitch_roll(pose)), [180, pitch, 0], atol=1e-9)
         assert found_sd == sd
     assert likely_pose("G", {"A": steep}) is None

@@ -1,9 +1,9 @@
-"""Real seeds and real meshes: the published release, where it is there."""
+"""Localisation with real seeds and real meshes of the published release, if it is available."""
 
 import numpy as np
 import pytest
 
-from polarsim.cameras.labels import checked, localise_by_labels
+from polarsim.cameras.labels import check_localisation, localise_by_labels
 from polarsim.cameras.localisations import localise_all
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.errors import RegistrationError
@@ -20,7 +20,7 @@ OPTIONS = LocalisationOptions()
 
 
 def best_boxes(root, terrain, position, camera):
-    """Rock boxes of each Sun azimuth, light off, in the exposure that shows most."""
+    """Return the rock boxes of each Sun azimuth, light off, of the exposure with most boxes."""
     files = release.label_files(root, terrain)
     annotated = []
     for sun in SUNS:
@@ -34,8 +34,8 @@ def best_boxes(root, terrain, position, camera):
 @pytest.mark.parametrize(
     ("terrain", "position", "stood", "least_left", "least_right"),
     [
-        # Positions of left cameras and mean IoU were found by another program, fitted to both cameras of all terrains:
-        # (3.583, -0.398, 1.511) with 0.82, 0.81 and (6.125, -0.585, 1.571) with 0.69, 0.72; a lens of 2085 px there.
+        # Positions of left cameras and mean IoU of another program, fitted to both cameras of all terrains with a
+        # lens of 2085 px: (3.583, -0.398, 1.511) with 0.82, 0.81 and (6.125, -0.585, 1.571) with 0.69, 0.72.
         (1, "A", (3.583, -0.398, 1.511), 0.78, 0.78),
         (11, "B", (6.125, -0.585, 1.571), 0.65, 0.68),
     ],
@@ -44,11 +44,13 @@ def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, lea
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, terrain).items()}
     outlines = outlines_of(meshes)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
-    localisation = checked(localise_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS))
+    localisation = check_localisation(
+        localise_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS)
+    )
     pose = localisation.fit.sandbox_from_left
     assert np.linalg.norm(pose.translation - stood) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
     assert localisation.fit.iou.mean() >= least_left
-    # The right camera's boxes took no part.
+    # The boxes of the right camera are not used by the fit.
     rig = LocalisedRig(stated_rig(), pose)
     right = clip(outlines.project(rig.camera("R")))
     annotated = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
@@ -58,7 +60,7 @@ def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, lea
 
 
 @pytest.mark.release
-def test_real_seeds_that_are_not_the_position_s_own_are_refused(release_root):
+def test_real_seeds_of_another_position_and_mirrored_seeds_are_refused(release_root):
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 11).items()}
     outlines = outlines_of(meshes)
     lens = stated_rig().left
@@ -66,12 +68,12 @@ def test_real_seeds_that_are_not_the_position_s_own_are_refused(release_root):
     mirrored = (own * [-1, 1, -1, 1] + [lens.width, 0, lens.width, 0])[:, [2, 1, 0, 3]]
     for boxes in (other, mirrored):
         with pytest.raises(RegistrationError):
-            checked(localise_by_labels(boxes, outlines, lens, surveyed_pose("A"), OPTIONS))
+            check_localisation(localise_by_labels(boxes, outlines, lens, surveyed_pose("A"), OPTIONS))
 
 
 @pytest.mark.release
-def test_every_position_of_a_terrain_whose_rocks_stand_off_is_placed(release_root):
-    """Terrain 12: three published rocks lie 5 cm off, which C sees most."""
+def test_every_position_of_a_terrain_with_displaced_rocks_is_localised(release_root):
+    """Terrain 12: three published rocks are 5 cm off."""
     meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 12).items()}
     outlines = outlines_of(meshes)
     seen = {position: consensus_boxes(best_boxes(release_root, 12, position, "L")) for position in "ABC"}

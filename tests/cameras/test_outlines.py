@@ -14,7 +14,7 @@ FACES = np.array([[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 5], [0, 5, 
 
 
 def skirted_cube(skirt: float) -> Mesh:
-    """A cube of 10 cm whose mesh runs out into a flat skirt of sand, 1 mm high, all round."""
+    """Return a cube of 10 cm with a flat skirt of sand, 1 mm high, on all sides."""
     angle = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     ring *= (0.05 + skirt) / np.abs(ring).max(axis=1, keepdims=True)
@@ -23,7 +23,7 @@ def skirted_cube(skirt: float) -> Mesh:
     return Mesh(vertices, np.concatenate([FACES, faces]))
 
 
-def test_small_components_and_unused_vertices_do_not_count():
+def test_small_components_and_unused_vertices_are_ignored():
     crumb = np.array([[1.0, 1, 1], [1.1, 1, 1], [1, 1.1, 1]])
     mesh = Mesh(np.concatenate([CUBE, crumb, [[9.0, 9, 9]]]), np.concatenate([FACES, [[8, 9, 10]]]))
     np.testing.assert_array_equal(largest_island(mesh), CUBE)
@@ -37,13 +37,13 @@ def test_a_skirt_of_sand_does_not_widen_a_rock():
     cube = around(lens.project(camera.inverse().apply(CUBE)))
     cube_above_rim = around(lens.project(camera.inverse().apply(CUBE[CUBE[:, 2] > 0.005])))
     projected = outlines.project(Camera(camera, lens))[0]
-    np.testing.assert_allclose(projected[[0, 2]], cube_above_rim[[0, 2]], atol=1e-9)  # left and right: the cube's top
-    np.testing.assert_allclose(projected[[1, 3]], whole[[1, 3]], atol=1e-9)  # top and bottom: everything
+    np.testing.assert_allclose(projected[[0, 2]], cube_above_rim[[0, 2]], atol=1e-9)  # left and right: top of the cube
+    np.testing.assert_allclose(projected[[1, 3]], whole[[1, 3]], atol=1e-9)  # top and bottom: all vertices
     assert whole[2] - whole[0] > 1.4 * (cube[2] - cube[0])
 
 
-def test_trimming_never_takes_more_than_its_share_of_a_rock():
-    # With a trim above the rock itself, its upper 65 % must still be there.
+def test_trimming_removes_at_most_its_share_of_a_rock():
+    # The upper 65 % remain, although the trim is higher than the rock.
     _, upper = outline(skirted_cube(0.03), trim=1.0, trim_share=0.35)
     np.testing.assert_array_equal(np.unique(upper[:, 2]), [0.1])
 
@@ -61,7 +61,7 @@ def test_outlines_give_the_box_of_all_vertices(rng):
     np.testing.assert_allclose(pixels[[0, 1, 2, 3], [0, 1, 0, 1]], edges[0], atol=1e-9)
 
 
-def test_rocks_behind_the_camera_have_no_box():
+def test_rocks_with_negative_depth_have_no_box():
     outlines = outlines_of({1: Mesh(CUBE, FACES)}, 0.004, 0.35)
     away = looking(np.array([3.0, 0, 1]), 0.0, 0.3)
     assert np.isnan(outlines.project(Camera(away, Lens(2000, 2000, 968, 608)))).all()
@@ -82,7 +82,7 @@ def test_a_robust_plane_passes_gross_outliers(rng):
     np.testing.assert_allclose(robust_plane(points, 0.003), [0.1, -0.05, 0.3], atol=0.002)
 
 
-def test_a_tracked_plane_stays_with_the_surface_that_it_started_on(rng):
+def test_a_tracked_plane_follows_the_surface_at_its_start(rng):
     sand = np.column_stack([rng.uniform(-1, 1, (500, 2)), 0.002 * rng.standard_normal(500) + 0.05])
     floor = np.column_stack([rng.uniform(-1, 1, (900, 2)), np.full(900, -0.5)])
     found = tracked_plane(np.concatenate([sand, floor]), np.zeros(3), [0.3, 0.1, 0.03])

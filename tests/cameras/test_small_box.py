@@ -9,7 +9,7 @@ BOX_FROM_LEFT = looking(np.array([2.0, -0.2, 1.25]), np.pi + 0.03, np.radians(30
 
 
 def box_on_a_floor(rng: np.random.Generator, half: float = HALF) -> np.ndarray:
-    """(n, 3) points on a box of sand, its walls' tops, a rock, a ball beside it and the floor 0.4 m below it."""
+    """Return points (n, 3) on a box of sand, the tops of its walls, a rock, a ball next to it and the floor."""
     floor = np.column_stack([rng.uniform(-2.5, 2.5, (200_000, 2)), np.full(200_000, -0.4)])
     floor = floor[(np.abs(floor[:, :2]) > half + 0.03).any(axis=1) & (floor[:, 0] > -1.0)]
     top = np.column_stack([rng.uniform(-half - 0.03, half + 0.03, (30_000, 2)), np.zeros(30_000)])
@@ -32,7 +32,7 @@ def test_a_small_box_gives_origin_heading_and_height(rng, heading):
     assert np.degrees(angle_between(found, Pose.identity())) < 0.5
 
 
-def test_a_box_of_another_size_is_none(rng):
+def test_a_box_of_another_size_is_ignored(rng):
     points = box_on_a_floor(rng, half=0.9)
     assert small_box_frame(points, HALF, [BOX_FROM_LEFT]) is None
 
