@@ -153,7 +153,7 @@ def test_a_run_is_published_once_a_form_and_only_where_it_is_asked_for(dry_run):
 def test_accuracy_is_measured_without_labels_and_twins(dry_run):
     done = dry_run("geometry", "--configfile", "config/accuracy.yaml")
     jobs = planned(done)
-    assert {"refine_cameras", "mesh_rocks", "score_cameras", "score_rocks", "tabulate_cameras"} <= set(jobs)
+    assert {"refine_cameras", "mesh_rocks", "score_geometry", "tabulate_cameras"} <= set(jobs)
     assert not {"propagate_labels", "render_twins", "train_detector"} & set(jobs)
 
 

@@ -1,26 +1,8 @@
 """Stage 7: how good a run is, against truth, against what people drew, and against itself; nothing else reads truth."""
 
 
-rule score_cameras:
-    """Poses against truth, or projected meshes against the boxes that people drew."""
-    input:
-        raw=PATHS.raw_data,  # read through params.truth
-        cameras="results/{run}/cameras/Terrain{terrain}",
-        meshes="results/{run}/meshes/Terrain{terrain}",
-    output:
-        evaluation="results/{run}/evaluation/cameras_Terrain{terrain}.csv",
-    resources:
-        mem_mb=growing(500),
-        runtime=10,
-    params:
-        truth=PATHS.truth,
-        annotated=PATHS.annotated_labels,
-    script:
-        "../scripts/score_cameras.py"
-
-
-rule score_rocks:
-    """Rocks found and surfaces meshed, against truth where there is one."""
+rule score_geometry:
+    """Poses, rocks and meshes of a terrain: compared with ground truth or annotated boxes, and with each other."""
     input:
         raw=PATHS.raw_data,  # read through params.truth
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
@@ -28,37 +10,21 @@ rule score_rocks:
         meshes="results/{run}/meshes/Terrain{terrain}",
         located="results/{run}/cameras/located/Terrain{terrain}",
         cameras="results/{run}/cameras/Terrain{terrain}",
-    output:
-        evaluation="results/{run}/evaluation/rocks_Terrain{terrain}.csv",
-        scores="results/{run}/evaluation/meshes_Terrain{terrain}.csv",
-        offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
-    resources:
-        mem_mb=growing(2000),
-        runtime=10,
-    params:
-        truth=PATHS.truth,
-    script:
-        "../scripts/score_rocks.py"
-
-
-rule check_consistency:
-    """Scans, cameras, meshes, photos and boxes held against each other, without any truth."""
-    input:
-        raw=PATHS.raw_data,  # read through inventory
-        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
-        located="results/{run}/cameras/located/Terrain{terrain}",
-        cameras="results/{run}/cameras/Terrain{terrain}",
-        meshes="results/{run}/meshes/Terrain{terrain}",
         photos=PATHS.photos_of_terrain,
     output:
-        evaluation="results/{run}/evaluation/consistency_Terrain{terrain}.csv",
+        cameras="results/{run}/evaluation/cameras_Terrain{terrain}.csv",
+        rocks="results/{run}/evaluation/rocks_Terrain{terrain}.csv",
+        meshes="results/{run}/evaluation/meshes_Terrain{terrain}.csv",
+        offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
+        consistency="results/{run}/evaluation/consistency_Terrain{terrain}.csv",
     resources:
         mem_mb=growing(2000),
-        runtime=10,
+        runtime=20,
     params:
+        truth=PATHS.truth,
         annotated=PATHS.annotated_labels,
     script:
-        "../scripts/check_consistency.py"
+        "../scripts/score_geometry.py"
 
 
 rule score_labels:
