@@ -35,10 +35,9 @@ def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
         "propagate_labels",
         "render_twins",
         "draw_photos",
-        "gather_evaluation",
+        "tabulate_evaluation",
     } <= set(jobs)
-    scored = {"score_labels", "tabulate_labels", "draw_label_scores"} & set(jobs)
-    assert len(scored) == 3
+    assert {"score_labels", "report_label_scores"} <= set(jobs)
     assert ("train_detector" in jobs) == (name not in ("full", "release"))  # the release has no photos
 
 
@@ -92,7 +91,7 @@ def test_yolo_is_trained_beside_the_demos_own_detector_by_one_more_configuration
     assert jobs["gather_others"] == 1
     text = done.stdout + done.stderr
     assert "others/yolo/seed0/predictions/hapke_on_analog.parquet" in text
-    (table,) = re.findall(r"rule tabulate_detectors:\n +input: (.*)", text)
+    (table,) = re.findall(r"rule report_detectors:\n +input: (.*)", text)
     assert "detect/others.parquet" in table
 
 
@@ -146,14 +145,14 @@ def test_a_run_is_published_once_a_form_and_only_where_it_is_asked_for(dry_run):
     done = dry_run("publish", "--config", "publish={forms: [coco, pds4, usd]}")
     jobs = planned(done)
     assert (jobs["publish"], jobs["publish_run"]) == (1, 3)
-    assert {"propagate_labels", "render_twins", "gather_evaluation"} <= set(jobs)
+    assert {"propagate_labels", "render_twins", "tabulate_evaluation"} <= set(jobs)
     assert "publish_run" not in planned(dry_run("--configfile", "config/config.yaml"))
 
 
 def test_accuracy_is_measured_without_labels_and_twins(dry_run):
     done = dry_run("geometry", "--configfile", "config/accuracy.yaml")
     jobs = planned(done)
-    assert {"refine_cameras", "mesh_rocks", "score_geometry", "tabulate_cameras"} <= set(jobs)
+    assert {"refine_cameras", "mesh_rocks", "score_geometry", "tabulate_geometry"} <= set(jobs)
     assert not {"propagate_labels", "render_twins", "train_detector"} & set(jobs)
 
 

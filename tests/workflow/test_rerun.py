@@ -64,7 +64,7 @@ def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
 
     edit(finished / "polarsim/render/brdf.py", "\nCHANGED = 1\n")
     stale = stale_rules(snakemake, finished)
-    assert {"render_twins", "convert_pictures", "train_detector", "evaluate", "tabulate_detectors"} <= stale
+    assert {"render_twins", "convert_pictures", "train_detector", "evaluate", "report_detectors"} <= stale
     assert not stale & {"generate_analog", "index_terrain", "locate_cameras", "find_rocks", "mesh_rocks"}
     assert not stale & {"propagate_labels", "draw_masks"}
 

@@ -71,9 +71,9 @@ def test_tables_depend_neither_on_the_name_of_the_run_nor_on_the_folder_of_its_d
     (checkout / "moved").symlink_to(small / "data/analog")
     for part in ("acquire", "cameras", "rocks", "evaluation"):
         shutil.copytree(small / "results/small" / part, checkout / "results/other" / part, symlinks=True)
-    rules = {"cameras": "tabulate_cameras", "rocks": "tabulate_rocks", "evaluation": "gather_evaluation"}
-    call = [f"results/other/tables/{name}.csv" for name in rules] + ["--configfile", "config/small.yaml"]
-    call += ["--rerun-triggers", "mtime", "--allowed-rules", *rules.values()]
+    names = ("cameras", "rocks", "evaluation")
+    call = [f"results/other/tables/{name}.csv" for name in names] + ["--configfile", "config/small.yaml"]
+    call += ["--rerun-triggers", "mtime", "--allowed-rules", "tabulate_geometry", "tabulate_evaluation"]
     built = snakemake(checkout, *call, "--config", "run=other", "source={kind: analog, root: moved}")
     assert built.returncode == 0, built.stderr[-3000:]
 
@@ -81,7 +81,7 @@ def test_tables_depend_neither_on_the_name_of_the_run_nor_on_the_folder_of_its_d
         return [line.partition(",")[2] for line in table.read_text().splitlines()]
 
     tables = sorted((checkout / "results/other/tables").glob("*.csv"))
-    assert {path.stem for path in tables} >= set(rules)
+    assert {path.stem for path in tables} >= set(names)
     for table in tables:
         assert table.read_text().startswith("run,")
         assert without_run(table) == without_run(small / "results/small/tables" / table.name)

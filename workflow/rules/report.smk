@@ -24,70 +24,64 @@ rule tables:
         of_run("results/{run}/tables/labels.csv") if PATHS.scored_terrains else [],
 
 
-rule gather_evaluation:
-    """The evaluation of every stage in one table."""
+rule tabulate_evaluation:
+    """The evaluation of every stage in one table, and the evaluation of twins by terrain, position, azimuth, light and
+    camera."""
     input:
         parts=PATHS.evaluation_parts,
+        twin_pairs=expand("results/{{run}}/evaluation/twin_pairs_Terrain{terrain}.parquet", terrain=TERRAINS),
+        twins=expand("results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
-        table=shown("results/{run}/tables/evaluation.csv", "Tables", table="evaluation of every stage"),
-        others=multiext("results/{run}/tables/evaluation", ".md", ".tex", ".parquet"),  # written through table
+        evaluation=shown("results/{run}/tables/evaluation.csv", "Tables", table="evaluation of every stage"),
+        twins=shown("results/{run}/tables/render.csv", "Tables", table="twins"),
+        # written through evaluation
+        others=expand(
+            "results/{{run}}/tables/{name}.{form}", name=["evaluation", "render"], form=["md", "tex", "parquet"]
+        ),
     resources:
         mem_mb=growing(500),
-        runtime=5,
+        runtime=10,
     params:
         origin=ORIGIN,
     script:
-        "../scripts/gather_evaluation.py"
+        "../scripts/tabulate_evaluation.py"
 
 
-rule tabulate_cameras:
-    """Every camera, and how scans or labels and meshes lie on each other."""
+rule tabulate_geometry:
+    """Tables of cameras, alignments, rocks and meshes of all terrains."""
     input:
         cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
+        rocks=expand("results/{{run}}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
         evaluation=expand(
             "results/{{run}}/evaluation/{stage}_Terrain{terrain}.csv",
             stage=["cameras", "rocks"],
             terrain=TERRAINS,
         ),
+        mesh_scores=expand("results/{{run}}/evaluation/meshes_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
-        table=shown("results/{run}/tables/cameras.csv", "Tables", table="cameras"),
+        cameras=shown("results/{run}/tables/cameras.csv", "Tables", table="cameras"),
         alignment="results/{run}/tables/alignment.csv",
-        # written through table
-        others=multiext("results/{run}/tables/cameras", ".md", ".tex", ".parquet")
-        + multiext("results/{run}/tables/alignment", ".md", ".tex", ".parquet"),
-    resources:
-        mem_mb=growing(500),
-        runtime=5,
-    params:
-        terrains=CONFIG.terrains,
-        origin=ORIGIN,
-    script:
-        "../scripts/tabulate_cameras.py"
-
-
-rule tabulate_rocks:
-    """Every rock and every mesh of the run."""
-    input:
-        rocks=expand("results/{{run}}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
-        scores=expand("results/{{run}}/evaluation/meshes_Terrain{terrain}.csv", terrain=TERRAINS),
-    output:
-        table=shown("results/{run}/tables/rocks.csv", "Tables", table="rocks"),
+        rocks=shown("results/{run}/tables/rocks.csv", "Tables", table="rocks"),
         meshes=shown("results/{run}/tables/meshes.csv", "Tables", table="meshes"),
-        # written through table
-        others=multiext("results/{run}/tables/rocks", ".md", ".tex", ".parquet")
-        + multiext("results/{run}/tables/meshes", ".md", ".tex", ".parquet"),
+        # written through cameras
+        others=expand(
+            "results/{{run}}/tables/{name}.{form}",
+            name=["cameras", "alignment", "rocks", "meshes"],
+            form=["md", "tex", "parquet"],
+        ),
     resources:
         mem_mb=growing(500),
-        runtime=5,
+        runtime=10,
     params:
         terrains=CONFIG.terrains,
         origin=ORIGIN,
     script:
-        "../scripts/tabulate_rocks.py"
+        "../scripts/tabulate_geometry.py"
 
 
-rule tabulate_labels:
-    """How good labels are by task, terrain, position, azimuth and size, and how often they are right as they say."""
+rule report_label_scores:
+    """Accuracy of labels by task, terrain, position, azimuth and size, and reliability of their confidence: tables and
+    figures."""
     input:
         pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=PATHS.scored_terrains),
     output:
@@ -96,40 +90,36 @@ rule tabulate_labels:
         # written through table
         others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
         + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
+        label_errors=[
+            shown(
+                f"results/{{run}}/figures/label_errors_Terrain{terrain}.png",
+                "Labels",
+                "figures/label_errors",
+                terrain=terrain,
+            )
+            for terrain in PATHS.scored_terrains
+        ],
+        reliability_figure=shown("results/{run}/figures/reliability.png", "Labels", terrain="all", picture="confidence"),
     resources:
         mem_mb=growing(1000),
-        runtime=5,
+        runtime=10,
     params:
         seeds=PATHS.seeds_text,
+        terrains=PATHS.scored_terrains,
         origin=ORIGIN,
     script:
-        "../scripts/tabulate_labels.py"
+        "../scripts/report_label_scores.py"
 
 
-rule tabulate_render:
-    """How near twins come to their photos and their boxes to true ones, by terrain, position, azimuth, light, camera."""
-    input:
-        pairs=expand("results/{{run}}/evaluation/twin_pairs_Terrain{terrain}.parquet", terrain=TERRAINS),
-        evaluation=expand("results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS),
-    output:
-        table=shown("results/{run}/tables/render.csv", "Tables", table="twins"),
-        others=multiext("results/{run}/tables/render", ".md", ".tex", ".parquet"),  # written through table
-    resources:
-        mem_mb=growing(500),
-        runtime=5,
-    params:
-        origin=ORIGIN,
-    script:
-        "../scripts/tabulate_render.py"
-
-
-rule tabulate_detectors:
-    """The paper's two tables, what lies behind them, and paired differences."""
+rule report_detectors:
+    """Tables and figures of detectors: detection and IPD of every pair of domains, breakdowns, paired differences, precision
+    over recall, individual rocks."""
     input:
         others=PATHS.detection_of_others,
         detection="results/{run}/detect/detection.parquet",
         differences="results/{run}/detect/differences.parquet",
         breakdown="results/{run}/detect/breakdown.parquet",
+        curves="results/{run}/detect/curves.parquet",
         false_positives="results/{run}/detect/false_positives.parquet",
         ipd="results/{run}/detect/ipd.parquet",
         rocks="results/{run}/detect/rocks.parquet",
@@ -152,34 +142,17 @@ rule tabulate_detectors:
             name=[*TABLES_OF_DETECTORS, "ipd_rocks"],
             form=["md", "tex", "parquet"],
         ),
-    resources:
-        mem_mb=growing(500),
-        runtime=5,
-    params:
-        origin=ORIGIN,
-    script:
-        "../scripts/tabulate_detectors.py"
-
-
-rule draw_detectors:
-    """Detection and IPD of every pair of domains, precision over recall, single rocks."""
-    input:
-        detection="results/{run}/detect/detection.parquet",
-        curves="results/{run}/detect/curves.parquet",
-        ipd="results/{run}/detect/ipd.parquet",
-        rocks="results/{run}/detect/rocks.parquet",
-    output:
         detection_figure=shown("results/{run}/figures/detection.png", "Detection", picture="detection"),
         curves_figure=shown("results/{run}/figures/precision_recall.png", "Detection", picture="precision and recall"),
         ipd_figure=shown("results/{run}/figures/ipd.png", "Detection", picture="IPD"),
         rocks_figure=shown("results/{run}/figures/ipd_histogram.png", "Detection", picture="IPD of rocks"),
     resources:
         mem_mb=growing(500),
-        runtime=5,
+        runtime=10,
     params:
         origin=ORIGIN,
     script:
-        "../scripts/draw_detectors.py"
+        "../scripts/report_detectors.py"
 
 
 rule draw_finds:
@@ -368,33 +341,6 @@ rule draw_geometry:
         runtime=5,
     script:
         "../scripts/draw_geometry.py"
-
-
-rule draw_label_scores:
-    """How far the edges of our boxes lie from the true or hand-annotated ones, and how often labels are right, against
-    how sure they say they are."""
-    input:
-        pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=PATHS.scored_terrains),
-        reliability="results/{run}/tables/reliability.parquet",
-    output:
-        label_errors=[
-            shown(
-                f"results/{{run}}/figures/label_errors_Terrain{terrain}.png",
-                "Labels",
-                "figures/label_errors",
-                terrain=terrain,
-            )
-            for terrain in PATHS.scored_terrains
-        ],
-        reliability_figure=shown("results/{run}/figures/reliability.png", "Labels", terrain="all", picture="confidence"),
-    resources:
-        mem_mb=growing(1000),
-        runtime=5,
-    params:
-        terrains=PATHS.scored_terrains,
-        origin=ORIGIN,
-    script:
-        "../scripts/draw_label_scores.py"
 
 
 if PATHS.has_errata:

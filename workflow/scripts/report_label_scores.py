@@ -1,16 +1,24 @@
-"""Draw the errors of all terrains' labels, and their confidence against the share of them that are right."""
+"""Tabulate and draw the accuracy of labels and the reliability of their confidence."""
 
 from pathlib import Path
 
 from polarsim.job_files import paths
 from polarsim.report.figures.labels import draw_label_scores
+from polarsim.report.labels_table import tabulate_labels
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
+    tabulate_labels(
+        pairs=paths(snakemake.input.pairs),
+        table=Path(snakemake.output.table).with_suffix(""),
+        reliability=Path(snakemake.output.reliability).with_suffix(""),
+        seeds=snakemake.params.seeds,
+        origin=snakemake.params.origin,
+    )
     draw_label_scores(
         terrains=[int(terrain) for terrain in snakemake.params.terrains],
         pairs=paths(snakemake.input.pairs),
-        reliability=Path(snakemake.input.reliability),
+        reliability=Path(snakemake.output.reliability),
         label_errors=paths(snakemake.output.label_errors),
         reliability_figure=Path(snakemake.output.reliability_figure),
         origin=snakemake.params.origin,
