@@ -7,6 +7,7 @@ wildcards, `{run}` for example.
 - `RunPaths`: terrains, raw data, labels, detectors, tables and figures
 - `GapPaths`: the ablation
 - `CoverPaths`: cover photos and randomised scenes
+- `RoverPaths`: drives of the rover
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from polarsim.cover_photos.options import CARVED
 from polarsim.detect.options import PACKAGED, VIEWS, DetectorOptions, PredictionOptions
 from polarsim.formats.release import cover_photos, label_files, label_folder, mesh_files, polygon_folder
 from polarsim.photo import positions
+from polarsim.rover.cameras.options import rover_render
+from polarsim.rover.planning.cases import UNLIT, cases
+from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.schemas.covers import FINE_TUNED, RENDERED
 
 TABLES_OF_DETECTORS = ("detection", "differences", "detection_breakdown", "false_positives", "ipd")
@@ -567,3 +571,109 @@ class CoverPaths:
 
     def _of_terrains(self, kind: str, terrains: Iterable[int]) -> list[str]:
         return [f"results/{self.run.run}/covers/{kind}/Terrain{terrain:02d}" for terrain in terrains]
+
+
+class RoverPaths:
+    """Paths and options of the drives of the rover."""
+
+    def __init__(self, run: RunPaths) -> None:
+        self.run, self.config, self.rover = run, run.config, run.config.rover
+        rover, folder = self.rover, Path(f"results/{run.run}")
+        self.seeds = list(rover.seeds) if rover.run else []
+        self.first = f"results/{{run}}/rover/seed{rover.seeds[0]}"  # folder of the drive that figures show
+        self.views, self.suns, self.picture_sets = list(rover.cameras.views), list(rover.suns), list(rover.picture_sets)
+        self.terrains = [f"{terrain:02d}" for terrain in rover.world.terrains]  # from east to west
+        self.tables = ["rover", "rover_drives", *(["rover_onboard"] if rover.onboard else [])]
+        self.figures = ["rover_sequence", "rover_drive", *(["rover_front"] if rover.onboard else [])]
+        self.detector = self.config.detector_on_board(folder)  # None: metrics on board use the ground truth only
+        self.detector_before = self.config.detector_before_drives(folder)  # before fine-tuning on other drives
+        self.deciding = self.config.deciding_detectors(folder)
+        planned = cases(rover.autonomy, rover.cameras, rover.seeds, list(self.deciding))
+        self.cases = {case.name: case for case in planned} if rover.run and rover.autonomy.run else {}
+        self.detectors_driven = {case.detector for case in self.cases.values()} & set(self.deciding)
+        # Whether the run has metrics of these detectors: it evaluates only detectors that it trains.
+        self.has_gap = bool(set(rover.autonomy.detectors) & set(run.trained))
+
+    @property
+    def elevation_model(self) -> str | list[str]:
+        """The file of the elevation model that is driven over; empty without a file."""
+        dem = self.rover.world.dem
+        return str(dem.path) if dem and dem.path else []
+
+    @property
+    def weights(self) -> str | list[str]:
+        """The weights of the detector on board; empty without a detector."""
+        return str(self.detector.weights) if self.detector else []
+
+    @property
+    def weights_before_fine_tuning(self) -> str | list[str]:
+        """The weights that the training on other drives starts from; empty without a detector."""
+        return str(self.detector_before.weights) if self.detector_before else []
+
+    @property
+    def shown_sun(self) -> str:
+        """The Sun under which figures show a drive."""
+        return self.rover.shown_set.split("_")[0]
+
+    def camera_options(self, *excluded: str) -> Options:
+        """Return the options of the pictures of a drive without the named ones."""
+        return self.rover.cameras.model_dump(mode="json", exclude=set(excluded))
+
+    def detector_options(self) -> Options | None:
+        """Return the options of the detector on board; None without a detector."""
+        return self.detector.model_dump(mode="json") if self.detector else None
+
+    def validation_options(self) -> Options | None:
+        """Return the options of the validation during the training on other drives; None without a detector."""
+        return self.run.validation_options(self.detector.prediction) if self.detector else None
+
+    def poses_of_other_drives(self) -> list[str]:
+        """Return one file of each drive that the detector on board is trained on: the last that its job writes."""
+        return [f"{drive}/{FRONT}/poses.parquet" for drive in self.rover.fine_tuning.drives]
+
+    def pictures_of_drive(self) -> list[str]:
+        """Return the camera poses and the labels of every view, which are written together with the pictures."""
+        folders = [f"results/{{run}}/rover/seed{{seed}}/{view}" for view in self.views]
+        labels = [f"{folder}/{sun}_truth.parquet" for folder in folders for sun in self.suns]
+        return [*(f"{folder}/poses.parquet" for folder in folders), *labels]
+
+    def detections(self) -> list[str]:
+        """Return the detections in each picture set of the front camera; empty without a detector on board."""
+        if not self.rover.onboard or self.detector is None:
+            return []
+        return [f"results/{{run}}/rover/seed{{seed}}/{FRONT}/{name}/detections.parquet" for name in self.picture_sets]
+
+    def shown_detections(self) -> str | list[str]:
+        """Return the detections in the pictures that figures show; empty without a detector on board."""
+        return f"{self.first}/{FRONT}/{self.rover.shown_set}/detections.parquet" if self.detector else []
+
+    # One drive of each case in which the rover plans its path
+
+    def autonomy_options(self) -> Options:
+        """Return the options of a case. More seeds or modes leave finished drives valid, so these are excluded."""
+        others = {"run", "modes", "headlights", "auto_exposure", "detectors"}
+        return self.rover.autonomy.model_dump(mode="json", exclude=others)
+
+    def cameras_of_case(self, wildcards: Wildcards) -> Options:
+        """Return the options of cameras that change a drive: of the pictures, if the mode uses them, and of boxes."""
+        names = set() if self._is_unlit(wildcards) else {"sun_elevation_deg", "scale", "stars"}
+        included = dict.fromkeys(names, True) | {"onboard": {"confidence", "ground"}}
+        return self.rover.cameras.model_dump(mode="json", include=included)
+
+    def render_of_case(self, wildcards: Wildcards) -> Options:
+        """Return the options of the renderer that change a drive."""
+        options = rover_render(self.config.render)
+        return {"skirt_m": options["skirt_m"]} if self._is_unlit(wildcards) else options
+
+    def detector_of_case(self, wildcards: Wildcards) -> Options | None:
+        """Return the options of the detector of a case; None for a mode without detector."""
+        detector = self.deciding.get(self.cases[wildcards.case].detector)
+        return detector.model_dump(mode="json") if detector else None
+
+    def weights_of_case(self, wildcards: Wildcards) -> str | list[str]:
+        """Return the weights of the detector of a case; empty for a mode without detector."""
+        detector = self.deciding.get(self.cases[wildcards.case].detector)
+        return str(detector.weights) if detector else []
+
+    def _is_unlit(self, wildcards: Wildcards) -> bool:
+        return self.cases[wildcards.case].mode in UNLIT

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 from polarsim.config import parse_config
-from polarsim.paths import CoverPaths, GapPaths, RunPaths, growing
+from polarsim.detect.options import PACKAGED
+from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, growing
 
 
 @pytest.fixture(autouse=True)
@@ -139,3 +140,45 @@ def test_a_fold_is_trained_on_the_other_terrains(release):
     assert covers.photos_of_fold(job(fold="all")) == []
     assert covers.rocks(job(terrain="03")) == "results/one/repaired/Terrain03"
     assert covers.of_folds("sized.pt")[0] == "results/one/covers/folds/01/seed{seed}/{cover_trained}/sized.pt"
+
+
+def rover(**options: object) -> RoverPaths:
+    drives = {"run": True, "seeds": [4, 5], "world": {"terrains": [3, 1]}, "cameras": {"views": ["front_end_cam"]}}
+    return RoverPaths(paths(rover=drives | options))
+
+
+def test_a_drive_with_a_detector_has_detections_in_every_picture_set():
+    detector = {"cameras": {"views": ["front_end_cam"], "onboard": {"weights": "packaged"}}}
+    without, drives = rover(), rover(**detector)
+    assert without.detections() == without.shown_detections() == without.weights == []
+    folder = "results/{run}/rover/seed{seed}/front_end_cam"
+    assert drives.detections() == [f"{folder}/{name}/detections.parquet" for name in drives.picture_sets]
+    first = drives.shown_detections()
+    assert first in [path.replace("seed{seed}", "seed4") for path in drives.detections()]
+    assert drives.weights == str(PACKAGED)
+    assert drives.terrains == ["03", "01"]
+
+
+def test_labels_of_every_view_are_written_with_its_pictures():
+    folder = "results/{run}/rover/seed{seed}/front_end_cam"
+    suns = rover().suns
+    expected = [f"{folder}/poses.parquet", *(f"{folder}/{sun}_truth.parquet" for sun in suns)]
+    assert rover().pictures_of_drive() == expected
+
+
+def test_a_run_without_drives_has_no_cases():
+    drives = RoverPaths(paths())
+    assert drives.seeds == []
+    assert drives.cases == {}
+    assert not drives.detectors_driven
+
+
+def test_only_modes_with_pictures_depend_on_detector_and_renderer():
+    autonomy = {"run": True, "modes": ["truth", "detector"], "detectors": ["packaged"]}
+    drives = rover(autonomy=autonomy)
+    by_mode = {case.mode: job(case=name) for name, case in drives.cases.items()}
+    assert drives.weights_of_case(by_mode["detector"]) == str(PACKAGED)
+    assert drives.weights_of_case(by_mode["truth"]) == []
+    assert drives.detector_of_case(by_mode["truth"]) is None
+    assert set(drives.render_of_case(by_mode["truth"])) < set(drives.render_of_case(by_mode["detector"]))
+    assert set(drives.cameras_of_case(by_mode["truth"])) < set(drives.cameras_of_case(by_mode["detector"]))

@@ -33,7 +33,7 @@ def terrains_of(jobs: list[str]) -> set[str]:
 def test_a_terrain_is_few_submissions_and_none_holds_two_terrains(plan):
     made = submissions(plan)
     own = [jobs for jobs in made if terrains_of(jobs)]
-    assert sum(len([word for word in jobs if word.startswith("rule")]) for jobs in own) > 60
+    assert sum(len([word for word in jobs if word.startswith("rule")]) for jobs in own) > 50
     assert all(len(terrains_of(jobs)) == 1 for jobs in own)  # one that fails stops no other
     counts = [sum(terrain in jobs for jobs in own) for terrain in set().union(*map(terrains_of, own))]
     assert counts == [4] * 4  # generated, surveyed, seen, figures of meshes

@@ -7,7 +7,7 @@ from pathlib import Path
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.paths import TABLES_OF_DETECTORS, CoverPaths, GapPaths, RunPaths, growing
+from polarsim.paths import TABLES_OF_DETECTORS, CoverPaths, GapPaths, RoverPaths, RunPaths, growing
 from polarsim.running.configuration import base_of, check_config, store_config
 from polarsim.running.inputs import check_paths
 
@@ -32,7 +32,7 @@ except PolarsimError as error:
     sys.exit(f"error: {error}")
 
 PATHS = RunPaths(CONFIG)
-GAP, COVERS = GapPaths(PATHS), CoverPaths(PATHS)
+GAP, COVERS, DRIVES = GapPaths(PATHS), CoverPaths(PATHS), RoverPaths(PATHS)
 SOURCE = CONFIG.data_source
 RUN, TERRAINS, MODELS, ORIGIN = PATHS.run, PATHS.terrains, PATHS.models, PATHS.origin
 DOMAINS, TRAINED, SPLITS, SEEDS, OTHERS = PATHS.domains, PATHS.trained, PATHS.splits, PATHS.seeds, PATHS.others
@@ -62,6 +62,8 @@ wildcard_constraints:
     component=one_of(GAP.rendered),
     fold=one_of([*COVERS.folds, *COVERS.not_tested]),
     cover_trained=one_of(COVERS.trainings),
+    view=one_of(DRIVES.views),
+    case=one_of(DRIVES.cases),
 
 
 def of_run(pattern, **wildcards):

@@ -1,25 +1,35 @@
 """Stage 8: drives over the digitised terrains: physics, pictures, what a detector sees on board, bags, tables, figures."""
 
+from polarsim.rover.cameras.options import rover_render
+from polarsim.rover.vehicle.mounts import FRONT
+
+ROVER = CONFIG.rover
+
+
+def of_drives(pattern, **wildcards):
+    """Files of all drives of this run."""
+    return of_run(pattern, seed=DRIVES.seeds, **wildcards)
+
 
 rule rover:
     """Everything of this stage; nothing where the configuration does not drive."""
     input:
-        of_drives("trace.parquet", "drive.json"),
-        of_drives("{view}/poses.parquet", view=VIEWS_DRIVEN),
-        of_drives("{view}/{sun}_coco.json", view=VIEWS_DRIVEN, sun=SUNS),
-        of_drives("drive.mcap") if ROVER.bags else [],
-        of_drives("videos") if ROVER.cameras.videos else [],
-        of_run("results/{run}/rover/rover.urdf") if RIDES else [],
-        of_run("results/{run}/tables/{name}.csv", name=ROVER_TABLES) if RIDES else [],
-        of_run("results/{run}/figures/{name}.png", name=ROVER_FIGURES) if RIDES else [],
+        of_drives("results/{run}/rover/seed{seed}/{name}", name=["trace.parquet", "drive.json"]),
+        of_drives("results/{run}/rover/seed{seed}/{view}/poses.parquet", view=DRIVES.views),
+        of_drives("results/{run}/rover/seed{seed}/{view}/{sun}_coco.json", view=DRIVES.views, sun=DRIVES.suns),
+        of_drives("results/{run}/rover/seed{seed}/drive.mcap") if ROVER.bags else [],
+        of_drives("results/{run}/rover/seed{seed}/videos") if ROVER.cameras.videos else [],
+        of_run("results/{run}/rover/rover.urdf") if DRIVES.seeds else [],
+        of_run("results/{run}/tables/{name}.csv", name=DRIVES.tables) if DRIVES.seeds else [],
+        of_run("results/{run}/figures/{name}.png", name=DRIVES.figures) if DRIVES.seeds else [],
 
 
 rule drive_rover:
     """One drive: terrains side by side or an elevation model as one deformable ground, rocks on it, the rover along its
     path."""
     input:
-        meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
-        dem=elevation_model(),  # read through params.world
+        meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
+        dem=DRIVES.elevation_model,  # read through params.world
         vehicle=str(ROVER.drive.vehicle),  # read through params.drive
         soils=str(ROVER.soil.table),  # read through params.soil
     output:
@@ -48,13 +58,15 @@ rule see_drive:
         vehicle=str(ROVER.drive.vehicle),
     output:
         poses="results/{run}/rover/seed{seed}/{view}/poses.parquet",  # written through trace
-        truth=of_drive("{{view}}/{sun}_truth.parquet", sun=SUNS),  # written through trace
-        annotations=of_drive("{{view}}/{sun}_coco.json", sun=SUNS),  # written through trace
+        # written through trace
+        truth=expand("results/{{run}}/rover/seed{{seed}}/{{view}}/{sun}_truth.parquet", sun=DRIVES.suns),
+        # written through trace
+        annotations=expand("results/{{run}}/rover/seed{{seed}}/{{view}}/{sun}_coco.json", sun=DRIVES.suns),
     resources:
         mem_mb=growing(4000),
         runtime=720,
     params:
-        options=camera_suite_options(*AFTER_PICTURES),
+        options=DRIVES.camera_options("views", "onboard", "videos"),  # other views and later steps change no picture
         render=rover_render(CONFIG.render),
     script:
         "../scripts/see_drive.py"
@@ -63,7 +75,7 @@ rule see_drive:
 rule make_drive_dataset:
     """Windows of the front camera's pictures of other drives, to fine-tune the detector on board on."""
     input:
-        poses=poses_of_other_drives(),  # read through params.options
+        poses=DRIVES.poses_of_other_drives(),  # read through params.options
     output:
         dataset=directory("results/{run}/rover/fine_tuning"),
     resources:
@@ -79,7 +91,7 @@ rule fine_tune_on_drives:
     """The detector on board, trained on pictures of other drives."""
     input:
         dataset="results/{run}/rover/fine_tuning",
-        start=detector_before_drives,
+        start=DRIVES.weights_before_fine_tuning,
     output:
         weights="results/{run}/rover/fine_tuned.pt",
         curve="results/{run}/rover/fine_tuned.csv",
@@ -89,7 +101,7 @@ rule fine_tune_on_drives:
         gpu=PATHS.gpus("detect.prediction"),
     params:
         options=options("rover.fine_tuning"),
-        prediction=PATHS.validation_options(DETECTOR_ON_BOARD.prediction) if DETECTOR_ON_BOARD else None,
+        prediction=DRIVES.validation_options(),
         work="results/{run}/rover/fine_tuning_work",
     script:
         "../scripts/fine_tune_on_drives.py"
@@ -99,17 +111,18 @@ rule detect_drive:
     """What a detector finds in the front camera's pictures."""
     input:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
-        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),  # read through poses
+        # read through poses
+        truth=expand(f"results/{{{{run}}}}/rover/seed{{{{seed}}}}/{FRONT}/{{sun}}_truth.parquet", sun=DRIVES.suns),
         vehicle=str(ROVER.drive.vehicle),
-        weights=str(DETECTOR_ON_BOARD.weights) if DETECTOR_ON_BOARD else [],  # read through params.detector
+        weights=DRIVES.weights,  # read through params.detector
     output:
-        detections=detections_on_board(),  # written through poses
+        detections=DRIVES.detections(),  # written through poses
     resources:
         mem_mb=growing(3000),
         runtime=240,
     params:
-        options=camera_suite_options("videos"),
-        detector=detector_options(),
+        options=DRIVES.camera_options("videos"),
+        detector=DRIVES.detector_options(),
     script:
         "../scripts/detect_drive.py"
 
@@ -118,18 +131,21 @@ rule measure_drive:
     """What the front camera is worth on board: sightings, stable ones, the map of hazards, stops."""
     input:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
-        truth=of_drive(f"{FRONT}/{{sun}}_truth.parquet", sun=SUNS),  # read through poses
+        # read through poses
+        truth=expand(f"results/{{{{run}}}}/rover/seed{{{{seed}}}}/{FRONT}/{{sun}}_truth.parquet", sun=DRIVES.suns),
         vehicle=str(ROVER.drive.vehicle),
-        detections=detections_of_drive,  # read through poses
+        detections=DRIVES.detections(),  # read through poses
     output:
         # written through poses
-        tables=of_drive("onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]),
+        tables=expand(
+            "results/{{run}}/rover/seed{{seed}}/onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]
+        ),
     resources:
         mem_mb=growing(2000),
         runtime=30,
     params:
-        options=camera_suite_options("videos"),
-        detector=detector_options(),
+        options=DRIVES.camera_options("videos"),
+        detector=DRIVES.detector_options(),
     script:
         "../scripts/measure_drive.py"
 
@@ -137,8 +153,8 @@ rule measure_drive:
 rule film_drive:
     """Videos of every view, Sun, model and exposure, the front camera's with what the detector finds."""
     input:
-        pictures=pictures_of_drive,  # read through videos
-        detections=detections_of_drive,  # read through videos
+        pictures=DRIVES.pictures_of_drive(),  # read through videos
+        detections=DRIVES.detections(),  # read through videos
         vehicle=str(ROVER.drive.vehicle),
     output:
         videos=directory("results/{run}/rover/seed{seed}/videos"),
@@ -147,7 +163,7 @@ rule film_drive:
         mem_mb=growing(2000),
         runtime=720,
     params:
-        options=camera_suite_options(),
+        options=DRIVES.camera_options(),
     script:
         "../scripts/film_drive.py"
 
@@ -157,8 +173,8 @@ rule write_bag:
     input:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
-        pictures=pictures_of_drive,  # read through trace
-        detections=detections_of_drive,  # read through trace
+        pictures=DRIVES.pictures_of_drive(),  # read through trace
+        detections=DRIVES.detections(),  # read through trace
         vehicle=str(ROVER.drive.vehicle),
     output:
         bag="results/{run}/rover/seed{seed}/drive.mcap",
@@ -187,8 +203,8 @@ rule write_urdf:
 rule summarise_drives:
     """Slip, sinkage, torque, energy, offset and rocks of every drive, and of all with intervals."""
     input:
-        drives=of_drives("drive.json"),
-        traces=of_drives("trace.parquet"),  # read through drives
+        drives=of_drives("results/{run}/rover/seed{seed}/drive.json"),
+        traces=of_drives("results/{run}/rover/seed{seed}/trace.parquet"),  # read through drives
     output:
         each="results/{run}/rover/every_drive.parquet",
         together="results/{run}/rover/drives.parquet",
@@ -202,7 +218,7 @@ rule summarise_drives:
 rule summarise_onboard:
     """What is seen on board over all drives and Suns, with intervals."""
     input:
-        tables=of_drives("onboard/stops.parquet"),
+        tables=of_drives("results/{run}/rover/seed{seed}/onboard/stops.parquet"),
     output:
         table="results/{run}/rover/onboard.parquet",
     resources:
@@ -256,7 +272,7 @@ rule tabulate_onboard:
 rule draw_drive:
     """Slip, sinkage and offset over time."""
     input:
-        traces=of_drives("trace.parquet"),
+        traces=of_drives("results/{run}/rover/seed{seed}/trace.parquet"),
     output:
         figure=shown("results/{run}/figures/rover_drive.png", "Rover", picture="slip and sinkage"),
     resources:
@@ -271,7 +287,7 @@ rule draw_drive:
 rule draw_sequence:
     """Moments of the first drive, from behind the rover where such a view is taken."""
     input:
-        poses=of_first_drive(f"{ROVER.shown_view}/poses.parquet"),
+        poses=f"{DRIVES.first}/{ROVER.shown_view}/poses.parquet",
     output:
         figure=shown("results/{run}/figures/rover_sequence.png", "Rover", picture="the drive"),
     resources:
@@ -286,9 +302,9 @@ rule draw_sequence:
 rule draw_front:
     """What the front camera sees on the first drive, with the rocks that are there and those that a detector finds."""
     input:
-        poses=of_first_drive(f"{FRONT}/poses.parquet"),
-        truth=of_first_drive(f"{FRONT}/{shown_sun()}_truth.parquet"),
-        detections=shown_detections,
+        poses=f"{DRIVES.first}/{FRONT}/poses.parquet",
+        truth=f"{DRIVES.first}/{FRONT}/{DRIVES.shown_sun}_truth.parquet",
+        detections=DRIVES.shown_detections(),
     output:
         figure=shown("results/{run}/figures/rover_front.png", "Rover", picture="front camera"),
     resources:

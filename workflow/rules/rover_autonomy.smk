@@ -4,20 +4,20 @@
 rule rover_autonomy:
     """Everything of these drives; nothing where the configuration has none."""
     input:
-        of_run("results/{run}/tables/rover_autonomy.csv") if AUTONOMY_CASES else [],
-        of_run("results/{run}/figures/rover_autonomy.png") if AUTONOMY_CASES else [],
-        of_run("results/{run}/figures/rover_maps.png") if AUTONOMY_CASES else [],
-        of_run("results/{run}/tables/rover_rank.csv") if len(DETECTORS_DRIVEN) > 1 else [],
+        of_run("results/{run}/tables/rover_autonomy.csv") if DRIVES.cases else [],
+        of_run("results/{run}/figures/rover_autonomy.png") if DRIVES.cases else [],
+        of_run("results/{run}/figures/rover_maps.png") if DRIVES.cases else [],
+        of_run("results/{run}/tables/rover_rank.csv") if len(DRIVES.detectors_driven) > 1 else [],
 
 
 rule drive_alone:
     """One drive in which the rover looks, maps, plans and steers, and what it was like."""
     input:
-        meshes=of_terrains_driven("results/{{run}}/meshes/Terrain{terrain}"),
-        dem=elevation_model(),  # read through params.world
+        meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
+        dem=DRIVES.elevation_model,  # read through params.world
         vehicle=str(ROVER.drive.vehicle),  # read through params.drive_options
         soils=str(ROVER.soil.table),  # read through params.soil
-        weights=weights_of_case,  # read through params.detector
+        weights=DRIVES.weights_of_case,  # read through params.detector
     output:
         figures="results/{run}/rover/autonomy/{case}/figures.parquet",
         trace="results/{run}/rover/autonomy/{case}/trace.parquet",  # written through figures
@@ -32,10 +32,10 @@ rule drive_alone:
         world=options("rover.world"),
         soil=options("rover.soil"),
         drive_options=options("rover.drive"),
-        options=ROVER.autonomy.model_dump(mode="json", exclude=OTHER_DRIVES),
-        cameras=cameras_of_case,
-        render=render_of_case,
-        detector=detector_of_case,
+        options=DRIVES.autonomy_options(),
+        cameras=DRIVES.cameras_of_case,
+        render=DRIVES.render_of_case,
+        detector=DRIVES.detector_of_case,
     script:
         "../scripts/drive_alone.py"
 
@@ -43,7 +43,7 @@ rule drive_alone:
 rule summarise_autonomy:
     """Every drive's figures, their means over seeds with intervals, and what each axis changes."""
     input:
-        drives=autonomy_of("figures.parquet"),
+        drives=expand("results/{{run}}/rover/autonomy/{case}/figures.parquet", case=DRIVES.cases),
     output:
         each="results/{run}/rover/every_autonomy.parquet",
         together="results/{run}/rover/autonomy.parquet",
@@ -84,8 +84,8 @@ rule rank_detectors:
     """Detectors that drove by their gap and by their drives, and how these orders agree."""
     input:
         each="results/{run}/rover/every_autonomy.parquet",
-        detection="results/{run}/detect/detection.parquet" if HAVE_GAP else [],
-        ipd="results/{run}/detect/ipd.parquet" if HAVE_GAP else [],
+        detection="results/{run}/detect/detection.parquet" if DRIVES.has_gap else [],
+        ipd="results/{run}/detect/ipd.parquet" if DRIVES.has_gap else [],
     output:
         by_detector="results/{run}/rover/autonomy_detectors.parquet",
         ranks="results/{run}/rover/autonomy_rank.parquet",
@@ -119,7 +119,7 @@ rule tabulate_rank:
 rule draw_autonomy:
     """Collisions, success, map and energy of the modes side by side, and the ways of the first seed's drives."""
     input:
-        drives=autonomy_of("trace.parquet"),
+        drives=expand("results/{{run}}/rover/autonomy/{case}/trace.parquet", case=DRIVES.cases),
         together="results/{run}/rover/autonomy.parquet",
     output:
         figure=shown("results/{run}/figures/rover_autonomy.png", "Rover", picture="modes"),
@@ -136,9 +136,9 @@ rule draw_autonomy:
 rule draw_autonomy_maps:
     """Map, way, hits and stops of one drive of each mode, and what the front camera showed on it."""
     input:
-        drives=autonomy_of("trace.parquet"),
-        events=autonomy_of("events.parquet"),  # read through drives
-        pictures=autonomy_of("pictures"),  # read through drives
+        drives=expand("results/{{run}}/rover/autonomy/{case}/trace.parquet", case=DRIVES.cases),
+        events=expand("results/{{run}}/rover/autonomy/{case}/events.parquet", case=DRIVES.cases),  # read through drives
+        pictures=expand("results/{{run}}/rover/autonomy/{case}/pictures", case=DRIVES.cases),  # read through drives
     output:
         figure=shown("results/{run}/figures/rover_maps.png", "Rover", picture="map, way, hits and pictures"),
     resources:
