@@ -44,7 +44,7 @@ def test_both_profiles_make_the_same_groups_of_rules_that_are_there():
     first, second = (yaml.safe_load((folder / "config.yaml").read_text()) for folder in PROFILES.values())
     text = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
     assert first["groups"] == second["groups"]
-    assert set(first["groups"]) <= set(re.findall(r"rule (\w+):", text))
+    assert set(first["groups"]) <= set(re.findall(r"rule (?:\w+ as )?(\w+)(?: with)?:", text))
     same = {"cores", "resources", "retries", "keep-going", "rerun-incomplete", "latency-wait"}
     assert {key: first[key] for key in same} == {key: second[key] for key in same}
 

@@ -215,10 +215,18 @@ rule tabulate_stereo:
         "../scripts/tabulate_stereo.py"
 
 
-# Terrain 13 has positions of its own: the same rule with other outputs, for the number of outputs is fixed.
+# Positions of terrains 1 to 12, and those of terrain 13: the number of outputs of a rule is fixed, so each has a rule.
 USUAL_POSITIONS, MANY_POSITIONS = (
     [position for position in positions(terrain) if position in CONFIG.positions] for terrain in (1, 13)
 )
+
+
+def of_positions(path, category, drawn):
+    """A figure of each position of a terrain."""
+    return [
+        shown(path.replace("{position}", position), category, terrain="{terrain}", position=position)
+        for position in drawn
+    ]
 
 
 rule draw_photos:
@@ -230,31 +238,19 @@ rule draw_photos:
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
         rendered="results/{run}/renders/tables/Terrain{terrain}.parquet",
     output:
-        comparisons=[
-            shown(
-                f"results/{{run}}/figures/comparison_Terrain{{terrain}}_Pos{position}.png",
-                "Photos and twins",
-                terrain="{terrain}",
-                position=position,
-            )
-            for position in USUAL_POSITIONS
-        ],
-        contacts=[
-            shown(
-                f"results/{{run}}/figures/contact_Terrain{{terrain}}_Pos{position}.png",
-                "Contact sheets",
-                terrain="{terrain}",
-                position=position,
-            )
-            for position in USUAL_POSITIONS
-        ],
+        comparisons=of_positions(
+            "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png", "Photos and twins", USUAL_POSITIONS
+        ),
+        contacts=of_positions(
+            "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png", "Contact sheets", USUAL_POSITIONS
+        ),
     wildcard_constraints:
         terrain=one_of(TERRAINS, but=["13"]),
     resources:
         mem_mb=growing(1000),
         runtime=5,
     params:
-        positions=USUAL_POSITIONS,
+        positions=PATHS.positions,
         grid=options("grid"),
         models=MODELS,
         stand_ins=PATHS.stand_ins,
@@ -264,31 +260,14 @@ rule draw_photos:
 
 use rule draw_photos as draw_photos_of_terrain_13 with:
     output:
-        comparisons=[
-            shown(
-                f"results/{{run}}/figures/comparison_Terrain{{terrain}}_Pos{position}.png",
-                "Photos and twins",
-                terrain="{terrain}",
-                position=position,
-            )
-            for position in MANY_POSITIONS
-        ],
-        contacts=[
-            shown(
-                f"results/{{run}}/figures/contact_Terrain{{terrain}}_Pos{position}.png",
-                "Contact sheets",
-                terrain="{terrain}",
-                position=position,
-            )
-            for position in MANY_POSITIONS
-        ],
+        comparisons=of_positions(
+            "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png", "Photos and twins", MANY_POSITIONS
+        ),
+        contacts=of_positions(
+            "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png", "Contact sheets", MANY_POSITIONS
+        ),
     wildcard_constraints:
         terrain="13",
-    params:
-        positions=MANY_POSITIONS,
-        grid=options("grid"),
-        models=MODELS,
-        stand_ins=PATHS.stand_ins,
 
 
 rule draw_reflectance:
