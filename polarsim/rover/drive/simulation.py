@@ -69,12 +69,9 @@ class Simulation:
         self._law = self.soil.law(self.options.slip_sinkage)
         energy.require_small_step(vehicle, self._law, self.options)
         parts = rock_parts(world)
-        self.rocks = np.array(
-            list(dict.fromkeys(part.rock for part in parts)), int
-        )  # numbers of the rocks with collision geometry
-        self.rock_deviation_m = max(
-            (part.deviation_m for part in parts), default=0.0
-        )  # maximum distance of the collision geometry from the meshes
+        # Numbers of the rocks with collision geometry, and the maximum distance of this geometry from the meshes.
+        self.rocks = np.array(list(dict.fromkeys(part.rock for part in parts)), int)
+        self.rock_deviation_m = max((part.deviation_m for part in parts), default=0.0)
         self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
         self.model = compile_model(vehicle, parts, self.options.gravity_m_s2, self.options.step_s)
         self.data = self._mujoco.MjData(self.model)

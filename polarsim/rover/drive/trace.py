@@ -1,4 +1,4 @@
-"""What a drive leaves: a row per logged instant, the ground's change at picture times, and how it ended."""
+"""Files of a drive: a row per logged time, changes of the ground at picture times, and the summary `drive.json`."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from polarsim.geometry.poses import Pose
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.rover.world.surface import World, read_world, write_world
 
-CONTACTS = ("none", "soil", "rock", "both")  # what a wheel stands on
+CONTACTS = ("none", "soil", "rock", "both")  # kinds of contact of a wheel
 BODY_COLUMNS = (
     "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz",  # base_link in the world
     "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s",  # world; base_link
-    "ax_m_s2", "ay_m_s2", "az_m_s2",  # what an accelerometer in base_link's origin reads, gravity included, no noise
+    "ax_m_s2", "ay_m_s2", "az_m_s2",  # reading of an accelerometer at base_link's origin, with gravity, without noise
     "offset_m", "heading_error_rad", "command_speed_m_s", "command_steer_rad", "command_crab_rad",
     "energy_open",
 )  # fmt: skip
@@ -38,22 +38,22 @@ TRACE, TRACKS, DRIVE, WORLD = "trace.parquet", "tracks.npz", "drive.json", "worl
 
 @dataclass(frozen=True)
 class GroundChanges:
-    """The ground's change, frame by frame: cells that changed since the frame before, and their levels then."""
+    """Changes of the ground by frame: cells that changed since the last frame, and their new levels."""
 
     time: np.ndarray  # (F,) s
-    start: np.ndarray  # (F + 1,) where a frame's cells begin
+    start: np.ndarray  # (F + 1,) index of a frame's first cell
     cell: np.ndarray  # (n,) int32, row * columns + column
     level: np.ndarray  # (n,) float32, m
 
     def apply(self, frame: int, level: np.ndarray) -> None:
-        """Bring a grid from the frame before to this one, in place."""
+        """Update a grid from the last frame to this frame, in place."""
         part = slice(self.start[frame], self.start[frame + 1])
         level.ravel()[self.cell[part]] = self.level[part]
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A drive as it was."""
+    """Recorded drive."""
 
     table: pd.DataFrame  # `COLUMNS`
     world: World
@@ -61,7 +61,7 @@ class Trace:
     drive: dict[str, Any] = field(default_factory=dict)  # drive.json
 
     def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
-        """`world_from_base` between logged instants, or that of a wheel by its code (its own frame spins)."""
+        """Return the interpolated `world_from_base`, or `world_from_wheel` for the code of a wheel."""
         translation, rotation = self._paths[wheel or ""]
         times = self.table["time_s"].to_numpy()
         at = float(np.clip(time_s, times[0], times[-1]))
@@ -69,7 +69,7 @@ class Trace:
         return Pose(rotation(at).as_matrix(), position)
 
     def value_at(self, time_s: float, column: str) -> float:
-        """A number between logged instants."""
+        """Return the interpolated value of a column."""
         return float(np.interp(time_s, self.table["time_s"], self.table[column]))
 
     @cached_property
@@ -85,7 +85,7 @@ class Trace:
 
 
 def trace_table(rows: np.ndarray) -> pd.DataFrame:
-    """A table of rows (n, len(COLUMNS)) of numbers in the order of `COLUMNS`, contacts as their index in `CONTACTS`."""
+    """Return the table of rows (n, len(COLUMNS)) in the order of `COLUMNS`; contacts are indices in `CONTACTS`."""
     table = pd.DataFrame(rows.reshape(-1, len(COLUMNS)), columns=list(COLUMNS))
     for name in CONTACT_COLUMNS:
         table[name] = np.array(CONTACTS, dtype=object)[table[name].to_numpy(int)]
@@ -93,7 +93,7 @@ def trace_table(rows: np.ndarray) -> pd.DataFrame:
 
 
 def write_trace(folder: str | Path, trace: Trace) -> None:
-    """All files of a drive: same drive, same bytes."""
+    """Write all files of a drive; equal drives give equal bytes."""
     folder = Path(folder)
     write_world(folder / WORLD, trace.world)
     tables.write_parquet(folder / TRACE, trace.table[list(COLUMNS)])
@@ -109,20 +109,20 @@ def write_trace(folder: str | Path, trace: Trace) -> None:
 
 
 def read_trace(folder: str | Path) -> Trace:
-    """Read a drive's folder.
+    """Read the folder of a drive.
 
     Raises
     ------
     FormatError
-        A file is missing or is not what it should be.
+        A file is missing or invalid.
     """
     folder = Path(folder)
     world = read_world(folder / WORLD)
     table = tables.read_parquet(folder / TRACE, COLUMNS)
     if len(table) < 2:
-        raise FormatError(f"{len(table)} rows, a drive has two or more", path=folder / TRACE)
+        raise FormatError(f"{len(table)} rows, a drive has at least two", path=folder / TRACE)
     arrays = read_arrays(folder / TRACKS, ("time_s", "start", "cell", "level_m"))
     tracks = GroundChanges(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
     if len(tracks.start) != len(tracks.time) + 1 or (len(tracks.cell) and tracks.cell.max() >= world.level.size):
-        raise FormatError(f"its cells do not belong to the ground of {world.level.shape} nodes", path=folder / TRACKS)
+        raise FormatError(f"cells do not belong to the ground of {world.level.shape} nodes", path=folder / TRACKS)
     return Trace(table, world, tracks, read_json(folder / DRIVE))

@@ -1,1 +1,1 @@
-"""Forms in which a drive leaves the project: bags of ROS 2 messages, URDF, videos."""
+"""Export of drives: bags of ROS 2 messages, URDF and videos."""

@@ -1,7 +1,7 @@
-"""A drive as an MCAP file of ROS 2 messages, written without ROS: states, pictures, detections, truth, ground.
+"""Write a drive as an MCAP file of ROS 2 messages, without ROS: states, pictures, detections, ground truth, ground.
 
-Topics are in docs/rover.md. Messages are made one at a time, in the order of their stamps, so memory does not grow
-with the drive; stamps come from the drive's clock, so the same drive has the same bytes.
+Topics are in docs/rover.md. Messages are generated one by one in the order of their stamps, so memory does not grow
+with the drive. Stamps are times of the drive's clock, so equal drives give equal bytes.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 
-STATE_HZ, IMU_HZ = 50.0, 100.0  # messages a second
+STATE_HZ, IMU_HZ = 50.0, 100.0  # messages per second
 ACCELEROMETER_SD, GYROSCOPE_SD = 0.01, 0.001  # noise of a reading on /imu, m/s2 and rad/s
-HEIGHT_CELL_M = 0.06  # minimum cell of /terrain/height: the drive's own cells would fill the bag
+HEIGHT_CELL_M = 0.06  # minimum cell of /terrain/height, since the cells of the drive would need too much space
 UP = np.array([0.0, 0.0, 1.0])
 
 
 def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> dict[str, int]:
-    """Write a drive's folder as a bag; how many messages each topic has.
+    """Write a drive's folder as a bag and return the number of messages by topic.
 
     Raises
     ------
     PolarsimError
-        No drive in the folder, a broken file of it, a library that is missing, a full disk.
+        The folder contains no drive, a file is broken, a library is missing or the disk is full.
     """
     trace = read_trace(folder)
     streams: list[Iterator[Stamped]] = [
@@ -72,13 +72,13 @@ def write_changed_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOpt
 
 
 def picked(times: np.ndarray, hz: float) -> np.ndarray:
-    """Indices of the first time in each period of a rate; all of them where the rate is higher than theirs."""
+    """Return the index of the first time in each period of a rate; all indices if the rate exceeds that of `times`."""
     period = np.floor(times * hz + 1e-6)
     return np.flatnonzero(np.diff(period, prepend=-np.inf) > 0)
 
 
 def _still(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
-    """What does not move: the world's frames, and cameras on the body."""
+    """Yield static frames: the world and the cameras on the body."""
     time_ns = stamp_ns(float(trace.table["time_s"].iloc[0]))
     frames = [ros.transform(time_ns, "map", "odom", Pose.identity())]
     for camera in vehicle.cameras:
@@ -108,7 +108,7 @@ def _states(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
 
 
 def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> list[Message]:
-    """Of the body and of the three links of each wheel."""
+    """Return the transforms of the body and of the three links of each wheel."""
     frames = [ros.transform(time_ns, "odom", "base_link", base)]
     for wheel in vehicle.wheels:
         code = wheel.code
@@ -123,7 +123,7 @@ def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> 
 
 
 def _imu(trace: Trace, seed: int) -> Iterator[Stamped]:
-    """The same readings with noise, as a sensor gives them, and without, on a topic of their own."""
+    """Yield the readings with sensor noise on /imu, and without noise on /imu/truth."""
     table = trace.table
     noise = generator(seed, "rover", "imu")
     sd = (ACCELEROMETER_SD, GYROSCOPE_SD)
@@ -140,16 +140,16 @@ def _imu(trace: Trace, seed: int) -> Iterator[Stamped]:
 
 
 def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
-    """The ground as it is, thinned to whole multiples of its own cells."""
+    """Yield the heights of the ground, with a step of several cells."""
     if not options.height_hz:
         return
     world, tracks = trace.world, trace.tracks
     step = max(1, round(HEIGHT_CELL_M / world.cell))
-    wanted = set(picked(tracks.time, options.height_hz).tolist())
+    selected = set(picked(tracks.time, options.height_hz).tolist())
     level = world.level.copy()
     for frame, time_s in enumerate(tracks.time):
         tracks.apply(frame, level)
-        if frame in wanted:
+        if frame in selected:
             time_ns = stamp_ns(float(time_s))
             thinned = messages.grid_map(time_ns, level[::step, ::step], step * world.cell, world.x0, world.y0)
             yield time_ns, "/terrain/height", "grid_map_msgs/msg/GridMap", thinned

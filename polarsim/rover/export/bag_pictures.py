@@ -1,4 +1,4 @@
-"""A drive's pictures as topics of a bag: camera by camera, with what a detector saw in them and what is there."""
+"""Topics of a drive's pictures: for each camera, the images, detections and ground truth."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
 
-START_S = 1  # stamp of a drive's first instant: tf2 takes 0 for `the latest`
+START_S = 1  # stamp of a drive's start, since tf2 reads 0 as `the latest`
 ARRAY = "vision_msgs/msg/Detection2DArray"
 
 
 class PictureTopics:
-    """One stream a camera of which the folder has pictures in the set that the options choose."""
+    """Streams of all cameras with pictures in the set that the options select."""
 
     def __init__(self, folder: Path, vehicle: Vehicle, options: BagOptions) -> None:
         self._folder, self._vehicle, self._options = folder, vehicle, options
         self._set = picture_set(options.sun, options.model, options.exposure_ms)
 
     def streams(self) -> list[Iterator[Stamped]]:
-        """In the order of the vehicle's table."""
+        """Return a stream per camera, in the order of the vehicle's table."""
         return [self._stream(camera) for camera in self._vehicle.cameras if self._pictures(camera.name).is_dir()]
 
     def files(self) -> list[Path]:
-        """All files that the streams read."""
-        found: list[Path] = []
+        """Return all files that the streams read."""
+        files: list[Path] = []
         for camera in self._vehicle.cameras:
             view = self._folder / camera.name
             pictures = sorted(self._pictures(camera.name).glob("*.*"))
-            found += (
+            files += (
                 [*pictures, view / f"{self._options.sun}_truth.parquet", view / "poses.parquet"] if pictures else []
             )
-        return [path for path in found if path.is_file()]
+        return [path for path in files if path.is_file()]
 
     def _pictures(self, view: str) -> Path:
         return self._folder / view / self._set
@@ -69,8 +69,8 @@ class PictureTopics:
                 yield time_ns, f"/{camera.name}/image/compressed", "sensor_msgs/msg/CompressedImage", image
             for topic, rows in (("truth", truth), ("detections", detections)):
                 if rows is not None:
-                    found = ros.detections(time_ns, frame, rows.get(number, []))
-                    yield time_ns, f"/{camera.name}/{topic}", ARRAY, found
+                    message = ros.detections(time_ns, frame, rows.get(number, []))
+                    yield time_ns, f"/{camera.name}/{topic}", ARRAY, message
 
 
 def stamp_ns(time_s: float) -> int:
@@ -79,12 +79,12 @@ def stamp_ns(time_s: float) -> int:
 
 
 def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
-    """The lens of pictures that may be smaller than the camera's own.
+    """Return the lens of pictures, which may be smaller than the camera's size.
 
     Raises
     ------
     FormatError
-        No PNG file, or one of another shape than the camera's pictures.
+        The file is no PNG or has another aspect ratio than the camera.
     """
     with about(path):
         header = png.parse_header(content)
@@ -98,14 +98,14 @@ def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
 
 
 def _following(time_ns: int, frame: str, row: dict[str, Any]) -> ros.Message:
-    """A camera that follows the rover and is fixed to no link of it."""
+    """Return the transform of a camera that follows the rover and has no link."""
     position = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
     quaternion = np.array([row[name] for name in ("qw", "qx", "qy", "qz")])
     return ros.transform(time_ns, "map", frame, pose_of(position, quaternion))
 
 
 def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, Any]]] | None:
-    """Rows of a table by their frame; None where there is no such table."""
+    """Return the rows of a table by frame; None if the file does not exist."""
     if not path.is_file():
         return None
     table: pd.DataFrame = tables.read_parquet(path, columns)

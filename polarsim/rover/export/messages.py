@@ -1,7 +1,7 @@
-"""Messages of ROS 2 as plain dictionaries, from a drive's numbers, and their definitions as text: no ROS is needed.
+"""ROS 2 messages of a drive as dictionaries, without ROS.
 
-Units are ROS's: metres, radians, seconds, newtons. ROS counts pixels from the first one's centre, polarsim from its
-corner: what leaves here is half a pixel less.
+Units are those of ROS: metres, radians, seconds, newtons. Pixel coordinates are shifted by half a pixel, since ROS puts
+the origin at the centre of the first pixel and polarsim at its corner.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ from polarsim.geometry.poses import Pose
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.vehicle.table import WHEELS
 
-CONTACT_CODES = {name: code for code, name in enumerate(CONTACTS)}  # as polarsim_msgs/WheelState names them
+CONTACT_CODES = {name: code for code, name in enumerate(CONTACTS)}  # as in polarsim_msgs/WheelState
 JOINTS = tuple(f"{code}_{joint}" for code in WHEELS for joint in ("lift", "steer", "spin"))
-_UNMEASURED = (-1.0, *[0.0] * 8)  # covariance of an orientation that an IMU does not give (REP 145)
+_UNMEASURED = (-1.0, *[0.0] * 8)  # covariance of an orientation that an IMU does not measure (REP 145)
 
 
 def odometry(time_ns: int, world_from_base: Pose, velocity: np.ndarray, angular_velocity: np.ndarray) -> Message:
-    """nav_msgs/Odometry: the true pose in `odom`; `velocity` (3,) in the world, `angular_velocity` (3,) in the base."""
+    """Return nav_msgs/Odometry: the true pose in `odom`.
+
+    `velocity` (3,) is in the world frame, `angular_velocity` (3,) in the base frame.
+    """
     return {
         "header": header(time_ns, "odom"),
         "child_frame_id": "base_link",
@@ -35,7 +38,7 @@ def odometry(time_ns: int, world_from_base: Pose, velocity: np.ndarray, angular_
 
 
 def joint_state(time_ns: int, position: Sequence[float], velocity: Sequence[float]) -> Message:
-    """sensor_msgs/JointState of `JOINTS`; torques are in the wheels' own message."""
+    """Return sensor_msgs/JointState of `JOINTS`; torques are in `wheel_states`."""
     return {
         "header": header(time_ns, ""),
         "name": list(JOINTS),
@@ -52,7 +55,10 @@ def imu(
     sd: tuple[float, float],
     rotation: np.ndarray | None,
 ) -> Message:
-    """sensor_msgs/Imu; `sd` of acceleration, m/s2, rate, rad/s; `rotation` (3, 3), where it is known, of base_link."""
+    """Return sensor_msgs/Imu.
+
+    `sd`: standard deviation of acceleration, m/s2, and rate, rad/s. `rotation` (3, 3) of base_link; None if unmeasured.
+    """
     return {
         "header": header(time_ns, "base_link"),
         "orientation": quaternion(np.eye(3) if rotation is None else rotation),
@@ -65,7 +71,7 @@ def imu(
 
 
 def wheel_states(time_ns: int, row: Mapping[str, Any]) -> Message:
-    """polarsim_msgs/WheelStates from a row of the trace."""
+    """Return polarsim_msgs/WheelStates for a row of the trace."""
     names = {"slip": "slip", "sinkage": "sinkage_m", "sinkage_first": "sinkage_first_m", "load": "load_n"}
     names |= {"torque": "torque_n_m"}
     wheels = [
@@ -80,13 +86,13 @@ def wheel_states(time_ns: int, row: Mapping[str, Any]) -> Message:
 
 
 def grid_map(time_ns: int, level: np.ndarray, cell: float, x0: float, y0: float) -> Message:
-    """grid_map_msgs/GridMap with a layer `elevation`.
+    """Return grid_map_msgs/GridMap with a layer `elevation`.
 
     Parameters
     ----------
     level : (rows, columns) float
-        Metres, rows along +y, columns along +x, nodes `cell` apart from (x0, y0) on. The map's first row has the
-        greatest x, its first column the greatest y, and columns lie one behind the other.
+        Metres, rows along +y, columns along +x, nodes `cell` apart from (x0, y0) on. In the message the first row has
+        the maximum x, the first column the maximum y, and columns are contiguous.
     """
     rows, columns = level.shape
     centre = Pose(np.eye(3), np.array([x0 + cell * (columns - 1) / 2, y0 + cell * (rows - 1) / 2, 0.0]))

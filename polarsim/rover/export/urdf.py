@@ -1,4 +1,4 @@
-"""The vehicle as URDF: suspension, steering, drive of each wheel on three links; cameras and lights on their own."""
+"""Write the vehicle as URDF: three links per wheel (suspension, steering, drive), a link per camera and light."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from polarsim.geometry.poses import Pose
 from polarsim.rover.vehicle.mounts import FOLLOWING, link_from_part, mount_of
 from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart, cube_inertia
 
-_FREE = 1e4  # N and rad/s where the table has no limit: URDF asks for one
+_FREE = 1e4  # N and rad/s where the table has no limit; URDF requires a value
 
 
 def write_urdf(path: Path, vehicle: Vehicle) -> None:
-    """Write a vehicle as URDF; same table, same bytes."""
+    """Write a vehicle as URDF; equal tables give equal bytes."""
     write_text(path, urdf(vehicle))
 
 
 def urdf(vehicle: Vehicle) -> str:
-    """The robot as text; URDF has dampers, but no springs, so the suspension's stiffness is not in it."""
+    """Return the robot as text, without the stiffness of the suspension, since URDF has no springs."""
     robot = ET.Element("robot", name=vehicle.name)
     base = ET.SubElement(robot, "link", name="base_link")
     _inertial(base, vehicle.chassis.mass_kg, vehicle.chassis.inertia(), vehicle.chassis.position_m)
@@ -32,11 +32,11 @@ def urdf(vehicle: Vehicle) -> str:
     for wheel in vehicle.wheels:
         _corner(robot, vehicle, wheel)
     for camera in vehicle.cameras:
-        if camera.name not in FOLLOWING:  # these follow the rover and are fixed to no link
+        if camera.name not in FOLLOWING:  # following cameras have no link
             ET.SubElement(robot, "link", name=f"{camera.name}_optical")
             joint = _joint(robot, f"{camera.name}_mount", "fixed", camera.link, f"{camera.name}_optical")
             _origin(joint, mount_of(camera).base_from_camera)
-    for light in vehicle.lights:  # shines along x
+    for light in vehicle.lights:  # a light shines along x
         ET.SubElement(robot, "link", name=light.name)
         joint = _joint(robot, f"{light.name}_mount", "fixed", light.link, light.name)
         _origin(joint, link_from_part(light.position_m, light.yaw_deg, light.pitch_deg))
@@ -45,7 +45,7 @@ def urdf(vehicle: Vehicle) -> str:
 
 
 def _corner(robot: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
-    """`base_link` - lift - arm - steer - upright - spin - wheel."""
+    """Add the links and joints of a wheel: `base_link` - lift - arm - steer - upright - spin - wheel."""
     code, spring, steering, drive = wheel.code, vehicle.suspension, vehicle.steering, vehicle.drive
     for name, mass, inertia in (
         ("arm", wheel.arm_mass_kg, cube_inertia(wheel.arm_mass_kg)),
@@ -84,7 +84,7 @@ def _joint(
 
 
 def _limit(joint: ET.Element, effort: float, rate: float, reach: float | None) -> None:
-    """Either way; a wheel rotates without end."""
+    """Set symmetric limits; a wheel has no position limit."""
     limit = ET.SubElement(joint, "limit", effort=_number(effort), velocity=_number(rate))
     if reach is not None:
         limit.set("lower", _number(-reach))
@@ -123,12 +123,12 @@ def _cylinder(parent: ET.Element, diameter: float, length: float) -> None:
 
 
 def _lying(link_from_cylinder: Pose) -> Pose:
-    """The table's cylinders lie along y, URDF's along z."""
+    """Rotate a cylinder from the table's axis y to URDF's axis z."""
     return link_from_cylinder @ Pose.from_rotvec(np.array([math.pi / 2, 0, 0]), np.zeros(3))
 
 
 def _origin(parent: ET.Element, parent_from_own: Pose) -> None:
-    """URDF's roll, pitch, yaw rotate about the fixed axes x, y, z in this order."""
+    """Add an origin; URDF's roll, pitch, yaw rotate about the fixed axes x, y, z in this order."""
     angles = Rotation.from_matrix(parent_from_own.rotation).as_euler("xyz")
     ET.SubElement(parent, "origin", xyz=_text(parent_from_own.translation), rpy=_text(angles))
 
@@ -138,5 +138,5 @@ def _text(values: Sequence[float] | np.ndarray) -> str:
 
 
 def _number(value: float) -> str:
-    """Nine digits: angles of rotated axes would else end in digits that differ from machine to machine."""
+    """Format with nine digits, since further digits of rotated angles differ between machines."""
     return f"{round(float(value), 9) + 0.0:.9g}"

@@ -1,6 +1,6 @@
-"""Videos of a drive, `[view]_[Sun]_[BRDF]_[exposure].webm` as in the paper, in AV1, an open codec.
+"""Videos of a drive, `[view]_[Sun]_[BRDF]_[exposure].webm` as in the paper, in the open codec AV1.
 
-The encoder is SVT-AV1 on one thread a video, so that the same pictures make the same bytes. It comes with PyAV, which
+The encoder is SVT-AV1 with one thread per video, so that equal pictures give equal bytes. It is part of PyAV, which
 only this module imports.
 """
 
@@ -33,20 +33,20 @@ from polarsim.rover.vehicle.table import Vehicle
 from polarsim.run_files.picture_sets import exposure_name
 from polarsim.tone import to_8bit
 
-_PRESET, _QUALITY = "10", "32"  # of SVT-AV1: fast; constant quality, 0 best to 63
-SPEED = 0.5  # of a video over the real one, as in the paper's
-_BRDF = {"principled": "default"}  # the paper's word for it
+_PRESET, _QUALITY = "10", "32"  # SVT-AV1: fast preset; constant quality, 0 (best) to 63
+SPEED = 0.5  # playback speed relative to real time, as in the paper
+_BRDF = {"principled": "default"}  # name in the paper
 
 
 def video_name(view: str, sun: str, model: Model, exposure_ms: float) -> str:
-    """File name of a video, as the paper names them but for the container."""
+    """Return the file name of a video, as in the paper except for the container."""
     return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_name(exposure_ms)}.webm"
 
 
 def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> int:
-    """Write the videos of a drive's pictures into `videos/`, but for those that are there already; how many.
+    """Write missing videos of a drive's pictures into `videos/` and return the number of written videos.
 
-    `threads`: so many are made at once; they change no byte.
+    `threads`: number of videos encoded in parallel. Does not affect the output.
 
     Raises
     ------
@@ -58,14 +58,14 @@ def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, see
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     times = np.asarray(suite.trace.tracks.time)[suite.frames]
     rate = frame_rate(times, SPEED)
-    wanted = [(view, sun, *what) for view in options.views for sun in suite.suns for what in options.pictures]
+    selected = [(view, sun, *what) for view in options.views for sun in suite.suns for what in options.pictures]
 
     def make(what: tuple[str, str, Model, float]) -> int:
         pictures, video = picture_folder(folder, *what), folder / "videos" / video_name(*what)
         return _make(video, pictures, suite.frames, _detections(pictures, what[0]), rate, options.onboard.confidence)
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        jobs = [pool.submit(make, what) for what in wanted]
+        jobs = [pool.submit(make, what) for what in selected]
         try:
             return sum(job.result() for job in track(jobs, f"videos in {folder}"))
         finally:
@@ -76,7 +76,7 @@ def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, see
 def _make(
     video: Path, pictures: Path, frames: list[int], boxes: pd.DataFrame | None, rate: Fraction, confidence: float
 ) -> int:
-    """Write one video, unless the same one is there; how many were written."""
+    """Write a video unless it is current; return the number of written videos."""
     paths = [pictures / f"{frame:05d}.png" for frame in frames]
     require_pictures(paths)
     content = "" if boxes is None else boxes.to_csv()
@@ -89,13 +89,13 @@ def _make(
 
 
 def frame_rate(times: np.ndarray, speed: float) -> Fraction:
-    """Pictures a second at which pictures of moments (n,) are played at a speed."""
+    """Return the frame rate, 1/s, at which pictures with times (n,) play at a speed."""
     step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     return Fraction(speed / step).limit_denominator(1000)
 
 
 def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> None:
-    """Encode pictures (h, w, 3) uint8, RGB, all of one size; sides that are odd lose a pixel.
+    """Encode pictures (h, w, 3) uint8, RGB, of equal size; odd sides lose a pixel.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> N
         import av
     except ImportError as error:
         raise RoverError(f"videos: PyAV cannot be loaded ({error}); install av") from error
-    os.environ.setdefault("SVT_LOG", "1")  # errors alone: the encoder would tell its settings on the terminal
+    os.environ.setdefault("SVT_LOG", "1")  # errors only; otherwise the encoder prints its settings
     with writing(path) as temporary, av.open(str(temporary), "w", options={"fflags": "+bitexact"}) as container:
         stream: Any = None
         for picture in pictures:
@@ -114,24 +114,24 @@ def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> N
             if stream is None:
                 stream = container.add_stream("libsvtav1", rate=rate)
                 stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-                stream.codec_context.flags |= 1 << 23  # AV_CODEC_FLAG_BITEXACT: no names of programs
+                stream.codec_context.flags |= 1 << 23  # AV_CODEC_FLAG_BITEXACT: no program names in the file
                 stream.options = {"preset": _PRESET, "crf": _QUALITY, "svtav1-params": "lp=1"}
                 with _priority_kept():
                     stream.codec_context.open()
             image = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="rgb24")
             container.mux(stream.encode(image))
         if stream is None:
-            raise RoverError("a video without a picture", path=path)
+            raise RoverError("a video needs at least one picture", path=path)
         container.mux(stream.encode())
 
 
 @contextmanager
 def _priority_kept() -> Iterator[None]:
-    """All threads as this one was before: as root, SVT-AV1 makes its own and its caller's real-time ones.
+    """Restore the scheduling of all threads: as root, SVT-AV1 gives its threads and the caller real-time priority.
 
-    They, and every process that the caller starts afterwards, would push all else on the machine aside.
+    These threads, and all later child processes of the caller, would block other processes of the machine.
     """
-    if not hasattr(os, "sched_setscheduler"):  # Linux alone has it
+    if not hasattr(os, "sched_setscheduler"):  # only Linux has this function
         yield
         return
     policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
@@ -139,17 +139,17 @@ def _priority_kept() -> Iterator[None]:
         yield
     finally:
         for thread in Path("/proc/self/task").iterdir():
-            with suppress(ProcessLookupError):  # it has ended
+            with suppress(ProcessLookupError):  # the thread has ended
                 os.sched_setscheduler(int(thread.name), policy, parameters)
 
 
 def shown(pixels: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 of a 12-bit picture (h, w): the whole range, gamma 2.2, the same for all frames."""
+    """Return (h, w, 3) uint8 of a 12-bit picture (h, w): full range, gamma 2.2, the same for all frames."""
     return to_8bit(pixels, WHITE_LEVEL - BLACK_LEVEL)
 
 
 def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
-    """The picture (h, w, 3) with boxes, columns kind, confidence and corners: rocks yellow, shadows blue."""
+    """Return the picture (h, w, 3) with boxes, columns kind, confidence and corners: rocks yellow, shadows blue."""
     import cv2
 
     picture = picture.copy()
@@ -167,8 +167,8 @@ def _shown(paths: list[Path], frames: list[int], boxes: pd.DataFrame | None, con
     for path, frame in zip(paths, frames, strict=True):
         picture = shown(png.read(path))
         if boxes is not None:
-            own = boxes[(boxes["frame"] == frame) & (boxes["confidence"] >= confidence)]
-            picture = drawn(picture, own[["kind", "confidence", *BOX]])
+            selected = boxes[(boxes["frame"] == frame) & (boxes["confidence"] >= confidence)]
+            picture = drawn(picture, selected[["kind", "confidence", *BOX]])
         yield picture
 
 

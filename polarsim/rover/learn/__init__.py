@@ -1,1 +1,1 @@
-"""The rover's task as an environment for learners, and policies to compare them with."""
+"""Gymnasium environment of the rover's task."""

@@ -1,4 +1,4 @@
-"""Which rocks a rover that drives now touches: as drives that are over count them, moment by moment."""
+"""Collisions of a running simulation, counted as in `planning.touches` for recorded drives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from polarsim.schemas.rover import HIGH_M
 
 
 class Collisions:
-    """Rocks above `HIGH_M` of a world: those that are touched, and those that were not a moment before."""
+    """Rocks above `HIGH_M` of a world that the rover touches."""
 
     def __init__(self, simulation: Simulation) -> None:
         world = simulation.world
@@ -20,18 +20,18 @@ class Collisions:
         self._simulation, self._steps = simulation, simulation.steps
         self._rocks, self._radii = high["rock"].to_numpy(int), high["radius_m"].to_numpy(float)
         self._places = high[["x_m", "y_m"]].to_numpy(float)
-        self._points: dict[int, np.ndarray] = {}  # of rocks that the rover came near
+        self._points: dict[int, np.ndarray] = {}  # of rocks near the rover's path
         self.touched: frozenset[int] = frozenset()
 
     def update(self, state: State) -> frozenset[int]:
-        """Return the numbers of the rocks that were touched since the last call and not before it.
+        """Return the numbers of the rocks touched since the last call and not at the last call.
 
-        By wheels at any physics step since then, by the body now.
+        Wheel contacts are those of all physics steps since the last call, body contacts those of the current state.
         """
         by_wheels = self._simulation.rocks_touched_since(self._steps) & frozenset(self._rocks.tolist())
         self._steps = self._simulation.steps
-        away = np.hypot(*(self._places - state.position[:2]).T)
-        near = self._rocks[away < self._radii + REACH_M].tolist()
+        distance = np.hypot(*(self._places - state.position[:2]).T)
+        near = self._rocks[distance < self._radii + REACH_M].tolist()
         touched = by_wheels | frozenset(rock for rock in near if self._touches_body(rock, state))
         new, self.touched = touched - self.touched, touched
         return new

@@ -1,4 +1,4 @@
-"""Courses: a world anew for every seed, and the straight line over it from the start to the goal."""
+"""Courses: for each seed a world and a straight line from the start to the goal."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from polarsim.rover.world.practice import PracticeGround, practice_world
 from polarsim.rover.world.stitch import rough_world
 from polarsim.rover.world.surface import World
 
-_MARGIN_M = 2.0  # from the world's ends to start and goal
+_MARGIN_M = 2.0  # from the ends of the world to start and goal
 DRIVE, SOIL, STRIP, LOOKS = DriveOptions(), SoilOptions(), WorldOptions(), AutonomyOptions()
-# Its camera first sees ground 2.2 m ahead: no rock lies nearer to the start.
+# The camera sees ground from 2.2 m ahead on; no rock is closer to the start.
 MADE_UP = PracticeGround(length_m=12.0, width_m=8.0, rocks=40, smallest_m=0.15, largest_m=0.4, clear_m=2.5)
 
 
 class Course(Protocol):
-    """Where episodes take place."""
+    """World, rover and line of an episode."""
 
     @property
     def vehicle(self) -> Vehicle:
-        """The rover that drives there."""
+        """Rover of the course."""
         ...
 
     def job(self, seed: int) -> Job:
-        """World, rover, soil and straight line of a seed."""
+        """Return world, rover, soil and straight line of a seed."""
         ...
 
 
 class _Driven:
-    """A course by the options of a drive, which name the rover: it is read once."""
+    """Course with the vehicle of the drive options, read once."""
 
     drive: DriveOptions
 
@@ -50,7 +50,7 @@ class _Driven:
 
 @dataclass(frozen=True)
 class MadeUpCourse(_Driven):
-    """A practice ground for every seed, from the east to the west."""
+    """Random practice ground for each seed, driven from east to west."""
 
     ground: PracticeGround = MADE_UP
     drive: DriveOptions = DRIVE
@@ -62,7 +62,7 @@ class MadeUpCourse(_Driven):
 
 @dataclass(frozen=True)
 class WorldCourse(_Driven):
-    """The same world for every seed: its starts differ."""
+    """The same world for all seeds; starts differ."""
 
     world: World
     drive: DriveOptions = DRIVE
@@ -74,7 +74,7 @@ class WorldCourse(_Driven):
 
 @dataclass(frozen=True)
 class TerrainCourse(_Driven):
-    """A run's terrains side by side, as drives have them that decide (`meshes/TerrainNN/`); grounds differ by noise.
+    """Terrains of a run side by side, as in autonomous drives (`meshes/TerrainNN/`); seeds change the ground's noise.
 
     Raises (with the first job)
     ------
@@ -95,14 +95,14 @@ class TerrainCourse(_Driven):
 
     @cached_property
     def _bare(self) -> Job:
-        """The job without noise on its ground: meshes are read once."""
+        """Job without noise of the ground; meshes are read once."""
         drive = self.drive.model_copy(update={"spread": 0.0})
         job = job_for(meshes=self.meshes, world=self.world, soil=self.soil, drive=drive, options=self.options, seed=0)
         return autonomous_job(job, self.options)
 
 
 def _along(world: World, vehicle: Vehicle, drive: DriveOptions, soil: SoilOptions, seed: int) -> Job:
-    """Along the centre of a world from the east to the west, unless the drive's options have a path."""
+    """Return a job along the centre of a world from east to west, or along the path of the drive options."""
     y = float(world.y.mean())
     line = drive.path_m or ((float(world.x[-1]) - _MARGIN_M, y), (float(world.x[0]) + _MARGIN_M, y))
     drive = drive.model_copy(update={"path_m": (line[0], line[-1])})

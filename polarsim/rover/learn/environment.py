@@ -1,11 +1,11 @@
-"""The rover's way over terrains as a Gymnasium environment: ten times a second a speed and a steering angle.
+"""Gymnasium environment of the rover's task: speed and steering angle ten times per second.
 
     import gymnasium
     import polarsim.rover.learn.environment  # registers polarsim/Traverse-v0
     env = gymnasium.make("polarsim/Traverse-v0")
 
-The rover looks and maps as in drives that decide (`polarsim.rover.planning`), and the learner steers. The same seed,
-options and actions are the same episode.
+Perception and map are those of autonomous drives (`polarsim.rover.planning`); the learner steers. Equal seeds, options
+and actions give equal episodes.
 """
 
 from __future__ import annotations
@@ -42,34 +42,34 @@ from polarsim.rover.vehicle.table import WHEELS
 from polarsim.run_files.picture_sets import AUTO
 
 ACTION_HZ = 10
-ARRIVED_M = 0.3  # before the goal's line, as for drives that decide
-LIGHT = ("sun", "exposure_ms", "lights")  # of a reset
+ARRIVED_M = 0.3  # distance before the goal's line, as in autonomous drives
+LIGHT = ("sun", "exposure_ms", "lights")  # keys of the options of a reset
 _PICTURE_SCALE = 1 / 16
-_BESIDE_M = 1.5  # from the line: farther away the ground is drawn as it was at first
-# A quarter of the camera's size: observations cost half as much as at 0.5.
+_BESIDE_M = 1.5  # distance from the line; ground farther away is rendered without changes
+# A quarter of the camera's size; observations cost half as much as at 0.5.
 CAMERAS = CameraSuiteOptions(scale=0.25, models=("hapke",), exposures_ms=(256.0,))
 
 
 class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
-    """Drive from the first point of a straight line to its last, round the rocks.
+    """Drive along a straight line from the start to the goal, around the rocks.
 
-    Action, (2,) within -1 and 1: speed over `task.top_speed_m_s`, steering to the left over `task.top_steer_deg`.
-    Observation: `hazards` and `state`, see `observation`; where it is asked for `image`, (h, w, 1) grey. Reward:
-    `task.reward`. An episode is terminated at the goal's line, off the grid, upside down or where the physics breaks,
-    with the last state before it, and truncated after `options.longest_s`. `info`: `ended`, why; `along_m`,
-    `energy_j`, `collisions` so far, `light`, and by wheel `slip`, `sinkage_m`, `contacts` (what the wheel touches).
+    Action, (2,) within -1 and 1: speed divided by `task.top_speed_m_s`, steering to the left divided by
+    `task.top_steer_deg`. Observation: `hazards` and `state`, see `observation`; optionally `image`, (h, w, 1) grey.
+    Reward: `task.reward`. An episode terminates at the goal's line, off the grid, upside down or if the physics fails,
+    with the last valid state, and is truncated after `options.longest_s`. `info`: `ended` (reason), `along_m`,
+    `energy_j`, `collisions` so far, `light`, and by wheel `slip`, `sinkage_m`, `contacts` (kind of contact).
 
-    `reset(options=...)` takes `sun`, `exposure_ms` and `lights`, named as in the configuration; what is not given is
-    drawn by the seed from `cameras.suns` and `cameras.exposures_ms`, or are `cameras.lights`.
+    `reset(options=...)` accepts `sun`, `exposure_ms` and `lights`, named as in the configuration. By default the seed
+    selects from `cameras.suns` and `cameras.exposures_ms`, and the lights are `cameras.lights`.
 
     Parameters
     ----------
-    course : where episodes take place; none: a made-up ground for every seed.
-    mode : what the map is made of; `blind` has an empty one.
+    course : course of the episodes; None: a random ground for each seed.
+    mode : source of the map; `blind` has an empty map.
     options : duration of an episode, and speed and planner of the baselines.
-    cameras : Suns, exposures, lights and scale of the pictures, and the detector, `onboard`, of modes that have one.
+    cameras : Suns, exposures, lights and scale of the pictures, and the detector, `onboard`, of modes with a detector.
     render : lens, sensor and reflectance of all pictures, as the section `render` of a run.
-    image : show the front camera's picture as well, in every observation.
+    image : add the picture of the front camera to each observation.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": ACTION_HZ}  # noqa: RUF012
@@ -94,24 +94,24 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.task, self._image = task or TaskOptions(), image
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         bounds, cells = np.array(list(STATE.values()), np.float32), self.task.crop.cells
-        found: dict[str, spaces.Space[Any]] = {
+        observed: dict[str, spaces.Space[Any]] = {
             "hazards": spaces.Box(0, 255, (3, cells, cells), np.uint8),
             "state": spaces.Box(-bounds, bounds, dtype=np.float32),
         }
         if image:
             height, width = mount_of(self.course.vehicle.camera(FRONT), _PICTURE_SCALE).lens.shape
-            found["image"] = spaces.Box(0, 255, (height, width, 1), np.uint8)
-        self.observation_space: Any = spaces.Dict(found)
+            observed["image"] = spaces.Box(0, 255, (height, width, 1), np.uint8)
+        self.observation_space: Any = spaces.Dict(observed)
         self._simulation: Simulation | None = None
 
     @property
     def simulation(self) -> Simulation:
-        """The physics of the episode.
+        """Physics of the episode.
 
         Raises
         ------
         RoverError
-            No episode has begun.
+            `reset` was not called.
         """
         if self._simulation is None:
             raise RoverError("step before reset")
@@ -120,17 +120,17 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Put the rover down at the line's first point, a little off it, let it settle, and look once.
+        """Place the rover near the line's first point, let it settle, and observe once.
 
         Raises
         ------
         PolarsimError
-            An option that a reset does not have, an unknown Sun or light, meshes or a detector that are missing.
+            An option is unknown, a Sun or light does not exist, or meshes or a detector are missing.
         """
         super().reset(seed=seed, options=options)
-        own = int(self.np_random.integers(2**31))
+        episode_seed = int(self.np_random.integers(2**31))
         self.light = self._lit(options or {})
-        job = self.course.job(own)
+        job = self.course.job(episode_seed)
         self.line = Path(np.array(job.drive.path_m, float))
         self.vehicle = job.vehicle
         self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.line))
@@ -139,11 +139,11 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if self.mode != "blind":
             weights = self.cameras.onboard.weights_file
             self._perception = Perception(
-                job.world, job.vehicle, self.line, self.mode, self.light, self.cameras, own,
+                job.world, job.vehicle, self.line, self.mode, self.light, self.cameras, episode_seed,
                 render=self.render_options, detector=OnboardDetector(weights=weights) if weights else None,
             )  # fmt: skip
         self._collisions, self._hits = Collisions(self._simulation), 0
-        self._seed = own
+        self._seed = episode_seed
         self._camera: RoverCamera | None = None
         if self._image or self.render_mode:
             near = near_path(job.world, self.line, _BESIDE_M)
@@ -153,20 +153,20 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if self.task.settle_s:
             self._simulation.advance(self.task.settle_s)
         self._simulation.zero()
-        self._next_look = self._looked = 0.0
+        self._next_observation = self._observed_at = 0.0
         state = self._state = self._simulation.state()
         self._energy = self._simulation.account.motor
         self._collisions.update(state)
-        self._look(state)
-        return self._observed(state), self._info(state)
+        self._observe(state)
+        return self._observation(state), self._info(state)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """Drive on for a tenth of a second.
+        """Drive for a tenth of a second.
 
         Raises
         ------
         RoverError
-            An action that is not finite, or no episode has begun.
+            The action is not finite, or `reset` was not called.
         """
         require_finite(action)
         simulation, task = self.simulation, self.task
@@ -180,7 +180,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             ended = "off the grid"
         except EnergyError:
             ended = "energy"
-        else:  # else the last state and energy remain: those of a broken step may be no numbers
+        else:  # after a failure the last state and energy are kept, since those of the failed step may be NaN
             self._state, self._energy = simulation.state(), simulation.account.motor
         state, unknown = self._state, bool(ended)
         if not ended and upside_down(state.rotation):
@@ -191,28 +191,28 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if not failed and self._along(state) >= self.line.length - ARRIVED_M:
             ended = "finished"
         if not ended:
-            self._look(state)
-        worth = task.reward
-        reward = worth.failure * failed
+            self._observe(state)
+        weights = task.reward
+        reward = weights.failure * failed
         if not unknown:
             reward += (
-                worth.progress_1_m * (self._along(state) - self._along(before))
-                + worth.collision * len(new)
-                + worth.energy_1_j * (self._energy - spent)
+                weights.progress_1_m * (self._along(state) - self._along(before))
+                + weights.collision * len(new)
+                + weights.energy_1_j * (self._energy - spent)
             )
         late = simulation.time >= self.options.longest_s - 1e-9
         truncated = late and not ended
         info = {**self._info(state), "ended": ended or ("out of time" if truncated else "")}
-        return self._observed(state), float(reward), bool(ended), truncated, info
+        return self._observation(state), float(reward), bool(ended), truncated, info
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
-        """The front camera's picture, (h, w, 3) grey."""
+        """Return the picture of the front camera, (h, w, 3) grey."""
         if self.render_mode is None or self._simulation is None:
             return None
         return np.repeat(self._picture(self._state), 3, axis=2)
 
     def _lit(self, given: dict[str, Any]) -> Light:
-        """Return the light of an episode: one Sun, exposure and set of lights; what is not given is drawn."""
+        """Return the light of an episode: a Sun, an exposure and lights; missing values are drawn at random."""
         unknown = set(given) - set(LIGHT)
         if unknown:
             raise RoverError(f"reset option {min(unknown)!r}, expected {', '.join(LIGHT)}")
@@ -223,19 +223,19 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         }
         chosen = {"lights": cameras.lights, **drawn, **given}
         if chosen["sun"] not in (*SUN_AZIMUTHS_DEG, NIGHT):
-            raise RoverError(f"reset option sun: {chosen['sun']!r} is no Sun")
+            raise RoverError(f"reset option sun: {chosen['sun']!r}, expected {', '.join((*SUN_AZIMUTHS_DEG, NIGHT))}")
         exposure_ms = chosen["exposure_ms"]
         if exposure_ms != AUTO and not (isinstance(exposure_ms, int | float) and exposure_ms > 0):
-            raise RoverError(f"reset option exposure_ms: {exposure_ms!r} is neither above 0 nor {AUTO!r}")
+            raise RoverError(f"reset option exposure_ms: {exposure_ms!r}, expected a number above 0 or {AUTO!r}")
         return Light(chosen["sun"], chosen["exposure_ms"], tuple(chosen["lights"]), cameras.models[0])
 
-    def _look(self, state: State) -> None:
-        """Bring the map up to this moment, where a look is due."""
+    def _observe(self, state: State) -> None:
+        """Update the map if an observation is due."""
         now = self.simulation.time
-        if now < self._next_look - 1e-9:
+        if now < self._next_observation - 1e-9:
             return
-        self._next_look += 1 / OBSERVATIONS_HZ
-        self._looked = now
+        self._next_observation += 1 / OBSERVATIONS_HZ
+        self._observed_at = now
         self.map.fade(now)
         if self._perception is None:
             return
@@ -245,17 +245,17 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     def _along(self, state: State) -> float:
         return self.line.beside(float(state.position[0]), float(state.position[1]), 0)[0]
 
-    def _observed(self, state: State) -> dict[str, np.ndarray]:
-        found = {
+    def _observation(self, state: State) -> dict[str, np.ndarray]:
+        observation = {
             "hazards": crop(self.map, state, self.task.crop),
-            "state": numbers(state, self.line, self.simulation.time - self._looked),
+            "state": numbers(state, self.line, self.simulation.time - self._observed_at),
         }
         if self._image:
-            found["image"] = self._picture(state)
-        return found
+            observation["image"] = self._picture(state)
+        return observation
 
     def _picture(self, state: State) -> np.ndarray:
-        """Return the front camera's picture as (h, w, 1) uint8, on the world's own cells."""
+        """Return the picture of the front camera as (h, w, 1) uint8, with the cells of the world."""
         assert self._camera is not None
         base, name = (
             self._camera.show_state(state, self.simulation.ground.level),

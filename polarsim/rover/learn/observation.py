@@ -1,7 +1,7 @@
-"""What a learner is shown: the map around the rover, and where the rover stands and heads.
+"""Observation of a learner: a crop of the map around the rover, and a state vector.
 
-`hazards` is (3, n, n) uint8, ahead is up: how likely a cell is rock, how high that rock is, and whether it was seen.
-`state` holds `STATE`, each within its bounds.
+`hazards` is (3, n, n) uint8 with the rover's heading up: probability of rock, height of the rock, and whether the cell
+was observed. `state` contains the values of `STATE`, each clipped to its bounds.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from polarsim.rover.learn.options import CropOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.vehicle.table import WHEELS
 
-HIGHEST_M = 0.5  # of a rock: full scale
-# What `state` holds, and its bounds either way: metres, radians, seconds.
+HIGHEST_M = 0.5  # height of a rock at full scale
+# Values of `state` and their symmetric bounds: metres, radians, seconds.
 STATE: dict[str, float] = {
-    "goal_distance": 1000.0, "sin_goal_bearing": 1.0, "cos_goal_bearing": 1.0,  # bearing from ahead to the left
-    "to_go": 1000.0, "offset": 1000.0,  # along the straight line, and to its left
+    "goal_distance": 1000.0, "sin_goal_bearing": 1.0, "cos_goal_bearing": 1.0,  # bearing from the heading to the left
+    "to_go": 1000.0, "offset": 1000.0,  # along the straight line, and to the left of it
     "sin_heading_error": 1.0, "cos_heading_error": 1.0,
     "speed": 5.0, "yaw_rate": 10.0, "roll": math.pi, "pitch": math.pi,
     "command_speed": 2.0, "command_steer": math.pi / 2,
     **{f"{code}_slip": 10.0 for code in WHEELS},
-    "look_age": 1000.0,  # since the map was last looked at
+    "look_age": 1000.0,  # since the last observation
 }  # fmt: skip
 
 
 def crop(grid: HazardGrid, state: State, options: CropOptions) -> np.ndarray:
-    """(3, n, n) uint8 of the map's cells nearest to the crop's; beyond the map there is the highest rock."""
+    """Return (3, n, n) uint8 of the map's nearest cells; points outside the map are full-scale rock."""
     cell = grid.cell_m
     ahead = options.ahead_m - cell * (np.arange(options.cells) + 0.5)
     left = cell * (options.cells / 2 - 0.5 - np.arange(options.cells))
@@ -41,12 +41,12 @@ def crop(grid: HazardGrid, state: State, options: CropOptions) -> np.ndarray:
     on = (column >= 0) & (column < len(grid.x)) & (row >= 0) & (row < len(grid.y))
     at = row.clip(0, len(grid.y) - 1), column.clip(0, len(grid.x) - 1)
     layers = 1 / (1 + np.exp(-grid.log_odds)), grid.height / HIGHEST_M, grid.seen
-    shown = [np.where(on, np.asarray(layer, float)[at], 1.0) for layer in layers]
-    return np.rint(255 * np.clip(shown, 0.0, 1.0)).astype(np.uint8)
+    crops = [np.where(on, np.asarray(layer, float)[at], 1.0) for layer in layers]
+    return np.rint(255 * np.clip(crops, 0.0, 1.0)).astype(np.uint8)
 
 
 def numbers(state: State, line: Path, look_age_s: float) -> np.ndarray:
-    """(len(STATE),) float32 of a moment on the way along a straight line."""
+    """Return (len(STATE),) float32 for a state and a straight line."""
     x, y, heading = float(state.position[0]), float(state.position[1]), state.heading
     along, offset = line.beside(x, y, 0)
     dx, dy = (line.points[-1] - (x, y)).tolist()

@@ -1,4 +1,4 @@
-"""What a learner's task is worth and what it is shown."""
+"""Reward and observation of a learner's task."""
 
 from __future__ import annotations
 
@@ -6,32 +6,30 @@ from pydantic import BaseModel, Field, PositiveFloat
 
 
 class RewardOptions(BaseModel, extra="forbid", frozen=True):
-    """The reward of a step is a sum of these."""
+    """Weights of the terms of a step's reward."""
 
-    progress_1_m: float = Field(1.0, description="A metre gained along the straight line to the goal earns this.")
-    collision: float = Field(
-        -5.0, le=0, description="Touching a rock above 10 cm that was not touched a step before costs this."
-    )
-    energy_1_j: float = Field(-0.001, le=0, description="A joule that the motors take costs this.")
+    progress_1_m: float = Field(1.0, description="Reward per metre of progress along the line to the goal.")
+    collision: float = Field(-5.0, le=0, description="Reward for a new contact with a rock above 10 cm.")
+    energy_1_j: float = Field(-0.001, le=0, description="Reward per joule of motor work.")
     failure: float = Field(
-        -10.0, le=0, description="Leaving the grid, lying upside down or breaking the physics costs this."
+        -10.0, le=0, description="Reward for leaving the grid, turning upside down or a failure of the physics."
     )
 
 
 class CropOptions(BaseModel, extra="forbid", frozen=True):
-    """The map is shown cut out around the rover, turned so that ahead is up."""
+    """Crop of the map around the rover, with the rover's heading up."""
 
-    cells: int = Field(48, ge=8, description="The crop has so many of the map's cells along each side.")
-    ahead_m: PositiveFloat = Field(5.4, description="The crop reaches so far ahead of base_link, m.")
+    cells: int = Field(48, ge=8, description="Cells along each side of the crop.")
+    ahead_m: PositiveFloat = Field(5.4, description="Extent of the crop ahead of base_link, m.")
 
 
 class TaskOptions(BaseModel, extra="forbid", frozen=True):
-    """These options set a learner's task."""
+    """Task of a learner."""
 
-    top_speed_m_s: PositiveFloat = Field(0.4, le=2.0, description="An action of speed 1 is this speed, m/s.")
+    top_speed_m_s: PositiveFloat = Field(0.4, le=2.0, description="Speed of a speed action of 1, m/s.")
     top_steer_deg: float = Field(
-        30.0, gt=0, lt=90, description="An action of steering 1 is this angle to the left, degrees."
+        30.0, gt=0, lt=90, description="Steering angle to the left of a steering action of 1, degrees."
     )
-    settle_s: float = Field(1.0, ge=0, description="The rover sinks in at rest for this long before an episode, s.")
-    reward: RewardOptions = Field(RewardOptions(), description="This section sets the reward.")
-    crop: CropOptions = Field(CropOptions(), description="This section sets the crop of the map.")
+    settle_s: float = Field(1.0, ge=0, description="Time at rest before an episode, in which the rover settles, s.")
+    reward: RewardOptions = Field(RewardOptions(), description="Weights of the reward.")
+    crop: CropOptions = Field(CropOptions(), description="Crop of the map.")

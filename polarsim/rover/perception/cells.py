@@ -1,6 +1,6 @@
-"""Cells of a map: which of them a picture shows, rocks of boxes on them, and the true surface.
+"""Cells of a map: visibility in a picture, rocks of boxes on cells, and the true surface.
 
-Both maps use these functions: the scored map of a recorded drive (`hazard_map`) and the map by which the rover decides
+Used by the map of a recorded drive, which `rover_onboard` scores (`hazard_map`), and the map by which the rover drives
 (`hazard_grid`, updated by `map_updates` and scored by `planning.challenge`).
 """
 
@@ -17,8 +17,8 @@ from polarsim.rover.perception.ground_view import Estimate
 from polarsim.rover.world.surface import World
 
 CELL_M = 0.15  # side of a cell, as in NASA's Lunar Autonomy Challenge
-_RIM_PX = 2.0  # boxes closer to the picture's rim are cut off: position and size of their rocks are unknown
-_ABOVE_M = 1.0  # above everything: where rays to the surface begin
+_RIM_PX = 2.0  # boxes closer to the picture's edge are cut off: position and size of their rocks are unknown
+_ABOVE_M = 1.0  # height above all surfaces at which vertical rays start
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class VisiblePoints:
     """Points of the ground in a picture."""
 
     pixel: np.ndarray  # (..., 2)
-    distance: np.ndarray  # (...) along the ground from the camera, m
-    inside: np.ndarray  # (...) bool: in the picture, in range, and in no box that is cut off
+    distance: np.ndarray  # (...) horizontal distance from the camera, m
+    inside: np.ndarray  # (...) bool: in the picture, in range, and outside boxes that are cut off
     whole: np.ndarray  # (n,) bool: boxes that are not cut off
 
 
@@ -45,9 +45,9 @@ def visible_points(
 
 
 def rocks_on_ground(rocks: Estimate, x: np.ndarray, y: np.ndarray) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Yield number, footprint (...) bool and rise (...), m, of each rock at points x, y.
+    """Yield index, footprint (...) bool and rise (...), m, of each rock at points x, y.
 
-    Rocks are upper halves of ellipsoids over round footprints; those without a position are skipped.
+    A rock is the upper half of an ellipsoid over a circular footprint. Rocks without a position are skipped.
     """
     for number, (centre, width, height) in enumerate(zip(rocks.centre, rocks.width, rocks.height, strict=True)):
         if np.isfinite(centre).all() and width > 0:
@@ -57,7 +57,7 @@ def rocks_on_ground(rocks: Estimate, x: np.ndarray, y: np.ndarray) -> Iterator[t
 
 
 def true_surface(world: World, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return heights of the ground and of rocks, m, at points x, y; -inf where there is no rock."""
+    """Return heights of the ground and of rocks, m, at points x, y; -inf outside rocks."""
     ground = world.height_at(x, y)
     top = float(max(world.vertices[:, 2].max(initial=-np.inf), ground.max())) + _ABOVE_M
     distance = np.full(x.size, np.inf)

@@ -1,18 +1,18 @@
-"""Contrast of labels in a picture: rocks and shadows in the dark of a larger shadow are labelled, but not visible."""
+"""Contrast of labels in a picture: rocks and shadows inside a larger shadow are labelled, but not visible."""
 
 from __future__ import annotations
 
 import numpy as np
 
-_RIM_PX = 2  # around a box that counts as its surroundings
+_RIM_PX = 2  # margin around a box that is included in the contrast
 _DARK_PERCENT, _BRIGHT_PERCENT = 2, 98
 WHITE = 255
-# Minimum contrast of a visible label, as a share of white. Rocks in the rover's own shadow have less.
+# Minimum contrast of a visible label, as a share of white. Rocks in the rover's shadow are below it.
 LEAST_CONTRAST = 0.06
 
 
 def shows(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: boxes in and around which a picture has a contrast of `LEAST_CONTRAST` or more.
+    """Return (n,) bool: boxes with a contrast of at least `LEAST_CONTRAST` in the picture, margin included.
 
     Contrast is the difference of bright (98 %) and dark pixels (2 %), as a share of white.
 
@@ -21,9 +21,9 @@ def shows(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     picture : (h, w) uint8
         Input of the detector.
     boxes : (n, 4)
-        x0, y0, x1, y1 in its pixels.
+        x0, y0, x1, y1 in pixels of the picture.
     """
-    found = np.zeros(len(boxes), bool)
+    visible = np.zeros(len(boxes), bool)
     height, width = picture.shape
     for number, (x0, y0, x1, y1) in enumerate(np.asarray(boxes, float).reshape(-1, 4)):
         left, top = max(int(np.floor(x0)) - _RIM_PX, 0), max(int(np.floor(y0)) - _RIM_PX, 0)
@@ -31,5 +31,5 @@ def shows(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
         if right > left and bottom > top:
             part = picture[top:bottom, left:right]
             dark, bright = np.percentile(part, [_DARK_PERCENT, _BRIGHT_PERCENT])
-            found[number] = bright - dark >= LEAST_CONTRAST * WHITE
-    return found
+            visible[number] = bright - dark >= LEAST_CONTRAST * WHITE
+    return visible
