@@ -1,6 +1,6 @@
-"""Detections in the front camera's pictures of a drive.
+"""Detect rocks and shadows in the front camera's pictures of a drive.
 
-Below a drive's folder: `front_end_cam/<Sun>_<model>_<exposure>/detections.parquet`.
+Output below a drive's folder: `front_end_cam/<Sun>_<model>_<exposure>/detections.parquet`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _PART = 25 * _BATCH
 
 
 class FrontCameraDetector:
-    """A detector applied to pictures of the front camera, `width` px wide; shadows are skipped if `rocks_only`."""
+    """Detector for pictures of the front camera, `width` px wide; shadows are skipped if `rocks_only`."""
 
     def __init__(self, applied: OnboardDetector, width: int, threads: int = 1, *, rocks_only: bool = False) -> None:
         """
@@ -52,7 +52,7 @@ class FrontCameraDetector:
         self._applied = applied
 
     def detect(self, pictures: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Return the input of the detector and (n, 6) boxes, confidences and classes of each 12-bit picture (h, w)."""
+        """Return the detector's inputs, and (n, 6) boxes, confidences and classes, of 12-bit pictures (h, w)."""
         small = [tone.shrink(grey, max(self._sizes.widths)) for grey in pictures]
         eights = [tone.to_8_bits(each) for each in small]
         full = pictures[0].shape[1], pictures[0].shape[0]
@@ -67,7 +67,7 @@ def detect_drive(
     seed: int,
     threads: int = 1,
 ) -> None:
-    """Write the detections of each set of the front camera's pictures; finished sets are kept.
+    """Write the detections of each picture set of the front camera; sets that are current are kept.
 
     Raises
     ------
@@ -93,8 +93,8 @@ def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCam
     def rows_of(names: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
-            _, found = detector.detect([png.read(paths[name]) for name in group])
-            for name, result in zip(group, found, strict=True):
+            _, results = detector.detect([png.read(paths[name]) for name in group])
+            for name, result in zip(group, results, strict=True):
                 rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *r[:4]) for r in result]
         return detection_table(rows)
 
@@ -102,7 +102,7 @@ def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCam
 
 
 def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
-    """Return detections with types, rounded, sorted by frame, kind and descending confidence."""
+    """Return detections with data types, rounded, sorted by frame, kind and descending confidence."""
     dtypes = {"frame": "int64", "kind": "str", **dict.fromkeys(("confidence", *BOX), "float64")}
     table = pd.DataFrame(rows, columns=list(DETECTION_COLUMNS)).astype(dtypes)
     table = table.round({"confidence": 5, **dict.fromkeys(BOX, 2)})

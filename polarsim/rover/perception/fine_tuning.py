@@ -1,4 +1,4 @@
-"""A detector that is fine-tuned on the front camera's pictures of drives, which come with their labels."""
+"""Fine-tune a detector on the front camera's labelled pictures of drives."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.run_files.picture_sets import PictureSet
 
-DOMAIN = "drives"  # of the data set
+DOMAIN = "drives"  # domain of the data set
 _SEED = 0
-_VAL_SHARE = 0.08  # of the pictures: they select the weights
-_WINDOW_PX = 512  # width of the pictures that the packaged detectors were trained on
-_WIDEST_PX = 1280  # of a resized picture from which windows are cut
-_LEARNING_RATE, _BATCH = 0.0003, 4  # low, so that few epochs keep what the detector has learnt
+_VAL_SHARE = 0.08  # share of validation pictures, which select the weights
+_WINDOW_PX = 512  # picture width in the training of the packaged detectors
+_WIDEST_PX = 1280  # maximum width of a resized picture from which windows are cut
+_LEARNING_RATE, _BATCH = 0.0003, 4  # low rate, since few epochs must not erase earlier training
 
 
 @dataclass(frozen=True)
 class DrivePicture:
-    """The front camera's picture of a drive, the file of its labels, and its name."""
+    """A picture of the front camera, its label file and its name in the data set."""
 
     name: str
     path: Path
@@ -40,14 +40,14 @@ class DrivePicture:
 
 
 def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions) -> None:
-    """Write a data set of windows of the pictures of `options.drives`, with no test part.
+    """Write a data set of windows of the pictures of `options.drives`, without a test part.
 
-    All windows of a picture belong to one part. Labels that are not visible in a picture are left out.
+    All windows of a picture belong to the same part. Labels that are not visible in the picture are excluded.
 
     Raises
     ------
     PolarsimError
-        A drive without pictures of the front camera or their labels, or a file is broken.
+        A drive has no pictures of the front camera or no labels, or a file is broken.
     """
     random = generator(_SEED, "rover", "fine tuning")
     entries, count = [], 0
@@ -106,7 +106,7 @@ def fine_tune(
         work=work,
         start=start,
     )
-    # Confidences mean something else now, so the calibration of `start` is left behind.
+    # The calibration of `start` is not copied, since fine-tuning changes the confidences.
     detectors.write_detector(weights, replace(detectors.read_detector(trained), sizes=before.sizes))
     trained.unlink()
 
@@ -118,12 +118,12 @@ def _all_pictures(options: DriveTuningOptions) -> Iterator[DrivePicture]:
 
 
 def _pictures(drive: Path, every: int) -> Iterator[DrivePicture]:
-    """Every so many-th picture of each set of a drive's front camera.
+    """Yield every `every`-th picture of each picture set of a drive's front camera.
 
     Raises
     ------
     RoverError
-        There is none.
+        The drive has no pictures of this camera.
     """
     sets = [path for path in sorted((drive / FRONT).glob("*_*_*")) if path.is_dir() and any(path.glob("*.png"))]
     if not sets:

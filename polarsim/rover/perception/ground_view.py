@@ -1,8 +1,8 @@
-"""Position and size of rocks on the ground from boxes in the front camera's picture.
+"""Position and size of rocks on the ground, estimated from boxes in the front camera's picture.
 
-A box's lower side is where a rock meets the ground; its width at that distance is the rock's width, and its depth too;
-its upper side is the rock's top, above the footprint's centre. The ground ahead is the plane under the wheels, or
-the ground as surveyed before the drive.
+The lower side of a box marks the near edge of the footprint. The box's width at this distance is the width and the
+depth of the rock. The upper side marks the top, above the centre of the footprint. The ground is the plane under the
+wheels, or the ground as surveyed before the drive.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ import numpy as np
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 
-Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of the ground at world x and y, metres
-_LEAST_FALL = 0.02  # of a ray per metre: flatter rays meet the ground too far away
-_ROUNDS = 12  # of the search along a ray; each reduces the error by the slope over the ray's fall
+Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # height of the ground, m, at world x and y, m
+_LEAST_FALL = 0.02  # minimum fall of a ray per metre; flatter rays reach the ground too far away
+_ROUNDS = 12  # iterations along a ray; each multiplies the error by the ground's slope divided by the ray's fall
 
 
 @dataclass(frozen=True)
 class Estimate:
     """Estimated rocks (n); world frame, metres."""
 
-    near: np.ndarray  # (n, 2) where the box's lower side meets the ground
-    centre: np.ndarray  # (n, 2) of the footprint
+    near: np.ndarray  # (n, 2) intersection of the box's lower side with the ground
+    centre: np.ndarray  # (n, 2) centre of the footprint
     width: np.ndarray  # (n,)
-    height: np.ndarray  # (n,) not below 0
+    height: np.ndarray  # (n,) not negative
 
 
 def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
@@ -41,7 +41,7 @@ def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
 
 
 def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
-    """Estimate the rocks of boxes (n, 4); NaN where the ray of the lower side does not meet the ground."""
+    """Estimate the rocks of boxes (n, 4); NaN if the ray of the lower side does not reach the ground."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     left, top, right, bottom = boxes.T
     eye = camera.centre
@@ -51,8 +51,8 @@ def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
     width = (right - left) / camera.lens.fx * depth
     ahead = near[:, :2] - eye[:2]
     reach = np.hypot(*ahead.T)
-    away = ahead / np.where(reach > 0, reach, 1.0)[:, None]
-    centre = near[:, :2] + away * (width / 2)[:, None]
+    direction = ahead / np.where(reach > 0, reach, 1.0)[:, None]
+    centre = near[:, :2] + direction * (width / 2)[:, None]
     upper = camera.directions(np.stack([(left + right) / 2, top], axis=1))
     rise = upper[:, 2] / np.maximum(np.hypot(upper[:, 0], upper[:, 1]), 1e-9)
     height = eye[2] + rise * (reach + width / 2) - near[:, 2]
@@ -60,7 +60,7 @@ def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
 
 
 def on_ground(pixels: np.ndarray, camera: Camera, ground: Heights) -> np.ndarray:
-    """Return (n, 3) where rays through pixels (n, 2) meet the ground; NaN where they do not."""
+    """Return (n, 3) intersections of rays through pixels (n, 2) with the ground; NaN if there is none."""
     rays, eye = camera.directions(pixels), camera.centre
     falls = -rays[:, 2] > _LEAST_FALL * np.hypot(rays[:, 0], rays[:, 1])
     rays = np.where(falls[:, None], rays, np.nan)
@@ -68,6 +68,6 @@ def on_ground(pixels: np.ndarray, camera: Camera, ground: Heights) -> np.ndarray
     points = np.full((len(rays), 3), np.nan)
     for _ in range(_ROUNDS):
         points = eye + ((level - eye[2]) / rays[:, 2])[:, None] * rays
-        known = np.isfinite(points).all(axis=1)
-        level = np.where(known, ground(*np.where(known[:, None], points, 0)[:, :2].T), level)
+        finite = np.isfinite(points).all(axis=1)
+        level = np.where(finite, ground(*np.where(finite[:, None], points, 0)[:, :2].T), level)
     return np.asarray(points)

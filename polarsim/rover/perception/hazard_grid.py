@@ -1,8 +1,9 @@
-"""The rover's map: log-odds and height of rocks by cell, and the height of the surface by parts of cells.
+"""The map by which the rover drives: log-odds and height of rocks by cell, and the surface by parts of cells.
 
-Log-odds of independent observations add up (Moravec & Elfes, ICRA 1985). Bounds keep a cell open to a change, and decay
-makes an old observation count less than a new one. The surface, rocks included, is the mean of the observed heights,
-nearer ones with more weight; its gaps are filled when the map is read.
+Log-odds of independent observations are added (Moravec & Elfes, ICRA 1985). Bounds allow a cell to change, and decay
+lowers the weight of old observations. The surface, rocks included, is the weighted mean of the observed heights;
+gaps are filled on reading. The map that the rule `rover_onboard` scores is `hazard_map`: it accumulates votes of all
+pictures of a recorded drive, without decay.
 """
 
 from __future__ import annotations
@@ -17,20 +18,20 @@ from scipy.interpolate import LinearNDInterpolator
 from polarsim.rover.perception.cells import CELL_M, by_cells
 from polarsim.rover.world.surface import World
 
-PARTS = 4  # along a side of a cell, by which the surface's heights are kept
-MISS_LOG_ODDS = 0.7  # by which an update without a rock lowers a cell's log-odds of a rock
-MOST_LOG_ODDS = 4.0  # limit of log-odds, either way: a few updates change a cell's state
-DECAY_S = 120.0  # in which log-odds fall to 1/e without an update
-_FILL_M = 0.6  # gaps of the surface are interpolated from no farther away
+PARTS = 4  # parts along a side of a cell, the resolution of the surface
+MISS_LOG_ODDS = 0.7  # decrease of a cell's log-odds by an update without a rock
+MOST_LOG_ODDS = 4.0  # bound of log-odds in both directions, so that a few updates can change a cell's state
+DECAY_S = 120.0  # time constant of the decay of log-odds, s
+_FILL_M = 0.6  # maximum distance over which gaps of the surface are interpolated
 
 
 @dataclass(frozen=True)
 class MapUpdate:
-    """One observation of the cells (rows, columns) of a map."""
+    """An observation of the cells (rows, columns) of a map."""
 
-    weight: np.ndarray  # from 0, unobserved, to 1
+    weight: np.ndarray  # 0 (unobserved) to 1
     rock: np.ndarray  # log-odds of a rock, added at weight 1; 0: no rock
-    height: np.ndarray  # m, of the rock; NaN where there is none
+    height: np.ndarray  # m, of the rock; NaN without a rock
     surface: np.ndarray  # (rows PARTS, columns PARTS) m; NaN where unobserved
 
 
@@ -88,11 +89,11 @@ class HazardGrid:
         )
 
     def hazards(self, height_m: float) -> np.ndarray:
-        """Return the cells with a rock of this height or more."""
+        """Return the cells with a rock of at least this height."""
         return self.rock & (self.height >= height_m)
 
     def surface_of_cells(self) -> np.ndarray:
-        """Return (rows, columns) mean height of the surface, m; NaN where nothing was observed within `_FILL_M`."""
+        """Return (rows, columns) mean height of the surface, m; NaN without an observation within `_FILL_M`."""
         filled = without_gaps(self.surface, _FILL_M * PARTS / CELL_M)
         return np.asarray(of_parts(filled, "mean"))
 
@@ -103,20 +104,20 @@ def by_part(cells: np.ndarray) -> np.ndarray:
 
 
 def of_parts(parts: np.ndarray, how: str) -> np.ndarray:
-    """Reduce parts of cells (rows PARTS, columns PARTS) to cells by an array's method: mean, max ..."""
+    """Reduce parts of cells (rows PARTS, columns PARTS) to cells by an array method, such as mean or max."""
     return np.asarray(getattr(by_cells(parts, PARTS), how)(axis=(1, 3)))
 
 
 def without_gaps(values: np.ndarray, reach: float) -> np.ndarray:
-    """Fill NaN in values (rows, columns) linearly, no farther than `reach` elements from known values.
+    """Fill NaN in values (rows, columns) linearly, up to `reach` elements from finite values.
 
-    Linear over Delaunay's triangles of the gaps' rims; outside of these, the nearest known value.
+    Interpolation is linear on the Delaunay triangles of the rims of gaps; outside them, the nearest value is used.
     """
     known = np.isfinite(values)
     if known.all() or not known.any():
         return values
-    away, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
-    gap = ~known & (away <= reach)
+    distance, nearest = ndimage.distance_transform_edt(~known, return_indices=True)
+    gap = ~known & (distance <= reach)
     rim = known & ndimage.binary_dilation(~known)
     filled = np.where(known | gap, values[tuple(nearest)], np.nan)
     if gap.any() and rim.sum() > 3:

@@ -1,8 +1,9 @@
-"""Rock cells of a recorded drive: estimated from boxes in the front camera's pictures, and true.
+"""Rock cells of a recorded drive, estimated from boxes in the front camera's pictures, and true cells.
 
-Every picture of a cell votes rock or no rock; near pictures count more, by the inverse fourth power of the distance. A
-cell is rock where any of its parts is. The map by which the rover decides (`hazard_grid`) weighs its updates otherwise:
-it has to forget, this one is scored at the end of a drive.
+The rule `rover_onboard` scores this map.
+Each picture of a point votes rock or no rock, with the inverse fourth power of the distance as weight. A cell is rock
+if at least one of its points is rock. `hazard_grid`, the map by which the rover drives, fuses otherwise: it adds
+log-odds with the inverse square of the distance as weight, decays with time, and ignores dark pixels.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from polarsim.rover.perception.ground_view import estimate
 from polarsim.rover.perception.sightings import MAP_FARTHEST_M, MAP_NEAREST_M, FrontCameraDrive, of_frames, sure_rocks
 from polarsim.rover.world.surface import World
 
-_VOTES = 0.5  # share of the weighted votes for a rock, from which a part of a cell is rock
+_VOTES = 0.5  # minimum share of the weighted votes for a rock
 _PARTS = 5  # points along a side of a cell
-_NEARNESS = 4  # power of the distance by which votes count less
-_LEAST_SHARE = 0.5  # of a cell that must have been visible
+_NEARNESS = 4  # exponent of the distance in the weight of a vote
+_LEAST_SHARE = 0.5  # minimum visible share of a cell
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Grid:
     y: np.ndarray  # (rows,)
 
     def of_cells(self, field: np.ndarray) -> np.ndarray:
-        """Return the mean over the parts of each cell, without NaN; NaN where all are."""
+        """Return the mean over the parts of each cell, ignoring NaN; NaN if all parts are NaN."""
         parts = by_cells(field, _PARTS)
         known = np.isfinite(parts)
         count = known.sum(axis=(1, 3))
@@ -43,7 +44,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class HazardMap:
-    """By cell: visible or not, rock or not, height above the ground, metres; 0 without a rock."""
+    """Visibility, rock and height above the ground, m, by cell; the height is 0 without a rock."""
 
     visible: np.ndarray
     rock: np.ndarray
@@ -51,7 +52,7 @@ class HazardMap:
 
 
 def grid_over(world: World) -> Grid:
-    """Return whole cells over a world's ground."""
+    """Return the cells that are completely inside a world's ground."""
     step = CELL_M / _PARTS
     x, y = (
         start + step * (np.arange(int((end - start) / CELL_M) * _PARTS) + 0.5)
@@ -61,28 +62,28 @@ def grid_over(world: World) -> Grid:
 
 
 def true_map(world: World, grid: Grid) -> HazardMap:
-    """Return the map of the rocks' triangles; heights are above the ground beneath."""
+    """Return the map of the rocks' triangles; heights are above the ground below."""
     x, y = np.meshgrid(grid.x, grid.y)
     ground, rock = true_surface(world, x, y)
     height = rock - ground
     return _cells(grid, height > 0, np.maximum(height, 0), np.ones(x.shape, bool))
 
 
-def mapped(found: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confidence: float) -> HazardMap:
+def mapped(detections: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confidence: float) -> HazardMap:
     """Return the map of detected or labelled boxes, columns frame, kind, confidence and corners."""
-    by_frame = of_frames(sure_rocks(found, confidence))
+    by_frame = of_frames(sure_rocks(detections, confidence))
     x, y = np.meshgrid(grid.x, grid.y)
     weights, votes, heights = (np.zeros(x.shape) for _ in range(3))
     for frame in ride.frames:
         camera, ground = ride.cameras[frame], ride.ground(frame)
         window = _window(grid, camera)
         points = np.stack([x[window], y[window], ground(x[window], y[window])], axis=-1)
-        own = by_frame.get(frame)
-        corners = own[BOX].to_numpy(float) if own is not None else np.zeros((0, 4))
-        seen = visible_points(points, camera, corners, (MAP_NEAREST_M, MAP_FARTHEST_M))
-        weight = np.where(seen.inside, np.maximum(seen.distance, 0.1) ** -_NEARNESS, 0.0)
+        rows = by_frame.get(frame)
+        corners = rows[BOX].to_numpy(float) if rows is not None else np.zeros((0, 4))
+        view = visible_points(points, camera, corners, (MAP_NEAREST_M, MAP_FARTHEST_M))
+        weight = np.where(view.inside, np.maximum(view.distance, 0.1) ** -_NEARNESS, 0.0)
         height = np.zeros(weight.shape)
-        for _, _, rise in rocks_on_ground(estimate(corners[seen.whole], camera, ground), x[window], y[window]):
+        for _, _, rise in rocks_on_ground(estimate(corners[view.whole], camera, ground), x[window], y[window]):
             height = np.maximum(height, rise)
         weights[window] += weight
         votes[window] += weight * (height > 0)
@@ -93,15 +94,16 @@ def mapped(found: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confidence: 
     return _cells(grid, rock, height, weights > 0)
 
 
-def compared(found: HazardMap, true: HazardMap) -> pd.DataFrame:
-    """Return one row: visible cells, right, false and missed rock cells, F1, height errors: median of rocks, within
-    5 cm.
+def compared(estimated: HazardMap, true: HazardMap) -> pd.DataFrame:
+    """Return a row: visible cells, right, false and missed rock cells, F1, and errors of height.
+
+    Errors of height are the median over rock cells and the share of cells within 5 cm.
     """
-    cells = found.visible
-    right = int((found.rock & true.rock & cells).sum())
-    false, missed = int((found.rock & ~true.rock & cells).sum()), int((~found.rock & true.rock & cells).sum())
-    error = np.abs(found.height - true.height)
-    either = cells & (found.rock | true.rock)
+    cells = estimated.visible
+    right = int((estimated.rock & true.rock & cells).sum())
+    false, missed = int((estimated.rock & ~true.rock & cells).sum()), int((~estimated.rock & true.rock & cells).sum())
+    error = np.abs(estimated.height - true.height)
+    either = cells & (estimated.rock | true.rock)
     row = {
         "cells": int(cells.sum()),
         "right": right,
@@ -115,11 +117,11 @@ def compared(found: HazardMap, true: HazardMap) -> pd.DataFrame:
 
 
 def _cells(grid: Grid, rock: np.ndarray, height: np.ndarray, visible: np.ndarray) -> HazardMap:
-    seen = grid.of_cells(visible.astype(float)) >= _LEAST_SHARE
+    cell_visible = grid.of_cells(visible.astype(float)) >= _LEAST_SHARE
     share = grid.of_cells(np.where(visible, rock, np.nan).astype(float))
     flagged = np.nan_to_num(share) > 0
     mean = np.nan_to_num(grid.of_cells(np.where(rock & visible, height, np.nan)))
-    return HazardMap(seen, flagged & seen, np.where(flagged & seen, mean, 0.0))
+    return HazardMap(cell_visible, flagged & cell_visible, np.where(flagged & cell_visible, mean, 0.0))
 
 
 def _window(grid: Grid, camera: Camera) -> tuple[slice, slice]:

@@ -1,4 +1,4 @@
-"""Updates of the map from one moment's boxes, depths or instance ids of pixels."""
+"""Map updates from boxes, depths or instance ids of pixels at a time."""
 
 from __future__ import annotations
 
@@ -13,27 +13,29 @@ from polarsim.rover.perception.cells import part_centres, rocks_on_ground, visib
 from polarsim.rover.perception.ground_view import Heights, estimate
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, MapUpdate, of_parts
 
-FARTHEST_M = 5.0  # from the camera: farther ground is not mapped
-_FULL_WEIGHT_M = 2.0  # updates from farther away count by the inverse square of the distance
-_STEREO_ROCK_M = 0.05  # stereo takes a cell for rock where it is this high above the ground around
-_ABOUT_PX = 9  # window over which light is averaged against the noise of single pixels
+FARTHEST_M = 5.0  # maximum distance of mapped ground from the camera
+_FULL_WEIGHT_M = (
+    2.0  # beyond this distance, the weight of an update is proportional to the inverse square of the distance
+)
+_STEREO_ROCK_M = 0.05  # minimum height of a stereo rock above the surrounding ground
+_ABOUT_PX = 9  # window for averaging light, which reduces the noise of single pixels
 _LEAST_SHARE = 0.5  # minimum share of a cell's points in the picture
-_MOST_SURE = 0.95  # maximum probability of a rock by one detection
+_MOST_SURE = 0.95  # maximum probability of a rock after a single detection
 _POINTS = 12  # minimum number of depths in a cell
 _TOP_PERCENT, _FOOT_PERCENT = 90, 25
-_AROUND = 9  # cells whose median is the ground around
-_ROCK_SHARE = 0.5  # of a part's pixels
+_AROUND = 9  # cells; side of the median filter for the surrounding ground
+_ROCK_SHARE = 0.5  # minimum share of a part's pixels that are rock
 SURE = 1.0  # confidence of labels
-_STEREO_SURE = 0.4  # of stereo: a rock counts about as much as free ground
+_STEREO_SURE = 0.4  # confidence of stereo: a rock changes a cell about as much as free ground
 
 
 def update_from_boxes(
     boxes: np.ndarray, confidence: np.ndarray, lit: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
 ) -> MapUpdate:
-    """Return the update of rocks' boxes (n, 4) in a picture with confidences (n,); other lit ground in view is free.
+    """Return the update of boxes of rocks (n, 4) with confidences (n,); lit ground in view without a box is free.
 
-    A cell is rock where a rock, the upper half of an ellipsoid over the box's foot, covers any of its parts. Pixels
-    that are not `lit`, (h, w) bool, update nothing without a box: detectors find no rocks in the dark.
+    A rock is the upper half of an ellipsoid over the footprint of a box. A cell is rock if a rock covers a part of it.
+    Pixels that are not `lit`, (h, w) bool, are ignored outside boxes, since detectors find no rocks in the dark.
     """
     x, y = (part_centres(values, grid.cell_m, PARTS) for values in (grid.x, grid.y))
     columns, rows = (_near(values, float(eye)) for values, eye in zip((x, y), camera.centre[:2], strict=True))
@@ -44,17 +46,17 @@ def update_from_boxes(
     pixel, distance, inside = view.pixel, view.distance, view.inside
     rocks, confidence = estimate(boxes[view.whole], camera, ground), confidence[view.whole]
     height, odds, rise = (np.zeros(gx.shape) for _ in range(3))
-    for number, covered, own_rise in rocks_on_ground(rocks, gx, gy):
-        own = np.where(covered, rocks.height[number], 0.0)  # a hazard is as high as the rock that it is a part of
-        odds = np.where(own > height, _log_odds(float(confidence[number])), odds)
-        height = np.maximum(height, own)
-        rise = np.maximum(rise, own_rise)
+    for number, covered, rock_rise in rocks_on_ground(rocks, gx, gy):
+        full_height = np.where(covered, rocks.height[number], 0.0)  # a hazard has the height of the entire rock
+        odds = np.where(full_height > height, _log_odds(float(confidence[number])), odds)
+        height = np.maximum(height, full_height)
+        rise = np.maximum(rise, rock_rise)
     column, row = np.moveaxis(np.where(inside[..., None], pixel, 0).astype(int), -1, 0)
-    seen = inside & (lit[row, column] | (odds > 0))
-    surface = np.where(seen, points[..., 2] + rise, np.nan)
+    counted = inside & (lit[row, column] | (odds > 0))
+    surface = np.where(counted, points[..., 2] + rise, np.nan)
     full = [np.zeros(grid.surface.shape) for _ in range(5)] + [np.full(grid.surface.shape, np.nan)]
     for into, values in zip(
-        full, (inside, seen, np.where(inside, height, 0), np.where(inside, odds, 0), distance, surface), strict=True
+        full, (inside, counted, np.where(inside, height, 0), np.where(inside, odds, 0), distance, surface), strict=True
     ):
         into[rows, columns] = values
     in_view, share, top, sure, far = (
@@ -64,20 +66,20 @@ def update_from_boxes(
     return MapUpdate(np.where(known, _weight(far), 0.0), sure, np.where(sure > 0, top, np.nan), full[5])
 
 
-def bright_pixels(grey: np.ndarray, least: float) -> np.ndarray:
-    """Return (h, w) bool: pixels of a 12-bit picture with a local mean of at least `least` above the black level."""
+def bright_pixels(grey: np.ndarray, minimum: float) -> np.ndarray:
+    """Return (h, w) bool: pixels of a 12-bit picture with a local mean of at least `minimum` above the black level."""
     above = grey.astype(np.float32) - BLACK_LEVEL
-    return np.asarray(ndimage.uniform_filter(above, _ABOUT_PX) >= least)
+    return np.asarray(ndimage.uniform_filter(above, _ABOUT_PX) >= minimum)
 
 
 def update_from_pixels(
     points: np.ndarray, rock: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
 ) -> MapUpdate:
-    """Return the update of pixels: points (n, 3) of the world, and (n,) the number of their rock, 0 for ground.
+    """Return the update of pixels: points (n, 3) of the world, and (n,) their rock numbers, 0 for ground.
 
-    A part of a cell is rock where half or more of its pixels are, or of the pixels near its centre where there are
-    any, since a rock's steep side has many pixels. A cell is rock where any part is. A rock's height is that of its
-    highest pixel above the ground.
+    A part of a cell is rock if at least half of the pixels near the centre of the part are rock, or half of all pixels
+    of the part if none is near the centre, since the steep side of a rock has many pixels. A cell is rock if a part is
+    rock. The height of a rock is that of the highest pixel above the ground.
     """
     shape = grid.surface.shape
     part = _numbers(points, grid, PARTS)
@@ -87,32 +89,32 @@ def update_from_pixels(
     count = np.bincount(part, minlength=size)
     shares = []
     for chosen in (np.ones(len(part), bool), _central(points, grid)):
-        pixels, rocky = (np.bincount(part[some], minlength=size) for some in (chosen, chosen & (rock > 0)))
+        pixels, rocky = (np.bincount(part[mask], minlength=size) for mask in (chosen, chosen & (rock > 0)))
         shares.append(np.divide(rocky, pixels, out=np.full(size, np.nan), where=pixels > 0))
     is_rock = np.where(np.isfinite(shares[1]), shares[1], np.nan_to_num(shares[0])) >= _ROCK_SHARE
     total = np.bincount(part, points[:, 2], size)
     surface = np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
     top = np.full(size, -np.inf)
     np.maximum.at(top, part, points[:, 2])
-    surface = np.where(is_rock, top, surface)  # a rock's steep side has more pixels than its top
+    surface = np.where(is_rock, top, surface)  # the steep side of a rock has more pixels than the top
     heights = np.zeros(int(rock.max(initial=0)) + 1)
-    stands = rock > 0
-    np.maximum.at(heights, rock[stands], points[stands, 2] - ground(*points[stands, :2].T))
+    on_rock = rock > 0
+    np.maximum.at(heights, rock[on_rock], points[on_rock, 2] - ground(*points[on_rock, :2].T))
     height = np.zeros(size)
-    np.maximum.at(height, part[stands], heights[rock[stands]])
+    np.maximum.at(height, part[on_rock], heights[rock[on_rock]])
     share = of_parts((count > 0).reshape(shape), "mean")
-    found = of_parts(is_rock.reshape(shape), "any")
+    has_rock = of_parts(is_rock.reshape(shape), "any")
     gx, gy = np.meshgrid(grid.x, grid.y)
     weight = np.where(share > 0, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
-    weight *= np.where(found, 1.0, share)  # unobserved parts of a cell may be rock
+    weight *= np.where(has_rock, 1.0, share)  # unobserved parts of a cell may be rock
     tall = of_parts(np.where(is_rock, height, 0.0).reshape(shape), "max")
     return MapUpdate(
-        weight, np.where(found, _log_odds(SURE), 0.0), np.where(found, tall, np.nan), surface.reshape(shape)
+        weight, np.where(has_rock, _log_odds(SURE), 0.0), np.where(has_rock, tall, np.nan), surface.reshape(shape)
     )
 
 
 def update_from_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> MapUpdate:
-    """Return the update of stereo's points (n, 3) of the world: cells above the surrounding ground are rock."""
+    """Return the update of stereo points (n, 3) of the world: cells above the surrounding ground are rock."""
     shape = len(grid.y), len(grid.x)
     points = points[np.isfinite(points).all(axis=1)]
     number = _numbers(points, grid)
@@ -127,15 +129,15 @@ def update_from_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> M
     top, foot = (np.full(shape, np.nan) for _ in range(2))
     for into, percent in ((top, _TOP_PERCENT), (foot, _FOOT_PERCENT)):
         into.ravel()[numbers] = z[first + (count - 1) * percent // 100]
-    seen = np.isfinite(foot)
-    if not seen.any():
+    observed = np.isfinite(foot)
+    if not observed.any():
         return MapUpdate(np.zeros(shape), np.zeros(shape), top, np.full(grid.surface.shape, np.nan))
-    nearest = ndimage.distance_transform_edt(~seen, return_distances=False, return_indices=True)
+    nearest = ndimage.distance_transform_edt(~observed, return_distances=False, return_indices=True)
     around = ndimage.median_filter(foot[tuple(nearest)], _AROUND)
-    height = np.where(seen, top - around, np.nan)
-    rock = seen & (np.nan_to_num(height) > _STEREO_ROCK_M)
+    height = np.where(observed, top - around, np.nan)
+    rock = observed & (np.nan_to_num(height) > _STEREO_ROCK_M)
     gx, gy = np.meshgrid(grid.x, grid.y)
-    weight = np.where(seen, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
+    weight = np.where(observed, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
     return MapUpdate(
         weight,
         np.where(rock, _log_odds(_STEREO_SURE), 0.0),
@@ -152,7 +154,7 @@ def _surface(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
 
 
 def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
-    """Return (n,) bool: points (n, 3) closer to the centre of their part of a cell than to its side."""
+    """Return (n,) bool: points (n, 3) closer to the centre of their part of a cell than to its edge."""
     central = np.ones(len(points), bool)
     for axis, centres in ((0, grid.x), (1, grid.y)):
         part = ((points[:, axis] - centres[0]) / grid.cell_m + 0.5) * PARTS
@@ -161,7 +163,7 @@ def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
 
 
 def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray:
-    """Return (n,) flat numbers of the cells, or parts of cells, of points (n, 3); -1 beyond the grid."""
+    """Return (n,) flat indices of the cells, or parts of cells, of points (n, 3); -1 outside the grid."""
     shape = parts * len(grid.y), parts * len(grid.x)
     column, row = (
         np.floor(((points[:, axis] - centres[0]) / grid.cell_m + 0.5) * parts).astype(int)
@@ -172,7 +174,7 @@ def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray
 
 
 def _log_odds(confidence: float) -> float:
-    """Return the log-odds of a rock by a detection: 0 at confidence 0, bounded at 1."""
+    """Return the log-odds of a rock after a detection: 0 at confidence 0, bounded at confidence 1."""
     sure = min(0.5 + 0.5 * confidence, _MOST_SURE)
     return math.log(sure / (1 - sure))
 

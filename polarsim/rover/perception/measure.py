@@ -1,8 +1,8 @@
-"""What a detector's detections on a drive are worth, as tables.
+"""Tables of the performance of a detector on a drive.
 
-Below a drive's folder, in `onboard/`: `sightings`, `stable`, `map` and `stops`. Their column `source` is `detector`, or
-`truth`: the labels in the place of detections, or `visible`: of these the ones that stand out in the picture, which is
-the most that any detector could reach: of what lies in the rover's own shadow a picture shows nothing.
+Output below a drive's folder, in `onboard/`: `sightings`, `stable`, `map` and `stops`. The column `source` is
+`detector`; `truth`, all labels in the place of detections; or `visible`, labels with contrast in the picture, which is
+the upper bound of a detector, since rocks in the rover's shadow are invisible.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
 TABLES = ("sightings", "stable", "map", "stops")
-SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # what a metric is of
+SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # columns that identify a metric
 DETECTOR, TRUTH, VISIBLE = "detector", "truth", "visible"
 
 
@@ -41,31 +41,31 @@ def measure_drive(
     Raises
     ------
     PolarsimError
-        The pictures' labels, or a detector's detections that are asked for, are missing.
+        Labels of the pictures or detections of the detector are missing.
     """
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     ride = ride_of(suite)
     world, confidence = suite.trace.world, options.onboard.confidence
     grid = hazard_map.grid_over(world)
     true = hazard_map.true_map(world, grid)
-    found: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
+    parts: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     for row, truth, boxes in _cases(folder, suite, onboard):
-        seen = sightings.sightings(truth, boxes, confidence)
-        stable = sightings.first_stable(seen, ride.frames)
+        labelled = sightings.sightings(truth, boxes, confidence)
+        stable = sightings.first_stable(labelled, ride.frames)
         gaps = {
             f"miss_{round(100 * height)}_cm_m": sightings.miss_distance(stable, world.rocks, ride, height)
             for height in sightings.HEIGHTS_M
         }
         stops = {"stops": sightings.false_stops(truth, boxes, ride, confidence), "length_m": ride.length_m, **gaps}
-        seen_map = hazard_map.mapped(boxes, ride, grid, confidence)
+        estimated = hazard_map.mapped(boxes, ride, grid, confidence)
         for name, table in (
-            ("sightings", seen),
+            ("sightings", labelled),
             ("stable", stable.assign(stopping_m=ride.stopping_m)),
-            ("map", hazard_map.compared(seen_map, true)),
+            ("map", hazard_map.compared(estimated, true)),
             ("stops", pd.DataFrame([stops])),
         ):
-            found[name].append(table.assign(seed=seed, **row)[[*SETTING, *table.columns]])
-    joined = {name: pd.concat(parts, ignore_index=True) for name, parts in found.items()}
+            parts[name].append(table.assign(seed=seed, **row)[[*SETTING, *table.columns]])
+    joined = {name: pd.concat(tables_of_name, ignore_index=True) for name, tables_of_name in parts.items()}
     for name, table in joined.items():
         tables.write_parquet(folder / "onboard" / f"{name}.parquet", table)
     return joined
@@ -76,7 +76,7 @@ def ride_of(suite: CameraSuite) -> FrontCameraDrive:
     mount, vehicle, table = suite.mounts[FRONT], suite.vehicle, suite.trace.table
     wheels = vehicle.wheels
     paths = [table[[f"{wheel.code}_x_m", f"{wheel.code}_y_m"]].to_numpy() for wheel in wheels]
-    way = table[["x_m", "y_m"]].to_numpy()
+    positions = table[["x_m", "y_m"]].to_numpy()
     front = max(wheel.position_m[0] + wheel.radius_m + wheel.grouser_height_m for wheel in wheels)
     return FrontCameraDrive(
         frames=suite.frames,
@@ -87,7 +87,7 @@ def ride_of(suite: CameraSuite) -> FrontCameraDrive:
         half_width_m=max(abs(wheel.position_m[1]) + wheel.width_m / 2 for wheel in wheels),
         wheel_paths=np.concatenate(paths),
         wheel_half_m=max(wheel.width_m for wheel in wheels) / 2,
-        length_m=float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()),
+        length_m=float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum()),
         speed_m_s=float(np.abs(table["command_speed_m_s"]).max()),
         surveyed=suite.trace.world.height_at if suite.options.onboard.ground == "surveyed" else None,
     )
@@ -96,7 +96,7 @@ def ride_of(suite: CameraSuite) -> FrontCameraDrive:
 def _cases(
     folder: Path, suite: CameraSuite, onboard: OnboardDetector | None
 ) -> Iterator[tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]]:
-    """Setting, truth and boxes: of each Sun the truth itself, then what each set shows of it and the detector found."""
+    """Yield setting, truth and boxes: the truth of each Sun, then the visible labels and detections of each set."""
     for sun in suite.suns:
         truth = tables.read_parquet(folder / FRONT / f"{sun}_truth.parquet", TRUTH_COLUMNS)
         labels = truth[truth["kind"] == ROCK].assign(confidence=1.0)[list(DETECTION_COLUMNS)]
@@ -106,16 +106,16 @@ def _cases(
             row = {"sun": sun, "model": model, "exposure_ms": float(exposure)}
             yield row | {"source": VISIBLE}, truth, _visible(labels, pictures)
             if onboard is not None:
-                found = tables.read_parquet(pictures / "detections.parquet", DETECTION_COLUMNS)
-                yield row | {"source": DETECTOR}, truth, found
+                detections = tables.read_parquet(pictures / "detections.parquet", DETECTION_COLUMNS)
+                yield row | {"source": DETECTOR}, truth, detections
 
 
 def _visible(labels: pd.DataFrame, pictures: Path) -> pd.DataFrame:
-    """The labels that a set of pictures shows."""
+    """Return the labels that are visible in a set of pictures."""
     kept = []
-    for frame, own in labels.groupby("frame"):
+    for frame, rows in labels.groupby("frame"):
         path = pictures / f"{frame:05d}.png"
         require_pictures([path])
         eight = tone.to_8_bits(png.read(path))
-        kept.append(own[shows(eight, own[BOX].to_numpy(float))])
+        kept.append(rows[shows(eight, rows[BOX].to_numpy(float))])
     return pd.concat(kept) if kept else labels

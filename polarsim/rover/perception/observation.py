@@ -1,6 +1,7 @@
-"""Observations of a moment by the rover's cameras, as its mode uses them.
+"""Observations by the rover's cameras at a time, depending on the mode.
 
-Detector and stereo use the front camera and a second one to its right. Labels are taken all round.
+Detector and stereo use the front camera and a second camera to the right of it. In mode `truth`, cameras all around the
+rover observe labels.
 """
 
 from __future__ import annotations
@@ -46,25 +47,25 @@ from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 T = TypeVar("T")
-_BESIDE_M = 2.0  # of the straight line: changes of the ground are drawn there
+_BESIDE_M = 2.0  # distance from the straight line within which changes of the ground are rendered
 _NEAREST_M = 1.5  # minimum depth of stereo
-_STEREO_BASE_M = 0.3  # from the front camera to the second one, to the right
-_STEREO_SCALE = 0.5  # of the pictures that stereo matches over those taken
-# Labels are also taken by these cameras of the vehicle, where it has them: six of VIPER's eight, at a small scale.
+_STEREO_BASE_M = 0.3  # baseline from the front camera to the second camera, to the right
+_STEREO_SCALE = 0.5  # size of pictures for stereo matching relative to the front camera's pictures
+# Cameras of the vehicle that also observe labels, if present: six of VIPER's eight, at a small scale.
 _AROUND = ("ncl", "acl", "hfp", "hfs", "hap", "has")
 _AROUND_SCALE = 0.125
-# Grey values over the black level (of 4,095), below which a pixel is dark: there a missing detection does not mean free
-# ground, and stereo has no depth.
+# Grey values above the black level (of 4,095) below which a pixel is dark: there a missing detection does not mean
+# free ground, and stereo has no depth.
 _LEAST_GREY = 12.0
-# Grey values of 255: what is darker, or more even over so many pixels, such as shadow, stereo matches with anything.
+# Standard deviation (of 255) and window below which texture is too weak for stereo matching, for example in shadow.
 _EVEN, _EVEN_PX = 1.5, 5
 
 
 @dataclass(frozen=True)
 class Observation:
-    """Updates of the map at one moment, and the pair of pictures (h, w) uint8 of stereo.
+    """Map updates at a time, and the stereo pair of pictures (h, w) uint8.
 
-    `shown`: the front camera's picture (h, w) uint8, and `found`: (n, 5) boxes in it that count.
+    `shown`: the front camera's picture (h, w) uint8, and `found`: (n, 5) boxes in it above the confidence threshold.
     """
 
     updates: list[MapUpdate]
@@ -75,7 +76,7 @@ class Observation:
 
 
 class Perception:
-    """Cameras and detector of a mode; `seconds` counts CPU time by part."""
+    """Cameras and detector of a mode; `seconds` is the CPU time by part."""
 
     def __init__(
         self,
@@ -97,14 +98,14 @@ class Perception:
         cameras
             Scale, stars and Suns of the pictures; confidence and ground of the detector.
         render
-            The run's options; pictures have shot and read noise in any case, else headlights would show too much.
+            Options of the run. Shot and read noise are always on, since noise limits the range of headlights.
         threads
-            Threads of the renderer; they do not affect the pictures.
+            Number of threads of the renderer. Does not affect the pictures.
 
         Raises
         ------
         PolarsimError
-            An unknown light, or a mode with a detector without one.
+            A light is unknown, or the mode needs a detector and none is given.
         """
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
         self.onboard, self.seed, self._threads = cameras.onboard, seed, threads
@@ -118,7 +119,7 @@ class Perception:
         self.seconds: defaultdict[str, float] = defaultdict(float)
         self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
         if self._detects and detector is None:
-            raise RoverError(f"mode {mode}: rover.cameras.onboard.weights names no detector")
+            raise RoverError(f"mode {mode}: rover.cameras.onboard.weights is not set")
         self._detector: FrontCameraDetector | None = None
         if self._detects and detector is not None:
             self._detector = FrontCameraDetector(detector, self.mount.lens.width, rocks_only=True)
@@ -141,39 +142,39 @@ class Perception:
         ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
         if self.mode == "truth":
             cameras = [mount.at(base) for mount in self._round]
-            seen = self._timed("pictures", lambda: [self._shown(one) for one in cameras])
-            points, rock = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+            observed = self._timed("pictures", lambda: [self._visible_points(item) for item in cameras])
+            points, rock = (np.concatenate(parts) for parts in zip(*observed, strict=True))
             return Observation(
                 [self._timed("map", lambda: update_from_pixels(points, rock, camera, ground, grid))], camera
             )
-        # Stereo matches small pictures, so the second camera, and without a detector the first, takes no larger ones.
+        # Stereo matches small pictures, so the second camera, and without a detector also the first, is rendered small.
         cameras = [camera if self._detects else self._small.at(base)]
         if self.pairs:
             cameras.append(right_of(self._small.at(base), _STEREO_BASE_M))
-        taken = self._timed("pictures", lambda: [self._picture(one, k) for k, one in enumerate(cameras)])
+        taken = self._timed("pictures", lambda: [self._picture(item, k) for k, item in enumerate(cameras)])
         self._count += 1
-        updates, pair, found = [], None, np.zeros((0, 5))
+        updates, pair, detections = [], None, np.zeros((0, 5))
         shown: np.ndarray | None = None
         if self._detects:
-            shown, found = self._timed("detector", lambda: self._found(taken[0][0]))
-            found = found[found[:, 4] >= self.onboard.confidence]
+            shown, detections = self._timed("detector", lambda: self._detections(taken[0][0]))
+            detections = detections[detections[:, 4] >= self.onboard.confidence]
             lit = self._timed("map", lambda: self._lit(taken[0][0]))
-            boxes, sure = found[:, :4], found[:, 4]
+            boxes, sure = detections[:, :4], detections[:, 4]
             updates.append(self._timed("map", lambda: update_from_boxes(boxes, sure, lit, camera, ground, grid)))
-            found[:, :4] *= shown.shape[1] / camera.lens.width
+            detections[:, :4] *= shown.shape[1] / camera.lens.width
         if self.pairs:
             small = self._timed("stereo", lambda: [self._small_picture(grey) for grey, _ in taken])
             pair = self._timed("stereo", lambda: self._pair(small))
             points = self._timed("stereo", lambda: self._points(pair, self._lit(small[0]), camera))
             updates.append(self._timed("map", lambda: update_from_depth(points, camera, grid)))
-        return Observation(updates, camera, pair, pair[0] if pair and shown is None else shown, found)
+        return Observation(updates, camera, pair, pair[0] if pair and shown is None else shown, detections)
 
-    def _shown(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        """Return points (n, 3) of the world by pixel, and (n,) rocks' numbers, 0 on the ground. It needs no light."""
+    def _visible_points(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Return points (n, 3) of the world by pixel, and (n,) rock numbers, 0 on the ground; independent of light."""
         surfaces = self._camera.scene.surfaces
         hits = cast_strip(surfaces, camera, slice(0, camera.lens.height), smooth=False)
         ids = surfaces.id_of_face.take(hits.face)
-        kept = (ids == GROUND) | (ids >= ROCK_IDS)  # without the rover's own body
+        kept = (ids == GROUND) | (ids >= ROCK_IDS)  # excludes the rover's body
         return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
 
     def _picture(self, camera: Camera, which: int) -> tuple[np.ndarray, float]:
@@ -182,18 +183,18 @@ class Perception:
         name = ("autonomy", self.seed, self._count, which, light.sun, light.exposure_ms)
         return self._camera.picture(camera, light, *name, threads=self._threads)
 
-    def _found(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the input of the detector, and (n, 5) boxes of rocks, px of the camera, with confidences."""
+    def _detections(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the detector's input, and (n, 5) boxes of rocks, px of the camera, with confidences."""
         assert self._detector is not None
         (eight,), (rows,) = self._detector.detect([grey])
         return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
 
     def _small_picture(self, grey: np.ndarray) -> np.ndarray:
-        """Return the 12-bit picture at the size that stereo matches."""
+        """Return the 12-bit picture at the size of stereo matching."""
         return tone.shrink(grey, max(self.rectification.lens.width, self.rectification.lens.height))
 
     def _pair(self, small: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Convert both pictures by one tone curve, since matching compares grey values."""
+        """Convert both pictures by the same tone curve, since matching compares grey values."""
         left, right = tone.to_8_bits(np.stack(small))
         return left, right
 
@@ -209,16 +210,16 @@ class Perception:
         return camera.world_from_camera.apply(points.reshape(-1, 3))
 
     def _timed(self, part: str, work: Callable[[], T]) -> T:
-        begun = time.process_time()
-        found = work()
-        self.seconds[part] += time.process_time() - begun
-        return found
+        start = time.process_time()
+        result = work()
+        self.seconds[part] += time.process_time() - start
+        return result
 
 
 def has_texture(grey: np.ndarray) -> np.ndarray:
     """Return (h, w) bool: pixels of a picture (h, w) uint8 with texture around them."""
     values = grey.astype(np.float32)
-    mean, square = (ndimage.uniform_filter(some, _EVEN_PX) for some in (values, values**2))
+    mean, square = (ndimage.uniform_filter(image, _EVEN_PX) for image in (values, values**2))
     return np.asarray(square - mean**2 > _EVEN**2)
 
 

@@ -1,4 +1,4 @@
-"""Options of the detector on board and of its fine-tuning."""
+"""Options of the onboard detector and of its fine-tuning."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pydantic import BaseModel, Field
 from polarsim.detect.options import PredictionOptions
 from polarsim.user_path import UserPath
 
-Mode = Literal["truth", "detector", "stereo", "both", "blind"]  # `formats.schemas.MODES`
-FINE_TUNED = "fine_tuned"  # name of the detector that other drives have made of the one on board
+Mode = Literal["truth", "detector", "stereo", "both", "blind"]  # as `schemas.rover.MODES`
+FINE_TUNED = "fine_tuned"  # name of the onboard detector after fine-tuning on other drives
 
 
 class OnboardDetector(BaseModel, extra="forbid", frozen=True):
-    """Weights of a detector, and how it is applied to the rover's pictures: no section of the configuration.
+    """Weights and prediction options of a detector; not a section of the configuration.
 
-    A detector of the run is applied as the run's section `detect` says; others by these defaults.
+    A detector of the run uses the run's section `detect`, others the defaults.
     """
 
     weights: Path
@@ -26,17 +26,17 @@ class OnboardDetector(BaseModel, extra="forbid", frozen=True):
 
 
 def onboard_detector(options: Mapping[str, Any] | None) -> OnboardDetector | None:
-    """Return the detector of options from a rule; None without a detector."""
+    """Return the detector of a rule's options; None without a detector."""
     return None if options is None else OnboardDetector(**options)
 
 
 class DriveTuningOptions(BaseModel, extra="forbid", frozen=True):
-    """The detector on board is fine-tuned on labelled pictures of other drives first."""
+    """Fine-tuning of the onboard detector on labelled pictures of other drives."""
 
     drives: tuple[UserPath, ...] = Field(
         (),
-        description="Folders of drives of other runs, such as `results/OTHER/rover/seed0`. None: no fine-tuning.",
+        description="Folders of drives of other runs, such as `results/OTHER/rover/seed0`. Empty: no fine-tuning.",
     )
-    every: int = Field(1, ge=1, description="Step between pictures of a drive that are used.")
+    every: int = Field(1, ge=1, description="Step between the pictures of a drive.")
     windows: int = Field(3, ge=1, description="Number of windows cut from each picture. More make training longer.")
     epochs: int = Field(6, ge=1, description="Number of passes over the windows.")

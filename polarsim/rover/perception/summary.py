@@ -1,11 +1,12 @@
-"""Metrics of detectors on board over all drives, with 95 % intervals.
+"""Metrics of onboard detectors over all drives, with 95 % intervals.
 
-The bootstrap draws rides, a drive under a Sun: pictures of one ride are alike.
+The bootstrap resamples rides (a drive under a Sun), since pictures of a ride are correlated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +21,16 @@ from polarsim.schemas.rover import ONBOARD
 
 _RIDE = ["seed", "sun"]
 _GROUP = ["source", "model", "exposure_ms"]
-Statistic = Callable[[np.ndarray], float]  # of rides' numbers
+Statistic = Callable[[np.ndarray], float]  # of the rows of rides
 
 
 def summarise_onboard(folders: Sequence[Path], table: Path, seed: int = 0) -> None:
-    """Read the tables of drives and write one of all metrics, the columns of `ONBOARD`.
+    """Read the tables of drives and write a table of all metrics, the columns of `ONBOARD`.
 
     Raises
     ------
     FormatError
-        A drive's tables are missing.
+        The tables of a drive are missing.
     """
     parts = {
         name: pd.concat(
@@ -42,17 +43,17 @@ def summarise_onboard(folders: Sequence[Path], table: Path, seed: int = 0) -> No
 
 
 def metrics(parts: Mapping[str, pd.DataFrame], seed: int = 0) -> pd.DataFrame:
-    """A row a metric: of each source, model and exposure, and of all exposures of a model (exposure 0).
+    """Return a row per metric of each source, model and exposure, and of all exposures of a model (exposure 0).
 
     value, low, high
-        NaN where nothing counts.
+        NaN without data.
     count
-        What the value is the share, sum or median of: labels of rocks, rocks, cells, metres.
+        Number of items: labels of rocks, rocks, cells or metres, depending on the metric.
     """
     rows: list[tuple[object, ...]] = []
-    for group, own in _groups(parts):
-        found = [*_recalls(own), *_stable(own), *_map(own), *_stops(own)]
-        for metric, labels, by_ride, statistic, count in found:
+    for group, tables_of_group in _groups(parts):
+        selected = [*_recalls(tables_of_group), *_stable(tables_of_group), *_map(tables_of_group)]
+        for metric, labels, by_ride, statistic, count in [*selected, *_stops(tables_of_group)]:
             random = generator(seed, "rover", "onboard", *group, metric, *labels)
             value = statistic(np.concatenate(by_ride)) if by_ride else np.nan
             rows.append((*group, metric, *labels, value, *interval_of(by_ride, statistic, random), len(by_ride), count))
@@ -66,51 +67,51 @@ _NOWHERE = (np.nan, np.nan)
 def _groups(parts: Mapping[str, pd.DataFrame]) -> list[tuple[tuple[str, str, float], dict[str, pd.DataFrame]]]:
     keys = sorted(set(parts["stops"][_GROUP].itertuples(index=False, name=None)))
     pooled = sorted({(source, model, 0.0) for source, model, exposure in keys if exposure})
-    found = []
+    groups = []
     for source, model, exposure in [*keys, *pooled]:
-        own = {}
+        selected = {}
         for name, table in parts.items():
             chosen = (table["source"] == source) & (table["model"] == model)
-            own[name] = table[chosen & ((table["exposure_ms"] == exposure) | (exposure == 0))]
-        found.append(((source, model, float(exposure)), own))
-    return found
+            selected[name] = table[chosen & ((table["exposure_ms"] == exposure) | (exposure == 0))]
+        groups.append(((source, model, float(exposure)), selected))
+    return groups
 
 
-def _recalls(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
-    rides = [recall_by_distance(ride) for _, ride in own["sightings"].groupby(_RIDE)]
-    found: list[MetricRow] = []
+def _recalls(group: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
+    rides = [recall_by_distance(ride) for _, ride in group["sightings"].groupby(_RIDE)]
+    rows: list[MetricRow] = []
     for number in range(len(rides[0]) if rides else 0):
         height, low, high = rides[0][["height_m", "from_m", "to_m"]].to_numpy(float)[number].tolist()
         counts = [ride.loc[number, ["detected", "rocks"]].to_numpy(float)[None] for ride in rides]
         total = float(sum(count[0, 1] for count in counts))
         if total:
-            found.append(("recall", (height, low, high), counts, _share, total))
-    return found
+            rows.append(("recall", (height, low, high), counts, _share, total))
+    return rows
 
 
-def _stable(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
-    found: list[MetricRow] = []
+def _stable(group: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
+    rows: list[MetricRow] = []
     for height in HEIGHTS_M:
-        high = own["stable"][own["stable"]["height_m"] > height]
+        high = group["stable"][group["stable"]["height_m"] > height]
         rides = [ride for _, ride in high.groupby(_RIDE)]
         labels = (height, *_NOWHERE)
         ever = [ride["first_stable_m"].notna().to_numpy(float) for ride in rides]
         distance = [ride["first_stable_m"].dropna().to_numpy(float) for ride in rides]
         in_time = [(ride["first_stable_m"] > ride["stopping_m"]).to_numpy(float) for ride in rides]
         total = float(len(high))
-        found += [
+        rows += [
             ("stable share", labels, ever, _mean, total),
             ("first stable distance m", labels, distance, _median, float(sum(map(len, distance)))),
             ("stable before stopping distance", labels, in_time, _mean, total),
         ]
-    return found
+    return rows
 
 
-def _map(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
-    rides = [ride for _, ride in own["map"].groupby(_RIDE)]
+def _map(group: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
+    rides = [ride for _, ride in group["map"].groupby(_RIDE)]
     labels = (np.nan, *_NOWHERE)
     hits = [ride[["right", "false", "missed"]].to_numpy(float) for ride in rides]
-    cells = float(own["map"]["cells"].sum())
+    cells = float(group["map"]["cells"].sum())
     return [
         ("rock cell F1", labels, hits, _f1, cells),
         ("height error m", labels, [ride["height_error_m"].dropna().to_numpy(float) for ride in rides], _median, cells),
@@ -118,22 +119,22 @@ def _map(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
     ]
 
 
-def _stops(own: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
-    rides = [ride for _, ride in own["stops"].groupby(_RIDE)]
-    metres = float(own["stops"]["length_m"].sum())
+def _stops(group: Mapping[str, pd.DataFrame]) -> list[MetricRow]:
+    rides = [ride for _, ride in group["stops"].groupby(_RIDE)]
+    metres = float(group["stops"]["length_m"].sum())
     counts = [ride[["stops", "length_m"]].to_numpy(float) for ride in rides]
-    found: list[MetricRow] = [
+    rows: list[MetricRow] = [
         ("false stops per 100 m", (np.nan, *_NOWHERE), counts, lambda rows: 100 * _share(rows), metres)
     ]
     for height in HEIGHTS_M:
         gaps = [ride[f"miss_{round(100 * height)}_cm_m"].to_numpy(float) for ride in rides]
         gaps = [gap[np.isfinite(gap)] for gap in gaps]
-        found.append(("miss distance m", (height, *_NOWHERE), gaps, _least, float(sum(map(len, gaps)))))
-    return found
+        rows.append(("miss distance m", (height, *_NOWHERE), gaps, _minimum, float(sum(map(len, gaps)))))
+    return rows
 
 
 def _share(rows: np.ndarray) -> float:
-    """Sum of the first column over that of the second."""
+    """Return the sum of the first column divided by the sum of the second."""
     total = float(rows[:, 1].sum())
     return float(rows[:, 0].sum()) / total if total else np.nan
 
@@ -144,8 +145,8 @@ def _f1(rows: np.ndarray) -> float:
 
 
 def _if_any(statistic: Statistic) -> Statistic:
-    """The statistic, NaN of no numbers."""
+    """Return a statistic that is NaN for empty arrays."""
     return lambda values: float(statistic(values)) if len(values) else np.nan
 
 
-_mean, _median, _least = _if_any(np.mean), _if_any(np.median), _if_any(np.min)
+_mean, _median, _minimum = _if_any(np.mean), _if_any(np.median), _if_any(np.min)

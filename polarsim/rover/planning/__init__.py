@@ -1,7 +1,7 @@
-"""Drives in which the rover finds its own way.
+"""Autonomous drives, in which the rover plans its path.
 
-Steps in order: `cases` (which drives a run has), `planner` (a path between hazards), `pilot` (decisions along the way),
-`drive` (one drive), `pictures` (what the front camera showed), `touches` (rocks touched), `challenge` (points of the
-map), `odometry` and `trajectory` (visual odometry and its error), `metrics` (a drive), `summary` (all drives), `rank`
-(detectors by gap and by drives).
+Steps in order: `cases` (the drives of a run), `planner` (a path between hazards), `pilot` (decisions during a drive),
+`drive` (a drive), `pictures` (pictures of the front camera), `touches` (touched rocks), `challenge` (score of the map),
+`odometry` and `trajectory` (visual odometry and its error), `metrics` (a drive), `summary` (all drives), `rank`
+(ranking of detectors by gap and by drives).
 """

@@ -1,7 +1,7 @@
-"""Which drives there are. Their names say what they depend on.
+"""The autonomous drives of a run and their names.
 
-That is `<mode>_<Sun>_<exposure>_<lights>_<model>_<detector>_seed<N>`; by labels or blind it is `<mode>_seed<N>`, by
-stereo there is no detector.
+A name is `<mode>_<Sun>_<exposure>_<lights>_<model>_<detector>_seed<N>`. It is `<mode>_seed<N>` for modes without
+pictures, and lacks the detector for stereo.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from polarsim.run_files.picture_sets import AUTO, exposure_name
 from polarsim.schemas.rover import ANY
 
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
-UNLIT = ("truth", "blind")  # take no pictures
+UNLIT = ("truth", "blind")  # modes without pictures
 DETECTING = ("detector", "both")
 
 
 @dataclass(frozen=True)
 class Case:
-    """One drive."""
+    """An autonomous drive."""
 
     mode: Mode
     seed: int
@@ -46,7 +46,7 @@ class Case:
 
     @property
     def axes(self) -> dict[str, str]:
-        """What all tables know a drive by, beside its seed."""
+        """Columns of all tables that identify a drive, together with the seed."""
         return {axis: getattr(self, axis) for axis in AXES}
 
     def light(self, vehicle: Vehicle) -> Light:
@@ -61,20 +61,23 @@ class Case:
 def cases(
     options: AutonomyOptions, cameras: CameraSuiteOptions, seeds: Sequence[int], detectors: Sequence[str]
 ) -> list[Case]:
-    """Return all drives by detectors of these names, all of a seed before the next, so that a part of them compares."""
+    """Return all drives with detectors of these names.
+
+    All drives of a seed come before the next seed, so that a part of the list is comparable.
+    """
     exposures = (AUTO,) if options.auto_exposure else tuple(map(exposure_name, cameras.exposures_ms))
     lights = list(product(cameras.suns, exposures, options.headlights, cameras.models))
-    found = []
+    result = []
     for seed, mode in product(seeds, options.modes):
         axes: list[tuple[str, ...]] = [()] if mode in UNLIT else list(lights)
         if mode in DETECTING:
             axes = [(*light, name) for light in lights for name in detectors]
-        found += [Case(mode, seed, *own) for own in axes]
-    return found
+        result += [Case(mode, seed, *values) for values in axes]
+    return result
 
 
 def parsed(name: str) -> Case:
-    """The drive of a name."""
+    """Return the drive with a name."""
     head, _, seed = name.rpartition("_seed")
     mode, *axes = head.split("_", len(AXES) - 1)
     named = dict(zip(AXES[1:], axes, strict=False))
@@ -84,11 +87,11 @@ def parsed(name: str) -> Case:
 
 
 def matched(drives: pd.DataFrame, axis: str) -> pd.DataFrame:
-    """Rows of drives that were made at every level of an axis, all else alike; columns: some of `AXES`, and `seed`.
+    """Return the drives whose other columns (of `AXES` and `seed`) occur with all levels of an axis.
 
-    So levels are compared over the same Suns, exposures, lights, models, detectors and seeds, also where not every
-    combination was driven.
+    So levels are compared over the same Suns, exposures, lights, models, detectors and seeds, even if some combinations
+    were not driven.
     """
-    alike = [name for name in (*AXES, "seed") if name != axis and name in drives]
-    levels = drives.groupby(alike)[axis].transform("nunique")
+    other_columns = [name for name in (*AXES, "seed") if name != axis and name in drives]
+    levels = drives.groupby(other_columns)[axis].transform("nunique")
     return drives[levels == drives[axis].nunique()]

@@ -1,9 +1,9 @@
-"""A drive's map by the rules of NASA's Lunar Autonomy Challenge (2025), as its public leaderboard code has them.
+"""Score of a drive's map by the rules of NASA's Lunar Autonomy Challenge (2025), as in its public leaderboard code.
 
-A cell's height is the mean of what 16 rays from above meet in it, ground or rock; it is a rock cell where any of them
-meets a rock. The challenge scores the whole of its square of 15 cm cells; here it is the corridor along the straight
-line. Its 150 points of localisation say only that no fiducials were used, as here: what odometry is worth, errors of
-its trajectory tell. Of 1000 points, 300 go to heights, 300 to rocks, 250 to productivity.
+The height of a cell is the mean over 16 vertical rays of the first hit on ground or rock; the cell is rock if a ray
+hits a rock. The challenge scores its complete square of 15 cm cells; here the cells are those of the corridor along the
+straight line. The 150 points for localisation are given in full, since no fiducials are used; for the accuracy of
+odometry see `trajectory`. Of 1000 points, 300 are for heights, 300 for rocks, 250 for productivity.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from polarsim.rover.world.surface import World
 
 GEOMETRY, ROCKS, PRODUCTIVITY, LOCALISATION = 300.0, 300.0, 250.0, 150.0
 HEIGHT_M = 0.05
-FULL_RATE_1_S = 180 * 180 / (24 * 3600)  # cells a second for all points of productivity: its square in its mission time
-_RAYS = 4  # along a side of a cell
+FULL_RATE_1_S = (
+    180 * 180 / (24 * 3600)
+)  # cells per second for full productivity: the challenge's square in its mission time
+_RAYS = 4  # rays along a side of a cell
 
 
 @dataclass(frozen=True)
 class Points:
-    """Of the challenge; NaN rocks where there is no rock cell to be found."""
+    """Points of the challenge; `rocks` is NaN if there is no true rock cell."""
 
     geometry: float
     rocks: float
@@ -32,7 +34,7 @@ class Points:
 
 
 def true_cells(world: World, x: np.ndarray, y: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """(rows, columns) heights, m, and rock flags of a world's cells with centres at x (columns,) and y (rows,)."""
+    """Return heights (rows, columns), m, and rock flags of cells with centres at x (columns,) and y (rows,)."""
     gx, gy = np.meshgrid(*(part_centres(values, cell_m, _RAYS) for values in (x, y)))
     ground, rock = true_surface(world, gx, gy)
     meets_rock = by_cells(rock > ground, _RAYS).any(axis=(1, 3))
@@ -47,9 +49,10 @@ def points(
     counted: np.ndarray,
     seconds: float,
 ) -> Points:
-    """Of a map (rows, columns): heights, m, NaN where unknown, and rock flags; `counted`: the cells that count.
+    """Return the points of a map (rows, columns): heights, m, NaN where unknown, and rock flags.
 
-    An unknown height is wrong, an unknown rock is none; a cell is mapped where its height is known.
+    `counted`: cells that are scored. An unknown height is wrong, an unknown rock means no rock; a cell is mapped if its
+    height is known.
     """
     near = np.abs(np.where(np.isfinite(height), height, np.inf) - true_height) < HEIGHT_M
     right = int((rock & true_rock & counted).sum())
