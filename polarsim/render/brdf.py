@@ -1,9 +1,9 @@
-"""Reflectance models, f_r = L_out / (J cos i) in 1/sr, in NumPy: the reference.
+"""Reflectance models in NumPy, f_r = L_out / (J cos i) in 1/sr: the reference implementation.
 
-`reflectance` takes unit vectors (n, 3) along the surface's normal, to the lamp and to the viewer, and returns (n,)
-values, 0 where lamp or viewer lies below the surface. It computes in the vectors' precision; the arrangement stays
-accurate in float32 (no cancellation near opposition or in the principal plane). Inside, vectors are (3, n): NumPy is
-five times faster on whole rows.
+The arguments of `reflectance` are unit vectors (n, 3) along the normal, to the lamp and to the viewer; the result (n,)
+is 0 if lamp or viewer is below the surface. The computation uses the precision of the vectors and is accurate in
+float32 (no cancellation near opposition or in the principal plane). Internally vectors are (3, n), because NumPy is
+five times faster on contiguous rows.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from polarsim.render.options import (
     PrincipledParameters,
 )
 
-GRAZING = 1e-6  # cosines below this count as 0: the models have no value where both are
+GRAZING = 1e-6  # cosines below this are treated as 0: the models are undefined if both cosines are 0
 _TINY = 1e-12
-_CHUNK = 1 << 14  # points computed at once: their arrays stay in the processor's cache
+_CHUNK = 1 << 14  # points per chunk, so that arrays fit into the processor cache
 ARCTAN = np.array(
     [1, -0.3333314528, 0.1999355085, -0.1420889944, 0.1065626393, -0.0752896400, 0.0429096138, -0.0161657367,
      0.0028662257], np.float32,
@@ -33,7 +33,7 @@ SMOOTH = 1e-6  # radians of roughness below which the smooth form is used
 
 
 def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
-    """(n,) f_r of the model that the parameters belong to; unit vectors (n, 3)."""
+    """Return f_r (n,) of the model with the given parameters for unit vectors (n, 3)."""
     model = {
         HapkeParameters: hapke,
         PrincipledParameters: principled,
@@ -47,9 +47,9 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
         part = slice(start, start + _CHUNK)
         n, lamp, viewer = (np.ascontiguousarray(vectors[part].T) for vectors in (normal, to_lamp, to_viewer))
         cos_i, cos_e = _dot(n, lamp), _dot(n, viewer)
-        with np.errstate(all="ignore"):  # values of surfaces that face away are thrown away
-            found = model(parameters, n, lamp, viewer, cos_i, cos_e)  # type: ignore[operator]
-        values[part] = np.where((cos_i > GRAZING) & (cos_e > GRAZING), found, found.dtype.type(0))
+        with np.errstate(all="ignore"):  # values of surfaces that face away are discarded below
+            f_r = model(parameters, n, lamp, viewer, cos_i, cos_e)  # type: ignore[operator]
+        values[part] = np.where((cos_i > GRAZING) & (cos_e > GRAZING), f_r, f_r.dtype.type(0))
     return values
 
 
@@ -69,7 +69,7 @@ def lunar_lambert(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type
 
 
 def principled(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def]
-    """Burley, SIGGRAPH 2012 course; mirror lobe of Walter et al., EGSR 2007, separable; exact Fresnel."""
+    """Burley, SIGGRAPH 2012 course; separable GGX lobe of Walter et al., EGSR 2007; exact Fresnel."""
     base, rough, metallic = parameters.base_color, parameters.roughness, parameters.metallic
     alpha2 = parameters.alpha2
     half = to_lamp + to_viewer
@@ -89,7 +89,7 @@ def principled(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: i
 
 
 def principled_chrono(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """Chrono::Sensor 2025, `material_shaders.cu`, over pi: Lambert less what is mirrored; GGX with Hammon's masking."""
+    """Chrono::Sensor 2025, `material_shaders.cu`, over pi: Lambert minus specular share; GGX with Hammon's masking."""
     p = parameters
     half = to_lamp + to_viewer
     length2 = _dot(half, half)
@@ -101,7 +101,7 @@ def principled_chrono(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # 
 
 
 def _fifth(x: np.ndarray) -> np.ndarray:
-    """x^5; five times faster than NumPy's power."""
+    """Return x^5, five times faster than NumPy's power."""
     return (x * x) * (x * x) * x
 
 
@@ -120,9 +120,9 @@ def hapke_chrono(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # type:
 
 
 def hapke(parameters, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper=None):  # type: ignore[no-untyped-def]
-    """Hapke 2012 (book, 2nd edition), as laid out in Sato et al., JGR Planets 119 (2014) 1775, appendix A.
+    """Hapke 2012 (book, 2nd edition), in the form of Sato et al., JGR Planets 119 (2014) 1775, appendix A.
 
-    `lamp_steeper` (n,): which of the two rays counts as the steeper one; by default the one that is.
+    `lamp_steeper` (n,): whether the lamp ray is treated as the steeper of the two rays; default: i <= e.
     """
     p = parameters
     lamp_steeper = cos_i >= cos_e if lamp_steeper is None else lamp_steeper  # i <= e
@@ -167,7 +167,7 @@ def _coherent(x: np.ndarray) -> np.ndarray:
 def _roughness(tan_bar, normal, to_lamp, to_viewer, cos_i, cos_e, lamp_steeper):  # type: ignore[no-untyped-def]
     """Effective cosines and shading S / cos i (Hapke, Icarus 59 (1984) 41), for tan(theta-bar) > 0.
 
-    The two published branches are one formula in the steeper and the flatter of the two rays.
+    The two published branches are the same formula in terms of the steeper and the flatter ray.
     """
     lamp_flat, view_flat = to_lamp - cos_i * normal, to_viewer - cos_e * normal
     sin_i, sin_e = np.sqrt(_dot(lamp_flat, lamp_flat)), np.sqrt(_dot(view_flat, view_flat))
@@ -197,21 +197,21 @@ def _slopes(tan_bar: float, cos_x: np.ndarray, sin_x: np.ndarray) -> tuple[np.nd
 
 
 def _azimuth(lamp_flat, view_flat, normal):  # type: ignore[no-untyped-def]
-    """psi, cos psi, tan(psi / 2) between two vectors in the surface's plane; psi = 0 where one vanishes."""
+    """Return psi, cos psi, tan(psi / 2) between two vectors in the surface plane; psi = 0 if a vector vanishes."""
     along = _dot(lamp_flat, view_flat)
     (nx, ny, nz), (lx, ly, lz), (vx, vy, vz) = normal, lamp_flat, view_flat
     across = np.abs(nx * (ly * vz - lz * vy) + ny * (lz * vx - lx * vz) + nz * (lx * vy - ly * vx))
     size = np.sqrt(along * along + across * across)
     defined = size > 1e-20
     cos_psi = np.where(defined, along / size, along.dtype.type(1))
-    # Of the two equal forms of tan(psi / 2) the one is taken that does not cancel.
+    # Two equivalent forms of tan(psi / 2), each where it has no cancellation.
     tan_half = np.where(along >= 0, across / (size + along), (size - along) / np.maximum(across, size * 1e-7))
     tan_half = np.where(defined, tan_half, along.dtype.type(0))
     return np.where(defined, _angle(across, along), along.dtype.type(0)), cos_psi, tan_half
 
 
 def _angle(across: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """arctan2 of across >= 0; in float32 by a polynomial that is right to 1e-7 (NumPy's takes ten times as long).
+    """Return arctan2 for across >= 0; in float32 by a polynomial accurate to 1e-7, ten times faster than NumPy.
 
     Abramowitz and Stegun, Handbook of Mathematical Functions, 4.4.49.
     """
@@ -229,11 +229,11 @@ def _angle(across: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 def _tan_half_phase(to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
-    """tan(g / 2) = |L - V| / |L + V|, exact near opposition."""
-    apart, together = to_lamp - to_viewer, to_lamp + to_viewer
-    return np.sqrt(_dot(apart, apart) / np.maximum(_dot(together, together), apart.dtype.type(_TINY)))
+    """tan(g / 2) = |L - V| / |L + V|, accurate near opposition."""
+    difference, total = to_lamp - to_viewer, to_lamp + to_viewer
+    return np.sqrt(_dot(difference, difference) / np.maximum(_dot(total, total), difference.dtype.type(_TINY)))
 
 
 def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) scalar products of vectors (3, n)."""
+    """Return the scalar products (n,) of vectors (3, n)."""
     return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]

@@ -1,10 +1,10 @@
-"""`brdf.reflectance` compiled for the processor, in float32: many points at once in its registers, no arrays between.
+"""`brdf.reflectance` in float32, compiled by Numba into vectorised loops without intermediate arrays.
 
-1.8 million points take 18 ms (Hapke) and 4 ms (principled) on one thread with AVX-512, the reference 159 and 56 ms.
-Models that call no function but square roots give the reference's float32 values to the last bit. Exponentials and
-logarithms are polynomials, seven times as fast as NumPy's in a compiled loop, and equal on every processor, which
-NumPy's are not: Cephes' `expf` and `logf` (Moshier, Methods and Programs for Mathematical Functions, 1989), right to
-2e-7.
+1.8 million points take 18 ms (Hapke) and 4 ms (principled) on one thread with AVX-512; the reference takes 159 and
+56 ms. Models without functions other than square roots return the float32 values of the reference to the last bit.
+Exponentials and logarithms are polynomials: Cephes' `expf` and `logf` (Moshier, Methods and Programs for Mathematical
+Functions, 1989), accurate to 2e-7, seven times as fast as NumPy in a compiled loop and, unlike NumPy, equal on every
+processor.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from polarsim.kernels import njit
 from polarsim.render import brdf
 from polarsim.render.options import HapkeChronoParameters, HapkeParameters, Parameters, PrincipledParameters
 
-_f = np.float32  # whole numbers and Python's own would turn an expression of float32 into one of float64
+_f = np.float32  # integers and Python floats would promote a float32 expression to float64
 _0, _HALF, _1, _2, _4, _PI = _f(0), _f(0.5), _f(1), _f(2), _f(4), _f(np.pi)
 _GRAZING, _TINY = _f(brdf.GRAZING), _f(1e-12)
 _NO_DIRECTION, _LEAST_RATIO = _f(1e-20), _f(1e-7)
-_TO_WHOLE = _f(1.5 * 2**23)  # added to a number, it leaves a whole one in the last bits
+_TO_WHOLE = _f(1.5 * 2**23)  # added to a number, it rounds the number to an integer in the last bits
 _LOG2_E, _LN2_HIGH, _LN2_LOW = _f(math.log2(math.e)), _f(0.693359375), _f(-2.12194440e-4)
 _EXP_RANGE = _f(-87), _f(88)
 _EXP = tuple(_f(c) for c in (1.9875691500e-4, 1.3981999507e-3, 8.3334519073e-3, 4.1665795894e-2, 1.6666665459e-1, 0.5))
@@ -38,7 +38,7 @@ _SERIES_BELOW, _SERIES = _f(0.1), tuple(_f(c) for c in (1 / 120, -1 / 24, 1 / 6,
 
 
 def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
-    """`brdf.reflectance` in float32; the reference itself of models that are a few sums and products."""
+    """Return `brdf.reflectance` in float32; models of a few sums and products call the reference."""
     vectors = [np.require(v, np.float32, ["C", "A", "W"]).reshape(-1) for v in (normal, to_lamp, to_viewer)]
     values = np.empty(len(normal), np.float32)
     if isinstance(parameters, HapkeParameters):
@@ -66,7 +66,7 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
 
 
 def _numbers(p: HapkeParameters) -> tuple[np.float32, ...]:
-    """What `_hapke` needs of its parameters."""
+    """Return the parameters of `_hapke`."""
     gamma = math.sqrt(1 - p.w)
     tan_bar = math.tan(math.radians(p.theta_bar_deg)) if math.radians(p.theta_bar_deg) > brdf.SMOOTH else 0.0
     numbers = (p.w, p.b, p.c, p.b_s0, p.h_s, p.b_c0, p.h_c, tan_bar, p.porosity, (1 - gamma) / (1 + gamma))
@@ -75,7 +75,7 @@ def _numbers(p: HapkeParameters) -> tuple[np.float32, ...]:
 
 @intrinsic
 def _bits(context, number):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """The bits of a float32 as an int32."""
+    """Return the bits of a float32 as an int32."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def] # noqa: ARG001
         return builder.bitcast(arguments[0], context.get_value_type(types.int32))
@@ -85,7 +85,7 @@ def _bits(context, number):  # type: ignore[no-untyped-def] # noqa: ARG001
 
 @intrinsic
 def _from_bits(context, number):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """The float32 that has the bits of an int32."""
+    """Return the float32 with the bits of an int32."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def] # noqa: ARG001
         return builder.bitcast(arguments[0], context.get_value_type(types.float32))
@@ -99,7 +99,7 @@ _loop = njit(nogil=True, error_model="numpy")
 
 @_helper
 def _exp(x):  # type: ignore[no-untyped-def]
-    """e^x; 0 far below."""
+    """e^x, with x clamped to the range of float32."""
     x = min(max(x, _EXP_RANGE[0]), _EXP_RANGE[1])
     shifted = x * _LOG2_E + _TO_WHOLE
     power = shifted - _TO_WHOLE
@@ -202,7 +202,7 @@ def _roughness(  # type: ignore[no-untyped-def]
 def _hapke(  # type: ignore[no-untyped-def]
     normal, to_lamp, to_viewer, w, b, c, b_s0, h_s, b_c0, h_c, tan_bar, porosity, r0, by_phase, factor, values
 ):  # fmt: skip
-    """`brdf.hapke` times a factor; `by_phase`: rays are told apart as in `brdf.hapke_chrono`."""
+    """`brdf.hapke` times a factor; `by_phase`: select the steeper ray as in `brdf.hapke_chrono`."""
     lobes = (_1 - b * b) / _2
     scale = porosity * w / (_4 * _PI)
     for k in range(len(values)):
@@ -239,7 +239,7 @@ def _fifth(x):  # type: ignore[no-untyped-def]
 def _principled(  # type: ignore[no-untyped-def]
     normal, to_lamp, to_viewer, albedo, rough2, alpha2, eta, eta2, metallic, dielectric, base, not_base, values
 ):
-    """`brdf.principled`; `albedo` of the diffuse lobe, over pi, and what the rest is in the names there."""
+    """`brdf.principled`; `albedo` is that of the diffuse lobe over pi, other arguments as named in `reflectance`."""
     for k in range(len(values)):
         x, y, z = 3 * k, 3 * k + 1, 3 * k + 2
         nx, ny, nz = normal[x], normal[y], normal[z]

@@ -1,6 +1,6 @@
-"""`brdf.reflectance` as Taichi kernels in float32: the way to GPUs. Held to the reference by tests.
+"""`brdf.reflectance` as Taichi kernels in float32, for GPUs. Tests compare the kernels with the reference.
 
-Imported only where the configuration asks for it: importing Taichi's kernels needs Taichi, running them starts it.
+The module is imported only if the configuration selects Taichi, because the import requires Taichi.
 """
 # mypy: ignore-errors
 # No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
@@ -26,7 +26,7 @@ _PI = math.pi
 
 @on_its_thread
 def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
-    """`brdf.reflectance` in float32; `taichi_device.start` comes first."""
+    """Return `brdf.reflectance` in float32; call `taichi_device.start` first."""
     vectors = [np.ascontiguousarray(v, np.float32) for v in (normal, to_lamp, to_viewer)]
     value = np.zeros(len(normal), np.float32)
     if not len(normal):
@@ -36,7 +36,7 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
 
 
 def evaluate(parameters: Parameters, normal, to_lamp, to_viewer, value) -> None:
-    """Write f_r into `value` (n,), arrays of NumPy or on the device; what is not lit keeps its value."""
+    """Write f_r into `value` (n,), a NumPy or device array; elements of unlit points are unchanged."""
     vectors = normal, to_lamp, to_viewer
     if isinstance(parameters, HapkeParameters):
         _hapke(*vectors, value, *_hapke_numbers(parameters), 0, 1.0)
@@ -137,7 +137,7 @@ def _phase(cos_g, b, c):
 
 @ti.func
 def _log1p(x):
-    """log(1 + x) for x > 0 without loss at small x (Kahan)."""
+    """log(1 + x) for x > 0, accurate at small x (Kahan)."""
     whole = 1 + x
     rest = whole - 1
     value = x
@@ -170,7 +170,7 @@ def _slopes(tan_bar, cos_x, sin_x):
 
 @ti.func
 def _azimuth(along, across):
-    """psi, cos psi, tan(psi / 2); all of psi = 0 where it is not defined."""
+    """Return psi, cos psi, tan(psi / 2), with psi = 0 if psi is undefined."""
     size = ti.sqrt(along * along + across * across)
     found = ti.math.vec3(0.0, 1.0, 0.0)
     if size > 1e-20:

@@ -1,6 +1,6 @@
-"""Reflectance by angles: incidence and emergence from the normal, azimuth between both, degrees.
+"""Reflectance as a function of incidence, emergence and relative azimuth, degrees.
 
-Azimuth 0 has lamp and viewer on the same side of the normal, 180 on opposite sides, where a mirror sends the light.
+At azimuth 0, lamp and viewer are on the same side of the normal; at 180 on opposite sides, as for a mirror.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ from polarsim.render.brdf import reflectance
 from polarsim.render.hits import between_deg
 from polarsim.render.options import HAPKE_SETS, MODELS, HapkeChronoParameters, Model, Parameters, RenderOptions
 
-STEP_DEG = 0.25  # of curves
+STEP_DEG = 0.25  # angular step of the curves
 WIDEST_DEG = 89.0
-SHOWN_INCIDENCE_DEG = 30.0  # of the report's figure
+SHOWN_INCIDENCE_DEG = 30.0  # incidence of the figure in the report
 
 Curve = tuple[np.ndarray, np.ndarray]  # phase angles, degrees, and reflectance factors pi f_r
 
 
 def parameters_of(model: Model, soil: str | None = None) -> Parameters:
-    """The default parameters of a model, of Hapke's models with a set of `HAPKE_SETS`.
+    """Return the default parameters of a model, or a parameter set of `HAPKE_SETS` for Hapke's models.
 
     Raises
     ------
     RenderError
-        No such set, or a set for another model than Hapke's.
+        The set is unknown, or the model is not one of Hapke's.
     """
     if soil is None:
         return RenderOptions().parameters(model)
     if model not in ("hapke", "hapke_chrono"):
-        raise RenderError(f"set {soil!r}: {model} has no parameter sets, hapke and hapke_chrono have")
+        raise RenderError(f"set {soil!r}: {model} has no parameter sets, expected hapke or hapke_chrono")
     if soil not in HAPKE_SETS:
-        raise RenderError(f"set {soil!r}, expected {', '.join(HAPKE_SETS)}")
+        raise RenderError(f"unknown set {soil!r}, expected {', '.join(HAPKE_SETS)}")
     return HAPKE_SETS[soil] if model == "hapke" else HapkeChronoParameters(soil=soil)
 
 
 def reflectance_at(
     parameters: Parameters, incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray
 ) -> np.ndarray:
-    """(n,) f_r in 1/sr at angles (n,); 0 at 90 degrees and beyond."""
+    """Return f_r (n,), 1/sr, at angles (n,); 0 from 90 degrees on."""
     normal, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
     return reflectance(parameters, normal, to_lamp, to_viewer)
 
@@ -52,7 +52,7 @@ def reflectance_at(
 def directions(
     incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors (n, 3) along the normal, to the lamp and to the viewer, of angles (n,)."""
+    """Return unit vectors (n, 3) along the normal, to the lamp and to the viewer for angles (n,)."""
     i, e, psi = (
         np.radians(a) for a in np.broadcast_arrays(*map(np.atleast_1d, (incidence_deg, emergence_deg, azimuth_deg)))
     )
@@ -63,15 +63,15 @@ def directions(
 
 
 def phase_deg(incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray) -> np.ndarray:
-    """(n,) angle between the directions to lamp and viewer, degrees."""
+    """Return the angle (n,) between the directions to lamp and viewer, degrees."""
     _, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
     return between_deg(to_lamp, to_viewer)
 
 
 def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple[np.ndarray, np.ndarray]:
-    """Phase angles (n,), degrees, and reflectance factors pi f_r (n,) of all views in the plane of incidence.
+    """Return phase angles (n,), degrees, and reflectance factors pi f_r (n,) for viewers in the plane of incidence.
 
-    Phase angles are below 0 where the viewer stands lower than the lamp, on its side.
+    Phase angles are negative if the viewer is on the side of the lamp and lower than the lamp.
     """
     emergence = np.arange(-WIDEST_DEG, WIDEST_DEG + STEP_DEG / 2, STEP_DEG)
     angles = (np.full_like(emergence, incidence_deg), np.abs(emergence), np.where(emergence < 0, 180.0, 0.0))
@@ -80,7 +80,7 @@ def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple
 
 
 def panels_of(chosen: Mapping[str, Parameters], incidence_deg: float) -> dict[str, dict[str, Curve]]:
-    """Curves of named parameters, by the title of their panel: around a fixed lamp, and opposite a moving one."""
+    """Return curves of named parameters by panel title: for a fixed lamp, and for a viewer opposite a moving lamp."""
     return {
         f"incidence {incidence_deg:g}°, viewer in its plane": {
             name: in_plane_of_incidence(parameters, incidence_deg) for name, parameters in chosen.items()
@@ -92,7 +92,7 @@ def panels_of(chosen: Mapping[str, Parameters], incidence_deg: float) -> dict[st
 
 
 def write_reflectance(*, curves: Path, options: RenderOptions) -> None:
-    """Write every model's curves with the parameters of the options: CSV, columns panel, model, phase_deg, pi_f_r."""
+    """Write the curves of all models for the options as CSV with columns panel, model, phase_deg, pi_f_r."""
     panels = panels_of({model: options.parameters(model) for model in MODELS}, SHOWN_INCIDENCE_DEG)
     rows = [
         pd.DataFrame({"panel": title, "model": model, "phase_deg": phase, "pi_f_r": factor})
@@ -103,7 +103,7 @@ def write_reflectance(*, curves: Path, options: RenderOptions) -> None:
 
 
 def opposite_the_lamp(parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
-    """Phase angles g (n,), degrees, and reflectance factors pi f_r (n,) where i = e = g / 2, as in a mirror."""
+    """Return phase angles g (n,), degrees, and reflectance factors pi f_r (n,) for i = e = g / 2, as for a mirror."""
     half = np.arange(0, WIDEST_DEG + STEP_DEG / 4, STEP_DEG / 2)
     angles = (half, half, np.full_like(half, 180.0))
     return phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)

@@ -1,6 +1,6 @@
-"""What the pixels of a view show besides light: depth, normals, ids, the angles that reflectance goes by, shadows.
+"""Maps of a view: depth, normals, ids, photometric angles and shadows.
 
-In files: 16-bit PNGs, depth also as TIFF with 32-bit floats.
+Files are 16-bit PNGs; depth is also written as TIFF with 32-bit floats.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from polarsim.render.shadows import SHADOW_BELOW, shading_of
 from polarsim.render.surfaces import Surfaces
 
 MM, CENTIDEGREES, SHARES = 1000.0, 100.0, 10_000.0
-MOST = 0xFFFF  # in the files: what no pixel has; depths beyond are cut to one less
+NO_VALUE = 0xFFFF  # file value of undefined pixels; larger values are clipped to NO_VALUE - 1
 _ANGLES = ("emergence", "incidence", "phase")
 _BY_LAMP = {"angles", "shading", "lit"}
 
 
 @dataclass(frozen=True)
 class LampMaps:
-    """Pictures (h, w) of a view under one lamp; NaN where it shows nothing.
+    """Maps (h, w) of a view under one lamp; NaN at pixels without surface.
 
     incidence_deg, phase_deg : float32
-        Between normal and lamp, lamp and viewer.
+        Angles between normal and lamp, and between lamp and viewer.
     lit : float32
-        Share of the lamp that the surface sees, 0 to 1; 0 where it faces away.
+        Visible share of the lamp, 0 to 1; 0 if the surface faces away.
     shading : uint16
-        LIT, or what keeps the lamp away: codes of `render.shadows`, 0 where it shows nothing.
+        LIT, or the occluder: codes of `render.shadows`; 0 at pixels without surface.
     """
 
     incidence_deg: np.ndarray
@@ -49,18 +49,18 @@ class LampMaps:
 
 @dataclass(frozen=True)
 class Maps:
-    """Pictures (h, w) of a view; where it shows nothing they are NaN, ids 0.
+    """Maps (h, w) of a view; pixels without surface are NaN, in `ids` 0.
 
     depth_m : float32
-        Along the optical axis, metres.
+        Distance along the optical axis, metres.
     normal : (h, w, 3) float32
-        Unit, smooth, towards the viewer, sandbox frame.
+        Smooth unit normal towards the viewer, sandbox frame.
     emergence_deg : float32
-        Between normal and viewer.
+        Angle between normal and viewer.
     ids : uint16
         BACKGROUND, GROUND, ROCK_IDS + k for rock k, as in instance maps.
     by_lamp : name -> LampMaps
-        What depends on light.
+        Maps of each lamp.
     """
 
     depth_m: np.ndarray
@@ -77,7 +77,7 @@ def maps_of(
     options: RenderOptions,
     threads: int = 1,
 ) -> Maps:
-    """Cast a ray through every pixel's centre, and from there rays to every lamp."""
+    """Compute the maps with a ray through every pixel centre and rays from the hits to every lamp."""
     surfaces.prepare(shadows=bool(lamps))
     size = camera.lens.shape
 
@@ -91,24 +91,23 @@ def maps_of(
     def work(rows: slice) -> None:
         hits = cast_strip(surfaces, camera, rows)
 
-        def put(picture: np.ndarray, values: np.ndarray) -> None:
-            picture[rows].reshape(-1, *picture.shape[2:])[hits.pixel] = values
+        def put(image: np.ndarray, values: np.ndarray) -> None:
+            image[rows].reshape(-1, *image.shape[2:])[hits.pixel] = values
 
         put(maps.depth_m, (hits.point - camera.centre) @ axis)
         put(maps.normal, hits.normal)
         put(maps.emergence_deg, between_deg(hits.normal, hits.to_viewer))
         put(maps.ids, surfaces.id_of_face[hits.face])
         for name, lamp in lamps.items():
-            under = _under(surfaces, hits, lamp, options)
-            for field, values in under.items():
+            for field, values in _lamp_values(surfaces, hits, lamp, options).items():
                 put(getattr(by_lamp[name], field), values)
 
     for_strips(camera.lens.height, threads, work)
     return maps
 
 
-def _under(surfaces: Surfaces, hits: Hits, lamp: Lamp, options: RenderOptions) -> dict[str, np.ndarray]:
-    """The fields of `LampMaps` at the hits."""
+def _lamp_values(surfaces: Surfaces, hits: Hits, lamp: Lamp, options: RenderOptions) -> dict[str, np.ndarray]:
+    """Return the values of the fields of `LampMaps` at the hits."""
     to_lamp = unit(lamp.light_at(hits.point, falloff=False)[0])
     share = lit_share(surfaces, hits, lamp, options.lamp_samples)
     return {
@@ -120,9 +119,11 @@ def _under(surfaces: Surfaces, hits: Hits, lamp: Lamp, options: RenderOptions) -
 
 
 def write_maps(folder: Path, maps: Maps) -> None:
-    """Write 16-bit PNGs: depth.png in mm, {incidence,emergence,phase}.png in 0.01 degrees, lit.png in 0.0001, 65535
-    where nothing is; normal.png, red to blue x to z, (n + 1) / 2 of 65535, black where nothing is; ids.png;
-    shading.png. What depends on light is that of the first lamp; without any it is not written.
+    """Write the maps as 16-bit PNGs.
+
+    depth.png in mm, {incidence,emergence,phase}.png in 0.01 degrees, lit.png in 0.0001; undefined pixels are 65535.
+    normal.png: x, y, z in red, green, blue, (n + 1) / 2 of 65535; undefined pixels are black. Also ids.png and
+    shading.png. Maps that depend on light are written for the first lamp, if there is a lamp.
     """
     with writing_folder(folder) as out:
         png.write(out / "ids.png", maps.ids)
@@ -134,32 +135,32 @@ def write_maps(folder: Path, maps: Maps) -> None:
 
 
 def lamps_of_maps(names: Collection[str], shadow_lamps: Collection[str]) -> list[str]:
-    """Names of the lamps that maps are needed of, of those that throw labelled shadows."""
+    """Return the sorted names of the lamps for which maps are computed; empty if no selected map depends on light."""
     return sorted(shadow_lamps) if _BY_LAMP & set(names) else []
 
 
 def write_view_maps(folder: Path, keys: Sequence[PhotoKey], maps: Maps, names: Collection[str]) -> None:
-    """Write the maps of one view that are asked for, `RenderOptions.maps`, each kind into a folder of its own.
+    """Write the selected maps (`RenderOptions.maps`) of one view, each kind into a separate folder.
 
-    `TT_P_C.png` is of a view, `TT_P_light_az_C.png` of an exposure bracket: under the lamp that throws its labelled
-    shadows; exposure brackets without any lamp have none.
+    Maps of a view are named `TT_P_C.png`. Maps that depend on light are named `TT_P_light_az_C.png`, one per exposure
+    bracket, for the lamp that casts the labelled shadows; exposure brackets without lamp have no such maps.
     """
-    asked = {single for name in names for single in (_ANGLES if name == "angles" else (name,))}
+    selected = {single for name in names for single in (_ANGLES if name == "angles" else (name,))}
     brackets = {str(key).rpartition("_")[0]: lit_by(key)[0] for key in keys if lit_by(key)}
     for key in keys[:1]:
         view = f"{key.terrain:02d}_{key.position}_{key.camera}"
-        if "depth_float" in asked:
+        if "depth_float" in selected:
             _write_floats(folder / "depth_float" / f"{view}.tif", maps.depth_m)
-        for name in sorted(asked & {"depth", "normal", "emergence"}):
+        for name in sorted(selected & {"depth", "normal", "emergence"}):
             png.write(folder / name / f"{view}.png", _of_view(maps, name))
-    for name in sorted(asked & {"incidence", "phase", "lit", "shading"}):
+    for name in sorted(selected & {"incidence", "phase", "lit", "shading"}):
         content = {lamp: png.encode(_of_lamp(maps.by_lamp[lamp], name)) for lamp in set(brackets.values())}
         for bracket, lamp in brackets.items():
             write_bytes(folder / name / f"{bracket}.png", content[lamp])
 
 
 def _write_floats(path: Path, values: np.ndarray) -> None:
-    """Write (h, w) values as an uncompressed TIFF of float32; NaN stays NaN."""
+    """Write values (h, w) as an uncompressed float32 TIFF, including NaN."""
     import tifffile
 
     with writing(path) as temporary:
@@ -169,9 +170,9 @@ def _write_floats(path: Path, values: np.ndarray) -> None:
 
 
 def _of_view(maps: Maps, name: str) -> np.ndarray:
-    """A picture of a view as its PNG has it."""
+    """Return a map of a view in the units of the PNG file."""
     if name == "normal":
-        return np.nan_to_num((maps.normal + 1) / 2 * MOST + 0.5).astype(np.uint16)
+        return np.nan_to_num((maps.normal + 1) / 2 * NO_VALUE + 0.5).astype(np.uint16)
     return _scaled(maps.depth_m, MM) if name == "depth" else _scaled(maps.emergence_deg, CENTIDEGREES)
 
 
@@ -182,5 +183,5 @@ def _of_lamp(maps: LampMaps, name: str) -> np.ndarray:
 
 
 def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
-    steps = np.minimum(np.nan_to_num(values * factor, nan=0.0) + 0.5, MOST - 1)
-    return np.where(np.isnan(values), MOST, steps).astype(np.uint16)
+    steps = np.minimum(np.nan_to_num(values * factor, nan=0.0) + 0.5, NO_VALUE - 1)
+    return np.where(np.isnan(values), NO_VALUE, steps).astype(np.uint16)

@@ -1,6 +1,6 @@
-"""What the lens does to a view's OLAT images, veiling glare of lamps in or beside the picture included.
+"""Lens effects on the OLAT images of a view: blur, halo, vignetting, and veiling glare of lamps.
 
-All of it is linear: done once an OLAT image, it holds for every photo.
+All effects are linear. Therefore they are applied once per OLAT image and are valid for every photo.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import Surfaces
 
-CORE = float(np.radians(1))  # angle within which the veiling glare flattens: the law was measured down to here
+CORE = float(np.radians(1))  # angle below which the veiling glare is constant: the law was measured down to this angle
 
 
 def through_lens(
@@ -33,37 +33,36 @@ def through_lens(
     options: RenderOptions,
     threads: int = 1,
 ) -> OlatImages:
-    """OLAT images (h, w) by model and lamp, as radiance that the sensor gets: spread, darkened, with the lamps'
-    lens_flare.
+    """Apply the lens to OLAT images (h, w) by model and lamp: blur, vignetting, and flare of visible lamps.
 
-    OLAT images of what is no lamp have none.
+    OLAT images whose name is not in `lamps` get no flare.
     """
     flares = {}
     if options.lens_flare:
         names = dict.fromkeys(name for _, name in olat_images)
         flares = {name: lens_flare_of(surfaces, camera, lamps[name], options) for name in names if name in lamps}
 
-    def seen(olat_image: np.ndarray, lamp: str) -> np.ndarray:
+    def with_flare(olat_image: np.ndarray, lamp: str) -> np.ndarray:
         image = imaged(olat_image, camera.lens, options)
         return image + flares[lamp] if lamp in flares else image
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        found = pool.map(seen, olat_images.values(), (lamp for _, lamp in olat_images))
-        return dict(zip(olat_images, found, strict=True))
+        images = pool.map(with_flare, olat_images.values(), (lamp for _, lamp in olat_images))
+        return dict(zip(olat_images, images, strict=True))
 
 
 def imaged(image: np.ndarray, lens: Lens, options: SensorOptions) -> np.ndarray:
-    """(h, w) radiance spread and darkened; without any fault of the lens the image itself."""
+    """Return a radiance image (h, w) with blur and vignetting; the same image if all lens effects are off."""
     image = spread(image, options)
     return image * vignette(lens) if options.vignetting else image
 
 
 def spread(image: np.ndarray, options: SensorOptions) -> np.ndarray:
-    """(h, w) float32 image blurred, with halo and veiling glare; without any of these the image itself.
+    """Return a float32 image (h, w) with blur, halo and veiling glare; the same image if all three are off.
 
-    The light of a point goes three ways: `blur_px` about it, `bloom_px` about it, and everywhere. What leaves the
-    picture comes back in as if the scene went on mirrored, so that its light stays the same and its rim does not
-    darken: then the cosine transform turns all three into one product.
+    The point spread function is the sum of two Gaussians (`blur_px`, `bloom_px`) and a constant. Boundaries are
+    mirrored, so that the total light is unchanged and image edges are not darkened. With this boundary condition the
+    convolution is a product in the cosine transform.
     """
     if not (options.blur_px or options.bloom or options.veiling_glare):
         return image
@@ -76,37 +75,36 @@ def spread(image: np.ndarray, options: SensorOptions) -> np.ndarray:
     transfer[0, 0] += options.veiling_glare
     waves = fft.dctn(image.astype(np.float32, copy=False))
     waves *= transfer
-    return np.maximum(fft.idctn(waves, overwrite_x=True), 0)  # rounding may leave less than no light
+    return np.maximum(fft.idctn(waves, overwrite_x=True), 0)  # rounding may produce small negative values
 
 
 @lru_cache(maxsize=2)
 def vignette(lens: Lens) -> np.ndarray:
-    """(h, w) float32 share of light that reaches a pixel: the fourth power of the cosine to the optical axis."""
+    """Return the transmission (h, w) float32 of the lens: the fourth power of the cosine to the optical axis."""
     directions = pixel_directions(lens, slice(None))
     return (1 / (directions**2).sum(axis=-1) ** 2).astype(np.float32)
 
 
 @cache
 def _gaussian(size: int, sd_px: float) -> np.ndarray:
-    """(size,) what a Gaussian leaves of the waves of a cosine transform.
+    """Return the transfer function (size,) of a Gaussian blur for the cosine transform.
 
-    The discrete Gaussian (Lindeberg, IEEE Trans. PAMI 12 (1990) 234) has no negative value, and exactly the variance
-    that is asked for, at any width; a sampled one is off below a pixel.
+    The discrete Gaussian (Lindeberg, IEEE Trans. PAMI 12 (1990) 234) has no negative values and the exact variance at
+    any width; a sampled Gaussian is inaccurate below one pixel.
     """
     return np.exp(sd_px**2 * (np.cos(np.pi * np.arange(size) / size) - 1)).astype(np.float32)
 
 
 def lens_flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: RenderOptions) -> np.ndarray:
-    """(h, w) float32 radiance of the veiling glare that a lamp of the scene draws over the picture; 1 as in OLAT
-    images.
+    """Return the radiance (h, w) float32 of the veiling glare of a lamp, in the units of OLAT images.
 
-    The lamp's irradiance on the lens, in so far as nothing hides the lamp, times the share `options.lens_flare`, times
-    `scattering`. The lamp's own image is the veiling glare's core, which most exposures clip.
+    The radiance is the irradiance of the visible part of the lamp on the lens, times `options.lens_flare`, times
+    `scattering`. The core of the glare represents the image of the lamp, which is clipped at most exposures.
     """
     eye, lens = camera.centre[None], camera.lens
     to_lamp, irradiance = lamp.light_at(eye, falloff=options.falloff)
     towards = camera.world_from_camera.rotation.T @ (to_lamp[0] / np.linalg.norm(to_lamp))
-    if towards[2] <= 0:  # it stands beside or behind the lens
+    if towards[2] <= 0:  # the lamp is behind the plane of the lens
         return np.zeros(lens.shape, np.float32)
     rays = eye.astype(np.float32), to_lamp.astype(np.float32)
     share = float(visible_share(surfaces, *rays, lamp.radius_m, options.lamp_samples, np.zeros(1))[0])
@@ -119,11 +117,11 @@ def lens_flare_of(surfaces: Surfaces, camera: Camera, lamp: Lamp, options: Rende
 
 
 def scattering(angle: np.ndarray) -> np.ndarray:
-    """Radiance, 1/sr, per scattered irradiance, at angles (...) from the lamp, radians.
+    """Return the radiance per scattered irradiance, 1/sr, at angles (...) from the lamp, radians.
 
-    One over the square of the angle, as in Stiles and Holladay's law of disability glare (CIE 146:2002; Vos, Clin. Exp.
-    Optom. 86 (2003) 363), flat within `CORE`: this is Harvey and Shack's law of polished surfaces with its usual slope
-    of -2. All of it falls into the half-space before the lens: the integral over that is 1.
+    The radiance is proportional to the inverse square of the angle, as in the Stiles-Holladay law of disability glare
+    (CIE 146:2002; Vos, Clin. Exp. Optom. 86 (2003) 363), and constant within `CORE`. This is the Harvey-Shack law of
+    polished surfaces with the usual slope of -2. The integral over the half-space in front of the lens is 1.
     """
     return _strength() / (angle**2 + CORE**2)
 

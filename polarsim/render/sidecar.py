@@ -1,4 +1,4 @@
-"""The JSON file beside every picture: all that made it, so that it can be rendered again and points found in it."""
+"""Sidecar: JSON file of an image with everything needed to render the image again and to project points into it."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from polarsim.run_files.rigs import lens_content, lens_of
 
 @dataclass(frozen=True)
 class Shot:
-    """What makes a picture of a scene.
+    """Camera, lamps, exposure and reflectance model of an image.
 
     Parameters
     ----------
     camera : Camera
-        In the sandbox; `geometry.poses.looking` makes a pose from a position and angles, `camera.scaled(0.25)` renders
-        a small picture.
+        Camera in the sandbox frame. `geometry.poses.looking` returns a pose from a position and angles;
+        `camera.scaled(0.25)` renders a smaller image.
     lamps : name -> Lamp
-        Near points or discs of light, or `Lamp.sun`; any names. None: black.
+        Near lamps (points or discs) or `Lamp.sun`, with any names. Without lamps the image is black.
     exposure_ms : float
         Exposure time, ms.
     model : str
-        One of `render.options.MODELS`; its parameters and gain are those of the scene's options.
+        Name in `render.options.MODELS`; parameters and gain are in the options of the scene.
     """
 
     camera: Camera
@@ -45,22 +45,22 @@ class Shot:
     model: Model
 
 
-# Options that a sidecar says as `parameters`, `gain_per_ms` and `sources`.
-_SAID_APART = {"models", "gain", "maps", "fitting", "materials_from_photos"}
+# Options that a sidecar contains as `parameters`, `gain_per_ms` and `sources`.
+_SEPARATE = {"models", "gain", "maps", "fitting", "materials_from_photos"}
 
 
 @dataclass(frozen=True)
 class Sidecar:
-    """What made a picture of a terrain.
+    """Inputs of an image of a terrain.
 
     options : RenderOptions
-        Those that its pixels depend on: with them, `shot` and the meshes it can be rendered again.
+        Options that affect the pixels. With `shot` and the meshes they reproduce the image.
     gain_per_ms : float
-        Grey values per ms and unit radiance.
+        Gain, DN per ms per unit radiance.
     sources : name -> str
-        SHA-256 of what was read, by file; of twins by what it is: `meshes`, `camera`, `lamps`, `photos`.
+        SHA-256 of the input files, by file name; for twins by role: `meshes`, `camera`, `lamps`, `photos`.
     noise_seed : tuple
-        What `randomness.generator` made the noise of; empty without noise.
+        Arguments of `randomness.generator` for the noise; empty without noise.
     """
 
     shot: Shot
@@ -71,7 +71,7 @@ class Sidecar:
     noise_seed: tuple[Any, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """The sidecar as JSON has it."""
+        """Return the content of the JSON file."""
         shot = self.shot
         return {
             "terrain": self.terrain,
@@ -84,25 +84,25 @@ class Sidecar:
             "gain_per_ms": self.gain_per_ms,
             "black_level": BLACK_LEVEL,
             "noise_seed": [str(part) for part in self.noise_seed],
-            "options": self.options.model_dump(mode="json", exclude=_SAID_APART),
+            "options": self.options.model_dump(mode="json", exclude=_SEPARATE),
             "sources": dict(self.sources),
             "polarsim": polarsim.__version__,
         }
 
 
 def write_sidecar(path: str | Path, content: Mapping[str, Any]) -> None:
-    """Write `Sidecar.content`, a line a subject, in its order: the first lamp throws the labelled shadows."""
+    """Write `Sidecar.content`, one key per line, in the given order: the first lamp casts the labelled shadows."""
     lines = (f"{json.dumps(name)}: {json.dumps(value, allow_nan=False)}" for name, value in content.items())
     write_text(path, "{" + ",\n ".join(lines) + "}\n")
 
 
 def read_sidecar(path: str | Path) -> Sidecar:
-    """Read the JSON file beside a picture.
+    """Read the sidecar of an image.
 
     Raises
     ------
     FormatError
-        The file is missing or is no sidecar.
+        The file is missing or not a sidecar.
     """
     content = read_json(path)
     with about(path):
@@ -120,16 +120,16 @@ def read_sidecar(path: str | Path) -> Sidecar:
             return Sidecar(shot, int(content["terrain"]), options, gain, dict(content["sources"]), seed)
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             reason = f"{error!r}".splitlines()[0]
-            raise FormatError(f"no sidecar of a picture, {reason}") from error
+            raise FormatError(f"not the sidecar of an image: {reason}") from error
 
 
 def digests_of(paths: Iterable[Path]) -> dict[str, str]:
-    """SHA-256 of files by their names, in their order."""
+    """Return the SHA-256 of files by file name, sorted by path."""
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(paths)}
 
 
 def digest_of(paths: Iterable[Path]) -> str:
-    """SHA-256 of several files as one: what `sha256sum NAMES | sha256sum` prints, names in their order."""
+    """Return a joint SHA-256 of files: the output of `sha256sum NAMES | sha256sum` with sorted names."""
     lines = (f"{digest}  {name}\n" for name, digest in digests_of(paths).items())
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 

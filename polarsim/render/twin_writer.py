@@ -1,6 +1,4 @@
-"""The files of a terrain's twins: pictures by model, exposed from a view's OLAT images, and what made them beside
-each.
-"""
+"""Writer of twins: images by model, exposed from the OLAT images of a view, with sidecar files."""
 
 from __future__ import annotations
 
@@ -31,34 +29,40 @@ log = logging.getLogger("polarsim.render")
 
 
 def sources_of(terrain: int, meshes: Path, lamps: Path, materials: Path | None) -> dict[str, str]:
-    """What all of a terrain's twins come from, hashed once for the `sources` of their sidecars; given are its folders.
+    """Return the digests of the inputs common to all twins of a terrain, for `sources` of the sidecars.
 
-    `lamps`: `lamps.json`, where photos showed where lamps stood; `materials`: what was fitted to photos, if it was:
-    albedo by vertex is in there alone, and lamps are as bright as it says.
+    Parameters
+    ----------
+    meshes : Path
+        Folder of the meshes.
+    lamps : Path
+        Folder of `lamps.json`, which exists if the lamps were localised on photos.
+    materials : Path or None
+        Folder of the materials fitted to photos: albedo by vertex and brightness of the lamps.
     """
-    found = lamps / lamp_files.FILE
+    lamp_file = lamps / lamp_files.FILE
     return {
         "meshes": digest_of(mesh_files(meshes, terrain).values()),
-        **({"lamps": digest_of([found])} if found.exists() else {}),
+        **({"lamps": digest_of([lamp_file])} if lamp_file.exists() else {}),
         **({"materials": digest_of(material_files.files_of(materials))} if materials else {}),
     }
 
 
 @dataclass
 class TwinWriter:
-    """Writes the twins of one terrain, view by view.
+    """Writer of the twins of a terrain, view by view.
 
-    Beside the `sources`, sidecars name `camera`, the position's `PosX.json`, and `photos`, those that set the model's
-    gain, where there were some.
+    In addition to `sources`, sidecars record `camera` (`PosX.json` of the position) and `photos` (the photos on which
+    the gain of the model was calibrated, if any).
 
     Parameters
     ----------
     twins : model -> Path
-        Folders, made if they are not there.
+        Output folders, created if missing.
     cameras : Path
-        Folder with the terrain's `PosX.json`.
+        Folder with the `PosX.json` of the terrain.
     references : key -> Path
-        Photos that set the brightness of models without a gain; their view must be written first.
+        Photos for the calibration of models without a gain; the view of the photos must be written first.
     """
 
     terrain: int
@@ -68,7 +72,9 @@ class TwinWriter:
     references: Mapping[PhotoKey, Path]
     fitted: FittedMaterials | None
     options: RenderOptions
-    _gains: dict[Model, tuple[float, dict[str, str]]] = field(default_factory=dict)  # and the photos behind them
+    _gains: dict[Model, tuple[float, dict[str, str]]] = field(
+        default_factory=dict
+    )  # and the digest of the calibration photos
 
     def __post_init__(self) -> None:
         for folder in self.twins.values():
@@ -82,21 +88,22 @@ class TwinWriter:
         camera: Camera,
         pool: Executor,
     ) -> None:
-        """Write `KEY.png` and `KEY.json` of one view into the folder of every model, an exposure bracket a task."""
+        """Write `KEY.png` and `KEY.json` of one view for every model, with one task per exposure bracket."""
         brackets, tasks = list(by_bracket(keys).values()), []
         of_camera = {"camera": digest_of([self.cameras / f"Pos{keys[0].position}.json"])} if keys else {}
         for model in self.twins:
             gain, photos = self._gain(model, olat_images)
             sources = {**self.sources, **photos, **of_camera}
             active_lamps = as_bright_as_fitted(lamps, self.fitted, model)
-            own = {name: olat_image for (of, name), olat_image in olat_images.items() if of == model}
+            of_model = {name: olat_image for (other, name), olat_image in olat_images.items() if other == model}
             if active_lamps is not lamps:
-                own = {
+                of_model = {
                     name: olat_image * (active_lamps[name].intensity / lamps[name].intensity)
-                    for name, olat_image in own.items()
+                    for name, olat_image in of_model.items()
                 }
             for bracket in brackets:
-                tasks.append(pool.submit(self._write_bracket, bracket, model, own, active_lamps, camera, gain, sources))
+                arguments = (bracket, model, of_model, active_lamps, camera, gain, sources)
+                tasks.append(pool.submit(self._write_bracket, *arguments))
         for task in tasks:
             task.result()
 
@@ -118,14 +125,14 @@ class TwinWriter:
             write_sidecar(folder / f"{key}.json", sidecar.content())
 
     def _gain(self, model: Model, olat_images: OlatImages) -> tuple[float, dict[str, str]]:
-        """Of the options, else as bright as the photos, else built in; of photos also their digest."""
+        """Return the gain (options, else photos, else default) and the digest of the calibration photos."""
         if model not in self._gains and self.options.gain.get(model):
             self._gains[model] = self.options.gain[model], {}
         if model not in self._gains:
-            found = calibrate(self.references, olat_images, model)
-            gain, origin = found or default_gain(model, self.options), "from photos" if found else "built in"
-            log.info("terrain %02d, %s: gain %.6g, %s", self.terrain, model, gain, origin)
-            self._gains[model] = gain, {"photos": digest_of(self.references.values())} if found else {}
+            calibrated = calibrate(self.references, olat_images, model)
+            gain, origin = calibrated or default_gain(model, self.options), "from photos" if calibrated else "default"
+            log.info("terrain %02d, %s: gain %.6g (%s)", self.terrain, model, gain, origin)
+            self._gains[model] = gain, {"photos": digest_of(self.references.values())} if calibrated else {}
         return self._gains[model]
 
 
@@ -137,7 +144,7 @@ def write_photos(
     gain: float,
     options: RenderOptions,
 ) -> None:
-    """Write the photos of an exposure bracket, `folder/KEY.png`, from its view's OLAT images by lamp."""
+    """Expose the photos of an exposure bracket from OLAT images by lamp and write `folder/KEY.png`."""
     dark = np.zeros(lens.shape, np.float32)
     radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
     for key in bracket:

@@ -1,4 +1,4 @@
-"""Twins of photos: every view rendered once, its OLAT images summed and exposed for every key, its ids made labels."""
+"""Twins of photos: render each view once, expose sums of OLAT images for every photo key, and write the labels."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ log = logging.getLogger("polarsim.render")
 
 @dataclass(frozen=True)
 class LabelPaths:
-    """Where a terrain's rendered ground-truth labels go: folders of boxes `KEY.txt` and of ids, COCO file, table of
-    label rows.
+    """Output paths of the rendered labels of a terrain.
 
-    `maps`: folder of the maps that the options ask for.
+    boxes, instances : folders of `KEY.txt` and of id maps
+    annotations, table : COCO file and label table
+    maps : folder of the maps selected by `RenderOptions.maps`
     """
 
     boxes: Path
@@ -50,16 +51,16 @@ class LabelPaths:
 def views_of(
     keys: Iterable[PhotoKey], rigs: Mapping[str, LocalisedRig], cameras: Path
 ) -> dict[PositionCamera, list[PhotoKey]]:
-    """The keys of each view whose position has a proven pose; the others are named in a warning and left out."""
+    """Group the keys by view; omit positions without a proven pose and log a warning for each."""
     views: dict[PositionCamera, list[PhotoKey]] = {}
-    without = set()
+    unlocated = set()
     for key in sorted(keys):
         if key.position in rigs and not rigs[key.position].unproven:
             views.setdefault((key.position, key.camera), []).append(key)
         else:
-            without.add(key.position)
-    for position in sorted(without):
-        log.warning("%s: no proven pose, nothing is rendered at position %s", cameras / f"Pos{position}.json", position)
+            unlocated.add(key.position)
+    for position in sorted(unlocated):
+        log.warning("%s: no proven pose; position %s is not rendered", cameras / f"Pos{position}.json", position)
     return views
 
 
@@ -78,32 +79,32 @@ def render_twins(
     lamps: Path | None = None,
     only: Set[PhotoKey] | None = None,
 ) -> None:
-    """Write KEY.png for every key into the folder of every model, 16-bit PNG of 12-bit values with black level 16.
+    """Render KEY.png for every key and model, a 16-bit PNG of 12-bit values with black level 16, and write the labels.
 
-    KEY.json beside it says what made it (`render.sidecar`). Rays are cast once for all models and for the labels.
+    KEY.json records the inputs of the image (`render.sidecar`). Rays are cast once for all models and the labels.
 
     Parameters
     ----------
     cameras : Path
-        Folder with the terrain's `PosX.json`; positions without one are a warning and a gap.
+        Folder with the `PosX.json` of the terrain; positions without a file are skipped with a warning.
     meshes : Path
-        Folder with the terrain's meshes.
+        Folder with the meshes of the terrain.
     photos : Path or None
-        `photos.parquet`; twins get the brightness of its photos. Without it, or without usable photos, NASA's best
-        exposures set the brightness; a gain in the options goes before both.
+        `photos.parquet`; the gain is calibrated on the photos. Without usable photos, the gain is derived from NASA's
+        recommended exposures. A gain in the options has priority over both.
     labels : LabelPaths
-        Where the rendered ground-truth labels go.
+        Output paths of the labels.
     materials : Path or None
-        Folder with the terrain's fitted materials and lamps; they go before the options.
+        Folder with the fitted materials and lamps of the terrain; they override the options.
     lamps : Path or None
-        Folder with the Sun lamps' `lamps.json`, where it is not `cameras`.
+        Folder with `lamps.json` of the Sun lamps, if different from `cameras`.
     only : set of PhotoKey or None
-        Those of the keys that are written; brightness is calibrated over all of them, so it stays what it was.
+        Keys to write; None: all. The gain is calibrated over all keys and does not depend on this selection.
 
     Raises
     ------
     FormatError
-        A mesh, pose or table is missing or broken.
+        A mesh, pose or table is missing or invalid.
     RenderError
         The engine cannot be loaded.
     """
@@ -118,32 +119,32 @@ def render_twins(
     options = options.of(terrain)
     options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
     surfaces = surfaces_of(mesh, options, albedo)
-    shown = list(chain.from_iterable(views.values()))
+    located = list(chain.from_iterable(views.values()))
     calibrated = any(not options.gain.get(model) for model in twins)
-    references = calibration_photos(photos, shown) if calibrated else {}
+    references = calibration_photos(photos, located) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
     writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options)
-    for folder in (labels.boxes, labels.instances):  # there also where no key is written
+    for folder in (labels.boxes, labels.instances):  # the folders must exist even if no key is written
         folder.mkdir(parents=True, exist_ok=True)
-    found_labels: dict[PhotoKey, list[coco.Annotation]] = {}
+    all_labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
-        rig, own = rigs[view[0]], [key for key in views[view] if only is None or key in only]
-        if not own and view not in first:
+        rig, chosen = rigs[view[0]], [key for key in views[view] if only is None or key in only]
+        if not chosen and view not in first:
             continue
         camera = rig.camera(view[1])
-        active_lamps = _lamps(suns, rig, [*own, *(key for key in references if view in first)], options)
-        shadow_lamps = sorted({lit_by(key)[0] for key in own if lit_by(key)})
+        active_lamps = _lamps(suns, rig, [*chosen, *(key for key in references if view in first)], options)
+        shadow_lamps = sorted({lit_by(key)[0] for key in chosen if lit_by(key)})
         rendering = render_view(surfaces, camera, active_lamps, list(twins), shadow_lamps, options, threads)
-        whole = through_lens(rendering.whole, active_lamps, surfaces, camera, options, threads)
+        olat_images = through_lens(rendering.whole, active_lamps, surfaces, camera, options, threads)
         with ThreadPoolExecutor(max(1, threads)) as pool:
-            labelled = pool.submit(_label, own, rendering.ids, surfaces, camera, labels, options)
-            writer.write(own, whole, active_lamps, camera, pool)
-            found_labels |= labelled.result()
+            labelled = pool.submit(_label, chosen, rendering.ids, surfaces, camera, labels, options)
+            writer.write(chosen, olat_images, active_lamps, camera, pool)
+            all_labels |= labelled.result()
         if options.maps and labels.maps:
             mapped = {name: active_lamps[name] for name in lamps_of_maps(options.maps, shadow_lamps)}
-            write_view_maps(labels.maps, own, maps_of(surfaces, camera, mapped, options, threads), options.maps)
-    pictures = next(iter(twins.values()))
-    _write_labels(labels, found_labels, rigs, {key: pictures / f"{key}.png" for key in found_labels})
+            write_view_maps(labels.maps, chosen, maps_of(surfaces, camera, mapped, options, threads), options.maps)
+    images = next(iter(twins.values()))
+    _write_labels(labels, all_labels, rigs, {key: images / f"{key}.png" for key in all_labels})
 
 
 def _label(
@@ -154,28 +155,28 @@ def _label(
     labels: LabelPaths,
     options: RenderOptions,
 ) -> dict[PhotoKey, list[coco.Annotation]]:
-    """Write the boxes and ids of a view's twins; return their labels."""
+    """Write the boxes and id maps of the twins of a view; return the labels."""
     hidden = hidden_parts(surfaces, camera, ids[NO_LAMP])
     return label_view(keys, ids, hidden, labels.boxes, labels.instances, options)
 
 
 def _write_labels(
     labels: LabelPaths,
-    found: Mapping[PhotoKey, Sequence[coco.Annotation]],
+    all_labels: Mapping[PhotoKey, Sequence[coco.Annotation]],
     rigs: Mapping[str, LocalisedRig],
-    pictures: Mapping[PhotoKey, Path],
+    images: Mapping[PhotoKey, Path],
 ) -> None:
-    """Write the labels of all twins as COCO, which names the pictures of one model, and as a table."""
+    """Write the labels of all twins as a COCO file, with the image paths of one model, and as a table."""
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
-    coco.write_coco(labels.annotations, found, size=max(sizes), pictures=pictures)
-    in_order = sorted(found, key=lambda key: (key.position, key.camera, key))
-    rows = [label_row(key, label) for key in in_order for label in found[key]]
+    coco.write_coco(labels.annotations, all_labels, size=max(sizes), pictures=images)
+    in_order = sorted(all_labels, key=lambda key: (key.position, key.camera, key))
+    rows = [label_row(key, label) for key in in_order for label in all_labels[key]]
     tables.write_parquet(labels.table, tables.label_table(rows))
 
 
 def _lamps(
     suns: Mapping[str, np.ndarray], rig: LocalisedRig, keys: Sequence[PhotoKey], options: RenderOptions
 ) -> dict[str, Lamp]:
-    """The lamps that photos need."""
+    """Return the lamps that are on in at least one of the photos."""
     needed = {name for key in keys for name in lit_by(key)}
     return {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
