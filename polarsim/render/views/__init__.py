@@ -1,7 +1,7 @@
-"""Labelled pictures of novel viewpoints, from a file of views.
+"""Labelled images of novel viewpoints, defined by a views file.
 
-1. options: the file's content. `scenes` joins its terrains, `cameras` places its cameras.
-2. plan: lights (`moon` gives the Sun over a lunar site) and the grid of pictures.
-3. run: each camera rendered once, exposed for every picture; `stars` fills the sky.
-4. folder: the files of a picture, the contact sheet, the lists.
+1. options: content of the views file. `scenes` combines terrains, `cameras` places cameras.
+2. plan: lights (`moon` computes the Sun over a lunar site) and the grid of images.
+3. run: render each camera once and expose every image; `stars` renders the sky.
+4. folder: files of an image, contact sheet and listings.
 """

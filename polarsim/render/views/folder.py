@@ -1,4 +1,4 @@
-"""A folder of novel views: the files of each picture, a sheet of small copies, and the lists of what there is."""
+"""Output folder of novel views: files of each image, contact sheet and listings."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ from polarsim.render.views.plan import Picture
 from polarsim.render.views.scenes import Ensemble
 from polarsim.run_files.picture_sets import AUTO
 
-Tone = Callable[[np.ndarray], np.ndarray]  # (h, w) uint16 of 12 bits to (h, w, 3) uint8
-MOST = 1024  # pictures on a sheet; of more a seeded choice
-_WIDTH, _WIDEST, _GAP = 4000, 480, 2  # px: of the sheet, of one picture, between two
-_EVERY = 5  # viewpoints of a camera, the last of which is for validation
-_NAMED_FROM = 300  # px: narrower pictures have no room for a name
-_OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # of a scene's sidecar: views may have several
-Entry = tuple[Picture, float, list[coco.Annotation]]  # a picture, its exposure in ms, its labels
+Tone = Callable[[np.ndarray], np.ndarray]  # 12-bit image (h, w) uint16 to 8-bit image (h, w, 3) uint8
+MAX_TILES = 1024  # maximum number of images on a sheet; a larger set is sampled with a fixed seed
+_WIDTH, _MAX_TILE_WIDTH, _GAP = 4000, 480, 2  # px: width of the sheet, maximum tile width, gap between tiles
+_EVERY = 5  # every fifth viewpoint is for validation
+_MIN_NAMED_WIDTH = 300  # px: tiles narrower than this have no caption
+_OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # sidecar keys of one terrain; views may have several terrains
+Entry = tuple[Picture, float, list[coco.Annotation]]  # image, exposure time in ms, labels
 
 
 class Sheet:
-    """Takes pictures as they come, in any order."""
+    """Contact sheet. Images can be added in any order."""
 
     def __init__(self, names: Sequence[str], size: tuple[int, int], tone: Tone) -> None:
-        """`size`: width and height of the pictures, px."""
+        """`size`: width and height of the images, px."""
         chosen = np.arange(len(names))
-        if len(names) > MOST:
-            chosen = np.sort(generator(0, "views", "sheet").choice(len(names), MOST, replace=False))
+        if len(names) > MAX_TILES:
+            chosen = np.sort(generator(0, "views", "sheet").choice(len(names), MAX_TILES, replace=False))
         self._index = {names[number]: index for index, number in enumerate(chosen.tolist())}
         self._columns = max(1, ceil(sqrt(len(chosen))))
-        self._wide = min(_WIDEST, _WIDTH // self._columns - _GAP, size[0])
+        self._wide = min(_MAX_TILE_WIDTH, _WIDTH // self._columns - _GAP, size[0])
         self._high = max(1, round(self._wide * size[1] / size[0]))
         rows = ceil(len(chosen) / self._columns)
         self._tone = tone
         self._pixels = np.full((rows * (self._high + _GAP), self._columns * (self._wide + _GAP), 3), 255, np.uint8)
 
-    def wants(self, name: str) -> bool:
+    def __contains__(self, name: str) -> bool:
         return name in self._index
 
     def add(self, name: str, picture: np.ndarray, labels: Sequence[coco.Annotation]) -> None:
-        """Put a picture (h, w), uint16 of 12 bits or uint8, into its tile, its labels drawn in."""
+        """Draw an image (h, w), 12-bit uint16 or uint8, with label boxes into the tile of the image."""
         import cv2
 
         size = (self._wide, self._high)
@@ -70,7 +70,7 @@ class Sheet:
         for label in sorted(labels, key=lambda label: label.kind, reverse=True):  # rocks on top
             x0, y0, x1, y1 = (round(float(edge) * scale) for edge in label.box)
             cv2.rectangle(tile, (x0, y0), (x1 - 1, y1 - 1), COLOURS[label.kind], 1)
-        if self._wide >= _NAMED_FROM:
+        if self._wide >= _MIN_NAMED_WIDTH:
             cv2.putText(
                 tile, name, (4, self._high - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.38, (255, 255, 255), 1, cv2.LINE_AA
             )
@@ -79,7 +79,7 @@ class Sheet:
         self._pixels[top : top + self._high, left : left + self._wide] = tile
 
     def write(self, path: str | Path) -> None:
-        """Write a JPEG."""
+        """Write the sheet as JPEG."""
         import cv2
 
         done, coded = cv2.imencode(".jpg", self._pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
@@ -90,26 +90,26 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Job:
-    """A file of views, and how and where its pictures are written."""
+    """Views with output folder and format."""
 
     views: Views
     out: Path
-    preview: bool  # eight bits instead of twelve
+    preview: bool  # 8-bit images instead of 12-bit
     tone: Tone
     sheet: Sheet
-    digests: dict[str, str] = field(default_factory=dict)  # SHA-256 of instance maps by their names
-    code: str = field(default_factory=lambda: code_digest("polarsim.render.views.run"))  # that makes the pictures
+    digests: dict[str, str] = field(default_factory=dict)  # SHA-256 of instance maps by name
+    code: str = field(default_factory=lambda: code_digest("polarsim.render.views.run"))  # digest of the renderer
 
     def path(self, kind: str, name: str) -> Path:
-        """Of a picture's file in one of the folders."""
+        """Return the path of a file of an image in one of the folders."""
         suffix = {"labels": ".txt", "sidecars": ".json"}.get(kind, ".png")
         return self.out / kind / f"{name}{suffix}"
 
     def sidecar(self, picture: Picture, exposure_ms: float) -> dict[str, Any]:
-        """All that makes a picture, as JSON has it; OSError where its instance map is not there."""
+        """Return the content of the sidecar of an image; OSError if the instance map is missing."""
         shot, views = picture.shot(self.views, exposure_ms), self.views
         content = picture.scene.parts[0].scene.sidecar(shot)
-        own = {
+        of_views = {
             **{key: value for key, value in content.items() if key not in _OF_ONE_TERRAIN},
             **picture.columns(),
             "terrains": [
@@ -128,26 +128,26 @@ class Job:
             "code": self.code,
             "instances": self._instances_digest(picture.ground_truth),
         }
-        return dict(json.loads(json.dumps(own)))
+        return dict(json.loads(json.dumps(of_views)))
 
-    def found(self, picture: Picture) -> float | None:
-        """The exposure of a picture that is there as it would be made now; None where one of its files is not."""
+    def existing_exposure(self, picture: Picture) -> float | None:
+        """Return the exposure of an image with complete, up-to-date files, ms; None if it must be rendered."""
         try:
-            there = read_json(self.path("sidecars", picture.name))
-            exposure = float(there["exposure_ms"])
-            wanted = self.sidecar(picture, picture.exposure_ms or exposure)
+            stored = read_json(self.path("sidecars", picture.name))
+            exposure = float(stored["exposure_ms"])
+            expected = self.sidecar(picture, picture.exposure_ms or exposure)
         except (PolarsimError, OSError, KeyError, TypeError, ValueError):
             return None
         complete = all(self.path(kind, picture.name).is_file() for kind in ("images", "labels"))
-        return exposure if complete and there == wanted else None
+        return exposure if complete and stored == expected else None
 
     def write_instances(self, picture: Picture, ids: np.ndarray) -> None:
-        """Write the instance map (h, w) uint16 that the picture shares with others."""
+        """Write the instance map (h, w) uint16, which several images share."""
         self.digests.pop(picture.ground_truth, None)
         png.write(self.path("instances", picture.ground_truth), ids)
 
     def write(self, picture: Picture, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]) -> None:
-        """Write a picture (h, w) uint16 and its boxes, and then its sidecar: where that is, the others are."""
+        """Write an image (h, w) uint16, the boxes, and last the sidecar, which marks the image as complete."""
         self.path("sidecars", picture.name).unlink(missing_ok=True)
         pixels = self.tone(grey)[..., 0] if self.preview else grey
         png.write(self.path("images", picture.name), pixels)
@@ -158,7 +158,7 @@ class Job:
             picture.size,
         )
         write_json(self.path("sidecars", picture.name), self.sidecar(picture, exposure_ms))
-        if self.sheet.wants(picture.name):
+        if picture.name in self.sheet:
             self.sheet.add(picture.name, pixels, labels)
 
     def _instances_digest(self, name: str) -> str:
@@ -191,15 +191,15 @@ def write_listing(out: Path, entries: Sequence[Entry]) -> None:
     parts = divided([picture for picture, _, _ in entries])
     for part, chosen in parts.items():
         write_text(out / f"{part}.txt", "".join(f"./images/{picture.name}.png\n" for picture in chosen))
-    note = "# Paths are relative to this file. Pictures of one camera are alike, so none is in both parts."
+    note = "# Paths are relative to this file. Each camera is in one part only, because images of a camera are similar."
     write_text(out / "data.yaml", f"{note}\ntrain: train.txt\nval: val.txt\nnames:\n{names}")
 
 
 def divided(pictures: Sequence[Picture]) -> dict[str, list[Picture]]:
-    """Pictures to train on and to validate with: every fifth viewpoint, one at least, is for validation.
+    """Divide images into training and validation: every fifth viewpoint, at least one, is for validation.
 
-    Both cameras of a pair are one viewpoint. Where all pictures are of one viewpoint its lights are divided so, and a
-    single picture is in both parts.
+    Both cameras of a pair are the same viewpoint. With only one viewpoint, the lights are divided instead; a single
+    image is in both parts.
     """
     viewpoints = list(dict.fromkeys(_viewpoint(picture) for picture in pictures))
     sort = _viewpoint if len(viewpoints) > 1 else _light
@@ -236,16 +236,16 @@ def _index_row(picture: Picture, exposure_ms: float, labels: list[coco.Annotatio
 
 
 def _rocks(scenes: Sequence[Ensemble], out: Path) -> pd.DataFrame:
-    """Every rock of every scene, and the terrain and id that it has in its meshes, whose folder is named from `out`."""
+    """Return a table of the rocks of all scenes with terrain, id in the terrain, and mesh folder relative to `out`."""
     rows = [
         {
             "scene": scene.name,
             "rock": rock,
             "terrain": scene.parts[part].section.terrain,
-            "terrain_rock": own,
+            "terrain_rock": terrain_rock,
             "meshes": relative_to(scene.parts[part].section.meshes, out),
         }
         for scene in scenes
-        for rock, (part, own) in scene.rocks.items()
+        for rock, (part, terrain_rock) in scene.rocks.items()
     ]
     return pd.DataFrame(rows, columns=["scene", "rock", "terrain", "terrain_rock", "meshes"])

@@ -1,6 +1,7 @@
-"""Where the Sun stands over a site on the Moon, and how the stars lie there, at a moment of time.
+"""Direction of the Sun and orientation of the stars at a site on the Moon at a given time.
 
-Good to a few hundredths of a degree from 1900 to 2100, a tenth of the Sun's width: no file of ephemerides is needed.
+Accurate to a few hundredths of a degree from 1900 to 2100, a tenth of the diameter of the Sun. No ephemeris file is
+needed.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from typing import Any
 import numpy as np
 
 J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
-_TT_MINUS_UTC_DAYS = 69.2 / 86400  # today's; one minute moves the Moon's Sun by 0.01 degrees
+_TT_MINUS_UTC_DAYS = 69.2 / 86400  # current value; one minute moves the Sun at the Moon by 0.01 degrees
 _CENTURY = 36525.0  # days
-_ABERRATION_DEG = 0.00569  # the Sun is seen where it was 8.3 minutes ago
+_ABERRATION_DEG = 0.00569  # the apparent Sun is delayed by 8.3 minutes
 _PRECESSION_DEG = 1.39697  # of the equinox in a century
 _OBLIQUITY_DEG = 23.43929  # of the ecliptic of J2000
 _MOON_DISTANCE_AU = 385_000.6 / 149_597_870.7
@@ -40,7 +41,7 @@ def days_since_j2000(moment: datetime) -> float:
 
 
 def moon_from_celestial(days: float) -> np.ndarray:
-    """(3, 3) rotation from J2000's equator into the Moon's frame (z to its north pole, x to longitude 0)."""
+    """Return the rotation (3, 3) from the J2000 equatorial to the lunar frame (z: north pole, x: longitude 0)."""
     arguments = np.radians(_ARGUMENTS_DEG + _RATES_DEG * days)
     sines, cosines, centuries = np.sin(arguments), np.cos(arguments), days / _CENTURY
     ascension = _radians(269.9949 + 0.0031 * centuries + _ASCENSION_DEG @ sines)
@@ -50,10 +51,10 @@ def moon_from_celestial(days: float) -> np.ndarray:
 
 
 def sun_seen_from_moon(days: float) -> np.ndarray:
-    """(3,) unit vector from the Moon to the Sun, J2000's equator.
+    """Return the unit vector (3,) from the Moon to the Sun in the J2000 equatorial frame.
 
-    The Sun as in Meeus, Astronomical Algorithms (1998), chapter 25, to 0.01 degrees; of the Moon's position, which
-    moves the Sun by 0.15 degrees at most, the largest terms of chapter 47.
+    The position of the Sun follows Meeus, Astronomical Algorithms (1998), chapter 25, to 0.01 degrees. The position of
+    the Moon, with an effect of at most 0.15 degrees, uses the largest terms of chapter 47.
     """
     t = days / _CENTURY
     sun_anomaly = np.radians(357.52911 + 35999.05029 * t)
@@ -82,7 +83,7 @@ def sun_seen_from_moon(days: float) -> np.ndarray:
 
 
 def local_from_celestial(latitude_deg: float, longitude_deg: float, moment: datetime) -> np.ndarray:
-    """(3, 3) rotation from J2000's equator into the site's east, north and up."""
+    """Return the rotation (3, 3) from the J2000 equatorial frame to east, north and up at a site."""
     latitude, longitude = np.radians([latitude_deg, longitude_deg])
     east = [-np.sin(longitude), np.cos(longitude), 0]
     up = on_sphere(longitude, latitude)
@@ -91,7 +92,7 @@ def local_from_celestial(latitude_deg: float, longitude_deg: float, moment: date
 
 
 def sun_over(latitude_deg: float, longitude_deg: float, moment: datetime) -> tuple[float, float]:
-    """Azimuth of the Sun from north over east, 0 to 360, and its elevation above the level horizon, degrees."""
+    """Return the azimuth of the Sun from north over east, 0 to 360, and the elevation, degrees."""
     towards = sun_seen_from_moon(days_since_j2000(moment))
     east, north, up = local_from_celestial(latitude_deg, longitude_deg, moment) @ towards
     return float(np.degrees(np.arctan2(east, north)) % 360), float(np.degrees(np.arcsin(up)))
@@ -102,13 +103,13 @@ def _radians(angle_deg: Any) -> float:
 
 
 def on_sphere(longitude: Any, latitude: Any) -> np.ndarray:
-    """(..., 3) unit vectors to longitudes and latitudes (...), or right ascensions and declinations, radians."""
+    """Return unit vectors (..., 3) to longitudes and latitudes (...), or right ascensions and declinations, radians."""
     level = np.cos(latitude)
     return np.stack([level * np.cos(longitude), level * np.sin(longitude), np.sin(latitude)], axis=-1)
 
 
 def _about_z(angle: float) -> np.ndarray:
-    """Components of a vector in axes that are rotated by an angle about z."""
+    """Return the matrix of vector components in axes rotated by an angle about z."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
 

@@ -1,4 +1,4 @@
-"""Options of a file of views, validated before rendering."""
+"""Options of a views file, validated before rendering."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 from polarsim.user_path import UserPath
 
 Name = Annotated[  # without _, which separates the parts of file names
-    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$", description="Name in the files of the pictures.")
+    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9.-]*$", description="Name used in image file names.")
 ]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
 Elevation = Annotated[float, Field(gt=0, le=90)]
-FAINTEST_MAG = 7.0  # Hp, of the table of stars
+FAINTEST_MAG = 7.0  # magnitude limit (Hp) of the table of stars
 
 
 def _in_order(low: Point, high: Point) -> None:
-    if any(least > most for least, most in zip(low, high, strict=True)):
-        raise ValueError(f"low corner {list(low)} above high corner {list(high)}")
+    if any(minimum > maximum for minimum, maximum in zip(low, high, strict=True)):
+        raise ValueError(f"low corner {list(low)} is above high corner {list(high)}")
 
 
 class Section(BaseModel, extra="forbid", frozen=True):
-    """A section of the file."""
+    """A section of the views file."""
 
 
 AnyPart = TypeVar("AnyPart", bound=Section)
@@ -40,14 +40,14 @@ AnyPart = TypeVar("AnyPart", bound=Section)
 class TerrainPart(Section):
     """A terrain and its pose in the scene."""
 
-    meshes: UserPath = Field(description="Folder of the terrain's meshes, `results/<run>/meshes/TerrainNN`.")
-    terrain: int = Field(ge=1, le=99, description="Number of the terrain in the names of its files.")
-    offset_m: Point = Field((0, 0, 0), description="Position of the terrain's origin in the scene, metres.")
-    heading_deg: Finite = Field(0, description="Direction of the terrain's +X in the scene, degrees from +X to +Y.")
+    meshes: UserPath = Field(description="Folder of the meshes of the terrain, `results/<run>/meshes/TerrainNN`.")
+    terrain: int = Field(ge=1, le=99, description="Number of the terrain in the names of the mesh files.")
+    offset_m: Point = Field((0, 0, 0), description="Position of the origin of the terrain in the scene, metres.")
+    heading_deg: Finite = Field(0, description="Rotation of the terrain about the vertical, degrees from +X to +Y.")
 
 
 class SceneSection(Section):
-    """Terrains side by side."""
+    """A scene of one or more terrains."""
 
     name: Name
     terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains of the scene.")
@@ -57,7 +57,7 @@ class RigLens(Section):
     """Lenses of the calibrated rig."""
 
     kind: Literal["rig"] = Field("rig", description="Lens of the calibrated rig.")
-    localised: UserPath | None = Field(None, description="PosX.json with the lenses; none: those of NASA's rig.")
+    localised: UserPath | None = Field(None, description="`PosX.json` with the lenses; none: lenses of NASA's rig.")
 
 
 class PinholeLens(Section):
@@ -65,9 +65,9 @@ class PinholeLens(Section):
 
     kind: Literal["pinhole"] = Field(description="Pinhole camera without distortion.")
     hfov_deg: float = Field(gt=0, lt=170, description="Horizontal field of view, degrees.")
-    width_px: PositiveInt = Field(WIDTH, le=16384, description="Width of the pictures, px.")
-    height_px: PositiveInt = Field(HEIGHT, le=16384, description="Height of the pictures, px.")
-    baseline_m: PositiveFloat = Field(0.3, description="Distance of the right camera from the left one, metres.")
+    width_px: PositiveInt = Field(WIDTH, le=16384, description="Width of the images, px.")
+    height_px: PositiveInt = Field(HEIGHT, le=16384, description="Height of the images, px.")
+    baseline_m: PositiveFloat = Field(0.3, description="Distance between the cameras of a pair, metres.")
 
 
 class PointCameras(Section):
@@ -77,11 +77,11 @@ class PointCameras(Section):
     name: Name = "point"
     position_m: Point = Field(description="Centre of the camera, metres.")
     look_at_m: Point = Field(description="Point on the optical axis, metres.")
-    roll_deg: Finite = Field(0, description="Roll about the optical axis, right side down, degrees.")
+    roll_deg: Finite = Field(0, description="Roll about the optical axis, degrees; positive: right side down.")
 
 
 class OrbitCameras(Section):
-    """Cameras on a circle, directed at one point."""
+    """Cameras on a circle, directed at the centre."""
 
     kind: Literal["orbit"] = Field(description="Cameras on a circle.")
     name: Name = "orbit"
@@ -90,32 +90,32 @@ class OrbitCameras(Section):
     height_m: Finite = Field(description="Height of the circle above the centre, metres.")
     number: PositiveInt = Field(description="Number of cameras to place.")
     from_deg: Finite = Field(0, description="Azimuth of the first camera, degrees from +X to +Y.")
-    over_deg: Finite = Field(360, description="Angle that the cameras divide evenly, degrees.")
+    over_deg: Finite = Field(360, description="Angle over which the cameras are evenly distributed, degrees.")
 
 
 class PathCameras(Section):
     """Evenly spaced frames along a smooth curve."""
 
-    kind: Literal["path"] = Field(description="A camera that moves along a curve.")
+    kind: Literal["path"] = Field(description="Cameras along a curve.")
     name: Name = "path"
     waypoints_m: tuple[Point, ...] = Field(min_length=2, description="Points of the curve, metres.")
-    number: int = Field(ge=2, description="Number of frames, first and last waypoint included.")
-    look_at_m: Point | None = Field(None, description="Target of all frames, metres; none: ahead along the curve.")
+    number: int = Field(ge=2, description="Number of frames, including first and last waypoint.")
+    look_at_m: Point | None = Field(None, description="Target of all frames, metres; none: along the curve.")
     pitch_deg: float = Field(0, ge=-90, le=90, description="Downward angle from the heading of the path, degrees.")
 
 
 class RandomCameras(Section):
-    """Cameras at random points of a box, directed at random points of another box."""
+    """Cameras at random points of a box, directed at random points of a second box."""
 
     kind: Literal["random"] = Field(description="Cameras at random points.")
     name: Name = "random"
     number: PositiveInt = Field(description="Number of cameras to place.")
-    low_m: Point = Field(description="Low corner of the box of camera centres, metres.")
-    high_m: Point = Field(description="High corner of the box of camera centres, metres.")
-    look_at_low_m: Point = Field((-1, -1, 0), description="Low corner of the box of targets, metres.")
-    look_at_high_m: Point = Field((1, 1, 0), description="High corner of the box of targets, metres.")
+    low_m: Point = Field(description="Minimum corner of the box of camera centres, metres.")
+    high_m: Point = Field(description="Maximum corner of the box of camera centres, metres.")
+    look_at_low_m: Point = Field((-1, -1, 0), description="Minimum corner of the box of targets, metres.")
+    look_at_high_m: Point = Field((1, 1, 0), description="Maximum corner of the box of targets, metres.")
     clearance_m: float = Field(0.2, ge=0, description="Minimum height of a camera above the surface below it, metres.")
-    seed: int = Field(0, ge=0, description="Seed of the cameras.")
+    seed: int = Field(0, ge=0, description="Seed of the random poses.")
 
     @model_validator(mode="after")
     def _boxes(self) -> RandomCameras:
@@ -136,43 +136,45 @@ class SkyGrid(Section):
 
 
 class NearLamps(SkyGrid):
-    """Lamps at a finite distance, as in POLAR's hall."""
+    """Lamps at a finite distance, as in the POLAR laboratory."""
 
     kind: Literal["lamp"] = Field(description="Lamps at a finite distance.")
     name: Name = "lamp"
     distance_m: PositiveFloat = Field(description="Distance of the lamp from `centre_m`, metres.")
     centre_m: Point = Field((0, 0, 0), description="Origin of azimuth, elevation and distance, metres.")
-    intensity: PositiveFloat = Field(1, description="Radiant intensity over that of POLAR's Sun lamp.")
-    radius_m: float = Field(0, ge=0, description="Radius of the lamp's disc, metres; 0: a point with sharp shadows.")
+    intensity: PositiveFloat = Field(1, description="Radiant intensity relative to POLAR's Sun lamp.")
+    radius_m: float = Field(0, ge=0, description="Radius of the lamp, metres; 0: a point lamp with sharp shadows.")
 
 
 class Suns(SkyGrid):
-    """Suns of 0.53 degrees."""
+    """Distant Sun with a diameter of 0.53 degrees."""
 
     kind: Literal["sun"] = Field(description="Suns in given directions.")
     name: Name = "sun"
-    intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
+    intensity: PositiveFloat = Field(1, description="Irradiance relative to POLAR's Sun lamp 4 m away.")
 
 
 class LunarSuns(Section):
-    """The Sun over a site on the Moon at moments of time."""
+    """The Sun over a site on the Moon at given times."""
 
     kind: Literal["lunar_sun"] = Field(description="The Sun over a site on the Moon.")
     name: Name = "moon"
     latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the site, degrees north.")
     longitude_deg: float = Field(ge=-180, le=360, description="Selenographic longitude of the site, degrees east.")
-    start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="Time of the first moment, UTC.")
-    number: PositiveInt = Field(1, description="Number of moments; those of night are omitted.")
-    every_h: PositiveFloat = Field(24, description="Time between two moments, hours.")
-    north_deg: Finite = Field(90, description="Direction of north, degrees from +X to +Y; at 90 east is +X.")
-    intensity: PositiveFloat = Field(1, description="Irradiance over that of POLAR's Sun lamp 4 m away.")
+    start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="First time, UTC.")
+    number: PositiveInt = Field(1, description="Number of times; nights are omitted.")
+    every_h: PositiveFloat = Field(24, description="Interval between times, hours.")
+    north_deg: Finite = Field(90, description="Direction of north, degrees from +X to +Y; 90: east is +X.")
+    intensity: PositiveFloat = Field(1, description="Irradiance relative to POLAR's Sun lamp 4 m away.")
 
 
 class RoverLight(Section):
-    """A point of light that moves with the camera."""
+    """Point lamp that moves with the camera."""
 
-    states: tuple[bool, ...] = Field((False,), min_length=1, description="States that are rendered: off, on, or both.")
-    intensity: PositiveFloat = Field(ROVER_LIGHT_SHARE, description="Radiant intensity over that of POLAR's Sun lamp.")
+    states: tuple[bool, ...] = Field(
+        (False,), min_length=1, description="States to render: false (off), true (on), or both."
+    )
+    intensity: PositiveFloat = Field(ROVER_LIGHT_SHARE, description="Radiant intensity relative to POLAR's Sun lamp.")
     from_camera_m: Point = Field(
         tuple(ROVER_LIGHT_FROM_LEFT.tolist()),
         description="Position in the frame of the (left) camera, metres: right, down, forward.",
@@ -180,10 +182,10 @@ class RoverLight(Section):
 
 
 class AutoExposure(Section):
-    """Rule of the exposure `auto`."""
+    """Automatic exposure."""
 
-    percentile: float = Field(95, gt=0, le=100, description="Percentile of the lit pixels that gets the grey value.")
-    grey: int = Field(3000, gt=16, le=4095, description="Grey value of that percentile, black level 16 included.")
+    percentile: float = Field(95, gt=0, le=100, description="Percentile of the lit pixels that is exposed to `grey`.")
+    grey: int = Field(3000, gt=16, le=4095, description="Target DN of the percentile, including black level 16.")
     shortest_ms: PositiveFloat = Field(1, description="Minimum exposure time, ms.")
     longest_ms: PositiveFloat = Field(8192, description="Maximum exposure time, ms.")
 
@@ -192,74 +194,74 @@ class StarField(Section):
     """Stars of the Hipparcos catalogue where no surface is visible."""
 
     intensity: float = Field(
-        1, ge=0, description="Flux over that of the real stars, which sunlit exposures hardly show."
+        1, ge=0, description="Flux relative to real stars, which are hardly visible in sunlit exposures."
     )
     faintest_mag: float = Field(FAINTEST_MAG, le=FAINTEST_MAG, ge=-1, description="Maximum magnitude Hp of the stars.")
 
 
 class Views(Section):
-    """Scenes, cameras and lights in metres of the sandbox frame: +X to azimuth 0, +Y to 90, +Z up."""
+    """Scenes, cameras and lights in the sandbox frame, metres: +X towards azimuth 0, +Y towards 90, +Z up."""
 
-    scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes; all cameras are used in each.")
+    scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes, each rendered with all cameras.")
     lens: RigLens | PinholeLens = Field(RigLens(), discriminator="kind", description="Lens of all cameras.")
     stereo: bool = Field(False, description="Add a right camera to every camera.")
     cameras: tuple[
         Annotated[PointCameras | OrbitCameras | PathCameras | RandomCameras, Field(discriminator="kind")], ...
     ] = Field(min_length=1, description="Cameras of all scenes.")
     lights: tuple[Annotated[NearLamps | Suns | LunarSuns, Field(discriminator="kind")], ...] = Field(
-        min_length=1, description="Lights; each picture has one."
+        min_length=1, description="Lights, one per image."
     )
-    rover_light: RoverLight = Field(RoverLight(), description="Light on the rover, in addition to the lamp.")
+    rover_light: RoverLight = Field(RoverLight(), description="Rover light, in addition to `lights`.")
     exposures_ms: tuple[PositiveFloat | Literal["auto"], ...] = Field(
         ("auto",), min_length=1, description="Exposure times, ms; auto: by `auto_exposure`."
     )
-    auto_exposure: AutoExposure = Field(AutoExposure(), description="Rule of the exposure `auto`.")
+    auto_exposure: AutoExposure = Field(AutoExposure(), description="Settings of the exposure `auto`.")
     combine: Literal["product", "zip"] = Field(
-        "product", description="Every camera under every light (product), or the n-th under the n-th (zip)."
+        "product", description="product: every camera under every light; zip: n-th camera under n-th light."
     )
     stars: StarField | None = Field(None, description="Stars in the background; none: black.")
     render: RenderOptions = Field(
-        RenderOptions(), description="Options as in a run's configuration; all `models` are rendered."
+        RenderOptions(), description="Options as in the configuration of a run; all `models` are rendered."
     )
 
     @model_validator(mode="after")
-    def _each_once(self) -> Views:
-        for what, values in (
+    def _check_duplicates(self) -> Views:
+        for key, values in (
             ("scenes: name", [scene.name for scene in self.scenes]),
             ("exposures_ms:", list(self.exposures_ms)),
             ("rover_light.states:", list(self.rover_light.states)),
             ("render.models:", list(self.render.models)),
         ):
-            twice = [value for number, value in enumerate(values) if value in values[:number]]
-            if twice:
-                raise ValueError(f"{what} {twice[0]!r} comes twice")
+            duplicates = [value for number, value in enumerate(values) if value in values[:number]]
+            if duplicates:
+                raise ValueError(f"{key} {duplicates[0]!r} is given twice")
         return self
 
 
 def read_views(path: str | Path) -> Views:
-    """Read a file of views. Relative paths start at its folder, or at the nearest folder above where they exist.
+    """Read a views file. Relative paths are relative to the file or to the nearest parent folder in which they exist.
 
     Raises
     ------
     ConfigError
-        No YAML, unknown or missing keys, impossible values: one line with the file and each key.
+        Invalid YAML, unknown or missing keys, or invalid values: one line with the file and each key.
     """
     views = read_model(path, Views, "the file")
     scenes = tuple(
-        scene.model_copy(update={"terrains": tuple(_found(part, "meshes", path) for part in scene.terrains)})
+        scene.model_copy(update={"terrains": tuple(_resolved(part, "meshes", path) for part in scene.terrains)})
         for scene in views.scenes
     )
     lens = views.lens
     if isinstance(lens, RigLens) and lens.localised is not None:
-        lens = _found(lens, "localised", path)
+        lens = _resolved(lens, "localised", path)
     return views.model_copy(update={"scenes": scenes, "lens": lens})
 
 
-def _found(part: AnyPart, name: str, file: str | Path) -> AnyPart:
-    """Return the part with one of its paths made relative to the working folder."""
+def _resolved(part: AnyPart, name: str, file: str | Path) -> AnyPart:
+    """Return the section with a path made relative to the working folder."""
     return part.model_copy(update={name: found_from(getattr(part, name), file)})
 
 
 def schema() -> str:
-    """JSON schema of files of views; `config/views.schema.json` holds it for editors."""
+    """Return the JSON schema of views files; `config/views.schema.json` contains it for editors."""
     return json.dumps(Views.model_json_schema(), indent=1, sort_keys=True) + "\n"

@@ -1,4 +1,4 @@
-"""The grid of novel views: its lights, and which camera meets which one, rover light on or off, model and exposure."""
+"""Grid of novel views: combinations of cameras, lights, rover light, reflectance models and exposures."""
 
 from __future__ import annotations
 
@@ -28,40 +28,40 @@ log = logging.getLogger("polarsim.render")
 
 @dataclass(frozen=True)
 class Light:
-    """One lamp of a picture, where it stands in the sky, and how the sky of stars lies over the sandbox."""
+    """Lamp of an image, with the direction in the sky and the orientation of the stars."""
 
     name: str
     lamp: Lamp
     azimuth_deg: float  # from +X towards +Y
     elevation_deg: float
-    moment_utc: str  # empty where the file names none
+    moment_utc: str  # empty if the views file has no time
     sandbox_from_celestial: np.ndarray  # (3, 3) rotation
 
 
 def lights_of(views: Views) -> list[Light]:
-    """All lights in the order of the file, names numbered on within each name; moments of lunar night are left out.
+    """Return all lights in the order of the views file, numbered within each name; lunar nights are omitted.
 
     Raises
     ------
     ConfigError
-        All moments are night.
+        The Sun is below the horizon at all times, or a light has the name of the rover light.
     """
     numbers: dict[str, int] = {}
-    found = []
+    lights = []
     for section in views.lights:
         for lamp, azimuth, elevation, moment, sky in _LAMPS[type(section)](section):
             number = numbers[section.name] = numbers.get(section.name, -1) + 1
             name = f"{section.name}-{number:03d}"
             if name.startswith(f"{ROVER}-"):
-                raise ConfigError(f"lights: name {section.name!r} is that of the rover light")
-            found.append(Light(name, lamp, azimuth, elevation, moment, sky))
-    if not found:
-        raise ConfigError("lights: the Sun is down at all moments")
-    return found
+                raise ConfigError(f"lights: the name {section.name!r} is reserved for the rover light")
+            lights.append(Light(name, lamp, azimuth, elevation, moment, sky))
+    if not lights:
+        raise ConfigError("lights: the Sun is below the horizon at all times")
+    return lights
 
 
 def rover_lamp(light: RoverLight, camera: NamedCamera) -> Lamp:
-    """The rover's light beside a camera; both cameras of a pair share one."""
+    """Return the rover light next to a camera; both cameras of a pair share the same light."""
     left_from_sandbox = camera.left_from_camera @ camera.world_from_camera.inverse()
     return Lamp(left_from_sandbox.inverse().apply(np.array(light.from_camera_m)), light.intensity)
 
@@ -89,9 +89,7 @@ def _lunar(section: LunarSuns) -> Iterator[PlannedLamp]:
         moment_text = moment.strftime("%Y-%m-%dT%H:%M:%SZ")
         compass, elevation = sun_over(*site, moment)
         if elevation < -SUN_RADIUS_DEG:
-            log.warning(
-                "%s, %s: left out, the Sun is %.1f deg below the horizon", section.name, moment_text, -elevation
-            )
+            log.warning("%s, %s: omitted, the Sun is %.1f deg below the horizon", section.name, moment_text, -elevation)
             continue
         azimuth = (section.north_deg - compass) % 360
         sky = sandbox_from_local @ local_from_celestial(*site, moment)
@@ -107,7 +105,7 @@ _LAMPS: dict[type, Callable[..., Iterator[PlannedLamp]]] = {NearLamps: _near, Su
 
 @dataclass(frozen=True)
 class Picture:
-    """One picture of the grid. Those of one scene, camera and light share their labels: its `ground_truth`."""
+    """An image of the grid. Images with equal scene, camera and light share labels, named by `ground_truth`."""
 
     number: int  # index in the grid, from 0
     scene: Ensemble
@@ -134,16 +132,16 @@ class Picture:
         return self.camera.lens.width, self.camera.lens.height
 
     def lamps(self, views: Views) -> dict[str, Lamp]:
-        """The lamps that are on; the first throws the labelled shadows."""
+        """Return the lamps that are on; the first casts the labelled shadows."""
         rover = {ROVER: rover_lamp(views.rover_light, self.camera)} if self.rover else {}
         return {self.light.name: self.light.lamp, **rover}
 
     def shot(self, views: Views, exposure_ms: float) -> Shot:
-        """What makes the picture, at an exposure."""
+        """Return the shot of the image at an exposure time, ms."""
         return Shot(self.camera, self.lamps(views), exposure_ms, self.model)
 
     def columns(self) -> dict[str, Any]:
-        """What the index and the COCO file say of it, besides its exposure."""
+        """Return the columns of the image in the index and the COCO file, except the exposure."""
         return {
             "scene": self.scene.name,
             "camera": self.camera.name,
@@ -154,14 +152,14 @@ class Picture:
 
 
 def plan(views: Views, scale: float = 1.0) -> list[Picture]:
-    """All pictures: by scene, camera, light, rover light, model, exposure.
+    """Return all images, ordered by scene, camera, light, rover light, model and exposure.
 
     Raises
     ------
     ConfigError
-        With `zip`, other numbers of cameras than of lights; two exposures that no file name tells apart.
+        With `zip`: the numbers of cameras and lights differ. Two exposures have the same file name.
     FormatError
-        Meshes are missing or broken.
+        Meshes are missing or invalid.
     """
     lights = lights_of(views)
     exposures = [exposure if isinstance(exposure, float) else None for exposure in views.exposures_ms]
@@ -178,7 +176,7 @@ def plan(views: Views, scale: float = 1.0) -> list[Picture]:
     names: set[str] = set()
     for picture in pictures:
         if picture.name in names:
-            raise ConfigError(f"two pictures would be {picture.name}.png")
+            raise ConfigError(f"two images would have the same file name {picture.name}.png")
         names.add(picture.name)
     return pictures
 
@@ -191,7 +189,7 @@ def _pairs(
     sides = 2 if views.stereo else 1
     viewpoints = len(cameras) // sides
     if viewpoints != len(lights) and 1 not in (viewpoints, len(lights)):
-        raise ConfigError(f"combine: zip of {viewpoints} cameras with {len(lights)} lights, expected as many, or one")
+        raise ConfigError(f"combine: zip of {viewpoints} cameras and {len(lights)} lights, expected equal numbers or 1")
     number = max(viewpoints, len(lights))
     return (
         (cameras[side + sides * (step % viewpoints)], lights[step % len(lights)])

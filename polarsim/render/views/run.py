@@ -1,4 +1,4 @@
-"""From a file of views to a folder of labelled pictures; what is there already is not made again."""
+"""Rendering of novel views to a folder of labelled images; existing up-to-date images are not rendered again."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from polarsim.render.views.plan import Picture, plan
 from polarsim.render.views.stars import Sky, sky_images, sky_of
 
 log = logging.getLogger("polarsim.render")
-_IMAGES = 24  # that are shaded at once: bounds memory
-Labels = dict[str, list[coco.Annotation]]  # by the name of their instance map
+_IMAGES = 24  # maximum OLAT images in memory
+Labels = dict[str, list[coco.Annotation]]  # by the name of the instance map
 
 
 def render_views(
@@ -39,32 +39,34 @@ def render_views(
     preview: bool = False,
     threads: int = 1,
 ) -> tuple[int, int]:
-    """Write the pictures of the grid, or the first `limit` of them, with their labels; return how many, and new ones.
+    """Render the images of the grid, or the first `limit`, with labels; return the numbers of all and of new images.
 
-    Pictures that are there with the same sidecar stay. Rays are cast once a camera, shading is computed once a light
+    Existing images with an equal sidecar are kept. Rays are cast once per camera; shading is computed once per light
     and model. The bytes do not depend on `threads`.
 
     Parameters
     ----------
     tone
-        From 12 bits to eight, for the contact sheet, and for the pictures themselves with `preview`.
+        Conversion from 12 to 8 bits, for the contact sheet and, with `preview`, for the images.
     scale
-        Size of the pictures over that of the lens.
+        Scale of the images relative to the lens.
 
     Raises
     ------
     ConfigError, FormatError, RenderError
-        Views that cannot be, missing or broken meshes, an engine that cannot be loaded.
+        Impossible views, missing or invalid meshes, an engine that cannot be loaded.
     """
     grid = plan(views, scale)
-    _warn_of_strangers(out, grid)
+    _warn_of_other_images(out, grid)
     chosen = grid[:limit]
     job = Job(views, out, preview, tone, Sheet([picture.name for picture in chosen], chosen[0].size, tone))
-    exposures = {picture.name: found for picture in chosen if (found := job.found(picture)) is not None}
-    there = set(exposures)
-    units = unit_starts([picture for picture in chosen if picture.name not in there], len(views.render.models))
+    exposures = {
+        picture.name: exposure for picture in chosen if (exposure := job.existing_exposure(picture)) is not None
+    }
+    existing = set(exposures)
+    units = unit_starts([picture for picture in chosen if picture.name not in existing], len(views.render.models))
     labels: Labels = {}
-    coming: dict[str, Future[float]] = {}
+    pending: dict[str, Future[float]] = {}
     sky = sky_of(views.stars) if views.stars else None
     pool = ThreadPoolExecutor(threads)
     try:
@@ -72,28 +74,28 @@ def render_views(
             name = picture.name
             if name in units:
                 write = _render(job, units[name], sky, labels, threads)
-                coming |= {each.name: pool.submit(write, each) for each in units[name]}
-            if name in there:
-                _take_in(job, picture, labels)
+                pending |= {each.name: pool.submit(write, each) for each in units[name]}
+            if name in existing:
+                _read_existing(job, picture, labels)
             else:
-                exposures[name] = coming.pop(name).result()
+                exposures[name] = pending.pop(name).result()
     finally:
         pool.shutdown(cancel_futures=True)
     write_listing(out, [(picture, exposures[picture.name], labels[picture.ground_truth]) for picture in chosen])
     job.sheet.write(out / "contact.jpg")
-    return len(chosen), len(chosen) - len(there)
+    return len(chosen), len(chosen) - len(existing)
 
 
 def unit_starts(pictures: Sequence[Picture], models: int) -> dict[str, list[Picture]]:
-    """Pictures that are rendered together, by the name of the first: one camera, as many lights as memory allows."""
+    """Group images to render together, by the name of the first: one camera, as many lights as memory allows."""
     units: dict[str, list[Picture]] = {}
-    most = max(1, _IMAGES // models)
+    max_lights = max(1, _IMAGES // models)
     current: tuple[str, str] | None = None
     lights: set[str] = set()
     for picture in pictures:
-        own = (picture.scene.name, picture.camera.name)
-        if own != current or (picture.light.name not in lights and len(lights) == most):
-            current, lights = own, set()
+        camera = (picture.scene.name, picture.camera.name)
+        if camera != current or (picture.light.name not in lights and len(lights) == max_lights):
+            current, lights = camera, set()
             unit = units[picture.name] = []
         lights.add(picture.light.name)
         unit.append(picture)
@@ -103,9 +105,9 @@ def unit_starts(pictures: Sequence[Picture], models: int) -> dict[str, list[Pict
 def _render(
     job: Job, unit: Sequence[Picture], sky: Sky | None, labels: Labels, threads: int
 ) -> Callable[[Picture], float]:
-    """Render what the pictures of a unit are sums of, write its instance maps, and add its labels to `labels`.
+    """Render the OLAT images of a unit, write the instance maps, and add the labels to `labels`.
 
-    The function that is returned writes a picture of the unit and tells its exposure in ms.
+    The returned function writes an image of the unit and returns the exposure time, ms.
     """
     views, scene, camera = job.views, unit[0].scene, unit[0].camera
     lights = {picture.light.name: picture for picture in unit}
@@ -137,31 +139,31 @@ def _render(
 
 
 def _labels(picture: Picture, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
-    """Labels of an instance map (h, w), whole rocks among them: the same whether it was rendered now or found."""
+    """Return the labels of an instance map (h, w), including amodal masks."""
     hidden = hidden_parts(picture.scene.surfaces, picture.camera, ids)
     return annotations_of(ids, options, whole_rocks(ids, hidden, options))
 
 
-def _take_in(job: Job, picture: Picture, labels: Labels) -> None:
-    """Take a picture that is there onto the sheet, and its labels, from its instance map."""
+def _read_existing(job: Job, picture: Picture, labels: Labels) -> None:
+    """Add the labels of an existing image, from the instance map, and the image to the contact sheet."""
     if picture.ground_truth not in labels:
         ids = png.read(job.path("instances", picture.ground_truth))
         labels[picture.ground_truth] = _labels(picture, ids, job.views.render)
-    if job.sheet.wants(picture.name):
+    if picture.name in job.sheet:
         job.sheet.add(picture.name, png.read(job.path("images", picture.name)), labels[picture.ground_truth])
 
 
-def _warn_of_strangers(out: Path, grid: Sequence[Picture]) -> None:
+def _warn_of_other_images(out: Path, grid: Sequence[Picture]) -> None:
     names = {f"{picture.name}.png" for picture in grid}
-    strangers = [path.name for path in sorted((out / "images").glob("*.png")) if path.name not in names]
-    if strangers:
-        log.warning("%s: %d pictures are not of these views, such as %s", out / "images", len(strangers), strangers[0])
+    others = [path.name for path in sorted((out / "images").glob("*.png")) if path.name not in names]
+    if others:
+        log.warning("%s: %d images do not belong to these views, e.g. %s", out / "images", len(others), others[0])
 
 
 def auto_exposure(radiance: np.ndarray, gain: float, options: AutoExposure) -> float:
-    """Exposure, ms, that gives the percentile of the lit pixels of a radiance (h, w) the stated grey value.
+    """Return the exposure, ms, at which the percentile of the lit pixels of radiance (h, w) has the grey value `grey`.
 
-    Of a picture without light it is the longest. `gain`: grey values per ms and unit radiance.
+    An image without light gets `longest_ms`. `gain`: DN per ms per unit radiance.
     """
     lit = radiance[lit_pixels(radiance)]
     if not len(lit):

@@ -1,4 +1,4 @@
-"""Terrains side by side as one scene, with rocks numbered so that no two share an id."""
+"""Scenes of several terrains, with unique rock ids."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 @dataclass(frozen=True)
 class PosedTerrain:
-    """One terrain of a scene."""
+    """A terrain with a pose in a scene."""
 
     section: TerrainPart
     scene: Scene
@@ -30,13 +30,12 @@ class PosedTerrain:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        own = self.scene.surfaces
-        pose = self.scene_from_terrain
-        return replace(own, vertices=pose.apply(own.vertices), normals=pose.rotate(own.normals))
+        surfaces, pose = self.scene.surfaces, self.scene_from_terrain
+        return replace(surfaces, vertices=pose.apply(surfaces.vertices), normals=pose.rotate(surfaces.normals))
 
 
 class Ensemble:
-    """The terrains of a scene under given options, read once for all its pictures."""
+    """Terrains of a scene with render options; the meshes are read once for all images."""
 
     def __init__(self, section: SceneSection, options: RenderOptions) -> None:
         """
@@ -50,12 +49,12 @@ class Ensemble:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """All surfaces as one.
+        """Surfaces of all terrains, concatenated.
 
         Raises
         ------
         RenderError
-            More rocks than instance maps have ids for.
+            The scene has more rocks than instance maps have ids.
         """
         parts = [part.surfaces for part in self.parts]
         if len(parts) == 1:
@@ -73,21 +72,21 @@ class Ensemble:
 
     @cached_property
     def rocks(self) -> dict[int, tuple[int, int]]:
-        """Rock id in the scene -> index of the terrain in the scene's list, and the rock's id there.
+        """Rock id in the scene -> index of the terrain in the scene, and rock id in the terrain.
 
-        A terrain alone keeps its ids. Of several terrains rocks are numbered from 1 on, in the order of terrains and
-        ids: instance maps have room for 999.
+        The rock ids of a single terrain are unchanged. Rocks of several terrains are numbered from 1, in the order of
+        terrains and ids; instance maps support at most 999.
         """
-        own = [(number, rock) for number, part in enumerate(self.parts) for rock in _rocks(part.surfaces)]
+        rocks = [(number, rock) for number, part in enumerate(self.parts) for rock in _rocks(part.surfaces)]
         if len(self.parts) == 1:
-            return {rock: (number, rock) for number, rock in own}
-        most = SHADOW_IDS - ROCK_IDS - 1
-        if len(own) > most:
-            raise RenderError(f"scene {self.name}: {len(own)} rocks, instance maps have ids for {most}")
-        return dict(enumerate(own, 1))
+            return {rock: (number, rock) for number, rock in rocks}
+        limit = SHADOW_IDS - ROCK_IDS - 1
+        if len(rocks) > limit:
+            raise RenderError(f"scene {self.name}: {len(rocks)} rocks, instance maps support at most {limit}")
+        return dict(enumerate(rocks, 1))
 
     def heights(self, points: np.ndarray) -> np.ndarray:
-        """(n,) height of the highest surface at points (n, 2), metres; -inf where there is none."""
+        """Return the height (n,) of the highest surface at points (n, 2), metres; -inf without surface."""
         top = float(self.surfaces.vertices[:, 2].max()) + 1.0
         origins = np.column_stack([points, np.full(len(points), top)])
         distance, face = self.surfaces.all.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(points), 1)))
