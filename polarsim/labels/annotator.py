@@ -28,9 +28,9 @@ EDGE_TERMS = (  # far: edge at the tip of the shadow; near: at the rock; side: p
     "near label", "side label",  # share of the distance between the edges of the label and the projected mesh
 )  # fmt: skip
 ROVER_LIGHT_TERMS = ("all", "share here", "share elsewhere", "small", "far m")
-PRESENCE = 0.45  # minimum probability of a label, maximises F1
+MIN_PROBABILITY = 0.45  # minimum probability of a label, maximises F1
 LARGE_PX = 50.0  # sqrt(area) above which the size has no effect
-USUAL_M = 3.5  # approximate distance of the centre of the sandbox
+CENTRE_DISTANCE_M = 3.5  # approximate distance of the centre of the sandbox
 PACKAGED = Path(__file__).with_suffix(".json")
 
 
@@ -61,7 +61,7 @@ class Annotator:
         return float(1 / (1 + np.exp(-terms @ np.asarray(self.rover_light))))
 
 
-GEOMETRY_ALONE = Annotator((0.0,) * len(EDGE_TERMS), (0.0,) * len(ROVER_LIGHT_TERMS))  # keeps cast shadows unchanged
+NO_HABITS = Annotator((0.0,) * len(EDGE_TERMS), (0.0,) * len(ROVER_LIGHT_TERMS))  # keeps cast shadows unchanged
 
 
 @cache
@@ -76,10 +76,12 @@ def read_annotator(path: Path = PACKAGED) -> Annotator:
     content = json.loads(path.read_text(encoding="utf-8"))
     values = []
     for rule, terms in (("shadow_edges", EDGE_TERMS), ("rover_light", ROVER_LIGHT_TERMS)):
-        found: Mapping[str, float] = content[rule]["coefficients"]
-        if set(found) != set(terms):
-            raise FormatError(f"coefficients of {rule}: {', '.join(found)}; expected {', '.join(terms)}", path=path)
-        values.append(tuple(float(found[term]) for term in terms))
+        coefficients: Mapping[str, float] = content[rule]["coefficients"]
+        if set(coefficients) != set(terms):
+            raise FormatError(
+                f"coefficients of {rule}: {', '.join(coefficients)}; expected {', '.join(terms)}", path=path
+            )
+        values.append(tuple(float(coefficients[term]) for term in terms))
     return Annotator(*values)
 
 
@@ -111,4 +113,4 @@ def rover_light_terms(share: float, elsewhere: float, size_px: float, distance_m
         Distance from the camera to the rock.
     """
     small = min(np.log(max(size_px, 1.0) / LARGE_PX), 0.0)
-    return np.array([1.0, share - 1, elsewhere - 1, small, distance_m - USUAL_M])
+    return np.array([1.0, share - 1, elsewhere - 1, small, distance_m - CENTRE_DISTANCE_M])

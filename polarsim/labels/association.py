@@ -17,13 +17,13 @@ from polarsim.geometry.boxes import MATCH_GATE_PX, iou, match, match_nearest, pa
 from polarsim.geometry.camera import Camera
 from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
 from polarsim.labels.projection import ground_depth, move_rocks, project_rock
-from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, cameras_first
+from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, sort_by_camera
 from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, Azimuth, CameraSide
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 
 SAME_ROCK_IOU = 0.3  # minimum IoU of boxes of the same rock in two azimuths
-SAME_POSITION = 0.06  # metres: two stand-ins closer than this, or than the larger radius, are the same rock
+SAME_DOME_M = 0.06  # metres: two stand-ins closer than this, or than the larger radius, are the same rock
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ def match_ids(
     boxes: np.ndarray, expected: np.ndarray, ids: Sequence[int], gate_px: float, smallest_iou: float = 0.2
 ) -> np.ndarray:
     """Return the id (n,) of the expected box (m, 4) that `match_nearest` pairs with each box (n, 4); else NO_ROCK."""
-    found = np.full(len(boxes), NO_ROCK)
+    matched = np.full(len(boxes), NO_ROCK)
     rows, columns = match_nearest(boxes, expected, gate_px, smallest_iou)
-    found[rows] = np.array(ids, int)[columns]
-    return found
+    matched[rows] = np.array(ids, int)[columns]
+    return matched
 
 
-def dome_behind(world: World, view: Camera, box: np.ndarray) -> Dome | None:
+def fit_dome(world: World, view: Camera, box: np.ndarray) -> Dome | None:
     """Return the dome whose outline fills a box (4,); None if the bottom of the box is above the horizon.
 
     For a camera pitched down by p, the outline of a dome of radius a and height h has the angular height of
@@ -107,31 +107,32 @@ def number_domes(
     """
     members: dict[int, list[Dome]] = {}
     numbers: list[list[int]] = []
-    following = first
+    next_number = first
     for domes in domes_of_views:
-        known = sorted(number for number, stood in members.items() if stood)
-        apart = np.array([[_apart(dome, members[number]) for number in known] for dome in domes])
-        apart = apart.reshape(len(domes), len(known))
-        rows, columns = pairs(-apart, np.isfinite(apart))
-        taken = {int(row): known[column] for row, column in zip(rows, columns, strict=True)}
-        own = []
+        candidates = sorted(number for number, same_rock in members.items() if same_rock)
+        distance = np.array([[_distance(dome, members[number]) for number in candidates] for dome in domes])
+        distance = distance.reshape(len(domes), len(candidates))
+        rows, columns = pairs(-distance, np.isfinite(distance))
+        matched = {int(row): candidates[column] for row, column in zip(rows, columns, strict=True)}
+        view_numbers = []
         for row, dome in enumerate(domes):
-            number = taken.get(row, following)
-            following += row not in taken
+            number = matched.get(row, next_number)
+            next_number += row not in matched
             members.setdefault(number, [])
             if dome is not None:
                 members[number].append(dome)
-            own.append(number)
-        numbers.append(own)
-    return numbers, {number: _mean_dome(stood) for number, stood in members.items() if stood}
+            view_numbers.append(number)
+        numbers.append(view_numbers)
+    return numbers, {number: _mean_dome(same_rock) for number, same_rock in members.items() if same_rock}
 
 
-def _apart(dome: Dome | None, others: list[Dome]) -> float:
+def _distance(dome: Dome | None, members: list[Dome]) -> float:
+    """Return the distance of a dome to the mean of domes of one rock, metres; inf if too far to be the same rock."""
     if dome is None:
         return np.inf
-    other = _mean_dome(others)
-    distance = float(np.linalg.norm(dome.foot[:2] - other.foot[:2]))
-    return distance if distance < max(SAME_POSITION, dome.radius, other.radius) else np.inf
+    mean = _mean_dome(members)
+    distance = float(np.linalg.norm(dome.foot[:2] - mean.foot[:2]))
+    return distance if distance < max(SAME_DOME_M, dome.radius, mean.radius) else np.inf
 
 
 def _mean_dome(domes: list[Dome]) -> Dome:
@@ -153,11 +154,11 @@ class Known:
     seeds: Seeds
     tracks: dict[str, list[Track]]
     rocks: dict[str, np.ndarray]  # by position: (tracks,) rock ids
-    apart: Mapping[str, Known] = field(default_factory=dict)  # positions with unverified poses, separated
+    unverified: Mapping[str, Known] = field(default_factory=dict)  # positions with unverified poses, separated
 
     def of(self, position: str) -> Known:
         """Return the rocks for a position; only from the annotations of the position if its pose is unverified."""
-        return self.apart.get(position, self)
+        return self.unverified.get(position, self)
 
 
 def gather(
@@ -174,15 +175,17 @@ def gather(
     """
     world, bare = build_worlds(terrain, localised, suns, wall_height)
     located = {position: rig for position, rig in localised.items() if not rig.unproven}
-    known = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK)
-    apart: dict[str, Known] = {}
+    terrain_rocks = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK)
+    separate: dict[str, Known] = {}
     if len(located) < len(localised):
         ground = terrain.ground()
-        following = max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in known.rocks.values() for rock in ids)]) + 1
+        next_number = (
+            max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in terrain_rocks.rocks.values() for rock in ids)]) + 1
+        )
         for position in sorted(set(localised) - set(located)):
-            apart[position] = _gathered(ground, bare, {position: localised[position]}, seeds, following)
-            following += len(apart[position].rocks.get(position, ()))
-    return replace(known, localised=localised, apart=apart)
+            separate[position] = _gathered(ground, bare, {position: localised[position]}, seeds, next_number)
+            next_number += len(separate[position].rocks.get(position, ()))
+    return replace(terrain_rocks, localised=localised, unverified=separate)
 
 
 def _gathered(
@@ -193,18 +196,18 @@ def _gathered(
     matched: dict[str, np.ndarray] = {}
     domes = []
     for position in sorted(set(localised) & set(seeds)):
-        side = cameras_first(list(seeds[position]))[0][0]
+        side = sort_by_camera(list(seeds[position]))[0][0]
         view = localised[position].camera(side)
         boxes = _in_one_camera(world, localised[position], side, seeds[position])
         tracks[position] = find_tracks(boxes)
         annotated = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
-        shown = {rock: found for rock in world.bodies if (found := project_rock(world, view, rock))}
-        expected = np.array([found.box for found in shown.values()]).reshape(-1, 4)
-        matched[position] = match_ids(annotated, expected, list(shown), MATCH_GATE_PX)
-        domes.append([dome_behind(world, view, box) for box in annotated[matched[position] == NO_ROCK]])
+        projected = {rock: shape for rock in world.bodies if (shape := project_rock(world, view, rock))}
+        expected = np.array([shape.box for shape in projected.values()]).reshape(-1, 4)
+        matched[position] = match_ids(annotated, expected, list(projected), MATCH_GATE_PX)
+        domes.append([fit_dome(world, view, box) for box in annotated[matched[position] == NO_ROCK]])
     numbers, stand_ins = number_domes(domes, first)
-    for position, own in zip(tracks, numbers, strict=True):
-        matched[position][matched[position] == NO_ROCK] = own
+    for position, stand_in_ids in zip(tracks, numbers, strict=True):
+        matched[position][matched[position] == NO_ROCK] = stand_in_ids
     return Known(terrain, stand_ins, with_domes(world, stand_ins), localised, seeds, tracks, matched)
 
 
@@ -213,9 +216,9 @@ def _in_one_camera(
 ) -> dict[DrawingKey, np.ndarray]:
     """Return rock boxes (n, 4) of both cameras in the image of one camera, shifted like the ground below the boxes."""
     moved = {}
-    for (own, azimuth), annotated in drawings.items():
-        boxes, nameless = annotated.rocks, np.full(len(annotated.rocks), NO_ROCK)
-        if own != side:
-            boxes = move_rocks(world, localised.camera(own), localised.camera(side), boxes, nameless)
-        moved[own, azimuth] = boxes
+    for (camera, azimuth), annotated in drawings.items():
+        boxes, no_ids = annotated.rocks, np.full(len(annotated.rocks), NO_ROCK)
+        if camera != side:
+            boxes = move_rocks(world, localised.camera(camera), localised.camera(side), boxes, no_ids)
+        moved[camera, azimuth] = boxes
     return moved

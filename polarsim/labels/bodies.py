@@ -18,7 +18,7 @@ from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above all objects in the sandbox
 CONTACT = 1e-3  # metres: maximum depth below the ground at which a vertex belongs to the visible foot of a rock
-SURELY_CLEAR = 1e-3  # metres: margin of bounding spheres, larger than the error of single-precision rays
+SPHERE_MARGIN = 1e-3  # metres: margin of bounding spheres, larger than the error of single-precision rays
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ class World:
         hidden = self._passes_another(eye, directions, rock)
         passing = np.flatnonzero(hidden)
         distance, face = self.rocks.nearest(np.broadcast_to(eye, (len(passing), 3)), directions[passing])
-        other = self.rock_of_rocks_face[face]
-        hidden[passing] = (distance < 1) & (other != rock) & (other != NO_ROCK)
+        hit_rock = self.rock_of_rocks_face[face]
+        hidden[passing] = (distance < 1) & (hit_rock != rock) & (hit_rock != NO_ROCK)
         if self.walls is None:
             return hidden
         return hidden | self.walls.occluded(np.broadcast_to(eye, points.shape), directions, 1.0)
@@ -128,7 +128,7 @@ class World:
         middle = directions.mean(axis=0)
         cone = _half_angle(middle, float(np.sqrt(((directions - middle) ** 2).sum(axis=1).max())))
         for other, body in self.bodies.items():
-            towards, radius = body.centre - eye, body.radius + SURELY_CLEAR
+            towards, radius = body.centre - eye, body.radius + SPHERE_MARGIN
             if other != rock and _angle(middle, towards) <= cone + _half_angle(towards, radius):
                 # The line misses the sphere if |d x c|^2 = |d|^2 |c|^2 - (d . c)^2 > |d|^2 r^2.
                 passes |= (directions @ towards) ** 2 >= squared * (towards @ towards - radius**2)
@@ -187,13 +187,13 @@ def build_world(
     rock_of_face = terrain.rock_of_face.copy()
     bodies: dict[int, Body] = {}
     for rock in terrain.rocks:
-        own = np.flatnonzero(rock_of_face == rock)
-        used, corner = np.unique(terrain.faces[own], return_inverse=True)
+        rock_faces = np.flatnonzero(rock_of_face == rock)
+        used, corner = np.unique(terrain.faces[rock_faces], return_inverse=True)
         vertices = terrain.vertices[used]
         height = _height_above(ground, level, vertices)
         low = min(trim, TRIM_SHARE * float(height.max()))
         bodies[rock] = Body(vertices, height > -CONTACT, height > low, meshed=True)
-        rock_of_face[own[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
+        rock_of_face[rock_faces[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
     of_rock = rock_of_face != NO_ROCK
     return World(
         bodies,
@@ -219,13 +219,13 @@ def with_domes(world: World, domes: dict[int, Dome]) -> World:
     vertices, faces, rock_of_face = [], [], []
     count = 0
     for rock, dome in sorted(domes.items()):
-        own, corners = dome.mesh()
-        standing = np.ones(len(own), bool)
-        bodies[rock] = Body(own, standing, standing, meshed=False)
-        vertices.append(own)
+        dome_vertices, corners = dome.mesh()
+        standing = np.ones(len(dome_vertices), bool)
+        bodies[rock] = Body(dome_vertices, standing, standing, meshed=False)
+        vertices.append(dome_vertices)
         faces.append(corners + count)
         rock_of_face.append(np.full(len(corners), rock))
-        count += len(own)
+        count += len(dome_vertices)
     added, rocks = caster(np.concatenate(vertices), np.concatenate(faces)), np.concatenate(rock_of_face)
     return replace(
         world,

@@ -34,12 +34,12 @@ from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 log = logging.getLogger("polarsim")
 
 READ_NOISE_DN = READ_NOISE_ELECTRONS / ELECTRONS_PER_DN
-KEPT_BRACKETS = 4  # number of brackets in memory, 10 MB each
-FULL = WHITE_LEVEL - BLACK_LEVEL - 100.0  # signal above which a pixel may be clipped
+CACHED_BRACKETS = 4  # number of brackets in memory, 10 MB each
+CLIPPED_DN = WHITE_LEVEL - BLACK_LEVEL - 100.0  # signal above which a pixel may be clipped
 LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # cosine of incidence at the centre
-STRAY = 0.01  # share of the light of a lamp that arrives uniformly from the sky
+SKY_SHARE = 0.01  # share of the light of a lamp that arrives uniformly from the sky
 STEP_PX = 2  # pixel step of OLAT images, fine enough for the contrast of boxes
-KEPT_VIEWS = 2  # number of views in memory, 5 MB for each lamp
+CACHED_VIEWS = 2  # number of views in memory, 5 MB for each lamp
 
 
 @dataclass(frozen=True)
@@ -69,21 +69,21 @@ class Photos:
             bracket: [(key.exposure_ms, pictures[key]) for key in keys]
             for bracket, keys in by_bracket(pictures).items()
         }
-        self.brightness = lru_cache(maxsize=KEPT_BRACKETS)(self._brightness)
+        self.brightness = lru_cache(maxsize=CACHED_BRACKETS)(self._brightness)
 
     def _brightness(self, bracket: Bracket) -> Brightness | None:
         """Return each pixel from the longest exposure in which it is not clipped; None without a readable photo."""
         rate: np.ndarray | None = None
-        found = []
+        exposures = []
         for exposure, path in self._brackets.get(bracket, ()):
             try:
                 signal = png.read_photo(path).astype(np.float32) - BLACK_LEVEL
             except PolarsimError as error:
                 log.warning("%s: photo skipped in the propagation of labels", error)
                 continue
-            rate = signal / exposure if rate is None else np.where(signal < FULL, signal / exposure, rate)
-            found.append(exposure)
-        return None if rate is None else Brightness(rate, tuple(found))
+            rate = signal / exposure if rate is None else np.where(signal < CLIPPED_DN, signal / exposure, rate)
+            exposures.append(exposure)
+        return None if rate is None else Brightness(rate, tuple(exposures))
 
 
 @dataclass(frozen=True)
@@ -95,58 +95,58 @@ class VisibleSurface:
     normals: np.ndarray
 
 
-class OlatLight:
+class OlatBrightness:
     """Brightness like `Photos`, computed from meshes, stand-ins and lamps."""
 
-    def __init__(self, known: Known) -> None:
-        self.known = known
-        self._seen = lru_cache(maxsize=KEPT_VIEWS)(self._look)
-        self._olat_image = lru_cache(maxsize=KEPT_VIEWS * (len(SUN_LAMPS) + 1))(self._lit)
+    def __init__(self, terrain_rocks: Known) -> None:
+        self.terrain_rocks = terrain_rocks
+        self._surface = lru_cache(maxsize=CACHED_VIEWS)(self._visible_surface)
+        self._olat_image = lru_cache(maxsize=CACHED_VIEWS * (len(SUN_LAMPS) + 1))(self._lit)
 
     def brightness(self, bracket: Bracket) -> Brightness | None:
         """Return the sum of the OLAT images of the active lamps, without exposures; None if the pose is unverified."""
         _, position, light, azimuth, camera = bracket
-        if position in self.known.apart:
+        if position in self.terrain_rocks.unverified:
             return None
         olat_images = [self._olat_image(position, camera, azimuth)] if azimuth != "no" else []
         if light == "on":
             olat_images.append(ROVER_LIGHT_SHARE * self._olat_image(position, camera, "no"))
-        rate = sum(olat_images, np.zeros(self._seen(position, camera).hit.shape, np.float32))
+        rate = sum(olat_images, np.zeros(self._surface(position, camera).hit.shape, np.float32))
         return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
 
-    def _look(self, position: str, camera: CameraSide) -> VisibleSurface:
-        world, view = self.known.world, self.known.localised[position].camera(camera)
+    def _visible_surface(self, position: str, camera: CameraSide) -> VisibleSurface:
+        world, view = self.terrain_rocks.world, self.terrain_rocks.localised[position].camera(camera)
         width, height = view.size
         columns, rows = (np.arange(STEP_PX / 2, length, STEP_PX) for length in (width, height))
-        seen = sightlines(world, view, rows, columns)
-        hit, directions = seen.hit, seen.directions[seen.hit]
-        normals = self._normals[seen.face[hit]]
+        rays = sightlines(world, view, rows, columns)
+        hit, directions = rays.hit, rays.directions[rays.hit]
+        normals = self._normals[rays.face[hit]]
         away = (normals * directions).sum(axis=1) > 0
-        points = view.centre + seen.distance[hit, None] * directions
+        points = view.centre + rays.distance[hit, None] * directions
         return VisibleSurface(hit.reshape(len(rows), len(columns)), points, np.where(away[:, None], -normals, normals))
 
     def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
         """Return grey values per millisecond (h, w) float32 under a Sun lamp or a rover light of equal intensity."""
-        world, seen = self.known.world, self._seen(position, camera)
-        rover = self.known.localised[position].rover_light
-        to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - seen.points
-        cosine = np.einsum("nk,nk->n", seen.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
+        world, surface = self.terrain_rocks.world, self._surface(position, camera)
+        rover = self.terrain_rocks.localised[position].rover_light
+        to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - surface.points
+        cosine = np.einsum("nk,nk->n", surface.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
         facing = np.flatnonzero(cosine > 0)
-        lit = facing[~world.everything.occluded(seen.points[facing], to_lamp[facing], 1.0)]
+        lit = facing[~world.everything.occluded(surface.points[facing], to_lamp[facing], 1.0)]
         if world.walls is not None:
-            lit = lit[~world.walls.occluded(seen.points[lit], to_lamp[lit], 1.0)]
-        light = STRAY / 2 * (1 + seen.normals[:, 2])
+            lit = lit[~world.walls.occluded(surface.points[lit], to_lamp[lit], 1.0)]
+        light = SKY_SHARE / 2 * (1 + surface.normals[:, 2])
         light[lit] += cosine[lit]
-        olat_image = np.zeros(seen.hit.shape, np.float32)
-        olat_image[seen.hit] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
+        olat_image = np.zeros(surface.hit.shape, np.float32)
+        olat_image[surface.hit] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
         return olat_image
 
     @cached_property
     def _normals(self) -> np.ndarray:
         """Unit normals (f, 3) of the faces of `World.everything`: terrain, then stand-ins."""
-        mesh = self.known.terrain
+        mesh = self.terrain_rocks.terrain
         corners = [mesh.vertices[mesh.faces]]
-        for _, dome in sorted(self.known.domes.items()):
+        for _, dome in sorted(self.terrain_rocks.domes.items()):
             vertices, faces = dome.mesh()
             corners.append(vertices[faces])
         a, b, c = np.concatenate(corners).swapaxes(0, 1)

@@ -30,15 +30,15 @@ LEVEL = 0.5  # level of the shadow edge between the brightness of shadow (0) and
 REACH, REACH_PX = 0.06, 4.0  # maximum error of a cast shadow: relative to sqrt(width * height), plus pixels
 STREAK_PX = 5  # dark streaks thinner than this are relief of the ground
 SMOOTH_PX = 3  # side of the window over which brightness is averaged
-LIKE_SIZE = 2.5  # maximum ratio of the areas of the dark region and the cast shadow
-CORE_SHARE = 0.15  # minimum share of a dark region covered by the cast shadow
+MAX_AREA_RATIO = 2.5  # maximum ratio of the areas of the dark region and the cast shadow
+MIN_COVERED_SHARE = 0.15  # minimum share of a dark region covered by the cast shadow
 
 # Edge of the shadow of a wall.
 WALL_STEP = 0.01  # step of the tested wall heights, metres
 WALL_RANGE = (0.4, 1.8)  # range of the tested wall heights relative to the nominal height
 WALL_BAND = 0.04  # height of the bands below and above the edge that are compared, metres
-FEWEST_IN_BAND = 50  # minimum number of samples in a band
-WALL_CLEAR = 1.6  # minimum ratio of the brightness above and below the edge
+MIN_BAND_SAMPLES = 50  # minimum number of samples in a band
+MIN_WALL_RATIO = 1.6  # minimum ratio of the brightness above and below the edge
 WALL_FAINT = 0.03  # offset added to both, relative to lit ground, to suppress differences in deep shadow
 
 
@@ -51,18 +51,18 @@ def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) 
     return None
 
 
-class Ids:
+class VisibleIds:
     """Visible rock, and ground at or behind it, for a grid of pixels (rows, columns). The near wall occludes both."""
 
     def __init__(self, world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> None:
-        seen = sightlines(world, view, rows, columns)
+        rays = sightlines(world, view, rows, columns)
         self.shape = (len(rows), len(columns))
-        self.hit = seen.hit.reshape(self.shape)
-        self.rock = np.where(self.hit, world.rock_of_face[seen.face].reshape(self.shape), NO_ROCK)
-        on_ground = np.isfinite(seen.ground) & (seen.ground < seen.wall)
+        self.hit = rays.hit.reshape(self.shape)
+        self.rock = np.where(self.hit, world.rock_of_face[rays.face].reshape(self.shape), NO_ROCK)
+        on_ground = np.isfinite(rays.ground) & (rays.ground < rays.wall)
         self.ground = on_ground.reshape(self.shape)
         # (n, 3), row by row
-        self.points = view.centre + seen.ground[on_ground, None] * seen.directions[on_ground]
+        self.points = view.centre + rays.ground[on_ground, None] * rays.directions[on_ground]
 
     def shadow_of(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
         """Return the rock (rows, columns) that occludes the lamp from the ground at each pixel, else `NO_ROCK`.
@@ -85,7 +85,7 @@ class Ids:
         Metres; infinite without a crossing or without visible ground.
         """
         heights = np.full(self.shape, np.inf)
-        passing = passing_heights(self.points, lamp_position, world.ground_bounds)
+        passing = wall_crossing_heights(self.points, lamp_position, world.ground_bounds)
         heights[self.ground] = passing - world.ground_level
         return heights
 
@@ -126,7 +126,7 @@ def shadow_box(
     return None if box is None else (box + np.tile([left, top], 2)) * step
 
 
-def snapped(
+def fit_to_dark_region(
     box: np.ndarray, shadow: np.ndarray, rocks: np.ndarray, step: int, rock: int, brightness: Brightness
 ) -> np.ndarray | None:
     """Return the bounding box (4,) of the dark region under a cast shadow; None without such a region in the photo.
@@ -153,8 +153,8 @@ def snapped(
     if min(len(x), len(y)) < 4:
         return None
     row, column = np.minimum(y // step, shadow.shape[0] - 1), np.minimum(x // step, shadow.shape[1] - 1)
-    cast, thrower = shadow[np.ix_(row, column)] == rock, shadow[np.ix_(row, column)]
-    bare = (rocks[np.ix_(row, column)] < 0) & ((thrower == NO_ROCK) | cast)  # ground without other shadows
+    cast, occluder = shadow[np.ix_(row, column)] == rock, shadow[np.ix_(row, column)]
+    bare = (rocks[np.ix_(row, column)] < 0) & ((occluder == NO_ROCK) | cast)  # ground without other shadows
     rate = cv2.blur(brightness.rate[part], (SMOOTH_PX, SMOOTH_PX))
     lit = bare & ~cv2.dilate(cast.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
     if cast.sum() < 12 or lit.sum() < 12:
@@ -164,22 +164,22 @@ def snapped(
     if not clear or dark_level > DEEP * lit_level:
         return None
     reach = round(REACH_PX + REACH * float(np.sqrt(np.prod(box[2:] - box[:2]))))
-    near = cv2.dilate(cast.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)
-    dark = without_thin_parts(near & bare & (rate < dark_level + LEVEL * (lit_level - dark_level)), STREAK_PX)
+    in_reach = cv2.dilate(cast.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)
+    dark = without_thin_parts(in_reach & bare & (rate < dark_level + LEVEL * (lit_level - dark_level)), STREAK_PX)
     count, parts, figures, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8), connectivity=8)
     covered = np.bincount(parts[cast & dark], minlength=count)
     areas = figures[:, cv2.CC_STAT_AREA]
     cast_area = int(cast.sum())
-    own = [part for part in range(1, count) if covered[part] >= CORE_SHARE * areas[part]]
-    if not own or not 1 / LIKE_SIZE < sum(areas[part] for part in own) / cast_area < LIKE_SIZE:
+    selected = [part for part in range(1, count) if covered[part] >= MIN_COVERED_SHARE * areas[part]]
+    if not selected or not 1 / MAX_AREA_RATIO < sum(areas[part] for part in selected) / cast_area < MAX_AREA_RATIO:
         return None
-    largest = max(areas[part] for part in own)
-    found = of_mask(np.isin(parts, [part for part in own if areas[part] >= SMALL_PART * largest]))
-    assert found is not None
-    return found + np.tile([x[0], y[0]], 2)
+    largest = max(areas[part] for part in selected)
+    dark_box = of_mask(np.isin(parts, [part for part in selected if areas[part] >= SMALL_PART * largest]))
+    assert dark_box is not None
+    return dark_box + np.tile([x[0], y[0]], 2)
 
 
-def passing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def wall_crossing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Return z (n,) at which rays from points (n, 3) to a lamp (3,) cross the walls on bounds (2, 2); inf: none."""
     to_lamp = lamp - points
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -188,7 +188,7 @@ def passing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) ->
     return np.where(share < 1, points[:, 2] + share * to_lamp[:, 2], np.inf)
 
 
-def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> float:
+def fit_wall_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> float:
     """Return the wall height that reproduces the shadow edge in a photo; the nominal height without a visible edge.
 
     Parameters
@@ -201,7 +201,7 @@ def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> floa
     order = np.argsort(passing, kind="stable")
     passing, rate = passing[order], rate[order]
     faint = WALL_FAINT * float(np.percentile(rate, 90)) if len(rate) else 0.0
-    best, edge, half_lit = WALL_CLEAR, stated, 0.0
+    best, edge, half_lit = MIN_WALL_RATIO, stated, 0.0
     for tried in np.arange(WALL_RANGE[0] * stated, WALL_RANGE[1] * stated, WALL_STEP):
         dark, lit = _median(passing, rate, tried - WALL_BAND, tried), _median(passing, rate, tried, tried + WALL_BAND)
         if lit + faint > best * (dark + faint):
@@ -214,4 +214,4 @@ def shading_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> floa
 def _median(passing: np.ndarray, rate: np.ndarray, low: float, high: float) -> float:
     """Return the median brightness between two heights of sorted `passing`; NaN with too few samples."""
     start, end = np.searchsorted(passing, [low, high])
-    return float(np.median(rate[start:end])) if end - start >= FEWEST_IN_BAND else np.nan
+    return float(np.median(rate[start:end])) if end - start >= MIN_BAND_SAMPLES else np.nan

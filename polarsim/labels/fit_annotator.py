@@ -25,7 +25,7 @@ from polarsim.formats.yaml_files import read_yaml
 from polarsim.geometry.boxes import iou, match
 from polarsim.labels.annotator import (
     EDGE_TERMS,
-    GEOMETRY_ALONE,
+    NO_HABITS,
     OUTWARD,
     ROVER_LIGHT_TERMS,
     Annotator,
@@ -72,13 +72,13 @@ class TerrainFiles:
 
 def read_published(root: Path, terrain: int) -> dict[PhotoKey, Annotated]:
     """Read the published label files of a terrain. Invalid files are skipped with a warning."""
-    found = {}
+    annotated = {}
     for key, path in release.label_files(root, terrain).items():
         try:
-            found[key] = Annotated.of(*yolo.read_boxes(path))
+            annotated[key] = Annotated.of(*yolo.read_boxes(path))
         except FormatError as error:
             log.warning("skipped: %s", error)
-    return found
+    return annotated
 
 
 @dataclass(frozen=True)
@@ -96,19 +96,20 @@ class Samples:
 
 def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> Samples:
     """Return the shifts of edges, px, from the box of a cast shadow to the annotated box."""
-    known = files.known(options)
+    terrain_rocks = files.known(options)
     terms, moves = [np.zeros((0, len(EDGE_TERMS)))], [np.zeros(0)]
-    for position in known.seeds:
-        own = PositionLabels(known, position, options, annotator=GEOMETRY_ALONE)
+    for position in terrain_rocks.seeds:
+        position_labels = PositionLabels(terrain_rocks, position, options, annotator=NO_HABITS)
         for azimuth in SUNS:
-            labels = own.labels("L", "off", azimuth)
+            labels = position_labels.labels("L", "off", azimuth)
             rocks = {label.rock: label.box for label in labels if label.kind == ROCK}
-            cast = own.shadows.cast("L", "off", azimuth, rocks)
+            cast = position_labels.shadows.cast("L", "off", azimuth, rocks)
             for label in labels:
                 if (label.kind, label.source) == (SHADOW, "seed") and label.rock in cast:
-                    shown, rock, box = own.rocks.projected("L", label.rock), rocks[label.rock], cast[label.rock].box
-                    scale = own.rocks.px_per_m("L", label.rock)
-                    terms.append(edge_terms(box, rock, shown.box if shown else rock, scale))
+                    projected = position_labels.rocks.projected("L", label.rock)
+                    rock, box = rocks[label.rock], cast[label.rock].box
+                    scale = position_labels.rocks.px_per_m("L", label.rock)
+                    terms.append(edge_terms(box, rock, projected.box if projected else rock, scale))
                     moves.append((label.box - box) * OUTWARD.sum(axis=1))
     return Samples(np.concatenate(terms), np.concatenate(moves))
 
@@ -120,14 +121,14 @@ def rover_light_samples(
 
     `annotated` are the label files of all photos. The rocks are annotated under Sun lamps.
     """
-    known = files.known(options)
+    terrain_rocks = files.known(options)
     brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
     for key, boxes in annotated.items():
         if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= NO_SUN_START_MS:
             brackets.setdefault((key.position, key.camera), []).append(boxes.rocks)
     terms, hit = [np.zeros((0, len(ROVER_LIGHT_TERMS)))], [np.zeros(0)]
     for (position, camera), drawings in brackets.items():
-        rocks = PositionRocks(known, position, options)
+        rocks = PositionRocks(terrain_rocks, position, options)
         fused = rocks.fused(camera)
         matched = [np.isin(np.arange(len(fused)), match(iou(drawing, fused))[1]) for drawing in drawings]
         terms += [rocks.rover_light_terms(camera, row)[None] for row in range(len(fused))]
@@ -137,12 +138,12 @@ def rover_light_samples(
 
 def fit_edges(samples: Samples) -> tuple[float, ...]:
     """Return coefficients of edge shifts by iteratively reweighted least squares with Cauchy weights."""
-    found = np.zeros(samples.terms.shape[1])
+    coefficients = np.zeros(samples.terms.shape[1])
     for _ in range(ROUNDS):
-        error = samples.observed - samples.terms @ found
+        error = samples.observed - samples.terms @ coefficients
         weight = np.sqrt(1 / (1 + (error / (SCALE * 1.4826 * np.median(np.abs(error)))) ** 2))
-        found = np.linalg.lstsq(samples.terms * weight[:, None], samples.observed * weight, rcond=None)[0]
-    return tuple(found.round(4).tolist())
+        coefficients = np.linalg.lstsq(samples.terms * weight[:, None], samples.observed * weight, rcond=None)[0]
+    return tuple(coefficients.round(4).tolist())
 
 
 def fit_logistic(samples: Samples) -> tuple[float, ...]:

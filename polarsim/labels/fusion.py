@@ -11,12 +11,12 @@ import numpy as np
 
 from polarsim.geometry.boxes import area, clip, iou
 from polarsim.geometry.camera import Camera
-from polarsim.labels.annotator import PRESENCE, Annotator, read_annotator, rover_light_terms
+from polarsim.labels.annotator import MIN_PROBABILITY, Annotator, read_annotator, rover_light_terms
 from polarsim.labels.association import SAME_ROCK_IOU, Known
-from polarsim.labels.label import Label, label_of
+from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import ProjectedRock, at_border, move_rocks, project_rock
-from polarsim.labels.seeds import cameras_first
+from polarsim.labels.seeds import sort_by_camera
 from polarsim.labels.visibility import lit_share
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
@@ -27,10 +27,10 @@ SAME_LAMP_WEIGHT = 2.0  # weight in a fused box of an annotation under the same 
 MESH_WEIGHT = 1.0  # weight in a fused box of a mesh edge that agrees with the annotations; an annotation has 1
 ROCK_MARGIN_PX = 1.0  # margin of annotated boxes around projected meshes
 UNANNOTATED_LAMP = 0.2  # weight in the confidence of a lamp without annotations; 1 for an annotation without the rock
-MIN_SEEN = 0.2  # minimum visible share of the projection of a labelled rock
-LIT = 0.1  # minimum lit share of a rock for annotators to see it
-LONE_OF = 3  # minimum number of lamps that light a rock annotated under a single lamp, to drop the rock
-IN_VIEW = 0.5  # minimum share of a rock inside a photo to expect an annotation there
+MIN_VISIBLE_SHARE = 0.2  # minimum visible share of the projection of a labelled rock
+MIN_LIT_SHARE = 0.1  # minimum lit share of a rock for annotators to see it
+MIN_LIGHTING_LAMPS = 3  # minimum number of lamps that light a rock annotated under a single lamp, to drop the rock
+MIN_SHARE_IN_VIEW = 0.5  # minimum share of a rock inside a photo to expect an annotation there
 CAUCHY = 2.385  # standard deviations at which the weight of an edge is 0.5 (95 % efficiency for Gaussian errors)
 # Standard deviation of an edge of one annotated box, by sqrt(area): 2.7 px at 20 px to 6.3 px at 150 px, measured as
 # the robust spread of 3,324 published boxes around the boxes of the same rocks at other azimuths.
@@ -40,15 +40,18 @@ EDGE_PX, EDGE_SHARE = 2.2, 0.027
 class PositionRocks:
     """Rock labels of one position. Results shared by several photos are computed once."""
 
-    def __init__(self, known: Known, position: str, options: LabelsOptions, annotator: Annotator | None = None) -> None:
-        self.in_image = position in known.apart  # unverified camera pose
-        self._known, self._position = known.of(position), position
-        known = self._known
-        self.world, self.options, self.annotator = known.world, options, annotator or read_annotator()
-        self.localised = known.localised[position]
-        self.annotated = known.seeds.get(position, {})
+    def __init__(
+        self, terrain_rocks: Known, position: str, options: LabelsOptions, annotator: Annotator | None = None
+    ) -> None:
+        self.in_image = position in terrain_rocks.unverified  # unverified camera pose
+        self._terrain_rocks, self._position = terrain_rocks.of(position), position
+        terrain_rocks = self._terrain_rocks
+        self.world, self.options, self.annotator = terrain_rocks.world, options, annotator or read_annotator()
+        self.localised = terrain_rocks.localised[position]
+        self.annotated = terrain_rocks.seeds.get(position, {})
         self.azimuths = {azimuth for _, azimuth in self.annotated}
-        self.tracks, self.ids = known.tracks.get(position, []), known.rocks.get(position, np.zeros(0, int))
+        self.tracks = terrain_rocks.tracks.get(position, [])
+        self.ids = terrain_rocks.rocks.get(position, np.zeros(0, int))
         self._fused_boxes: dict[tuple[CameraSide, Azimuth | None], np.ndarray] = {}
         self._lit: dict[tuple[int, Azimuth], bool] = {}
         self._projections: dict[tuple[CameraSide, int], ProjectedRock | None] = {}
@@ -63,17 +66,19 @@ class PositionRocks:
         if (camera, azimuth) in self.annotated:
             boxes = self.annotated[camera, azimuth].rocks
             rows = [track.rows.get((camera, azimuth)) for track in self.tracks]
-            own = [(rock, row) for rock, row in zip(self.ids, rows, strict=True) if row is not None]
-            return [label_of(ROCK, rock, "seed", boxes[row]) for rock, row in own]
+            annotated_rows = [(rock, row) for rock, row in zip(self.ids, rows, strict=True) if row is not None]
+            return [make_label(ROCK, rock, "seed", boxes[row]) for rock, row in annotated_rows]
         boxes = self.fused(camera, azimuth)
         if azimuth in self.azimuths:
-            chosen = [row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._lone(row)]
+            chosen = [
+                row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._is_doubtful(row)
+            ]
             share = np.ones(len(self.tracks))
         elif azimuth in SUNS:
             annotated = np.array([len(track.azimuths) for track in self.tracks])
-            telling = np.array([len(self._telling(row)) for row in range(len(self.tracks))])
-            chosen = np.flatnonzero(annotated >= ANNOTATED_SHARE * telling).tolist()
-            share = annotated / (telling + UNANNOTATED_LAMP)
+            possible = np.array([len(self._possible_azimuths(row)) for row in range(len(self.tracks))])
+            chosen = np.flatnonzero(annotated >= ANNOTATED_SHARE * possible).tolist()
+            share = annotated / (possible + UNANNOTATED_LAMP)
         else:
             return self._by_rover_light(camera, boxes)
         labels = [self.moved_label(ROCK, self.ids[row], camera, boxes[row], float(share[row])) for row in chosen]
@@ -83,22 +88,22 @@ class PositionRocks:
         """Return the `rover_light_terms` (t,) of a track in photos without a Sun lamp."""
         rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
         share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
-        elsewhere = self._elsewhere(rock)
+        share_elsewhere = self._share_elsewhere(rock)
         size = float(np.sqrt(area(clip(self.fused(camera)[row]))))
         distance = self.view(camera).lens.fx / self.px_per_m(camera, rock)
-        return rover_light_terms(share, share if elsewhere is None else elsewhere, size, distance)
+        return rover_light_terms(share, share if share_elsewhere is None else share_elsewhere, size, distance)
 
     def _by_rover_light(self, camera: CameraSide, boxes: np.ndarray) -> list[Label]:
         """Return rocks that annotators would annotate without a Sun lamp."""
         labels = []
         for row, box in enumerate(boxes):
-            sure = self.annotator.rock_probability(self.rover_light_terms(camera, row))
-            if sure >= PRESENCE:
+            probability = self.annotator.rock_probability(self.rover_light_terms(camera, row))
+            if probability >= MIN_PROBABILITY:
                 label = self.moved_label(ROCK, self.ids[row], camera, box)
-                labels.append(replace(label, confidence=round(sure, 3)))
+                labels.append(replace(label, confidence=round(probability, 3)))
         return labels
 
-    def _telling(self, row: int) -> set[Azimuth]:
+    def _possible_azimuths(self, row: int) -> set[Azimuth]:
         """Return the azimuths whose annotations contain the rock of a track or could contain it."""
         return self.tracks[row].azimuths | self._lighting(int(self.ids[row]))
 
@@ -110,48 +115,50 @@ class PositionRocks:
         if azimuth not in SUNS or self.in_image:  # occluders of the lamp are unknown for an unverified pose
             return azimuth in SUNS
         if (rock, azimuth) not in self._lit:
-            self._lit[rock, azimuth] = lit_share(self.world, rock, azimuth) > LIT
+            self._lit[rock, azimuth] = lit_share(self.world, rock, azimuth) > MIN_LIT_SHARE
         return self._lit[rock, azimuth]
 
-    def _lone(self, row: int) -> bool:
+    def _is_doubtful(self, row: int) -> bool:
         """Return whether a rock is annotated at one azimuth only and at no other position, though it is lit at more."""
-        alone = len(self.tracks[row].azimuths) == 1 and len(self._telling(row)) >= LONE_OF
-        return alone and self._elsewhere(int(self.ids[row])) == 0
+        single = len(self.tracks[row].azimuths) == 1 and len(self._possible_azimuths(row)) >= MIN_LIGHTING_LAMPS
+        return single and self._share_elsewhere(int(self.ids[row])) == 0
 
-    def _elsewhere(self, rock: int) -> float | None:
+    def _share_elsewhere(self, rock: int) -> float | None:
         """Return the annotated share of Sun azimuths of a rock at other positions; None if they cannot show it."""
         shares = []
-        for position, ids in self._known.rocks.items():
+        for position, ids in self._terrain_rocks.rocks.items():
             if position != self._position:
-                tracks = self._known.tracks[position]
+                tracks = self._terrain_rocks.tracks[position]
                 annotated = {azimuth for row in np.flatnonzero(ids == rock) for azimuth in tracks[row].azimuths}
                 if annotated or self._in_view(position, rock):
-                    suns = {azimuth for _, azimuth in self._known.seeds[position]} & set(SUNS)
+                    suns = {azimuth for _, azimuth in self._terrain_rocks.seeds[position]} & set(SUNS)
                     shares.append(len(annotated & suns) / max(len(suns), 1))
         return float(np.mean(shares)) if shares else None
 
     def _in_view(self, position: str, rock: int) -> bool:
         """Return whether a rock is inside the annotated photos of a position."""
-        view = self._known.localised[position].camera(cameras_first(list(self._known.seeds[position]))[0][0])
-        shown = project_rock(self.world, view, rock) if rock in self.world.bodies else None
-        return shown is not None and shown.seen >= IN_VIEW
+        view = self._terrain_rocks.localised[position].camera(
+            sort_by_camera(list(self._terrain_rocks.seeds[position]))[0][0]
+        )
+        projected = project_rock(self.world, view, rock) if rock in self.world.bodies else None
+        return projected is not None and projected.visible_share >= MIN_SHARE_IN_VIEW
 
     def _beyond_border(self, camera: CameraSide, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
         """Return lit projected rocks that are outside all annotated photos of this position."""
-        found = []
+        labels = []
         for label in self._projected_rocks(camera) if azimuth in SUNS else []:
             rock = label.rock
-            beyond = all(self.projected(own, rock) is None for own, _ in self.annotated)
+            outside = all(self.projected(side, rock) is None for side, _ in self.annotated)
             annotated_as_another = iou(label.box[None], fused).max(initial=0.0) >= SAME_ROCK_IOU
-            if rock not in self.ids and beyond and self._is_lit(rock, azimuth) and not annotated_as_another:
-                found.append(label)
-        return found
+            if rock not in self.ids and outside and self._is_lit(rock, azimuth) and not annotated_as_another:
+                labels.append(label)
+        return labels
 
     def moved_label(self, kind: str, rock: int, camera: CameraSide, box: np.ndarray, share: float = 1.0) -> Label:
         """Return a label moved from other photos: `translated` if the pose for the move is unverified, else `fused`."""
-        annotated_here = any(own == camera for own, _ in self.annotated)
+        annotated_here = any(side == camera for side, _ in self.annotated)
         source = "translated" if self.in_image and not annotated_here else "fused"
-        return label_of(kind, rock, source, box, share, pitch_known=self.localised.pitch_known)
+        return make_label(kind, rock, source, box, share, pitch_known=self.localised.pitch_known)
 
     def annotated_azimuths(self, rock: int) -> set[Azimuth]:
         """Return the azimuths at which a rock is annotated at this position."""
@@ -159,28 +166,30 @@ class PositionRocks:
 
     def unannotated(self, camera: CameraSide, rocks: list[Label]) -> list[Label]:
         """Return rocks known from other azimuths, other positions or scans that are not among the labels `rocks`."""
-        known = {label.rock for label in rocks}
+        labelled = {label.rock for label in rocks}
         fused = self.fused(camera) if self.tracks else np.zeros((0, 4))
-        elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in known}
-        taken = np.array([*(label.box for label in rocks), *elsewhere.values()]).reshape(-1, 4)
+        elsewhere = {int(rock): box for rock, box in zip(self.ids, fused, strict=True) if rock not in labelled}
+        occupied = np.array([*(label.box for label in rocks), *elsewhere.values()]).reshape(-1, 4)
         share = {int(rock): len(track.azimuths) for rock, track in zip(self.ids, self.tracks, strict=True)}
-        found = [
+        labels = [
             self.moved_label(ROCK, rock, camera, box, share[rock] / len(self.azimuths))
             for rock, box in elsewhere.items()
         ]
         for label in self._projected_rocks(camera):
-            annotated_as_another = iou(label.box[None], taken).max(initial=0.0) >= SAME_ROCK_IOU
-            if label.rock not in known and label.rock not in elsewhere and not annotated_as_another:
-                found.append(label)
-        return found
+            annotated_as_another = iou(label.box[None], occupied).max(initial=0.0) >= SAME_ROCK_IOU
+            if label.rock not in labelled and label.rock not in elsewhere and not annotated_as_another:
+                labels.append(label)
+        return labels
 
     def projected(self, camera: CameraSide, rock: int) -> ProjectedRock | None:
         """Return the projection of a rock with the margin of annotators; None if the rock is not visible."""
         if (camera, rock) not in self._projections:
-            shown = project_rock(self.world, self.view(camera), rock)
+            projection = project_rock(self.world, self.view(camera), rock)
             margin = np.array([-1, -1, 1, 1]) * ROCK_MARGIN_PX
             self._projections[camera, rock] = (
-                ProjectedRock(clip(shown.box + margin, *self.view(camera).size), shown.seen) if shown else None
+                ProjectedRock(clip(projection.box + margin, *self.view(camera).size), projection.visible_share)
+                if projection
+                else None
             )
         return self._projections[camera, rock]
 
@@ -198,21 +207,21 @@ class PositionRocks:
         name = camera, azimuth if azimuth in self.azimuths else None
         if name not in self._fused_boxes:
             total, weight = np.zeros((len(self.tracks), 4)), np.zeros((len(self.tracks), 4))
-            shown = [self._mesh_box(camera, int(rock)) for rock in self.ids]
-            for source in sorted({own for own, _ in self.annotated}):
+            mesh_boxes = [self._mesh_box(camera, int(rock)) for rock in self.ids]
+            for source in sorted({side for side, _ in self.annotated}):
                 rows, count, boxes = self._annotated_means(source, name[1])
                 moved = self._moved(boxes, self.ids[rows], source, camera)
                 # Edges cut by the border of the source photo are ignored if a mesh determines them.
-                has_mesh = np.array([shown[row] is not None for row in rows], bool)[:, None]
+                has_mesh = np.array([mesh_boxes[row] is not None for row in rows], bool)[:, None]
                 cut = self._cut(boxes, self.ids[rows], source) & has_mesh & (source != camera)
                 total[rows] += count * ~cut * moved
                 weight[rows] += count * ~cut
-            meshed = np.flatnonzero([box is not None for box in shown])
-            mesh = np.array([shown[row] for row in meshed]).reshape(-1, 4)
+            meshed = np.flatnonzero([box is not None for box in mesh_boxes])
+            mesh = np.array([mesh_boxes[row] for row in meshed]).reshape(-1, 4)
             count, annotated = weight[meshed], total[meshed] / np.maximum(weight[meshed], 1)
-            own = mesh_weights(annotated, count, mesh, MESH_WEIGHT)
-            total[meshed] += own * mesh
-            weight[meshed] += own
+            mesh_weight = mesh_weights(annotated, count, mesh, MESH_WEIGHT)
+            total[meshed] += mesh_weight * mesh
+            weight[meshed] += mesh_weight
             self._fused_boxes[name] = total / weight
         return self._fused_boxes[name]
 
@@ -224,25 +233,25 @@ class PositionRocks:
         for row, track in enumerate(self.tracks):
             drawings = [drawing for drawing in track.rows if drawing[0] == camera]
             if drawings:
-                own = [SAME_LAMP_WEIGHT if drawing[1] == azimuth else 1.0 for drawing in drawings]
+                lamp_weights = [SAME_LAMP_WEIGHT if drawing[1] == azimuth else 1.0 for drawing in drawings]
                 annotated = [self.annotated[drawing].rocks[track.rows[drawing]] for drawing in drawings]
                 rows.append(row)
-                weights.append(sum(own))
-                boxes.append(np.average(annotated, axis=0, weights=own))
+                weights.append(sum(lamp_weights))
+                boxes.append(np.average(annotated, axis=0, weights=lamp_weights))
         return np.array(rows, int), np.array(weights)[:, None], np.array(boxes).reshape(-1, 4)
 
     def _cut(self, boxes: np.ndarray, rocks: np.ndarray, camera: CameraSide) -> np.ndarray:
         """Return a mask (n, 4) of edges cut by the border of a photo, in boxes (n, 4) or in projected meshes."""
         meshes = [self._mesh_box(camera, int(rock)) for rock in rocks]
-        seen = np.array([box if mesh is None else mesh for box, mesh in zip(boxes, meshes, strict=True)])
+        visible = np.array([box if mesh is None else mesh for box, mesh in zip(boxes, meshes, strict=True)])
         size = self.view(camera).size
-        return at_border(boxes, size) | at_border(seen.reshape(-1, 4), size)
+        return at_border(boxes, size) | at_border(visible.reshape(-1, 4), size)
 
     def _mesh_box(self, camera: CameraSide, rock: int) -> np.ndarray | None:
         """Return the projected box (4,) of the mesh of a rock; None if less than `MIN_SEEN` is visible."""
         body = self.world.bodies.get(rock)
-        shown = self.projected(camera, rock) if body is not None and body.meshed else None
-        return shown.box if shown is not None and shown.seen >= MIN_SEEN else None
+        projection = self.projected(camera, rock) if body is not None and body.meshed else None
+        return projection.box if projection is not None and projection.visible_share >= MIN_VISIBLE_SHARE else None
 
     def _moved(self, boxes: np.ndarray, rocks: np.ndarray, source: CameraSide, target: CameraSide) -> np.ndarray:
         if source == target:
@@ -252,9 +261,11 @@ class PositionRocks:
     def _projected_rocks(self, camera: CameraSide) -> list[Label]:
         labels = []
         for rock in sorted(self.world.bodies):
-            shown = self.projected(camera, rock)
-            if shown and shown.seen >= MIN_SEEN and np.sqrt(area(shown.box)) >= self.options.min_rock_side_px:
-                labels.append(label_of(ROCK, rock, "projected", shown.box))
+            projection = self.projected(camera, rock)
+            if projection is None or projection.visible_share < MIN_VISIBLE_SHARE:
+                continue
+            if np.sqrt(area(projection.box)) >= self.options.min_rock_side_px:
+                labels.append(make_label(ROCK, rock, "projected", projection.box))
         return labels
 
 

@@ -66,7 +66,7 @@ class Label:
     box: np.ndarray
 
 
-def label_of(
+def make_label(
     kind: str,
     rock: int,
     source: str,
@@ -79,5 +79,5 @@ def label_of(
     """Return a label with its `confidence`. Boxes are clipped to the photo, except seeds."""
     box = box if source == "seed" else clip(box)
     size = float(np.sqrt(area(box)))
-    sure = confidence(kind, source, share, size, by_rover_light=by_rover_light, pitch_known=pitch_known)
-    return Label(kind, int(rock), source, round(sure, 3), box)
+    probability = confidence(kind, source, share, size, by_rover_light=by_rover_light, pitch_known=pitch_known)
+    return Label(kind, int(rock), source, round(probability, 3), box)

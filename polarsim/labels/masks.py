@@ -23,10 +23,10 @@ from polarsim.formats.files import writing_folder
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
-from polarsim.labels.association import dome_behind
+from polarsim.labels.association import fit_dome
 from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
-from polarsim.labels.casting import Ids, lamp
-from polarsim.labels.shapes import Shape, backdrop, convex, fitted, shapes_of, visible
+from polarsim.labels.casting import VisibleIds, lamp
+from polarsim.labels.shapes import Shape, backdrop, convex_shape, fit_shape, shapes_of, visible_parts
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.pictures import pictures_at
@@ -59,7 +59,7 @@ class Backdrop:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class BracketOutlines:
     """Visible parts of the labels of an exposure bracket, in painting order."""
 
     parts: dict[Thing, Shape | None]
@@ -68,8 +68,8 @@ class Drawing:
     @cached_property
     def things(self) -> Polygons:
         """Polygons of shadows and rocks."""
-        shown = [(kind, part) for (kind, _, _), part in self.parts.items() if part is not None]
-        return [(POLYGON_CLASSES.index(kind), ring) for kind, part in shown for ring in part.rings()]
+        parts = [(kind, part) for (kind, _, _), part in self.parts.items() if part is not None]
+        return [(POLYGON_CLASSES.index(kind), ring) for kind, part in parts for ring in part.rings()]
 
     @property
     def polygons(self) -> Polygons:
@@ -91,32 +91,32 @@ class ViewOutlines:
         self._size = view.size
         self.world = with_domes(world, _domes(world, view, labels))
         width, height = self._size
-        self.ids = Ids(self.world, view, np.arange(height) + HALF_PIXEL, np.arange(width) + HALF_PIXEL)
+        self.ids = VisibleIds(self.world, view, np.arange(height) + HALF_PIXEL, np.arange(width) + HALF_PIXEL)
         rings = backdrop(self.ids)
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
         self._rocks = _convex_shapes(self.ids.rock)
         self._shadows: dict[bytes, dict[int, Shape]] = {}  # by lamp
-        self._annotated: dict[tuple[bytes, frozenset[Thing]], Drawing] = {}
+        self._annotated: dict[tuple[bytes, frozenset[Thing]], BracketOutlines] = {}
 
-    def drawing(self, light: Light, azimuth: Azimuth, labels: pd.DataFrame) -> Drawing:
+    def drawing(self, light: Light, azimuth: Azimuth, labels: pd.DataFrame) -> BracketOutlines:
         """Return the visible parts of the labels, painted in order: shadows before rocks, then from top to bottom."""
         lamp_position = lamp(self.world, self._localised, light, azimuth)
         if lamp_position is None and labels.empty:
-            return Drawing({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]))
+            return BracketOutlines({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]))
         boxes = _boxes(labels)
         things = dict(zip(things_of(labels, boxes), boxes, strict=True))
         content = (b"" if lamp_position is None else lamp_position.tobytes(), frozenset(things))
         if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
-            parts = visible([self._shape(thing, things[thing], lamp_position) for thing in order], *self._size)
-            self._annotated[content] = Drawing(dict(zip(order, parts, strict=True)), self._backdrop)
+            parts = visible_parts([self._shape(thing, things[thing], lamp_position) for thing in order], *self._size)
+            self._annotated[content] = BracketOutlines(dict(zip(order, parts, strict=True)), self._backdrop)
         return self._annotated[content]
 
     def _shape(self, thing: Thing, box: np.ndarray, lamp_position: np.ndarray | None) -> Shape:
         """Return the shape of a label before occlusion by other labels."""
         kind, rock, _ = thing
         own_share = OUTLINE_MESH_SHARE if kind == ROCK else OUTLINE_CAST_SHARE
-        return fitted(self._own_shapes(kind, lamp_position).get(rock), box, own_share)
+        return fit_shape(self._own_shapes(kind, lamp_position).get(rock), box, own_share)
 
     def _own_shapes(self, kind: str, lamp_position: np.ndarray | None) -> dict[int, Shape]:
         """Return the projected shapes of rocks or of cast shadows."""
@@ -130,7 +130,7 @@ class ViewOutlines:
 
 
 def _convex_shapes(ids: np.ndarray) -> dict[int, Shape]:
-    return {rock: convex(shape) for rock, shape in shapes_of(ids).items()}
+    return {rock: convex_shape(shape) for rock, shape in shapes_of(ids).items()}
 
 
 def things_of(labels: pd.DataFrame, boxes: np.ndarray) -> list[Thing]:
@@ -149,8 +149,8 @@ def _domes(world: World, view: Camera, labels: pd.DataFrame) -> dict[int, Dome]:
     """Return stand-ins for the labelled rocks of a view without a mesh, from mean boxes."""
     stones = labels[(labels["kind"] == ROCK) & ~labels["rock"].isin([NO_ROCK, *world.bodies])]
     boxes = stones.groupby("rock", as_index=False)[BOX_COLUMNS].mean().to_numpy(float)
-    found = {int(row[0]): dome_behind(world, view, row[1:]) for row in boxes}
-    return {rock: dome for rock, dome in found.items() if dome is not None}
+    domes = {int(row[0]): fit_dome(world, view, row[1:]) for row in boxes}
+    return {rock: dome for rock, dome in domes.items() if dome is not None}
 
 
 def draw_masks(
@@ -178,14 +178,14 @@ def draw_masks(
     world, bare = build_worlds(read_terrain(meshes, terrain), localised, suns, wall_height(terrain))
     annotated: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
-        drawn = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
-        for (_, position, camera), members in groupby(drawn, key=lambda key: key.view):
+        selected = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
+        for (_, position, camera), members in groupby(selected, key=lambda key: key.view):
             in_view = labels[(labels["position"] == position) & (labels["camera"] == camera)]
-            shown = bare if localised[position].unproven else world
-            outlines = ViewOutlines(shown, localised[position], camera, in_view)
+            view_world = bare if localised[position].unproven else world
+            outlines = ViewOutlines(view_world, localised[position], camera, in_view)
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
-            for _, own in groupby(members, key=lambda key: key.bracket):
-                rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in own}
+            for _, bracket_keys in groupby(members, key=lambda key: key.bracket):
+                rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in bracket_keys}
                 annotated |= _draw_bracket(outlines, rows_of, polygon_folder, mask_folder)
     coco.write_coco(annotations, annotated, pictures=pictures_at(photos))
 
@@ -199,14 +199,14 @@ def _draw_bracket(
     fullest = max(rows_of.items(), key=lambda item: (len(item[1]), item[0].exposure_ms))[1]
     drawing = outlines.drawing(light, azimuth, fullest)
     _write(polygon_folder, mask_folder, list(rows_of), drawing)
-    found = {}
+    annotations = {}
     for key, rows in rows_of.items():
-        here, boxes = drawing, _boxes(rows)
+        photo_drawing, boxes = drawing, _boxes(rows)
         things = things_of(rows, boxes)
         if not drawing.parts.keys() >= set(things):  # the photo has different boxes: corrections of one exposure
-            here = outlines.drawing(light, azimuth, pd.concat([rows, _unseen(fullest, rows)]))
-        found[key] = _annotations(rows, things, boxes, here)
-    return found
+            photo_drawing = outlines.drawing(light, azimuth, pd.concat([rows, _unseen(fullest, rows)]))
+        annotations[key] = _annotations(rows, things, boxes, photo_drawing)
+    return annotations
 
 
 def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
@@ -216,23 +216,23 @@ def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _annotations(
-    rows: pd.DataFrame, things: Sequence[Thing], boxes: np.ndarray, drawing: Drawing
+    rows: pd.DataFrame, things: Sequence[Thing], boxes: np.ndarray, drawing: BracketOutlines
 ) -> list[coco.Annotation]:
     """Return the annotations of a photo, without labels that are fully hidden."""
-    found = []
+    annotations = []
     labels = zip(things, boxes, rows["source"].tolist(), rows["confidence"].tolist(), strict=True)
     for thing, box, source, confidence in labels:
         part = drawing.parts[thing]
         if part is not None:
             kind, rock, _ = thing
-            found.append(coco.Annotation(kind, rock, box, part.runs, source, confidence))
-    return found
+            annotations.append(coco.Annotation(kind, rock, box, part.runs, source, confidence))
+    return annotations
 
 
-def _write(polygon_folder: Path, mask_folder: Path, keys: Sequence[PhotoKey], drawing: Drawing) -> None:
-    first, *others = (str(key) for key in keys)
+def _write(polygon_folder: Path, mask_folder: Path, keys: Sequence[PhotoKey], drawing: BracketOutlines) -> None:
+    first, *copies = (str(key) for key in keys)
     yolo.write_polygons(polygon_folder / f"{first}.txt", drawing.polygons)
     png.write(mask_folder / f"{first}.png", drawing.grey)
-    for name in others:
+    for name in copies:
         shutil.copyfile(polygon_folder / f"{first}.txt", polygon_folder / f"{name}.txt")
         shutil.copyfile(mask_folder / f"{first}.png", mask_folder / f"{name}.png")

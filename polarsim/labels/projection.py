@@ -13,7 +13,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.labels.bodies import World
 
 BORDER_PX = 2.0  # maximum distance to the image border of an edge that is cut by the border
-SURE_VERTICES = 3  # minimum number of visible vertices of a rock
+MIN_VERTICES = 3  # minimum number of visible vertices of a rock
 CENTRE_DEPTH = 0.3  # depth of the centre of the visible surface behind the foot of a rock, relative to its width
 
 
@@ -22,7 +22,7 @@ class ProjectedRock:
     """Box (4,) of a rock clipped at the image border, and share of its surface that is unoccluded and in the image."""
 
     box: np.ndarray
-    seen: float
+    visible_share: float
 
 
 def project_rock(world: World, view: Camera, rock: int) -> ProjectedRock | None:
@@ -34,10 +34,10 @@ def project_rock(world: World, view: Camera, rock: int) -> ProjectedRock | None:
     body = world.bodies[rock]
     standing = np.flatnonzero(body.trimmed | body.above)
     pixels = view.project(body.vertices[standing])
-    shown = view.inside(pixels)
-    shown[shown] = ~world.hidden(view.centre, body.vertices[standing[shown]], rock)
-    sides, ends = shown & body.trimmed[standing], shown & body.above[standing]
-    if sides.sum() < SURE_VERTICES or ends.sum() < SURE_VERTICES:
+    in_view = view.inside(pixels)
+    in_view[in_view] = ~world.hidden(view.centre, body.vertices[standing[in_view]], rock)
+    sides, ends = in_view & body.trimmed[standing], in_view & body.above[standing]
+    if sides.sum() < MIN_VERTICES or ends.sum() < MIN_VERTICES:
         return None
     box = np.array(
         [pixels[sides, 0].min(), pixels[ends, 1].min(), pixels[sides, 0].max(), pixels[ends, 1].max()], float

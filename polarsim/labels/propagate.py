@@ -18,24 +18,24 @@ from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import area
 from polarsim.labels.annotator import Annotator
 from polarsim.labels.association import Known, gather
-from polarsim.labels.brightness import Brightness, OlatLight, Photos
+from polarsim.labels.brightness import Brightness, OlatBrightness, Photos
 from polarsim.labels.casting import lamp
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import (
     Drawings,
-    UnlitStarts,
-    as_annotated,
+    UnlitMinExposures,
     choose_seeds,
+    drop_mislabelled,
     is_unlit,
     read_corrections,
     read_drawings,
+    seed_labels,
     shadow_starts,
-    without_strangers,
 )
 from polarsim.labels.shadows import PositionShadows
-from polarsim.labels.visibility import Starts, hidden_by_dark, visible
+from polarsim.labels.visibility import MinExposures, omitted_in_dark, visible_labels
 from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, PhotoKey, by_bracket
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
@@ -89,16 +89,16 @@ def propagate_labels(
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
-            own_boxes = np.array([label.box for label in labels[key]]).reshape(-1, 4)
-            yolo.write_boxes(folder / f"{key}.txt", classes, own_boxes)
+            label_boxes = np.array([label.box for label in labels[key]]).reshape(-1, 4)
+            yolo.write_boxes(folder / f"{key}.txt", classes, label_boxes)
     tables.write_parquet(table, tables.label_table([_row(key, label) for key in keys for label in labels[key]]))
 
 
 def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict[PhotoKey, list[Label]]:
     """Return the labels that `propagate_labels` writes. Raises the same errors."""
     terrain = inputs.terrain
-    if (found := read_inventory(inputs.inventory).terrain) != terrain:
-        raise LabelError(f"inventory of terrain {found:02d}, expected {terrain:02d}", path=inputs.inventory)
+    if (inventoried := read_inventory(inputs.inventory).terrain) != terrain:
+        raise LabelError(f"inventory of terrain {inventoried:02d}, expected {terrain:02d}", path=inputs.inventory)
     _warn_of_gaps(inputs.photos, inputs.keys)
     localised = rigs.read_all_localised(inputs.cameras)
     suns = lamps.read_suns(inputs.cameras, localised)
@@ -107,11 +107,15 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
         raise LabelError(f"labels.taken_back: {unknown[0]} is neither a seed nor a correction", path=inputs.seeds)
     corrections = _left(corrected, options)
-    drawings = _left(without_strangers(seeded, scene, localised), options)
+    drawings = _left(drop_mislabelled(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
-    starts = Starts(shadow_starts(by_people, options.shadow_start(terrain)), UnlitStarts.of(by_people))
-    known = gather(scene, localised, suns, choose_seeds(drawings, corrections, starts.shadows), wall_height(terrain))
-    return grid_labels(known, inputs, options, starts, drawings, corrections)
+    min_exposures = MinExposures(
+        shadow_starts(by_people, options.shadow_start(terrain)), UnlitMinExposures.of(by_people)
+    )
+    terrain_rocks = gather(
+        scene, localised, suns, choose_seeds(drawings, corrections, min_exposures.shadows), wall_height(terrain)
+    )
+    return grid_labels(terrain_rocks, inputs, options, min_exposures, drawings, corrections)
 
 
 def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
@@ -120,10 +124,10 @@ def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
 
 
 def grid_labels(
-    known: Known,
+    terrain_rocks: Known,
     inputs: PropagationInputs,
     options: LabelsOptions,
-    starts: Starts,
+    min_exposures: MinExposures,
     drawings: Drawings,
     corrections: Drawings,
 ) -> dict[PhotoKey, list[Label]]:
@@ -134,15 +138,16 @@ def grid_labels(
     """
     keys, photos = inputs.keys, Photos(inputs.photos, inputs.terrain)
     by_people = options.visibility == "annotator"
-    readable, olat_images = (None, None) if by_people else (photos, OlatLight(known))
+    readable, olat_images = (None, None) if by_people else (photos, OlatBrightness(terrain_rocks))
     positions = {
-        position: PositionLabels(known, position, options, readable, inputs.annotator) for position in known.localised
+        position: PositionLabels(terrain_rocks, position, options, readable, inputs.annotator)
+        for position in terrain_rocks.localised
     }
     for position in sorted({key.position for key in keys} - set(positions)):
         log.warning("position %s: no camera pose, its photos get no labels", position)
-    for position in known.apart:
-        seeded = "labels are moved in the image only" if position in known.seeds else "no labels because it has no seed"
-        log.warning("position %s: unverified camera pose: %s", position, seeded)
+    for position in terrain_rocks.unverified:
+        effect = "labels are moved in the image only" if position in terrain_rocks.seeds else "no seed, no labels"
+        log.warning("position %s: unverified camera pose: %s", position, effect)
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
     for bracket, members in by_bracket(key for key in keys if key.position in positions).items():
         _, position, light, azimuth, camera = bracket
@@ -150,25 +155,25 @@ def grid_labels(
         brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else readable, olat_images)
         for key in members:
             if key in corrections:
-                labels[key] = as_annotated(corrections[key], shared)
+                labels[key] = seed_labels(corrections[key], shared)
                 continue
-            labels[key] = visible(shared, key, brightness, starts, options)
+            labels[key] = visible_labels(shared, key, brightness, min_exposures, options)
             if key in drawings:
                 added = [label for label in labels[key] if label.source != "seed"]
-                labels[key] = as_annotated(drawings[key], shared) + added
+                labels[key] = seed_labels(drawings[key], shared) + added
     return labels
 
 
-def _first_known(bracket: Bracket, *sources: Photos | OlatLight | None) -> Brightness | None:
-    found = (source.brightness(bracket) for source in sources if source is not None)
-    return next((brightness for brightness in found if brightness is not None), None)
+def _first_known(bracket: Bracket, *sources: Photos | OlatBrightness | None) -> Brightness | None:
+    candidates = (source.brightness(bracket) for source in sources if source is not None)
+    return next((brightness for brightness in candidates if brightness is not None), None)
 
 
 def _warn_of_gaps(photos: Path, keys: Sequence[PhotoKey]) -> None:
     """Log missing photos. A source without any photo is not a gap, since labels can be propagated without photos."""
-    there = set(tables.read_parquet(photos, ["key"])["key"])
-    missing = [str(key) for key in keys if str(key) not in there]
-    if there and missing:
+    available = set(tables.read_parquet(photos, ["key"])["key"])
+    missing = [str(key) for key in keys if str(key) not in available]
+    if available and missing:
         log.warning("%d of %d photos are missing but get labels: %s ...", len(missing), len(keys), missing[0])
 
 
@@ -183,16 +188,16 @@ class PositionLabels:
 
     def __init__(
         self,
-        known: Known,
+        terrain_rocks: Known,
         position: str,
         options: LabelsOptions,
         photos: Photos | None = None,
         annotator: Annotator | None = None,
     ) -> None:
         self.position, self.photos, self.options = position, photos, options
-        self.rocks = PositionRocks(known, position, options, annotator)
+        self.rocks = PositionRocks(terrain_rocks, position, options, annotator)
         self.shadows = PositionShadows(self.rocks, options)
-        self._known: dict[tuple[CameraSide, Light, Azimuth], list[Label]] = {}
+        self._cache: dict[tuple[CameraSide, Light, Azimuth], list[Label]] = {}
 
     def labels(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> list[Label]:
         """Return the labels of the longest exposure of a camera under a lamp.
@@ -200,16 +205,18 @@ class PositionLabels:
         With photos, the labels include visible rocks and shadows that were not annotated.
         """
         lamps: tuple[CameraSide, Light, Azimuth] = (camera, light if azimuth == "no" else "off", azimuth)
-        if lamps not in self._known:  # a Sun lamp outshines the rover light
-            self._known[lamps] = self._labels(camera, light, azimuth)
-        return self._known[lamps]
+        if lamps not in self._cache:  # a Sun lamp outshines the rover light
+            self._cache[lamps] = self._labels(camera, light, azimuth)
+        return self._cache[lamps]
 
     def _labels(self, camera: CameraSide, light: Light, azimuth: Azimuth) -> list[Label]:
         brightness = self._brightness(camera, light, azimuth)
         labels = self.rocks.labels(camera, azimuth)
         if self.options.visibility == "annotator" and azimuth not in self.rocks.azimuths:
-            own, annotated = self.rocks.world, self.rocks.annotated_azimuths
-            labels = [one for one in labels if not hidden_by_dark(own, one.rock, azimuth, annotated(one.rock))]
+            world, annotated = self.rocks.world, self.rocks.annotated_azimuths
+            labels = [
+                label for label in labels if not omitted_in_dark(world, label.rock, azimuth, annotated(label.rock))
+            ]
         if brightness is not None:
             labels += self.rocks.unannotated(camera, labels)
         if lamp(self.rocks.world, self.rocks.localised, light, azimuth) is not None:
@@ -221,6 +228,6 @@ class PositionLabels:
         if self.photos is None:
             return None
         lights: tuple[Light, ...] = (light,) if azimuth == "no" else ("off", "on")
-        brackets = ((self.photos.terrain, self.position, own, azimuth, camera) for own in lights)
-        found = (self.photos.brightness(bracket) for bracket in brackets)
-        return next((brightness for brightness in found if brightness is not None), None)
+        brackets = ((self.photos.terrain, self.position, rover_light, azimuth, camera) for rover_light in lights)
+        candidates = (self.photos.brightness(bracket) for bracket in brackets)
+        return next((brightness for brightness in candidates if brightness is not None), None)

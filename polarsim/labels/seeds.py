@@ -19,7 +19,7 @@ from polarsim.formats.coco import read_coco
 from polarsim.formats.release import read_annotated
 from polarsim.geometry.boxes import iou, match
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
-from polarsim.labels.label import Label, label_of
+from polarsim.labels.label import Label, make_label
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, Bracket, CameraSide, Light, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
@@ -28,12 +28,12 @@ log = logging.getLogger(__name__)
 
 DrawingKey = tuple[CameraSide, Azimuth]  # annotation of a position, by camera and lamp
 Ranked = tuple[tuple[bool, bool, int], "Annotated"]  # (is a correction, rover light off, number of boxes), annotation
-LEAST_VOTES = 3  # minimum number of annotated brackets for a median, so that an outlier affects only its bracket
-SAME_LABEL = 0.1  # minimum IoU of an annotated and a propagated box to copy the rock id
+MIN_VOTES = 3  # minimum number of annotated brackets for a median, so that an outlier affects only its bracket
+SAME_LABEL_IOU = 0.1  # minimum IoU of an annotated and a propagated box to copy the rock id
 
 
 @dataclass(frozen=True)
-class ShadowStarts:
+class ShadowMinExposures:
     """Minimum exposures with shadow labels, ms."""
 
     usual_ms: int  # default without annotated shadows
@@ -45,12 +45,14 @@ class ShadowStarts:
         With left seeds of six released terrains, this disagrees with the annotators on the presence of shadows in 45 of
         1,956 photos under a Sun lamp; the median of position and azimuth in 53; the minimum of the terrain in 143.
         """
-        own = self.annotated_ms.get(key.bracket)
-        if own is not None:
-            return own
-        here = [start for (_, position, *_), start in self.annotated_ms.items() if position == key.position]
-        for votes in (here, list(self.annotated_ms.values())):
-            if len(votes) >= LEAST_VOTES:
+        annotated = self.annotated_ms.get(key.bracket)
+        if annotated is not None:
+            return annotated
+        of_position = [
+            exposure for (_, position, *_), exposure in self.annotated_ms.items() if position == key.position
+        ]
+        for votes in (of_position, list(self.annotated_ms.values())):
+            if len(votes) >= MIN_VOTES:
                 return statistics.median_high(votes)
         return self.usual_ms
 
@@ -82,26 +84,26 @@ def read_drawings(folder: Path, terrain: int) -> Drawings:
     LabelError
         A file name is not a photo key.
     """
-    found = {}
+    drawings = {}
     for path in sorted(folder.glob("*.txt")):
         key = PhotoKey.parse(path.stem)
         if key.terrain != terrain:
             log.warning("%s: skipped, terrain %02d expected", path, terrain)
             continue
-        found[key] = Annotated.of(*yolo.read_boxes(path))
-    return found
+        drawings[key] = Annotated.of(*yolo.read_boxes(path))
+    return drawings
 
 
-def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowStarts:
+def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowMinExposures:
     """Return the minimum exposures of shadows under Sun lamps: `usual_ms`, or shorter if annotated at a shorter one."""
     annotated_ms: dict[Bracket, int] = {}
     for key, annotated in drawings.items():
         if key.azimuth in SUNS and annotated.shadows is not None and len(annotated.shadows):
             annotated_ms[key.bracket] = min(annotated_ms.get(key.bracket, usual_ms), key.exposure_ms)
-    return ShadowStarts(usual_ms, annotated_ms)
+    return ShadowMinExposures(usual_ms, annotated_ms)
 
 
-def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts) -> Seeds:
+def choose_seeds(drawings: Drawings, corrections: Drawings, min_exposures: ShadowMinExposures) -> Seeds:
     """Choose one annotation per position, camera and azimuth.
 
     Parameters
@@ -112,26 +114,26 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, starts: ShadowStarts
         Minimum exposures of shadow annotations. If an annotation of a shorter exposure has no shadows, the shadows are
         taken from another annotation of the same camera and lamp.
     """
-    found: dict[tuple[str, DrawingKey], list[Ranked]] = {}
-    both = [
+    candidates: dict[tuple[str, DrawingKey], list[Ranked]] = {}
+    entries = [
         *((key, False, annotated) for key, annotated in drawings.items()),
         *((k, True, d) for k, d in corrections.items()),
     ]
-    for key, is_correction, annotated in both:
+    for key, is_correction, annotated in entries:
         count = len(annotated.rocks) + (0 if annotated.shadows is None else len(annotated.shadows))
         rank = (is_correction, key.light == "off", count)
-        silent = key.exposure_ms < starts.of(key) and (annotated.shadows is None or not len(annotated.shadows))
+        silent = key.exposure_ms < min_exposures.of(key) and (annotated.shadows is None or not len(annotated.shadows))
         seed = replace(annotated, shadows=None) if silent else annotated
-        found.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, seed))
+        candidates.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, seed))
     seeds: Seeds = {}
-    for (position, drawing), ranked in sorted(found.items(), key=lambda item: item[0]):
+    for (position, drawing), ranked in sorted(candidates.items(), key=lambda item: item[0]):
         seeds.setdefault(position, {})[drawing] = _best(ranked)
     return seeds
 
 
-def cameras_first(drawings: Sequence[DrawingKey]) -> list[DrawingKey]:
+def sort_by_camera(drawings: Sequence[DrawingKey]) -> list[DrawingKey]:
     """Sort annotations: the camera with more annotations first, the left camera first in a tie."""
-    count = {camera: sum(own == camera for own, _ in drawings) for camera, _ in drawings}
+    count = {camera: sum(side == camera for side, _ in drawings) for camera, _ in drawings}
     return sorted(drawings, key=lambda drawing: (-count[drawing[0]], drawing))
 
 
@@ -148,13 +150,13 @@ def is_unlit(light: Light, azimuth: Azimuth) -> bool:
 
 
 @dataclass(frozen=True)
-class UnlitStarts:
+class UnlitMinExposures:
     """Minimum exposure with annotated rocks in photos without any lamp, by position."""
 
     annotated_ms: Mapping[str, int]
 
     @classmethod
-    def of(cls, drawings: Drawings) -> UnlitStarts:
+    def of(cls, drawings: Drawings) -> UnlitMinExposures:
         """Estimate from annotations, for each position separately, because stray light differs between positions."""
         annotated_ms: dict[str, int] = {}
         for key, annotated in drawings.items():
@@ -162,13 +164,13 @@ class UnlitStarts:
                 annotated_ms[key.position] = min(annotated_ms.get(key.position, key.exposure_ms), key.exposure_ms)
         return cls(annotated_ms)
 
-    def shown(self, key: PhotoKey) -> bool:
+    def has_labels(self, key: PhotoKey) -> bool:
         """Return whether an unlit photo has labels; False if the position has no unlit annotation."""
-        start = self.annotated_ms.get(key.position)
-        return start is not None and key.exposure_ms >= start
+        min_exposure = self.annotated_ms.get(key.position)
+        return min_exposure is not None and key.exposure_ms >= min_exposure
 
 
-def without_strangers(drawings: Drawings, terrain: TerrainMesh, localised: Mapping[str, LocalisedRig]) -> Drawings:
+def drop_mislabelled(drawings: Drawings, terrain: TerrainMesh, localised: Mapping[str, LocalisedRig]) -> Drawings:
     """Return the annotations without mislabelled positions, which are logged as warnings.
 
     A position is mislabelled if the meshes do not project onto the rocks of its left photos. Positions with unverified
@@ -186,8 +188,8 @@ def without_strangers(drawings: Drawings, terrain: TerrainMesh, localised: Mappi
 
 def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Annotated]:
     """Return the corrected photos of a terrain, see `read_all_corrections`; empty without a folder."""
-    found = {} if folder is None else read_all_corrections(folder)
-    return {key: annotated for key, annotated in found.items() if key.terrain == terrain}
+    corrections = {} if folder is None else read_all_corrections(folder)
+    return {key: annotated for key, annotated in corrections.items() if key.terrain == terrain}
 
 
 def read_all_corrections(folder: Path) -> dict[PhotoKey, Annotated]:
@@ -198,27 +200,27 @@ def read_all_corrections(folder: Path) -> dict[PhotoKey, Annotated]:
     FormatError
         Missing folder, invalid file, or two corrections of the same photo.
     """
-    found = read_annotated(folder)
+    corrections = read_annotated(folder)
     for path in sorted(Path(folder).rglob("*.json")):
         for key, annotated in read_coco(path).items():
-            if key in found:
+            if key in corrections:
                 raise FormatError(f"{key} is corrected in two files of {folder}; delete one", path=path)
             classes = np.array([BOX_CLASSES.index(annotation.kind) for annotation in annotated], int)
-            found[key] = classes, np.array([annotation.box for annotation in annotated]).reshape(-1, 4)
-    return {key: Annotated.of(*found[key]) for key in sorted(found)}
+            corrections[key] = classes, np.array([annotation.box for annotation in annotated]).reshape(-1, 4)
+    return {key: Annotated.of(*corrections[key]) for key in sorted(corrections)}
 
 
-def as_annotated(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:
+def seed_labels(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:
     """Return annotated boxes as seed labels, with rock ids of the overlapping propagated labels of the bracket."""
-    found = []
+    seeds = []
     for kind, boxes in ((ROCK, annotated.rocks), (SHADOW, annotated.shadows)):
         if boxes is None:
             continue
-        near = [label for label in labels if label.kind == kind]
-        own = np.array([label.box for label in near]).reshape(-1, 4)
-        rocks = matched_rocks(boxes, own, np.array([label.rock for label in near], int))
-        found += [label_of(kind, rock, "seed", box) for rock, box in zip(rocks, boxes, strict=True)]
-    return found
+        candidates = [label for label in labels if label.kind == kind]
+        candidate_boxes = np.array([label.box for label in candidates]).reshape(-1, 4)
+        rocks = matched_rocks(boxes, candidate_boxes, np.array([label.rock for label in candidates], int))
+        seeds += [make_label(kind, rock, "seed", box) for rock, box in zip(rocks, boxes, strict=True)]
+    return seeds
 
 
 def matched_rocks(boxes: np.ndarray, labels: np.ndarray, rocks: np.ndarray) -> np.ndarray:
@@ -226,7 +228,7 @@ def matched_rocks(boxes: np.ndarray, labels: np.ndarray, rocks: np.ndarray) -> n
 
     `rocks` (m,) are the rock ids of the labels.
     """
-    rows, columns = match(iou(boxes, labels), SAME_LABEL)
-    found = np.full(len(boxes), NO_ROCK)
-    found[rows] = rocks[columns]
-    return found
+    rows, columns = match(iou(boxes, labels), SAME_LABEL_IOU)
+    matched = np.full(len(boxes), NO_ROCK)
+    matched[rows] = rocks[columns]
+    return matched

@@ -11,9 +11,9 @@ from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import Ids, lamp, shading_height, shadow_box, snapped
+from polarsim.labels.casting import VisibleIds, fit_to_dark_region, fit_wall_height, lamp, shadow_box
 from polarsim.labels.fusion import PositionRocks
-from polarsim.labels.label import Label, label_of
+from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import at_border, move_flat
 from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
@@ -22,9 +22,9 @@ CAST_WEIGHT = 0.3  # weight of a cast shadow relative to an annotation in the ot
 MIN_SHADOW_PX = 12.0  # minimum size of a labelled cast shadow, sqrt(area)
 MIN_ROVER_SHADOW_PX = 35.0  # the same under the rover light, whose shadows are mostly hidden slivers
 SHADOW_GATE = 2.0  # matching gate of shadows, which are long, relative to the gate of rocks
-FAR_APART, FAR_APART_PX = 0.3, 6.0  # maximum distance of matching edges: share of the side of the box; minimum, px
-OF_WALL = NO_ROCK - 1  # id of the sandbox walls in images of occluders
-SAME_SHADOW = 0.2  # minimum IoU of the annotated and the cast box of a shadow to average them
+MAX_EDGE_SHARE, MAX_EDGE_PX = 0.3, 6.0  # maximum distance of matching edges: share of the side of the box; minimum, px
+WALL_ID = NO_ROCK - 1  # id of the sandbox walls in images of occluders
+SAME_SHADOW_IOU = 0.2  # minimum IoU of the annotated and the cast box of a shadow to average them
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None,
     cast_weight
         Weight of a cast shadow. An annotated shadow and a shadow fitted to a photo have weight 1.
     """
-    if cast is None or iou(annotated[None], cast.box[None])[0, 0] < SAME_SHADOW:
+    if cast is None or iou(annotated[None], cast.box[None])[0, 0] < SAME_SHADOW_IOU:
         return annotated
     weight = 1.0 if cast.in_photo else cast_weight
     mean = (annotated + weight * cast.box) / (1 + weight)
     if cast.in_photo:
-        apart = np.maximum(FAR_APART * np.tile(annotated[2:] - annotated[:2], 2), FAR_APART_PX)
-        mean = np.where(np.abs(cast.box - annotated) < apart, mean, annotated)
+        max_distance = np.maximum(MAX_EDGE_SHARE * np.tile(annotated[2:] - annotated[:2], 2), MAX_EDGE_PX)
+        mean = np.where(np.abs(cast.box - annotated) < max_distance, mean, annotated)
     return np.where(cut, cast.box, mean)
 
 
@@ -61,7 +61,7 @@ class PositionShadows:
 
     def __init__(self, rocks: PositionRocks, options: LabelsOptions) -> None:
         self.rocks, self.world, self.options = rocks, rocks.world, options
-        self._seen: dict[CameraSide, Ids] = {}
+        self._ids: dict[CameraSide, VisibleIds] = {}
         self._shadow_ids: dict[tuple[CameraSide, bytes], tuple[np.ndarray, dict[int, Window]]] = {}
 
     def labels(
@@ -71,55 +71,57 @@ class PositionShadows:
         # With an unverified pose, the extent of shadows is unknown.
         boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}
         cast = self.cast(camera, light, azimuth, boxes, brightness)
-        shadows = self._known(camera, light, azimuth, cast)
+        shadows = self._annotated_or_cast(camera, light, azimuth, cast)
         return shadows if brightness is None else shadows + self._unannotated(azimuth, shadows, cast)
 
-    def _known(self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+    def _annotated_or_cast(
+        self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]
+    ) -> list[Label]:
         """Return shadows annotated in this or else the other camera, averaged with cast shadows; else cast shadows."""
-        own = self.annotated(camera, azimuth)
-        if own is not None:
-            throwers = self.throwers(camera, own, light, azimuth)
+        annotated_here = self.annotated(camera, azimuth)
+        if annotated_here is not None:
+            occluders = self.occluders(camera, annotated_here, light, azimuth)
             dark = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo}
             inside = np.zeros(4, bool)
             boxes = [
                 mean_shadow(box, inside, dark.get(int(rock)), CAST_WEIGHT)
-                for rock, box in zip(throwers, own, strict=True)
+                for rock, box in zip(occluders, annotated_here, strict=True)
             ]
-            return [label_of(SHADOW, rock, "seed", box) for rock, box in zip(throwers, boxes, strict=True)]
+            return [make_label(SHADOW, rock, "seed", box) for rock, box in zip(occluders, boxes, strict=True)]
         other: CameraSide = "R" if camera == "L" else "L"
         annotated = self.annotated(other, azimuth)
         if annotated is None:
             return self._cast_labels(azimuth, cast)
-        throwers = self.throwers(other, annotated, light, azimuth)
+        occluders = self.occluders(other, annotated, light, azimuth)
         moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), annotated)
         boxes = [
             mean_shadow(box, cut, cast.get(int(rock)), CAST_WEIGHT)
-            for rock, box, cut in zip(throwers, moved, at_border(annotated, self.rocks.view(other).size), strict=True)
+            for rock, box, cut in zip(occluders, moved, at_border(annotated, self.rocks.view(other).size), strict=True)
         ]
-        return [self.rocks.moved_label(SHADOW, rock, camera, box) for rock, box in zip(throwers, boxes, strict=True)]
+        return [self.rocks.moved_label(SHADOW, rock, camera, box) for rock, box in zip(occluders, boxes, strict=True)]
 
     def _unannotated(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
         """Return unannotated shadows visible in the photo that do not overlap with `shadows`."""
-        known = {label.rock for label in shadows}
-        taken = np.array([label.box for label in shadows]).reshape(-1, 4)
-        found = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in known}
+        labelled = {label.rock for label in shadows}
+        occupied = np.array([label.box for label in shadows]).reshape(-1, 4)
+        unlabelled = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in labelled}
         return [
             label
-            for label in self._cast_labels(azimuth, found)
-            if iou(label.box[None], taken).max(initial=0.0) < SAME_SHADOW
+            for label in self._cast_labels(azimuth, unlabelled)
+            if iou(label.box[None], occupied).max(initial=0.0) < SAME_SHADOW_IOU
         ]
 
     def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
-        rover = azimuth == "no"
-        least = MIN_ROVER_SHADOW_PX if rover else MIN_SHADOW_PX
-        large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= least}
-        return [label_of(SHADOW, rock, "cast", box, by_rover_light=rover) for rock, box in large.items()]
+        by_rover_light = azimuth == "no"
+        min_px = MIN_ROVER_SHADOW_PX if by_rover_light else MIN_SHADOW_PX
+        large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= min_px}
+        return [make_label(SHADOW, rock, "cast", box, by_rover_light=by_rover_light) for rock, box in large.items()]
 
     def annotated(self, camera: CameraSide, azimuth: Azimuth) -> np.ndarray | None:
         annotated = self.rocks.annotated.get((camera, azimuth))
         return annotated.shadows if annotated is not None else None
 
-    def throwers(self, camera: CameraSide, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
+    def occluders(self, camera: CameraSide, boxes: np.ndarray, light: Light, azimuth: Azimuth) -> np.ndarray:
         """Return the rock (n,) that casts each annotated shadow, matched by the cast shadows of all rocks."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
@@ -140,29 +142,31 @@ class PositionShadows:
         """
         step, lamp_position = self.options.ray_step_px, lamp(self.world, self.rocks.localised, light, azimuth)
         assert lamp_position is not None
-        ids, shadow, windows = self._shadows_seen(camera, lamp_position)
+        ids, shadow, windows = self._visible_shadows(camera, lamp_position)
         if brightness is not None:
-            shadow = np.where(self._shaded_by_walls(ids, lamp_position, shadow, brightness), OF_WALL, shadow)
+            shadow = np.where(self._shaded_by_walls(ids, lamp_position, shadow, brightness), WALL_ID, shadow)
             windows = windows_of(shadow)
-        found = {}
+        shadows = {}
         for rock, rock_box in sorted(rock_boxes.items()):
             slivers = azimuth != "no" or rock_box is None  # annotators omit slivers under the rover light
             box = shadow_box(shadow, rock, rock_box, step, windows, slivers=slivers)
             if box is None:
                 continue
             dark = (
-                snapped(box, shadow, ids.rock, step, rock, brightness) if brightness and rock_box is not None else None
+                fit_to_dark_region(box, shadow, ids.rock, step, rock, brightness)
+                if brightness and rock_box is not None
+                else None
             )
             if dark is None and rock_box is not None:
-                shown = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
-                mesh_box, scale = shown.box if shown else rock_box, self.rocks.px_per_m(camera, rock)
+                projected = self.rocks.projected(camera, rock) if rock in self.world.bodies else None
+                mesh_box, scale = projected.box if projected else rock_box, self.rocks.px_per_m(camera, rock)
                 box = self.rocks.annotator.draw_shadow(box, rock_box, mesh_box, scale)
             if area(box) > 0:
-                found[rock] = CastShadow(box if dark is None else dark, dark is not None)
-        return found
+                shadows[rock] = CastShadow(box if dark is None else dark, dark is not None)
+        return shadows
 
     def _shaded_by_walls(
-        self, ids: Ids, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
+        self, ids: VisibleIds, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
     ) -> np.ndarray:
         """Return a mask (rows, columns) of ground in the shadow of a wall, with wall heights fitted to the photo."""
         step, height = self.options.ray_step_px, self.world.wall_height
@@ -171,17 +175,19 @@ class PositionShadows:
         passing = ids.over_walls(self.world, lamp_position)
         bare = np.isfinite(passing) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
         rate = brightness.rate[step // 2 :: step, step // 2 :: step]
-        return passing < shading_height(passing[bare], rate[bare], height)
+        return passing < fit_wall_height(passing[bare], rate[bare], height)
 
-    def _shadows_seen(self, camera: CameraSide, lamp_position: np.ndarray) -> tuple[Ids, np.ndarray, dict[int, Window]]:
+    def _visible_shadows(
+        self, camera: CameraSide, lamp_position: np.ndarray
+    ) -> tuple[VisibleIds, np.ndarray, dict[int, Window]]:
         """Return the visible rocks of a camera, the occluder of a lamp (3,) for each pixel, and its `windows_of`."""
         view, step = self.rocks.view(camera), self.options.ray_step_px
-        if camera not in self._seen:
+        if camera not in self._ids:
             width, height = view.size
-            self._seen[camera] = Ids(
+            self._ids[camera] = VisibleIds(
                 self.world, view, np.arange(step / 2, height, step), np.arange(step / 2, width, step)
             )
-        ids = self._seen[camera]
+        ids = self._ids[camera]
         if (camera, lamp_position.tobytes()) not in self._shadow_ids:
             shadow = np.where(ids.rock == NO_ROCK, ids.shadow_of(self.world, lamp_position), NO_ROCK)
             self._shadow_ids[camera, lamp_position.tobytes()] = shadow, windows_of(shadow)

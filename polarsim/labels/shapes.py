@@ -13,9 +13,9 @@ from polarsim.geometry.boxes import iou, of_mask
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.masks import windows_of, without_small_components
 from polarsim.geometry.polygons import outlines
-from polarsim.labels.casting import Ids
+from polarsim.labels.casting import VisibleIds
 
-LIKE_ITS_BOX = 0.2  # minimum IoU of the box of a shape with the box of the label to use the shape
+MIN_BOX_IOU = 0.2  # minimum IoU of the box of a shape with the box of the label to use the shape
 SIMPLIFY_PX = 0.6  # maximum distance of a removed corner from the simplified outline
 SMALL_REGION = 400  # minimum area of a polygon of ground or background, px
 THIN_PX = 2  # minimum width of such a polygon
@@ -67,17 +67,17 @@ def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
     }
 
 
-def fitted(shape: Shape | None, box: np.ndarray, own_share: float = 0.0) -> Shape:
+def fit_shape(shape: Shape | None, box: np.ndarray, own_share: float = 0.0) -> Shape:
     """Stretch a shape to the box of a label; return a rounded box if the shape is missing or does not overlap.
 
     `own_share` interpolates the target box between the box of the label (0) and the box of the shape (1).
     """
-    if shape is None or iou(shape.box[None], box[None])[0, 0] < LIKE_ITS_BOX:
-        return rounded(box)
-    return stretched(shape, own_share * shape.box + (1 - own_share) * box)
+    if shape is None or iou(shape.box[None], box[None])[0, 0] < MIN_BOX_IOU:
+        return superellipse(box)
+    return stretch_shape(shape, own_share * shape.box + (1 - own_share) * box)
 
 
-def convex(shape: Shape) -> Shape:
+def convex_shape(shape: Shape) -> Shape:
     """Return the convex hull."""
     import cv2
 
@@ -87,18 +87,18 @@ def convex(shape: Shape) -> Shape:
     return Shape(hull, shape.left, shape.top)
 
 
-def stretched(shape: Shape, box: np.ndarray) -> Shape:
+def stretch_shape(shape: Shape, box: np.ndarray) -> Shape:
     """Return the shape with the bounding box mapped to `box` (4,)."""
-    own, x, y = shape.box, *_pixel_centres(box)
-    column = own[0] + (x - box[0]) / (box[2] - box[0]) * (own[2] - own[0]) - shape.left
-    row = own[1] + (y - box[1]) / (box[3] - box[1]) * (own[3] - own[1]) - shape.top
+    source, x, y = shape.box, *_pixel_centres(box)
+    column = source[0] + (x - box[0]) / (box[2] - box[0]) * (source[2] - source[0]) - shape.left
+    row = source[1] + (y - box[1]) / (box[3] - box[1]) * (source[3] - source[1]) - shape.top
     column = np.clip(np.floor(column).astype(int), 0, shape.mask.shape[1] - 1)
     row = np.clip(np.floor(row).astype(int), 0, shape.mask.shape[0] - 1)
     inside = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))
     return Shape(shape.mask[np.ix_(row, column)] & inside, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
 
 
-def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
+def superellipse(box: np.ndarray, power: float = 2.5) -> Shape:
     """Return the superellipse that fills a box (4,), for objects of unknown shape."""
     x, y = _pixel_centres(box)
     across = np.abs((2 * x - box[0] - box[2]) / (box[2] - box[0])) ** power
@@ -106,15 +106,16 @@ def rounded(box: np.ndarray, power: float = 2.5) -> Shape:
     return Shape(down[:, None] + across <= 1, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
 
 
-def visible(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
+def visible_parts(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
     """Return the visible parts, without small components, of shapes painted in order; None if fully hidden."""
     painted = np.full((height, width), -1, np.int16)
     inside = [shape.cut(width, height) for shape in shapes]
     for number, shape in enumerate(inside):
         painted[shape.window][shape.mask] = number
-    left = [(shape, painted[shape.window] == number) for number, shape in enumerate(inside)]
+    visible_masks = [(shape, painted[shape.window] == number) for number, shape in enumerate(inside)]
     return [
-        Shape(without_small_components(mask), shape.left, shape.top) if mask.any() else None for shape, mask in left
+        Shape(without_small_components(mask), shape.left, shape.top) if mask.any() else None
+        for shape, mask in visible_masks
     ]
 
 
@@ -136,13 +137,13 @@ def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(left, right) + HALF_PIXEL, np.arange(top, bottom) + HALF_PIXEL
 
 
-def backdrop(ids: Ids) -> list[tuple[str, np.ndarray]]:
+def backdrop(ids: VisibleIds) -> list[tuple[str, np.ndarray]]:
     """Return rings (n, 2) of background and ground. The ground includes rocks and shadows."""
     import cv2
 
     ground = np.zeros(ids.shape, np.uint8)
-    seen = ids.hit.astype(np.uint8)
-    lines, _ = cv2.findContours(seen, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    hit = ids.hit.astype(np.uint8)
+    lines, _ = cv2.findContours(hit, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(ground, [line for line in lines if cv2.contourArea(line) >= SMALL_REGION], -1, 1, cv2.FILLED)
     rings = [
         (name, ring)

@@ -49,9 +49,9 @@ def what_followed(
     def labels(without: tuple[str, ...]) -> Labels:
         return labels_of_terrain(inputs, options.model_copy(update={"taken_back": without}))
 
-    found = followed(labels(options.taken_back), labels((*options.taken_back, str(drawing))))
-    write_parquet(out, found)
-    return found
+    changes = followed(labels(options.taken_back), labels((*options.taken_back, str(drawing))))
+    write_parquet(out, changes)
+    return changes
 
 
 def followed(with_it: Labels, without: Labels) -> pd.DataFrame:
@@ -61,10 +61,16 @@ def followed(with_it: Labels, without: Labels) -> pd.DataFrame:
     """
     rows: list[tuple[object, ...]] = []
     for key in sorted({*with_it, *without}):
-        now, then = _by_name(with_it.get(key, ())), _by_name(without.get(key, ()))
-        for name in sorted({*now, *then}):
-            moved = float(np.abs(now[name] - then[name]).max()) if name in now and name in then else np.nan
-            change = "moved" if name in now and name in then else "gone" if name in now else "new"
+        boxes_with, boxes_without = _by_name(with_it.get(key, ())), _by_name(without.get(key, ()))
+        for name in sorted({*boxes_with, *boxes_without}):
+            moved = (
+                float(np.abs(boxes_with[name] - boxes_without[name]).max())
+                if name in boxes_with and name in boxes_without
+                else np.nan
+            )
+            change = (
+                "moved" if name in boxes_with and name in boxes_without else "gone" if name in boxes_with else "new"
+            )
             if not moved <= MIN_SHIFT_PX:
                 rows.append((str(key), name[0], name[1], change, round(moved, 2)))
     types = {"key": str, "kind": str, "rock": np.int64, "change": str, "moved_px": float}

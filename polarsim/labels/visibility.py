@@ -13,14 +13,14 @@ from polarsim.labels.bodies import World
 from polarsim.labels.brightness import Brightness, noise_dn
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.seeds import ShadowStarts, UnlitStarts, is_unlit
+from polarsim.labels.seeds import ShadowMinExposures, UnlitMinExposures, is_unlit
 from polarsim.photo import SHADOW, Azimuth, PhotoKey
 
 NO_SUN_START_MS = 2048  # minimum exposure labelled in the release if only the rover light is on
 POINTS = 150  # approximate number of rays cast to the surface of a rock
 LIFT = 0.003  # metres from the surface to the start of a shadow ray, to avoid self-intersection
-FARTHEST = np.diag([0.6, 0.6, 0.3])  # metres, x y z: two standard deviations of the surveyed lamp positions
-OFFSETS = np.concatenate([np.zeros((1, 3)), FARTHEST, -FARTHEST])  # of a lamp from the surveyed position
+LAMP_ERROR = np.diag([0.6, 0.6, 0.3])  # metres, x y z: two standard deviations of the surveyed lamp positions
+OFFSETS = np.concatenate([np.zeros((1, 3)), LAMP_ERROR, -LAMP_ERROR])  # of a lamp from the surveyed position
 SURROUND = 0.35  # width of the frame around a box that contrast refers to, relative to the sides of the box
 INNER = 0.8  # diameter of the ellipse that contains the object, relative to the sides of the box
 
@@ -30,11 +30,11 @@ def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
     body = world.bodies.get(rock)
     if body is None or azimuth not in world.suns:
         return 1.0
-    points = surface(world, rock)
+    points = body_points(world, rock)
     return float((~shaded(world, points, world.suns[azimuth])).mean()) if len(points) else 0.0
 
 
-def surface(world: World, rock: int) -> np.ndarray:
+def body_points(world: World, rock: int) -> np.ndarray:
     """Return about `POINTS` surface points (n, 3) of a rock above the ground."""
     body = world.bodies[rock]
     points = body.vertices[body.above]
@@ -51,21 +51,21 @@ def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
     return np.asarray(dark)
 
 
-def hidden_by_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
+def omitted_in_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
     """Return whether annotators omit a rock under a Sun lamp because it is dark.
 
     Lamp positions have errors of decimetres, and walls and slopes cast long shadows. A rock is dark if it is dark for
     all lamp positions within the error. If it is also computed as dark at an azimuth at which it is `annotated`, the
     meshes or walls are inaccurate and the result is False.
     """
-    return in_the_dark(world, rock, azimuth) and not any(in_the_dark(world, rock, other) for other in annotated)
+    return is_dark(world, rock, azimuth) and not any(is_dark(world, rock, other) for other in annotated)
 
 
-def in_the_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
+def is_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
     """Return whether no surface point of a rock is lit for any lamp position within the error of the survey."""
     if rock not in world.bodies or azimuth not in world.suns:
         return False
-    points = surface(world, rock)
+    points = body_points(world, rock)
     return all(shaded(world, points, world.suns[azimuth] + off).all() for off in OFFSETS)
 
 
@@ -74,13 +74,13 @@ class Contrast:
     """Contrast of an object with its surroundings: in grey values, and in standard deviations of pixel noise."""
 
     dn: float
-    noises: float
+    snr: float
 
 
-NONE = Contrast(0.0, 0.0)
+NO_CONTRAST = Contrast(0.0, 0.0)
 
 
-def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Contrast:
+def label_contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Contrast:
     """Return the RMS difference of the pixels in a box (4,) from the median of the surroundings, without noise.
 
     The mean difference is unsuitable: a rock with a lit and a dark side can have the mean brightness of the sand.
@@ -89,13 +89,13 @@ def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Con
     part = window(box, np.maximum((box[2:] - box[:2]) * SURROUND, 3.0), width, height)
     y, x = (np.arange(side.start, side.stop) + HALF_PIXEL for side in part)
     if min(len(x), len(y)) < 2:
-        return NONE
+        return NO_CONTRAST
     values = brightness.at(exposure_ms, part)
     centre, half = (box[:2] + box[2:]) / 2, np.maximum((box[2:] - box[:2]) / 2, 0.5)
     inner = (((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 < INNER**2
     framed = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))
     if not inner.any() or framed.all():
-        return NONE
+        return NO_CONTRAST
     surround = float(np.median(values[~framed]))
     noise = float(noise_dn(surround))
     excess = float(((values[inner] - surround) ** 2).mean()) - noise**2
@@ -104,40 +104,44 @@ def contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) -> Con
 
 
 @dataclass(frozen=True)
-class Starts:
+class MinExposures:
     """Minimum exposures at which annotators draw shadows under Sun lamps and rocks without a lamp."""
 
-    shadows: ShadowStarts
-    unlit: UnlitStarts
+    shadows: ShadowMinExposures
+    unlit_rocks: UnlitMinExposures
 
 
-def visible(
-    labels: list[Label], key: PhotoKey, brightness: Brightness | None, starts: Starts, options: LabelsOptions
+def visible_labels(
+    labels: list[Label],
+    key: PhotoKey,
+    brightness: Brightness | None,
+    min_exposures: MinExposures,
+    options: LabelsOptions,
 ) -> list[Label]:
     """Return the labels of a bracket that are visible in one of its photos.
 
     Visibility follows from the contrast; without `brightness`, from the minimum exposures of annotators.
     """
     if brightness is None:
-        return at_exposure(labels, key, starts)
-    return [label for label in labels if stands_out(label, brightness, key.exposure_ms, options)]
+        return labels_by_exposure(labels, key, min_exposures)
+    return [label for label in labels if has_contrast(label, brightness, key.exposure_ms, options)]
 
 
-def stands_out(label: Label, brightness: Brightness, exposure_ms: int, options: LabelsOptions) -> bool:
+def has_contrast(label: Label, brightness: Brightness, exposure_ms: int, options: LabelsOptions) -> bool:
     """Return whether the contrast of a label with its surroundings reaches both thresholds."""
-    found = contrast(brightness, label.box, exposure_ms)
-    return found.noises >= options.min_contrast and found.dn >= options.min_contrast_dn
+    measured = label_contrast(brightness, label.box, exposure_ms)
+    return measured.snr >= options.min_contrast and measured.dn >= options.min_contrast_dn
 
 
-def at_exposure(labels: list[Label], key: PhotoKey, starts: Starts) -> list[Label]:
+def labels_by_exposure(labels: list[Label], key: PhotoKey, min_exposures: MinExposures) -> list[Label]:
     """Return the labels that annotators draw at the exposure of a photo.
 
     Sun lamp: rocks always, shadows from the minimum exposure upwards. Rover light: all labels from `NO_SUN_START_MS`
     upwards. No lamp: all labels from the minimum exposure of the position upwards, if the position has one.
     """
     if is_unlit(key.light, key.azimuth):
-        return labels if starts.unlit.shown(key) else []
+        return labels if min_exposures.unlit_rocks.has_labels(key) else []
     if key.azimuth == "no":
         return labels if key.exposure_ms >= NO_SUN_START_MS else []
-    dark = key.exposure_ms < starts.shadows.of(key)
+    dark = key.exposure_ms < min_exposures.shadows.of(key)
     return [label for label in labels if not (dark and label.kind == SHADOW)]

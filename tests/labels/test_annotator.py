@@ -9,7 +9,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import yolo
 from polarsim.labels.annotator import (
     EDGE_TERMS,
-    GEOMETRY_ALONE,
+    NO_HABITS,
     OUTWARD,
     PACKAGED,
     ROVER_LIGHT_TERMS,
@@ -78,13 +78,13 @@ def test_a_label_higher_than_the_mesh_widens_the_side_of_the_shadow():
 
 
 def test_without_habits_a_cast_shadow_stays_as_it_is():
-    np.testing.assert_array_equal(GEOMETRY_ALONE.draw_shadow(SHADOW, ROCK, ROCK, 600), SHADOW)
+    np.testing.assert_array_equal(NO_HABITS.draw_shadow(SHADOW, ROCK, ROCK, 600), SHADOW)
 
 
 def test_a_probability_is_the_logistic_function_of_the_terms():
     terms = rover_light_terms(0.5, 1.0, 25.0, 4.5)
     assert terms == pytest.approx([1, -0.5, 0, np.log(0.5), 1.0])  # half the azimuths, half of 50 px, 1 m beyond 3.5 m
-    annotator = Annotator(GEOMETRY_ALONE.edges, (1.0, 2, 3, 4, 5))
+    annotator = Annotator(NO_HABITS.edges, (1.0, 2, 3, 4, 5))
     assert annotator.rock_probability(terms) == pytest.approx(1 / (1 + np.exp(-(1 - 1 + 4 * np.log(0.5) + 5))))
 
 
@@ -119,7 +119,7 @@ def test_a_run_gives_samples_of_both_habits(scene):
     key = PhotoKey.parse("03_A_off_180_L_0256")
     rocks = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
     inputs = PropagationInputs(
-        TERRAIN, [key], scene.photos, scene.inventory, scene.seeds, scene.cameras, scene.meshes, GEOMETRY_ALONE
+        TERRAIN, [key], scene.photos, scene.inventory, scene.seeds, scene.cameras, scene.meshes, NO_HABITS
     )
     (scene.seeds / f"{key}.txt").unlink()
     cast = [label.box for label in labels_of_terrain(inputs, options)[key] if label.kind == "shadow"]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.labels.association import dome_behind, find_tracks, match_ids, number_domes
+from polarsim.labels.association import find_tracks, fit_dome, match_ids, number_domes
 from polarsim.labels.bodies import Dome, build_world
 from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK
 from polarsim.run_files.scene import read_terrain
@@ -59,7 +59,7 @@ def test_a_dome_is_found_again_from_the_box_around_it(untouched_scene, position,
     world, view = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004), localised(position).camera("L")
     dome = Dome(np.array([0.2, 0.3, 0.0]), radius, height)
     pixels = view.project(dome.mesh(rings=30, segments=90)[0])
-    found = dome_behind(world, view, np.concatenate([pixels.min(axis=0), pixels.max(axis=0)]))
+    found = fit_dome(world, view, np.concatenate([pixels.min(axis=0), pixels.max(axis=0)]))
     assert found is not None
     assert np.linalg.norm(found.foot - dome.foot) < 0.05 * radius + 0.005
     assert found.radius == pytest.approx(radius, rel=0.06)
@@ -70,7 +70,7 @@ def test_a_box_above_the_horizon_has_no_dome(untouched_scene):
     world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004)
     box = np.array([500.0, 0, 540, 20])
     level = localised("A").camera("L")
-    assert dome_behind(world, level, box - [0, 3000, 0, 3000]) is None
+    assert fit_dome(world, level, box - [0, 3000, 0, 3000]) is None
 
 
 def test_domes_of_two_views_at_one_position_are_one_rock():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import snapped
+from polarsim.labels.casting import fit_to_dark_region
 from polarsim.photo import NO_ROCK
 
 STEP = 2
@@ -25,14 +25,14 @@ def cast(x0, y0, x1, y1, rock=4):
 
 def test_edges_move_to_the_dark_region():
     box, real = np.array([200.0, 200, 320, 240]), (206, 196, 326, 234)
-    found = snapped(box, cast(200, 200, 320, 240), NO_ROCKS, STEP, 4, dark(real))
+    found = fit_to_dark_region(box, cast(200, 200, 320, 240), NO_ROCKS, STEP, 4, dark(real))
     np.testing.assert_allclose(found, real, atol=2)
 
 
 def test_thin_dark_streaks_of_the_ground_do_not_count():
     box, real = np.array([200.0, 200, 320, 240]), (200, 200, 320, 240)
     streak = (320, 220, 420, 222)
-    found = snapped(box, cast(*real), NO_ROCKS, STEP, 4, dark(real, streak))
+    found = fit_to_dark_region(box, cast(*real), NO_ROCKS, STEP, 4, dark(real, streak))
     np.testing.assert_allclose(found, real, atol=6)  # of the streak's 100 px no more stays than the brush is wide
 
 
@@ -40,7 +40,7 @@ def test_the_shadow_of_another_rock_is_left_out():
     box, other = np.array([200.0, 200, 320, 240]), (320, 200, 420, 240)
     shadow = cast(200, 200, 320, 240)
     shadow[100:120, 160:210] = 9
-    found = snapped(box, shadow, NO_ROCKS, STEP, 4, dark((200, 200, 320, 240), other))
+    found = fit_to_dark_region(box, shadow, NO_ROCKS, STEP, 4, dark((200, 200, 320, 240), other))
     np.testing.assert_allclose(found, box, atol=3)
 
 
@@ -55,4 +55,6 @@ def test_the_shadow_of_another_rock_is_left_out():
     ],
 )
 def test_a_photo_that_does_not_show_the_shadow_moves_nothing(photo):
-    assert snapped(np.array([200.0, 200, 320, 240]), cast(200, 200, 320, 240), NO_ROCKS, STEP, 4, photo) is None
+    assert (
+        fit_to_dark_region(np.array([200.0, 200, 320, 240]), cast(200, 200, 320, 240), NO_ROCKS, STEP, 4, photo) is None
+    )

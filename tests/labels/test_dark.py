@@ -10,7 +10,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import project_rock
 from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import Annotated
-from polarsim.labels.visibility import hidden_by_dark, in_the_dark
+from polarsim.labels.visibility import is_dark, omitted_in_dark
 from polarsim.photo import NO_ROCK, ROCK
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
@@ -55,12 +55,12 @@ def labelled(terrain, annotated_at, options, azimuth="180"):
 
 
 def test_a_rock_behind_a_high_one_is_in_the_dark_under_the_lamp_on_the_other_side_alone(world):
-    assert in_the_dark(world, BEHIND, "180")
-    assert not any(in_the_dark(world, BEHIND, azimuth) for azimuth in ("30", "270", "350"))
+    assert is_dark(world, BEHIND, "180")
+    assert not any(is_dark(world, BEHIND, azimuth) for azimuth in ("30", "270", "350"))
 
 
 def test_no_rock_shades_itself_from_every_ray(world):
-    assert not any(in_the_dark(world, rock, azimuth) for rock in (OPEN, BARRIER) for azimuth in SUN_LAMPS)
+    assert not any(is_dark(world, rock, azimuth) for rock in (OPEN, BARRIER) for azimuth in SUN_LAMPS)
 
 
 @pytest.mark.parametrize(("above", "dark"), [(-0.1, True), (0.1, False)])
@@ -70,22 +70,22 @@ def test_a_rock_that_one_position_of_the_lamp_lights_is_not_in_the_dark(world, a
     nearest = x + 0.6  # two standard deviations of the survey towards the barrier
     grazing = 0.8 + (0.8 - 0.1) / (0.7 - 0.2) * (0.2 - nearest)
     raised = replace(world, suns={"180": np.array([x, y, grazing + above])})
-    assert in_the_dark(raised, BEHIND, "180") == dark
+    assert is_dark(raised, BEHIND, "180") == dark
 
 
 def test_walls_darken_what_lies_at_their_foot(terrain):
     walled = build_world(terrain, TRIM, wall_height=2.0)
-    assert in_the_dark(walled, OPEN, "30")
+    assert is_dark(walled, OPEN, "30")
 
 
 def test_nothing_is_in_the_dark_of_a_lamp_that_is_not_there_nor_a_rock_that_has_no_body(world):
-    assert not in_the_dark(world, BEHIND, "no")
-    assert not in_the_dark(world, 77, "180")
+    assert not is_dark(world, BEHIND, "no")
+    assert not is_dark(world, 77, "180")
 
 
 def test_a_rock_that_people_drew_in_what_should_be_dark_is_no_rock_in_the_dark(world):
-    assert hidden_by_dark(world, BEHIND, "180", ["30", "350"])
-    assert not hidden_by_dark(world, BEHIND, "180", ["30", "180"])
+    assert omitted_in_dark(world, BEHIND, "180", ["30", "350"])
+    assert not omitted_in_dark(world, BEHIND, "180", ["30", "180"])
 
 
 def test_people_who_label_what_they_see_leave_out_rocks_in_the_dark(terrain):

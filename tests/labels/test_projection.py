@@ -19,7 +19,7 @@ def world(untouched_scene):
 def test_a_projected_rock_is_the_box_around_its_corners(untouched_scene, world, position, rock):
     shown = project_rock(world, localised(position).camera("L"), rock)
     np.testing.assert_allclose(shown.box, untouched_scene.expected_box(position, "L", rock), atol=3)
-    assert shown.seen == 1
+    assert shown.visible_share == 1
 
 
 def test_a_rock_behind_the_camera_is_not_shown(world):
@@ -42,8 +42,8 @@ def test_a_rock_behind_another_rock_is_seen_in_part(world):
     eye = near + 1.2 * heading + [0, 0, 0.10]
     low = LocalisedRig(stated_rig(), looking(eye, np.arctan2(-heading[1], -heading[0]), 0.0))
     shown = project_rock(world, low.camera("L"), 7)
-    assert shown is None or shown.seen < 0.5
-    assert project_rock(world, low.camera("L"), 4).seen == 1
+    assert shown is None or shown.visible_share < 0.5
+    assert project_rock(world, low.camera("L"), 4).visible_share == 1
 
 
 @pytest.mark.parametrize("rock", list(BLOCKS))

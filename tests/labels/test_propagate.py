@@ -10,7 +10,7 @@ from polarsim.formats.coco import Annotation, write_coco
 from polarsim.geometry.boxes import centres, iou
 from polarsim.geometry.poses import Pose
 from polarsim.labels.association import gather
-from polarsim.labels.brightness import OlatLight, Photos
+from polarsim.labels.brightness import OlatBrightness, Photos
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PositionLabels, propagate_labels
 from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
@@ -147,7 +147,7 @@ def test_edges_of_shadows_follow_the_photo_and_the_annotated_photo_keeps_its_box
     localised_rigs = rigs.read_all_localised(scene.cameras)
     suns = surveyed_suns(localised_rigs)
     known = gather(read_terrain(scene.meshes, TERRAIN), localised_rigs, suns, {}, WALL_HEIGHT)
-    brightness = OlatLight(known).brightness((3, "A", "off", "30", "L"))
+    brightness = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
     rows = []
     for one in (key_annotated, sibling):
         png.write(tmp_path / f"{one}.png", (brightness.at(one.exposure_ms) + BLACK_LEVEL).astype(np.uint16))

@@ -127,6 +127,6 @@ def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_t
     annotated = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in SUNS}}
     labels = {label.rock: label.confidence for label in rocks_at("A", annotated, blocks).labels("L", "no")}
     assert set(labels) == {1, 3}
-    assert labels[1] > labels[3] > fusion.PRESENCE
+    assert labels[1] > labels[3] > fusion.MIN_PROBABILITY
     monkeypatch.setattr(fusion, "PRESENCE", 0.0)
     assert {label.rock for label in rocks_at("A", annotated, blocks).labels("L", "no")} == set(blocks)

@@ -1,7 +1,14 @@
 import numpy as np
 
 from polarsim.formats import yolo
-from polarsim.labels.seeds import Annotated, ShadowStarts, cameras_first, choose_seeds, read_drawings, shadow_starts
+from polarsim.labels.seeds import (
+    Annotated,
+    ShadowMinExposures,
+    choose_seeds,
+    read_drawings,
+    shadow_starts,
+    sort_by_camera,
+)
 from polarsim.photo import PhotoKey
 
 ROCK, SHADOW = np.array([100.0, 100, 160, 150]), np.array([60.0, 90, 110, 140])
@@ -13,7 +20,7 @@ def write(folder, name, shadows=1, offset=0):
 
 
 def read_seeds(folder, corrections=None, shadow_start_ms=0):
-    return choose_seeds(read_drawings(folder, 3), corrections or {}, ShadowStarts(shadow_start_ms))
+    return choose_seeds(read_drawings(folder, 3), corrections or {}, ShadowMinExposures(shadow_start_ms))
 
 
 def test_seeds_of_both_cameras_are_kept_by_position_and_lamp(tmp_path):
@@ -52,8 +59,8 @@ def test_a_seed_at_a_short_exposure_without_shadows_says_nothing_about_them(tmp_
 
 
 def test_the_camera_with_most_drawings_comes_first_and_left_before_right():
-    assert cameras_first([("R", "30"), ("L", "30"), ("R", "180")])[0][0] == "R"
-    assert cameras_first([("R", "30"), ("L", "180")])[0][0] == "L"
+    assert sort_by_camera([("R", "30"), ("L", "30"), ("R", "180")])[0][0] == "R"
+    assert sort_by_camera([("R", "30"), ("L", "180")])[0][0] == "L"
 
 
 def starts_of(folder, key):

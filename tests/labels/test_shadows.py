@@ -7,8 +7,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.masks import windows_of
 from polarsim.labels.association import gather
 from polarsim.labels.bodies import build_world
-from polarsim.labels.brightness import OlatLight
-from polarsim.labels.casting import Ids, lamp, shadow_box
+from polarsim.labels.brightness import OlatBrightness
+from polarsim.labels.casting import VisibleIds, lamp, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import CastShadow, PositionShadows, mean_shadow
@@ -26,7 +26,7 @@ def world(untouched_scene):
 
 @pytest.fixture(scope="module")
 def ids(world):
-    return Ids(world, localised("A").camera("L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
+    return VisibleIds(world, localised("A").camera("L"), np.arange(1, 1216, 2), np.arange(1, 1936, 2))
 
 
 def box_of_shadow(shadow, rock, rock_box, step):
@@ -128,7 +128,7 @@ def seen_at(world, position):
     """What position A's left camera sees at a point of the ground."""
     view = localised("A").camera("L")
     u, v = view.project(np.array(position))
-    return Ids(world, view, np.array([v]), np.array([u]))
+    return VisibleIds(world, view, np.array([v]), np.array([u]))
 
 
 def test_the_near_wall_hides_the_ground_behind_it(world, walled):
@@ -185,7 +185,7 @@ def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     photo_of = {}
     for height in (0.3, 0.42):
         known = gather(terrain, rig, {"30": lamp_position}, {}, height)
-        photo_of[height] = OlatLight(known).brightness((3, "A", "off", "30", "L"))
+        photo_of[height] = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
     known = gather(terrain, rig, {"30": lamp_position}, {}, 0.3)
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import label
 
-from polarsim.labels.shapes import Shape, convex, fitted, rounded, shapes_of, stretched, visible
+from polarsim.labels.shapes import Shape, convex_shape, fit_shape, shapes_of, stretch_shape, superellipse, visible_parts
 
 any_shape = st.builds(
     Shape, arrays.arrays(bool, st.tuples(st.integers(1, 6), st.integers(1, 6))), st.integers(-4, 10), st.integers(-4, 8)
@@ -16,28 +16,28 @@ def test_a_stretched_shape_fills_its_new_box():
     y, x = np.mgrid[:40, :60] + 0.5
     ellipse = Shape(((x - 30) / 30) ** 2 + ((y - 20) / 20) ** 2 < 1, 100, 200)
     box = np.array([310.4, 120.0, 400.4, 180.0])
-    found = stretched(ellipse, box)
+    found = stretch_shape(ellipse, box)
     np.testing.assert_allclose(found.box, box, atol=1)
     assert found.mask.sum() == pytest.approx(np.pi * 45 * 30, rel=0.02)
 
 
 def test_a_shape_may_keep_a_share_of_its_own_box():
     own = Shape(np.ones((20, 40), bool), 100, 200)
-    np.testing.assert_array_equal(fitted(own, np.array([110.0, 200, 150, 230]), 0.3).box, [107, 200, 147, 227])
+    np.testing.assert_array_equal(fit_shape(own, np.array([110.0, 200, 150, 230]), 0.3).box, [107, 200, 147, 227])
 
 
 def test_a_convex_shape_has_no_dents_and_its_old_box():
     dented = np.zeros((9, 9), bool)
     dented[:, 0] = dented[8] = True
-    found = convex(Shape(dented, 4, 5))
+    found = convex_shape(Shape(dented, 4, 5))
     np.testing.assert_array_equal(found.mask, np.tri(9, dtype=bool))
     np.testing.assert_array_equal(found.box, [4, 5, 13, 14])
 
 
 def test_a_rounded_shape_fills_its_box():
     box = np.array([10.0, 20, 40, 36])
-    np.testing.assert_allclose(rounded(box).box, box)
-    assert np.pi / 4 < rounded(box).mask.mean() < 1
+    np.testing.assert_allclose(superellipse(box).box, box)
+    assert np.pi / 4 < superellipse(box).mask.mean() < 1
 
 
 def test_a_shape_is_where_its_rock_stands_in_a_picture_of_ids():
@@ -53,7 +53,7 @@ def test_a_shape_is_where_its_rock_stands_in_a_picture_of_ids():
 @pytest.mark.parametrize("own", [None, Shape(np.ones((4, 4), bool), 200, 200)])
 def test_a_label_far_from_its_mesh_gets_a_rounded_box(own):
     box = np.array([10.0, 20, 40, 36])
-    np.testing.assert_array_equal(fitted(own, box).mask, rounded(box).mask)
+    np.testing.assert_array_equal(fit_shape(own, box).mask, superellipse(box).mask)
 
 
 def test_a_shape_has_neither_holes_nor_small_components():
@@ -84,7 +84,7 @@ def test_what_is_visible_of_a_shape_is_what_no_later_one_covers_less_small_compo
             y, x = row + shape.top, column + shape.left
             if 0 <= x < 10 and 0 <= y < 8:
                 expected[y][x] = number
-    parts = visible(shapes, 10, 8)
+    parts = visible_parts(shapes, 10, 8)
     for number, part in enumerate(parts):
         own = np.array(expected) == number
         shown = np.zeros((8, 10), bool)

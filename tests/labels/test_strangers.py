@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import around
-from polarsim.labels.seeds import Annotated, without_strangers
+from polarsim.labels.seeds import Annotated, drop_mislabelled
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.run_files.scene import TerrainMesh
 
@@ -42,7 +42,7 @@ def drawings(**view_of):
 def test_seeds_of_another_position_are_left_out_in_one_line_and_the_rest_goes_on(terrain, caplog):
     given = drawings(A="A", C="A")
     with caplog.at_level(logging.WARNING):
-        kept = without_strangers(given, terrain, LOCALISED)
+        kept = drop_mislabelled(given, terrain, LOCALISED)
     assert {key.position for key in kept} == {"A"}
     assert len(kept) == 2
     (line,) = [record.getMessage() for record in caplog.records]
@@ -55,12 +55,12 @@ def test_seeds_of_their_own_position_stay(terrain, caplog):
     given = drawings(A="A", C="C")
     half = {key: replace(one, rocks=one.rocks[::2]) if key.position == "C" else one for key, one in given.items()}
     with caplog.at_level(logging.WARNING):
-        assert without_strangers(given, terrain, LOCALISED) == given
-        assert without_strangers(half, terrain, LOCALISED) == half
+        assert drop_mislabelled(given, terrain, LOCALISED) == given
+        assert drop_mislabelled(half, terrain, LOCALISED) == half
     assert not caplog.records
 
 
 def test_where_nothing_only_the_survey_localises_a_camera_its_seeds_stay(terrain):
     given = drawings(A="A", C="A")
     surveyed = {**LOCALISED, "C": replace(LOCALISED["C"], method="survey")}
-    assert without_strangers(given, terrain, surveyed) == given
+    assert drop_mislabelled(given, terrain, surveyed) == given

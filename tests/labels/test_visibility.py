@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.labels.brightness import Brightness, noise_dn
-from polarsim.labels.visibility import contrast
+from polarsim.labels.visibility import label_contrast
 
 BOX = np.array([100.0, 80, 160, 120])
 
@@ -15,30 +15,30 @@ def scene(inside: float, outside: float, noise: float = 0.0) -> Brightness:
 
 
 def test_contrast_is_the_difference_in_noises_of_a_pixel():
-    assert contrast(scene(0.1, 1.0), BOX, 100).noises == pytest.approx(90 / noise_dn(100.0), rel=0.01)
+    assert label_contrast(scene(0.1, 1.0), BOX, 100).snr == pytest.approx(90 / noise_dn(100.0), rel=0.01)
 
 
 def test_a_rock_whose_mean_is_that_of_the_sand_stands_out_by_its_two_sides():
     both = scene(1.0, 1.0)
     both.rate[80:120, 100:130], both.rate[80:120, 130:160] = 0.2, 1.8
-    assert contrast(both, BOX, 100).noises > 20
+    assert label_contrast(both, BOX, 100).snr > 20
 
 
 def test_longer_exposures_show_more_until_they_clip():
-    shown = [contrast(scene(0.1, 1.0), BOX, exposure).noises for exposure in (16, 64, 256, 1024)]
+    shown = [label_contrast(scene(0.1, 1.0), BOX, exposure).snr for exposure in (16, 64, 256, 1024)]
     assert shown == sorted(shown)
-    assert contrast(scene(100.0, 200.0), BOX, 256).noises == 0  # both are white
+    assert label_contrast(scene(100.0, 200.0), BOX, 256).snr == 0  # both are white
 
 
 def test_noise_alone_is_no_contrast():
     noise = float(noise_dn(100.0)) / 100
-    assert contrast(scene(1.0, 1.0, noise), BOX, 100).noises < 0.5
+    assert label_contrast(scene(1.0, 1.0, noise), BOX, 100).snr < 0.5
 
 
 def test_in_the_dark_nothing_stands_out():
-    assert contrast(scene(0.0, 0.0), BOX, 8192).noises == 0
+    assert label_contrast(scene(0.0, 0.0), BOX, 8192).snr == 0
 
 
 @pytest.mark.parametrize("box", [[-20, -20, -5, -5], [0, 0, 400, 300], [399, 299, 400, 300]])
 def test_boxes_without_a_surround_have_none(box):
-    assert contrast(scene(0.1, 1.0), np.array(box, float), 100).noises == 0
+    assert label_contrast(scene(0.1, 1.0), np.array(box, float), 100).snr == 0

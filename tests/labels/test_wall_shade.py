@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.labels.bodies import wall_caster
-from polarsim.labels.casting import passing_heights, shading_height
+from polarsim.labels.casting import fit_wall_height, wall_crossing_heights
 
 BOUNDS = np.array([[-2.0, -2.0], [2.0, 2.0]])
 
@@ -18,7 +18,7 @@ BOUNDS = np.array([[-2.0, -2.0], [2.0, 2.0]])
     ],
 )
 def test_light_passes_the_walls_at_the_height_of_a_hand_calculation(position, lamp, height):
-    found = passing_heights(np.array([position], float), np.array(lamp, float), BOUNDS)
+    found = wall_crossing_heights(np.array([position], float), np.array(lamp, float), BOUNDS)
     np.testing.assert_allclose(found, [height], atol=1e-12)
 
 
@@ -26,7 +26,7 @@ def test_what_passes_lower_than_the_walls_is_what_rays_find_shaded(rng):
     points = np.column_stack([rng.uniform(-1.99, 1.99, (2000, 2)), rng.uniform(-0.05, 0.05, 2000)])
     lamp = np.array([3.4, 1.8, 0.8])
     occluded = wall_caster(BOUNDS, 0.0, 0.3).occluded(points, lamp - points, 1.0)
-    np.testing.assert_array_equal(passing_heights(points, lamp, BOUNDS) < 0.3, occluded)
+    np.testing.assert_array_equal(wall_crossing_heights(points, lamp, BOUNDS) < 0.3, occluded)
     assert 0.1 < occluded.mean() < 0.9
 
 
@@ -38,9 +38,9 @@ def ground(rng, edge, dark=2.0, lit=20.0):
 
 @pytest.mark.parametrize("edge", [0.22, 0.3, 0.41])
 def test_the_walls_are_as_high_as_the_edge_of_their_shade_says(rng, edge):
-    assert shading_height(*ground(rng, edge), 0.3) == pytest.approx(edge, abs=0.015)
+    assert fit_wall_height(*ground(rng, edge), 0.3) == pytest.approx(edge, abs=0.015)
 
 
 def test_without_an_edge_of_shade_the_stated_height_holds(rng):
-    assert shading_height(*ground(rng, 0.0), 0.3) == 0.3
-    assert shading_height(np.zeros(0), np.zeros(0), 0.3) == 0.3
+    assert fit_wall_height(*ground(rng, 0.0), 0.3) == 0.3
+    assert fit_wall_height(np.zeros(0), np.zeros(0), 0.3) == 0.3
