@@ -1,13 +1,13 @@
 """Detectors: training on each domain and evaluation on every domain.
 
-1. `split`: photos into training, validation and test.
-2. `pictures`, `tone`: photos, twins and views to 8 bits with YOLO labels; `dataset`: data sets by the split, and mixes.
-3. `train`, `detectors`: one family per architecture; `training_windows`: windows of labelled images.
+1. `split`: division of photos into training, validation and test.
+2. `pictures`, `tone`: conversion of photos, twins and views to 8 bits with YOLO labels; `dataset`: data sets and mixes.
+3. `train`, `detectors`: training, one family per architecture; `training_windows`: crops of labelled images.
 4. `predict`, with `frame`, `inference_widths`, `mirrored`, `fusion`, `nms`, `sand_filter`: images to tables of boxes;
-   `masks`: images to class masks. `detect_pictures`: the same for anyone's images, `polarsim detect`.
-5. `metrics`, `calibration`, `bootstrap`, `ipd`, `false_positives`: matching, metrics and their intervals;
+   `masks`: images to class masks. `detect_pictures`: detection in external images, `polarsim detect`.
+5. `metrics`, `calibration`, `bootstrap`, `ipd`, `false_positives`: matching, metrics and confidence intervals;
    `grouping`: boxes of tables by photo.
 6. `evaluate`, `breakdown`, `domain_evaluation`, `differences`, `gather_tables`: tables of a run;
-   `external_sets`: anyone's labels and predictions, `polarsim ipd`.
+   `external_sets`: external labels and predictions, `polarsim ipd`.
 7. `ablation`: the gap with one component of the twin replaced. `stereo`: depth as a second evaluation.
 """

@@ -1,9 +1,7 @@
-"""The ablation: what changes of the gap between photos and twins when one component of the twin is replaced.
+"""Ablation: change of the gap between photos and twins after replacing one component of the twin.
 
-Photos, twin and the twin with the component replaced are evaluated by the same detectors, which are not trained
-again, on
-the same photos. What changes is paired: the same rocks, and the same resamples of views for both twins, so an interval
-is that of the change and not of two figures beside each other.
+The same detectors, without further training, are evaluated on photos, twins and modified twins of equal keys. Changes
+are paired by rock and by bootstrap replicate, so an interval refers to the change, not to two separate metrics.
 """
 
 from __future__ import annotations
@@ -30,9 +28,9 @@ _DIGITS = 6
 
 
 def effect_of(photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainEvaluation) -> pd.DataFrame:
-    """What one detector says of one component: from `images` on the columns of `ABLATION_COLUMNS`, a row a class.
+    """Return the effect of one component on one detector: one row per class, `ABLATION_COLUMNS` from `images` on.
 
-    The three have the same keys and options.
+    All three evaluations must have the same keys and options.
     """
     units = photo.draws[1].shape[1]
     rows = []
@@ -64,29 +62,29 @@ def write_ablation(
     training: TrainingOptions,
     imgsz: int,
 ) -> None:
-    """Write `ABLATION_COLUMNS`, a row a component, detector and class.
+    """Write `ABLATION_COLUMNS`, one row per component, detector and class.
 
     Parameters
     ----------
     predictions
-        By what a detector was trained on, and the domain that it saw: photos, twin, or a component.
+        Prediction tables by training domain and evaluated domain: photos, twin, or a component.
     labels, datasets
-        Label table and data set of each of these domains. Photos count that all data sets have in their test part.
+        Label table and data set of each evaluated domain. Only photos in the test part of all data sets are used.
     photo, twin
-        The domains of the photos and of the twin as the run has it.
+        Domains of the photos and of the unmodified twin.
     replaced
-        What each component replaces, in words; in the order of the ablation.
+        Text description of each component, in the order of the ablation.
     training, imgsz
-        How the detectors were trained and the longer side of their pictures, px, as the ablation names it.
+        Training options of the detectors and longer side of their input, px, for the table.
 
     Raises
     ------
     PolarsimError
-        A broken file, or no photo in all domains.
+        Invalid file, or no photo that all domains contain.
     """
     keys = sorted(set.intersection(*(set(read_pictures(dataset, TEST)) for dataset in datasets.values())))
     if not keys:
-        raise DetectError("no test picture that every twin of the ablation has", path=datasets[photo])
+        raise DetectError("the domains of the ablation have no common test image", path=datasets[photo])
     truth = {domain: read_labels(path) for domain, path in labels.items()}
     facts = {"model": twin, **detector_facts(training, imgsz)}
     parts = []

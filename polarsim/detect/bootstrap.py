@@ -1,8 +1,8 @@
-"""Units of the bootstrap of detectors, views or photos, and average precision of resamples; see `polarsim.intervals`.
+"""Units of the bootstrap of detector metrics: views or photos; see `polarsim.intervals`.
 
-Photos of one view show the same rocks from the same position under other light: they are not independent, and intervals
-over photos come out too narrow. Views of one terrain show the same rocks too, from elsewhere; few terrains are tested,
-so intervals say how sure a figure is of these terrains, not of another one.
+Photos of a view show the same rocks from the same position under different light. They are not independent, so
+intervals over photos are too narrow. Views of a terrain also share rocks. Because few terrains are tested, intervals
+are valid for these terrains only and do not extend to new terrains.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ Unit = Literal["view", "photo"]
 
 
 def units_of(keys: Sequence[str], unit: Unit) -> np.ndarray:
-    """(n,) number of each photo's view, from 0, in the order of the views; or of each photo.
+    """Return the index (n,) of the view of each photo in the sorted views; or of each photo.
 
     Raises
     ------
     DetectError
-        Views are asked for, and a name is no photo key.
+        `unit` is `view` and a name is not a photo key.
     """
     if unit == "photo":
         return np.unique(np.array(keys, str), return_inverse=True)[1]
     try:
         views = [PhotoKey.parse(key).view for key in keys]
     except LabelError as error:
-        raise DetectError(f"{error}, so its view is not known: draw photos instead") from error
+        raise DetectError(f"{error}, so the view is unknown: use photos as bootstrap units") from error
     number = {view: n for n, view in enumerate(sorted(set(views)))}
     return np.array([number[view] for view in views], int)

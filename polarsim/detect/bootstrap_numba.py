@@ -1,7 +1,8 @@
-"""Average precision of bootstrap samples, compiled: one pass over the predictions a sample.
+"""Average precision of bootstrap replicates, compiled: one pass over the predictions per replicate.
 
-The same as `metrics.precision_at_recalls` with each sample's weights, which a test compares: matches stay, so drawing
-only weighs them. All sums are of whole numbers (how often a unit is drawn), so their order changes nothing.
+Equivalent to `metrics.precision_at_recalls` with the weights of each replicate, which is the reference in a test.
+Resampling changes only the weights of matches. All sums are sums of integers (draw counts), so their order does not
+affect the result.
 """
 
 from __future__ import annotations
@@ -13,10 +14,18 @@ from polarsim.kernels import njit
 
 
 def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """(resamples, t) average precision at each threshold with the units of the pictures (p,) drawn anew."""
+    """Return the average precision (resamples, t) at each threshold.
+
+    Parameters
+    ----------
+    unit : (p,) int
+        Bootstrap unit of each image.
+    drawn : (resamples, units)
+        Draw count of each unit.
+    """
     labels = drawn @ np.bincount(unit, ranked.labels[area], drawn.shape[1])
     right, counted = ranked.right[area], ranked.counted[area]
-    at_all = np.flatnonzero(counted.any(axis=0))  # the rest belongs to other ranges of area
+    at_all = np.flatnonzero(counted.any(axis=0))  # predictions in this range of area
     right, counted = right[:, at_all], counted[:, at_all]
     owner = unit[ranked.picture[at_all]].astype(np.int32)
     indices, first_index = _ragged(right)
@@ -37,7 +46,7 @@ def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.n
 
 
 def _ragged(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of the chosen (t, n) of every row, one row behind the other, and where each row starts (t + 1,)."""
+    """Return the column indices of True values of a mask (t, n), row by row, and the start of each row (t + 1,)."""
     starts = np.concatenate([[0], chosen.sum(axis=1).cumsum()])
     return np.nonzero(chosen)[1].astype(np.int32), starts.astype(np.int64)
 
@@ -54,19 +63,19 @@ def _precision(
     recalls: np.ndarray,
     precision: np.ndarray,
 ) -> None:
-    """Fill precision (r, t); rows of draws without a label stay as they are.
+    """Fill precision (r, t); rows of replicates without labels are unchanged.
 
     Parameters
     ----------
     drawn : (r, units) float
     labels : (r,) float
-        Labels of each draw.
+        Number of labels in each replicate.
     owner : (n,) int
-        Unit of each prediction, from sure to unsure.
+        Unit of each prediction, in descending order of confidence.
     indices, first_index : (sum,), (t + 1,) int
-        Predictions that are right at each threshold, and where those of a threshold start.
+        True positives at each threshold, and the start index of each threshold.
     passed, first_passed
-        The same for those that are neither right nor wrong.
+        The same for ignored predictions, which are neither true nor false positives.
     """
     predicted = np.empty(len(owner))
     longest = 0
@@ -93,7 +102,7 @@ def _precision(
                     skipped += weight[owner[passed[skip]]]
                     skip += 1
                 so_far = predicted[index] - skipped
-                best[k] = found / max(so_far, 1.0)  # nothing was predicted yet where all weights are 0
+                best[k] = found / max(so_far, 1.0)  # so_far is 0 if all weights are 0
                 while next_recall < len(recalls) and found / labels[row] >= recalls[next_recall]:
                     reached[next_recall] = k
                     next_recall += 1

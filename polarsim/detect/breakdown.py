@@ -1,4 +1,4 @@
-"""Detection figures with intervals, of all photos and by what photos and labels are like."""
+"""Detection metrics with intervals for all photos, for groups of photos and for size classes of labels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.schemas.detect import BREAKDOWN, CURVES
 
 ALL = "all"
-SIZES = {"small": (0.0, 32.0**2), "medium": (32.0**2, 96.0**2), "large": (96.0**2, np.inf)}  # COCO's, px^2 of the box
+SIZES = {
+    "small": (0.0, 32.0**2),
+    "medium": (32.0**2, 96.0**2),
+    "large": (96.0**2, np.inf),
+}  # COCO, area of the box, px^2
 PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "exposure": lambda key: f"{key.exposure_ms:04d}",  # ms
     "azimuth": lambda key: key.azimuth,
@@ -25,21 +29,19 @@ PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
 MEASURES = ("map50", "map50_95", "iou_mean")
 BREAKDOWN_COLUMNS = BREAKDOWN.without("split", "seed", "trained", "evaluated")
 CURVE_IOUS = (0.5, 0.75)
-CURVE_COLUMNS = CURVES.columns[2:]  # of one detector in one domain
-GROUP_RESAMPLES = 200  # bootstrap samples of groups of photos and size classes, of which there are many
+CURVE_COLUMNS = CURVES.columns[2:]  # columns for one detector in one domain
+GROUP_RESAMPLES = 200  # bootstrap replicates of the numerous groups of photos and size classes
 
 
 @dataclass(frozen=True)
 class Matches:
-    """What one detector saw of one domain: matched predictions and label overlaps of each class, and the photos'
-    units.
-    """
+    """Matched predictions and labels of one detector in one domain, by class."""
 
     keys: list[PhotoKey]
-    ranked: dict[str, metrics.Ranked]  # by kind; areas: all, then those of SIZES
-    overlap: dict[str, np.ndarray]  # (n,) best IoU of every label
-    area: dict[str, np.ndarray]  # (n,) of the labels, px^2
-    picture: dict[str, np.ndarray]  # (n,) index of the labels' photo among the keys
+    ranked: dict[str, metrics.Ranked]  # areas: all, then SIZES
+    overlap: dict[str, np.ndarray]  # (n,) maximum IoU of each label with a prediction
+    area: dict[str, np.ndarray]  # (n,) area of each label, px^2
+    picture: dict[str, np.ndarray]  # (n,) index of the photo of each label in `keys`
     unit: bootstrap.Unit
 
 
@@ -50,16 +52,16 @@ def match_predictions(
     performance: pd.DataFrame,
     unit: bootstrap.Unit = "view",
 ) -> Matches:
-    """Match once what all figures are sums of.
+    """Match predictions with labels once for all metrics.
 
     Parameters
     ----------
     keys
-        Of the evaluated photos.
+        Keys of the evaluated photos.
     labels, predictions : DataFrame
         key, kind, x0, y0, x1, y1; predictions also confidence.
     performance : DataFrame
-        The row of `ipd.instance_performance` of each label.
+        `ipd.instance_performance` of the labels.
     """
     index = {key: n for n, key in enumerate(keys)}
     own = {kind: performance[performance["kind"] == kind] for kind in BOX_CLASSES}
@@ -80,7 +82,7 @@ def rank_by_kind(
     thresholds: np.ndarray = metrics.IOU_THRESHOLDS,
     areas: Sequence[tuple[float, float]] = metrics.ANY_AREA,
 ) -> dict[str, metrics.Ranked]:
-    """`metrics.rank` of each class; arguments as of `detector` and of `rank`."""
+    """Apply `metrics.rank` to each class; arguments as in `match_predictions` and `metrics.rank`."""
     ranked = {}
     for kind in BOX_CLASSES:
         labelled = boxes_by_photo(labels[labels["kind"] == kind], keys)
@@ -93,10 +95,10 @@ def rank_by_kind(
 def breakdown(
     matched: Matches, *, seed: int = 0, resamples: int = 1000, group_resamples: int = GROUP_RESAMPLES
 ) -> pd.DataFrame:
-    """`BREAKDOWN_COLUMNS` of all photos, of each size class of labels, and of each group of photos.
+    """Return `BREAKDOWN_COLUMNS` for all photos, each size class of labels, and each group of photos.
 
-    A size class follows COCO's rules (`metrics.rank`). Kind `all` is the mean over classes that have labels. Intervals
-    are of the photos' views or photos, `units` of them.
+    Size classes follow the rules of COCO (`metrics.rank`). Kind `all` is the mean over classes with labels. `units` is
+    the number of bootstrap units (views or photos).
     """
     rows: list[dict[str, object]] = []
     everything = np.ones(len(matched.keys), bool)
@@ -112,7 +114,7 @@ def breakdown(
 
 
 def curves(matched: Matches) -> pd.DataFrame:
-    """`CURVE_COLUMNS`: precision as COCO interpolates it, at 101 recalls, of each class that has labels."""
+    """Return `CURVE_COLUMNS`: precision with COCO interpolation at 101 recalls for each class with labels."""
     parts = []
     for kind, ranked in matched.ranked.items():
         if ranked.labels[0].any():
@@ -125,7 +127,7 @@ def curves(matched: Matches) -> pd.DataFrame:
 
 
 def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resamples: int) -> Iterator[dict[str, object]]:
-    """One row a class and one of all classes, for chosen (p,) photos and a range of area (0: all)."""
+    """Yield one row per class and one for all classes, for a mask (p,) of photos and a range of area (0: all)."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 
     unit = np.zeros(len(chosen), int)
@@ -159,7 +161,7 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
-    """Mean over the first axis of those that are numbers; NaN where none is."""
+    """Return the mean over the first axis without NaN; NaN if all values are NaN."""
     known = ~np.isnan(values)
     total = np.where(known, values, 0).sum(axis=0)
     return np.divide(total, known.sum(axis=0), out=np.full(total.shape, np.nan), where=known.any(axis=0))

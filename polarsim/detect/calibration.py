@@ -1,4 +1,4 @@
-"""Confidences that say how often a detector is right."""
+"""Calibration of confidences: a calibrated confidence is the probability that a detection is correct."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from scipy.special import expit, logit, xlogy
 
 from polarsim.detect import metrics
 
-_SAME = np.array([0.5])  # IoU from which a box is right
-_LEAST = 1e-4  # confidences lie between this and 1 less this: logits stay finite
-_PRIOR = 2.0  # boxes that speak for a slope of 1 and an offset of 0: a few boxes do not set these two numbers at will
+_SAME = np.array([0.5])  # minimum IoU of a true positive
+_LEAST = 1e-4  # confidences are clipped to this and 1 minus this, so that logits are finite
+_PRIOR = 2.0  # weight of the prior on slope 1 and offset 0, in numbers of boxes, for classes with few boxes
 Calibration = tuple[tuple[float, float], ...]  # slope and offset of the logit, by class
 
 
 def calibrated(found: np.ndarray, calibration: Calibration) -> np.ndarray:
-    """Boxes (n, 6), as a detector gives them, with calibrated confidences; without a calibration as they are."""
+    """Return boxes (n, 6) of a detector with calibrated confidences; unchanged without a calibration."""
     if not calibration:
         return found
     slope, offset = np.array(calibration)[found[:, 5].astype(int)].T
@@ -27,14 +27,14 @@ def calibrated(found: np.ndarray, calibration: Calibration) -> np.ndarray:
 
 
 def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray]) -> Calibration:
-    """Slope and offset of the logit of confidences, by class, with which they are most likely (Platt, 1999).
+    """Fit slope and offset of the logit of confidences by class, by maximum likelihood (Platt, 1999).
 
-    A class of which nothing was found keeps its confidences.
+    A class without detections keeps its confidences.
 
     Parameters
     ----------
     labels : sequence of (classes (n,), boxes (n, 4))
-        Of every picture, as in `sizes.choose_sizes`: of places that the detector was not trained on.
+        Labels of each image. The images must show places that the detector was not trained on.
     found : sequence of (n, 6)
         x0, y0, x1, y1, confidence, class.
     """
@@ -56,10 +56,10 @@ def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequ
 def calibration_error(
     labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray], least: float = 0.05, bins: int = 10
 ) -> float:
-    """Expected calibration error of all classes together: mean of |share that is right - mean confidence|.
+    """Return the expected calibration error over all classes: mean of |precision - mean confidence|.
 
-    Of boxes with a confidence of `least` or more, in bins of equal width, weighted by their boxes (Naeini et al., AAAI
-    2015). NaN without such a box.
+    The mean is over bins of equal width, weighted by the number of boxes with a confidence of at least `least` (Naeini
+    et al., AAAI 2015). NaN without such a box.
     """
     parts = metrics.rank_classes(labels, found, _SAME)
     confidence = np.concatenate([ranked.confidence for ranked in parts])
@@ -69,7 +69,7 @@ def calibration_error(
         return float("nan")
     confidence, right = confidence[kept], right[kept]
     number = np.minimum((confidence * bins).astype(int), bins - 1)
-    gaps = np.bincount(number, right - confidence, bins)  # sums over a bin
+    gaps = np.bincount(number, right - confidence, bins)  # sum over each bin
     return float(np.abs(gaps).sum() / len(confidence))
 
 

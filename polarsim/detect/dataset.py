@@ -1,4 +1,4 @@
-"""Data sets in YOLO's layout: a domain's converted pictures by further names, shared out to parts by a split."""
+"""Data sets in YOLO layout: links to the converted images of a domain, divided by a split."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from polarsim.randomness import generator
 from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
 PICTURE_COLUMNS = PARTS_TABLE.columns
-KINDS = (("images", ".png"), ("labels", ".txt"))  # YOLO's folders, and how the names of their files end
-MASKS = "masks"  # the folder beside them, of pictures whose masks are known
+KINDS = (("images", ".png"), ("labels", ".txt"))  # YOLO folders and file name extensions
+MASKS = "masks"  # folder of class masks, if available
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A picture of a data set: its name in it, its part, and its files."""
+    """Image of a data set: name, part and source files."""
 
     name: str
     part: str
     image: Path
-    label: Path | None  # None: it has labels that nobody may read here
-    mask: Path | None = None  # what every pixel shows, see `formats.class_masks`, where that is known
+    label: Path | None  # None: labels are excluded from the data set
+    mask: Path | None = None  # class of every pixel, see `class_masks`
 
 
 def make_dataset(
@@ -47,14 +47,14 @@ def make_dataset(
     by: str = PHOTO,
     wanted: Sequence[str] = PARTS,
 ) -> None:
-    """Convert a domain's photos or twins and share them out, all in one folder: `convert_photos`, `share_pictures`.
+    """Convert the photos or twins of a domain and write the data set in one folder.
 
-    Parts that are not wanted stay empty.
+    Combines `convert_photos` and `share_pictures`. Parts that are not in `wanted` are empty.
 
     Raises
     ------
     PolarsimError
-        A broken file, or a part without any picture.
+        Invalid file, or a part without images.
     """
     parts = {key: part for key, part in read_split(split, by).items() if part in wanted}
     with writing_folder(dataset) as folder:
@@ -71,10 +71,10 @@ def make_dataset(
 
 
 def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset: Path, options: SplitOptions) -> None:
-    """Write the folder of one domain's data set.
+    """Write the folder of the data set of one domain.
 
-    Photos and twins lie in the part of their key. Novel views train and choose weights, parted by their cameras, and
-    test nothing; split by terrain, those that show a terrain of the test part are left out.
+    The part of photos and twins follows from the key. Novel views are divided by camera into training and validation
+    and have no test part. In a split by terrain, views that show a test terrain are excluded.
 
     Parameters
     ----------
@@ -83,15 +83,15 @@ def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset
     split : Path
         CSV of key and part.
     by : str
-        What the split is by.
+        Unit of the split.
     dataset : Path
         Folder to write: `images/<part>/NAME.png` and `labels/<part>/NAME.txt`, `data.yaml`, `pictures.csv`,
-        `dataset.json`, and, where corrupt pictures are left out, `left_out.csv`.
+        `dataset.json`, and `left_out.csv` if corrupt images were skipped.
 
     Raises
     ------
     PolarsimError
-        A broken file, a split that leaks, or a part without any picture.
+        Invalid file, a split that shares units between parts, or a part without images.
     """
     parts = read_split(split, by)
     views = domain == VIEWS
@@ -105,15 +105,15 @@ def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset
 def mix_datasets(
     *, domain: str, weights: Mapping[str, float], datasets: Mapping[str, Path], dataset: Path, options: SplitOptions
 ) -> None:
-    """Write a data set to train on, of pictures of other data sets; it has no test part.
+    """Write a training data set of images of several domains, without a test part.
 
-    Of each part of a domain as many pictures are drawn as its weight says: 0.5 takes half of them, 1.5 takes all and
-    half of them once more. A picture is called `<domain>-<name>`, and `-2`, `-3` behind it where it is taken again.
+    The number of images of a domain in each part is multiplied by the weight: 0.5 selects half of the images, 1.5 all
+    images and a second copy of half of them. Image names are `<domain>-<name>`, copies end with `-2`, `-3`.
 
     Raises
     ------
     PolarsimError
-        A broken data set, or a part without any picture.
+        Invalid data set, or a part without images.
     """
     entries, left_out = [], []
     for source, weight in sorted(weights.items()):
@@ -131,25 +131,25 @@ def mix_datasets(
 
 
 def entry_of(folder: Path, name: str, part: str, below: str = "", named: str = "") -> Entry:
-    """The entry of a picture whose files lie in `images/`, `labels/` and perhaps `masks/`, or `below` these."""
+    """Return the entry of an image with files in `images/`, `labels/` and optionally `masks/`, or `below` these."""
     image, label = (folder / kind / below / f"{name}{ending}" for kind, ending in KINDS)
     mask = folder / MASKS / below / f"{name}.png"
     return Entry(named or name, part, image, label, mask if mask.is_file() else None)
 
 
 def read_parts(dataset: Path) -> dict[str, list[str]]:
-    """Names of the pictures that each part of a data set really has, sorted; those of photos and twins are keys."""
+    """Return the sorted names of the existing images in each part of a data set; photo keys for photos and twins."""
     table = tables.read_csv(dataset / "pictures.csv", PICTURE_COLUMNS)
     return {part: sorted(table.loc[table["part"] == part, "key"].astype(str)) for part in PARTS}
 
 
 def read_pictures(dataset: Path, part: str) -> list[str]:
-    """Those of one part."""
+    """Return the sorted names of the images in one part."""
     return read_parts(dataset)[part]
 
 
 def count_left_out(dataset: Path, parts: Sequence[str]) -> int:
-    """How many pictures of these parts are left out since they or their labels are corrupt."""
+    """Return the number of images of these parts that were skipped because of corrupt images or labels."""
     return sum(part in parts for _, part in _left_out(dataset))
 
 
@@ -176,7 +176,7 @@ def _share(
 def _parts_of_views(
     states: pd.DataFrame, parts: Mapping[PhotoKey, str], by: str, options: SplitOptions
 ) -> dict[str, str]:
-    """Train or val for novel views, by their cameras; split by terrain, those that show a test terrain have no part."""
+    """Return the part of each novel view, by camera. In a split by terrain, views of test terrains have no part."""
     part_of_camera = draw_val(states["camera"], options)
     left = {key.terrain for key, part in parts.items() if part == TEST} if by == TERRAIN else set()
     return {
@@ -195,19 +195,19 @@ def write_dataset(
     left_out: Sequence[tuple[str, str]] = (),
     needed: Sequence[str] = PARTS,
 ) -> None:
-    """Fill the folder that will be called `dataset` with the files of its entries, and with what tells of it.
+    """Link the files of the entries into `folder`, the temporary folder of `dataset`, and write the index files.
 
     Parameters
     ----------
     facts
-        More of `dataset.json`.
+        Additional entries of `dataset.json`.
     left_out
-        Names and parts of corrupt pictures.
+        Names and parts of corrupt images.
 
     Raises
     ------
     DetectError
-        A part that is needed has no picture.
+        A part in `needed` has no image.
     """
     for part in PARTS:
         for kind, _ in KINDS:
@@ -217,12 +217,12 @@ def write_dataset(
     counts = {part: sum(entry.part == part for entry in entries) for part in PARTS}
     for part in needed:
         if not counts[part]:
-            raise DetectError(f"no {domain} picture in the {part} part", path=dataset)
+            raise DetectError(f"no {domain} image in the {part} part", path=dataset)
     for entry in entries:
         for (kind, ending), file in zip((*KINDS, (MASKS, ".png")), (entry.image, entry.label, entry.mask), strict=True):
             if file is not None:
                 share_file(file, folder / kind / entry.part / f"{entry.name}{ending}")
-    log.info("%s: %d train, %d val, %d test pictures", domain, *counts.values())
+    log.info("%s: %d train, %d val, %d test images", domain, *counts.values())
     rows = [(entry.name, entry.part) for entry in entries]
     tables.write_csv(folder / "pictures.csv", pd.DataFrame(rows, columns=list(PICTURE_COLUMNS)))
     if left_out:

@@ -1,4 +1,4 @@
-"""Rocks and shadows in anyone's pictures of ground under low light: what `polarsim detect` does."""
+"""Detection of rocks and shadows in external images (`polarsim detect`)."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from polarsim.progress import track
 from polarsim.run_files import class_masks
 
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
-_TINT = 0.4  # weight of a mask's colour in a drawn picture
-# A picture as detectors see it, and width and height of the whole one -> boxes (n, 6): x0, y0, x1, y1 in pixels of the
-# whole one, confidence, class.
+_TINT = 0.4  # opacity of masks in drawn images
+# 8-bit input image, width and height of the original image -> boxes (n, 6): x0, y0, x1, y1 in pixels of the original
+# image, confidence, class.
 Look = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
 Result = TypeVar("Result")
-_THREADS = 1  # of torch: pictures are looked at side by side, for one alone does not fill two cores
-_LEAST = 0.01  # confidence before calibration
+_THREADS = 1  # threads of torch: images are processed in parallel because one image does not use two cores
+_LEAST = 0.01  # minimum confidence before calibration
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
 class _Finds:
-    """Width and height of a picture, px, and the boxes (n, 6) that are written, as a `Look` gives them."""
+    """Width and height of an image, px, and the boxes (n, 6) to write, as returned by a `Look`."""
 
     size: tuple[int, int]
     boxes: np.ndarray
@@ -60,32 +60,32 @@ def find_in_pictures(
     draw: bool = True,
     masks: bool = False,
 ) -> pd.DataFrame:
-    """Write what a detector finds in pictures of any size, 8 or 16 bits, grey or colour; `COLUMNS`, px of the picture.
+    """Detect objects in images of any size, 8 or 16 bits, grey or colour; return a table of `COLUMNS`, px of the image.
 
     Parameters
     ----------
     pictures
-        Pictures, and folders of which all pictures are taken. One that cannot be read is named and left out.
+        Images and folders of images. Unreadable images are skipped with a warning.
     weights
-        A detector, or several whose finds are merged: see `fusion.fuse`.
+        Detectors. Detections of several detectors are merged, see `fusion.fuse`.
     threads
-        So many pictures are looked at at a time, each by one thread: the finds are the same for any number.
+        Number of images processed in parallel, each by one thread. Does not affect the output.
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
-        and, where asked, `masks/NAME.png` (what every pixel shows, see `formats.class_masks`; rocks and shadows lie in
-        boxes that are written) and `pictures/NAME.jpg` with masks and boxes drawn.
+        optionally `masks/NAME.png` (class of every pixel, see `class_masks`; rocks and shadows only inside written
+        boxes) and `pictures/NAME.jpg` with masks and boxes drawn.
     confidence
-        Least confidence of a box that is written; calibrated, where the detector has a calibration.
+        Confidence threshold of written boxes, after calibration if the detector has a calibration.
 
     Raises
     ------
     PolarsimError
-        No picture can be read, two have one name, weights are no detector of ours, or have no masks where these are
-        asked for, or `out` exists.
+        No readable image, duplicate image names, weights that polarsim did not write or without the requested masks,
+        or `out` exists.
     """
     paths = _listed(pictures)
     if out.exists():
-        raise DetectError("is there already: name a new folder", path=out)
+        raise DetectError("the output folder already exists: choose a new folder", path=out)
     trained = {path: detectors.read_detector(path) for path in weights}
     rows: list[tuple[object, ...]] = []
     annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
@@ -114,7 +114,7 @@ def find_in_pictures(
         for path, finds in _in_order(paths, look_at, threads):
             if not isinstance(finds, _Finds):
                 reason = finds.reason if isinstance(finds, PolarsimError) else finds.strerror
-                log.warning("left out: %s: %s", path, reason)
+                log.warning("skipped: %s: %s", path, reason)
                 continue
             (width, height), found = finds.size, finds.boxes
             rows += detection_rows(path.name, found)
@@ -123,7 +123,7 @@ def find_in_pictures(
             own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
             annotated.append((image, own))
         if not annotated:
-            raise DetectError(f"none of {len(paths)} pictures can be read", path=pictures[0])
+            raise DetectError(f"none of {len(paths)} images can be read", path=pictures[0])
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
         tables.write_csv(folder / "detections.csv", table)
         coco.write_pictures(folder / "coco.json", annotated, f"Found by {', '.join(path.name for path in trained)}")
@@ -133,7 +133,7 @@ def find_in_pictures(
 def _look(
     path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions
 ) -> tuple[Look, tuple[int, ...]]:
-    """What a detector of a file sees, and its widths: its own where the options name none."""
+    """Return the inference function of a detector and its widths: those of the options, else of the detector."""
     sizes = sizes_of(detector, options)
     with about(path):
         loaded = detectors.load_detector(detector, folder, options, _THREADS)
@@ -146,7 +146,7 @@ def _look(
 
 
 def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOptions) -> LoadedAt:
-    """What makes masks with a detector of a file."""
+    """Return the mask inference of a detector and the inference widths."""
     with about(path):
         loaded = detectors.load_masks(detector, options, _THREADS)
     return loaded, mask_widths(detector, options)
@@ -159,12 +159,12 @@ def _merged(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
 def prediction_options(
     widths: Sequence[str], gates_px: Sequence[str], device: str, *, mirrored: bool = False, precision: str = "float32"
 ) -> PredictionOptions:
-    """Options of texts that a person typed.
+    """Parse prediction options of the command line.
 
     Raises
     ------
     DetectError
-        One is no number, or they do not go together.
+        An option is not a number, or the options are inconsistent.
     """
     try:
         return PredictionOptions.model_validate(
@@ -183,23 +183,23 @@ def prediction_options(
 
 
 def _as_seen(pixels: np.ndarray, longest: int) -> np.ndarray:
-    """A picture (h, w[, 3]) of 8 or 16 bits as detectors see it, grey with 8 bits, no longer side above `longest`."""
+    """Convert an image (h, w[, 3]) of 8 or 16 bits to the detector input: 8-bit grey, longer side up to `longest`."""
     grey = _grey(pixels)
     if max(grey.shape) > longest:
-        # Light of deeper pictures is averaged before the tone curve.
+        # Images of more than 8 bits are linear and averaged before the tone curve.
         grey = resize_longer_side(grey, longest) if grey.dtype == np.uint8 else tone.shrink(grey, longest)
     return _eight_bits(grey, pixels.dtype)
 
 
 def read_any(path: Path) -> np.ndarray:
-    """Return pixels (h, w) or (h, w, 3; RGB order) of 8 or 16 bits, upright as viewers show the image.
+    """Return pixels (h, w) or (h, w, 3; RGB order) of 8 or 16 bits, rotated upright.
 
     Raises
     ------
     FormatError
-        No readable image.
+        Not a readable image.
     DetectError
-        Another depth.
+        Unsupported bit depth.
     """
     pixels = png.read(path)
     if pixels.dtype not in (np.uint8, np.uint16):
@@ -213,22 +213,22 @@ def _listed(pictures: Sequence[Path]) -> list[Path]:
         if path.is_dir():
             inside = sorted(file for file in path.rglob("*") if file.suffix.lower() in png.SUFFIXES)
             if not inside:
-                raise DetectError(f"no picture in it, looked for {', '.join(png.SUFFIXES)}", path=path)
+                raise DetectError(f"no image in the folder, expected {', '.join(png.SUFFIXES)}", path=path)
             paths += inside
         elif path.is_file():
             paths.append(path)
         else:
-            raise DetectError("no such picture or folder", path=path)
+            raise DetectError("no such image or folder", path=path)
     seen: dict[str, Path] = {}
     for path in paths:
         if path.stem in seen:
-            raise DetectError(f"has the name of {seen[path.stem]}, expected each name once", path=path)
+            raise DetectError(f"same file name as {seen[path.stem]}, names must be unique", path=path)
         seen[path.stem] = path
     return paths
 
 
 def _in_order(paths: Sequence[Path], work: Callable[[Path], Result], threads: int) -> Iterator[tuple[Path, Result]]:
-    """What is made of each picture, in their order; so many are at work at a time, and no more are done ahead."""
+    """Yield each path with the result of `work`, in input order, with a bounded number of results in memory."""
     with ThreadPoolExecutor(threads) as pool:
         ahead: deque[Future[Result]] = deque()
         later = iter(paths)
@@ -244,7 +244,7 @@ def _grey(pixels: np.ndarray) -> np.ndarray:
 
 
 def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
-    """As detectors see pictures: 8 bits brightened where underexposed, 12 and 16 through the tone curve of training."""
+    """Return 8-bit pixels: 8-bit images are brightened if underexposed, 12- and 16-bit images are tone-mapped."""
     if depth == np.uint8:
         return tone.brightened(pixels)
     light = pixels.astype(np.float32)

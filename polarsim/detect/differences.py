@@ -1,7 +1,7 @@
-"""Differences between metrics of detectors and domains, each with the interval of the difference itself.
+"""Paired differences between metrics of detectors and domains, with confidence intervals.
 
-Two metrics whose 95 % intervals meet may still differ for sure: photos of one view are easy or hard for every detector
-and in every domain. So the same resamples of views are drawn for both sides, and the interval is that of what changes.
+Two metrics with overlapping 95 % intervals can still differ significantly, because the difficulty of a view is similar
+for all detectors and domains. Both sides use the same bootstrap replicates, and the interval refers to the difference.
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ DIFFERENCE_COLUMNS = DIFFERENCES.without("split", "seed")
 
 
 def paired_differences(seen: Mapping[tuple[str, str], DomainEvaluation]) -> pd.DataFrame:
-    """`DIFFERENCE_COLUMNS` of all comparisons that a reader of the tables makes.
+    """Return `DIFFERENCE_COLUMNS` of all comparisons.
 
-    mAP@0.5 of one detector on its own domain and on another one; mAP@0.5 on one domain of its own detector and of
-    another one; IPD of one detector between a domain (`against`) and each of two others. A difference is that of the
-    first (`trained`, `evaluated`) minus that of the other.
+    - mAP@0.5 of a detector on its training domain and on a different domain.
+    - mAP@0.5 on a domain of the detector trained on that domain and of a different detector.
+    - IPD of a detector between the domain `against` and each of two more domains.
+
+    A difference is the metric of (`trained`, `evaluated`) minus the metric of (`other_trained`, `other_evaluated`).
 
     Parameters
     ----------
     seen
-        Every domain through every detector, (trained, evaluated); all of the same photos and options.
+        Evaluations by (trained, evaluated), all with the same photos and options.
     """
     some = next(iter(seen.values()))
     units = some.draws[1].shape[1]
@@ -52,18 +54,18 @@ def paired_differences(seen: Mapping[tuple[str, str], DomainEvaluation]) -> pd.D
 def _compared_precisions(
     seen: Mapping[tuple[str, str], DomainEvaluation],
 ) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
-    """Own domain and another one of each detector, then own detector and another one of each domain."""
-    own = sorted(sides for sides in seen if sides[0] == sides[1])
-    for mine in own:
-        yield from ((mine, other) for other in sorted(seen) if other[0] == mine[0] and other != mine)
-    for mine in own:
-        yield from ((mine, other) for other in sorted(seen) if other[1] == mine[1] and other != mine)
+    """Yield pairs of domains of each detector, then pairs of detectors on each domain; the first has equal domains."""
+    same_domain = sorted(sides for sides in seen if sides[0] == sides[1])
+    for same in same_domain:
+        yield from ((same, other) for other in sorted(seen) if other[0] == same[0] and other != same)
+    for same in same_domain:
+        yield from ((same, other) for other in sorted(seen) if other[1] == same[1] and other != same)
 
 
 def _compared_ipds(
     seen: Mapping[tuple[str, str], DomainEvaluation],
 ) -> Iterator[tuple[tuple[str, str], tuple[str, str], tuple[str, str]]]:
-    """A domain and each two others of every detector."""
+    """Yield each domain with each pair of the remaining domains, for every detector."""
     for trained in sorted({trained for trained, _ in seen}):
         domains = sorted(evaluated for detector, evaluated in seen if detector == trained)
         for against in domains:
@@ -74,7 +76,7 @@ def _compared_ipds(
 def _row(
     metric: str, kind: str, against: str, one: tuple[str, str], other: tuple[str, str], changed: Mapping[str, object]
 ) -> dict[str, object]:
-    """`changed` holds the other side as the twin, and the first one as what replaces it."""
+    """Return a row. In `changed`, the second side of the comparison has the suffix `_twin`."""
     ends = ("", "_twin", "_change", "_change_low", "_change_high")
     values = [changed[f"{metric}{end}"] for end in ends]
     sides = dict(zip((*SIDES, *OTHER_SIDES), (*one, *other), strict=True))

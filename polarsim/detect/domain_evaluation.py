@@ -1,4 +1,4 @@
-"""One domain through one detector: what metrics of it are sums of, and the resamples that all detectors share."""
+"""Evaluation of one detector on one domain with bootstrap replicates that all evaluations share."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _CELL = ["key", "kind", "rock"]
 
 @dataclass(frozen=True)
 class DomainEvaluation:
-    """One domain through one detector.
+    """Metrics of one detector on one domain.
 
     Attributes
     ----------
     keys
-        Of the photos that count.
+        Keys of the evaluated photos.
     labels : DataFrame
         Columns key, kind, rock, x0, y0, x1, y1.
     predictions : DataFrame
@@ -56,7 +56,7 @@ class DomainEvaluation:
 
     @cached_property
     def precision(self) -> dict[str, np.ndarray]:
-        """(1 + resamples,) mAP@0.5 by class: as it is, then of each draw."""
+        """mAP@0.5 (1 + resamples,) by class: point estimate, then bootstrap replicates."""
         from polarsim.detect.bootstrap_numba import resampled_precision
 
         unit, drawn = self.draws
@@ -67,7 +67,7 @@ class DomainEvaluation:
         return found
 
     def rates(self, column: str) -> np.ndarray:
-        """(1 + resamples,) a column of `false_positives` over the rock-free area: as it is, then of each draw."""
+        """Return a column of `false_positives` per rock-free area (1 + resamples,): point estimate, then replicates."""
         unit, drawn = self.draws
         every = np.concatenate([np.ones((1, drawn.shape[1])), drawn])
         values, free = (self.false_positives[name].to_numpy(float) for name in (column, "free"))
@@ -75,7 +75,7 @@ class DomainEvaluation:
 
     @cached_property
     def draws(self) -> tuple[np.ndarray, np.ndarray]:
-        """Unit of each photo, and how often each unit is drawn: the same for all that have the same photos."""
+        """Bootstrap unit of each photo and draw count of each unit, equal for evaluations of the same photos."""
         unit = bootstrap.units_of(self.keys, self.options.resampled)
         return unit, intervals.draws(int(unit.max()) + 1, self.options.resamples)
 
@@ -83,7 +83,7 @@ class DomainEvaluation:
 def ipd_change(
     kind: str, photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainEvaluation
 ) -> dict[str, object]:
-    """Mean IoU and IPD over the rocks that photo, twin and the other twin have; IPD as in `ipd`, change by change."""
+    """Return mean IoU, IPD and the change of the IPD over the rocks that photos and both twins contain."""
     options = photo.options
     rules = Rules(unit=options.resampled)
     own = [seen.performance[seen.performance["kind"] == kind] for seen in (photo, twin, replaced)]
@@ -102,12 +102,12 @@ def ipd_change(
 
 
 def change(name: str, twin: np.ndarray, replaced: np.ndarray, units: int) -> dict[str, float]:
-    """Both figures, their difference and its interval, from values (1 + resamples,) under the same draws."""
+    """Return both metrics and their difference with interval, from values (1 + resamples,) of the same replicates."""
     low, high = intervals.interval(replaced[1:] - twin[1:], units)
     values = (float(twin[0]), float(replaced[0]), float(replaced[0] - twin[0]), low, high)
     return dict(zip((f"{name}{end}" for end in CHANGE_ENDS), values, strict=True))
 
 
 def _means(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """(1 + resamples,) mean of values (n,), and of those whose units are drawn."""
+    """Return the mean of values (n,) and the means of the bootstrap replicates (1 + resamples,)."""
     return np.concatenate([[values.mean()], intervals.resampled_means(values, unit, drawn)])

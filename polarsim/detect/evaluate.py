@@ -1,4 +1,4 @@
-"""Figures of every detector in every domain, and of the difference between domains."""
+"""Metrics of every detector on every domain, and of the difference between domains."""
 
 from __future__ import annotations
 
@@ -74,33 +74,33 @@ def evaluate(
     training: TrainingOptions,
     imgsz: int,
 ) -> None:
-    """Write the figures of all pairs of domains.
+    """Write the metrics of all pairs of domains.
 
     Parameters
     ----------
     predictions : sequence of Path
         Files named `<trained>_on_<evaluated>.parquet`.
     labels, datasets : mapping of str to Path
-        Label table and data set of each evaluated domain; only pictures that the data set has in its test part count.
-        Data sets of domains that are trained on only may be among them, for what they leave out.
+        Label table and data set of each evaluated domain. Only images in the test part of the data set are used. Data
+        sets of training domains may be included to count corrupt images.
     split : Path
-        The split that the data sets were made by.
+        Split of the data sets.
     by : str
-        What it is by: photo, view, position or terrain.
+        Unit of the split: photo, view, position or terrain.
     training, imgsz
-        How the detectors were trained and the longer side of their pictures, px, as tables name it.
+        Training options of the detectors and longer side of their input, px, for the tables.
 
     Raises
     ------
     PolarsimError
-        A broken file, a name that is none, or a domain without labels or data set.
+        Invalid file, invalid file name, or a domain without labels or data set.
     """
     named = {trained_and_evaluated(path): path for path in predictions}
     leaked = bool(leaks(read_split(split, by)))
     keys, truth = {}, {}
     for domain in sorted({evaluated for _, evaluated in named}):
         if domain not in labels or domain not in datasets:
-            raise DetectError(f"domain {domain!r} is predicted on, but has no labels or no data set")
+            raise DetectError(f"domain {domain!r} has predictions, but no labels or no data set")
         keys[domain] = read_pictures(datasets[domain], TEST)
         truth[domain] = read_labels(labels[domain])
     parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": []}
@@ -130,7 +130,7 @@ def evaluate(
 
 
 def trained_and_evaluated(path: Path) -> tuple[str, str]:
-    """Domains in the name of a prediction file.
+    """Return the training domain and the evaluated domain from the name of a prediction file.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def trained_and_evaluated(path: Path) -> tuple[str, str]:
 
 
 def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
-    """How a detector was trained, by column of a table."""
+    """Return the training parameters of a detector by table column."""
     return {
         "detector": detector_name(training.model),
         "start": training.start,
@@ -156,7 +156,7 @@ def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
 def _figures(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
 ) -> dict[str, pd.DataFrame]:
-    """All that concerns one detector and one domain."""
+    """Return the tables of one detector on one domain."""
     own = labels[labels["key"].isin(keys)]
     found = predictions[predictions["key"].isin(keys)]
     performance = instance_performance(own, found, options.iou_confidence)
@@ -178,18 +178,18 @@ def _figures(
 
 
 def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int:
-    """Corrupt pictures that a detector was not trained on or not tested on."""
+    """Return the number of corrupt images excluded from training and test of a detector."""
     training = count_left_out(datasets[trained], (TRAIN, VAL)) if trained in datasets else 0
     return training + count_left_out(datasets[evaluated], (TEST,))
 
 
 def read_labels(path: Path) -> pd.DataFrame:
-    """Read the labels that detectors are evaluated with."""
+    """Read the labels for the evaluation of detectors."""
     return clip_labels(tables.read_parquet(path, tables.LABEL_COLUMNS))
 
 
 def clip_labels(labels: pd.DataFrame) -> pd.DataFrame:
-    """Cut labels at the photo's border, as the data set's are; a label outside the photo is left out."""
+    """Clip labels at the border of the photo, as in the data set; drop labels outside the photo."""
     corners = boxes.clip(labels[list(BOX_COLUMNS)].to_numpy(float))
     clipped = labels.assign(**dict(zip(BOX_COLUMNS, corners.T, strict=True)))
     return clipped[boxes.area(corners) > 0]
@@ -198,7 +198,7 @@ def clip_labels(labels: pd.DataFrame) -> pd.DataFrame:
 def _detection_table(
     matched: pd.DataFrame, left_out: Mapping[tuple[str, str], int], facts: Mapping[str, Any]
 ) -> pd.DataFrame:
-    """`DETECTION_COLUMNS` of all photos."""
+    """Return `DETECTION_COLUMNS` over all photos."""
     found = matched[matched["by"] == ALL].assign(**facts)
     found["left_out"] = [left_out[sides] for sides in zip(found["trained"], found["evaluated"], strict=True)]
     return found[list(DETECTION_COLUMNS)]
@@ -207,7 +207,7 @@ def _detection_table(
 def _pairs_of_domains(
     performances: Mapping[tuple[str, str], pd.DataFrame],
 ) -> Iterator[tuple[tuple[str, str, str], pd.DataFrame, pd.DataFrame]]:
-    """Every detector and two domains, with its performances in both."""
+    """Yield each detector and pair of domains with the instance performances of both domains."""
     for trained in sorted({trained for trained, _ in performances}):
         domains = sorted(evaluated for detector, evaluated in performances if detector == trained)
         for first, second in combinations(domains, 2):

@@ -1,4 +1,4 @@
-"""IPD of anyone's detector: two sets of labels and predictions, as YOLO folders or as Parquet tables."""
+"""IPD of an external detector from two sets of labels and predictions (YOLO folders or Parquet tables)."""
 
 from __future__ import annotations
 
@@ -32,38 +32,38 @@ def compare_sets(
     seed: int = 0,
     resamples: int = 1000,
 ) -> dict[str, Any]:
-    """IPD and IOU_mean of each class between two sets, and by which rules.
+    """Return IPD and IOU_mean of each class between two sets, and the rules that were applied.
 
     Parameters
     ----------
     labels, predictions
-        Of the first and the second domain. A folder of YOLO files, one a picture (predictions with a confidence as
-        sixth field), or a Parquet table: key, kind, x0, y0, x1, y1, of labels also rock, of predictions confidence.
-        Pictures belong together by name.
+        Files of the first and the second domain. A folder with a YOLO file per image (predictions with a confidence as
+        sixth field), or a Parquet table: key, kind, x0, y0, x1, y1; labels optionally rock, predictions confidence.
+        Images are paired by name.
     unit
-        What the bootstrap draws; when None, views if all names are photo keys, else photos. `rules.unit` is not heeded.
+        Unit of the bootstrap; when None, views if all names are photo keys, else photos. `rules.unit` is ignored.
     pair_iou
-        Without rock ids on both sides, labels of one class are the same thing if they are each other's match (one to
-        one, most pairs first) with this IoU or more.
+        Minimum IoU of labels of the same object in both domains, if a set has no rock ids. Labels of a class are
+        matched one to one, maximising the number of pairs.
     missing
-        Labelled pictures without a file, or a row, of predictions: left out of both domains, for nobody may have looked
-        at them; or `zero`, where nothing was found in them.
+        Treatment of labelled images without a prediction file or row: `left_out` excludes them from both domains,
+        because the detector may not have been run on them; `zero` counts them as images without detections.
 
     Raises
     ------
     PolarsimError
-        A broken file, or sets without a common picture.
+        Invalid file, or no image that both sets contain.
     """
     sides = [read_labels(path) for path in labels]
     found = [read_predictions(path) for path in predictions]
     common = sorted(set(sides[0]["key"]) & set(sides[1]["key"]))
     if not common:
-        raise DetectError(f"{labels[0]} and {labels[1]}: no picture has labels in both")
+        raise DetectError(f"{labels[0]} and {labels[1]}: no image has labels in both")
     unseen = [sorted(set(common) - _looked_at(*pair)) for pair in zip(predictions, found, strict=True)]
     if missing == "left_out":
         common = sorted(set(common).difference(*unseen))
         if not common:
-            raise DetectError(f"{predictions[0]} and {predictions[1]}: no labelled picture has predictions in both")
+            raise DetectError(f"{predictions[0]} and {predictions[1]}: no labelled image has predictions in both")
         sides = [side[side["key"].isin(common)] for side in sides]
     by_id = all((side["rock"] != NO_ROCK).any() for side in sides)
     if not by_id:
@@ -95,7 +95,7 @@ def compare_sets(
 
 
 def read_labels(path: Path) -> pd.DataFrame:
-    """key, kind, rock (-1: not known), x0, y0, x1, y1 of a YOLO folder or a table."""
+    """Read key, kind, rock (-1: unknown), x0, y0, x1, y1 from a YOLO folder or a table."""
     _refuse_missing(path)
     if path.is_dir():
         return _read_folder(path)[["key", "kind", *BOX_COLUMNS]].assign(rock=NO_ROCK)
@@ -104,7 +104,7 @@ def read_labels(path: Path) -> pd.DataFrame:
 
 
 def read_predictions(path: Path) -> pd.DataFrame:
-    """key, kind, confidence, x0, y0, x1, y1 of a YOLO folder or a table."""
+    """Read key, kind, confidence, x0, y0, x1, y1 from a YOLO folder or a table."""
     _refuse_missing(path)
     if not path.is_dir():
         return tables.read_parquet(path, ("key", "kind", "confidence", *BOX_COLUMNS))
@@ -112,27 +112,28 @@ def read_predictions(path: Path) -> pd.DataFrame:
     if table["confidence"].isna().any():
         key = table.loc[table["confidence"].isna(), "key"].iloc[0]
         raise DetectError(
-            "a prediction has 6 fields: class x y width height confidence", path=release.box_folder(path) / f"{key}.txt"
+            "prediction without confidence, expected 6 fields: class x y width height confidence",
+            path=release.box_folder(path) / f"{key}.txt",
         )
     return table
 
 
 def _refuse_missing(path: Path) -> None:
     if not path.exists():
-        raise FormatError("no such folder of YOLO files, and no such table", path=path)
+        raise FormatError("no such folder of YOLO files or table", path=path)
 
 
 def _looked_at(path: Path, found: pd.DataFrame) -> set[str]:
-    """Pictures that predictions speak of: an empty YOLO file says that nothing was found, a table cannot."""
+    """Return images with predictions. An empty YOLO file counts as an image without detections."""
     return {file.stem for file in release.box_folder(path).glob("*.txt")} if path.is_dir() else set(found["key"])
 
 
 def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The same label tables with ids: labels of both that match have the same one, all others one of their own."""
+    """Return both label tables with ids: matched labels have equal ids, unmatched labels have unique ids."""
     tables_of = first.reset_index(drop=True), second.reset_index(drop=True)
     ids = [np.arange(1, len(tables_of[0]) + 1), np.arange(1, len(tables_of[1]) + 1) + len(tables_of[0])]
     indices = [table.groupby(["key", "kind"]).indices for table in tables_of]
-    for name in set(indices[0]) & set(indices[1]):  # in any order: each has rows of its own
+    for name in set(indices[0]) & set(indices[1]):  # any order, because groups are disjoint
         own = [rows[name] for rows in indices]
         corners = [table[list(BOX_COLUMNS)].to_numpy(float)[rows] for table, rows in zip(tables_of, own, strict=True)]
         rows, columns = boxes.match(boxes.iou(*corners), pair_iou)
@@ -141,8 +142,8 @@ def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tupl
 
 
 def _read_folder(folder: Path) -> pd.DataFrame:
-    """Every box of a folder's files; IoU does not ask for the pictures' size, so that of POLAR's photos is taken."""
-    folder = release.box_folder(folder)  # of `polarsim detect`: the label files are in `labels`
+    """Read all boxes of a folder. IoU is independent of the image size, so the size of POLAR photos is used."""
+    folder = release.box_folder(folder)  # `polarsim detect` writes label files to `labels`
     names = yolo.class_names(folder)
     parts = []
     for path in sorted(folder.glob("*.txt")):

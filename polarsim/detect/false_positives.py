@@ -1,7 +1,7 @@
-"""Rocks that a detector sees where no rock is labelled: how many a photo, and on which share of its area.
+"""False positive rocks: number per photo and share of the area.
 
-mAP mixes false positives with misses and looks only at photos that have rocks. Evaluated here
-are regions without rocks: whole photos of terrains without a rock label, and rock-free tiles of all others.
+mAP does not separate false positives from misses and ignores photos without rocks. These rates are computed on regions
+without rocks: entire photos of terrains without rock labels, and rock-free tiles of the remaining photos.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from polarsim.schemas.detect import FALSE_POSITIVES
 
 TERRAIN, TILES = REGIONS = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
-OVERLAP = 0.1  # minimum share of the smaller of two boxes that a predicted rock on a rock label covers
+OVERLAP = 0.1  # minimum intersection of a matching prediction and label, relative to the smaller box
 RATES = ("per_photo", "area_share")
 FALSE_POSITIVE_COLUMNS = FALSE_POSITIVES.without("split", "seed", "trained", "evaluated")
 
@@ -36,26 +36,26 @@ def false_positives(
     seed: int = 0,
     resamples: int = 1000,
 ) -> pd.DataFrame:
-    """`FALSE_POSITIVE_COLUMNS`, one row for each region that some photo has.
+    """Return `FALSE_POSITIVE_COLUMNS`, one row for each region present in the photos.
 
     Parameters
     ----------
     keys
-        Of the evaluated photos.
+        Keys of the evaluated photos.
     labels, predictions : DataFrame
         key, kind, x0, y0, x1, y1 of the full photo; predictions also confidence.
     confidence
-        Predictions below it do not count.
+        Confidence threshold.
     overlap
-        A predicted rock is a false positive if it covers less than this share of the smaller one of it and each rock
-        label, so neither a label's part nor a box around it is one.
+        A predicted rock is a false positive if its intersection with every rock label is less than this share of the
+        smaller of the two boxes. Predictions inside a label or around a label are thus not false positives.
 
     Returns
     -------
     DataFrame
-        `photo_areas`: rock-free area in photos (a whole photo is 1). `per_photo`: false positives over it; a false
-        positive belongs to the tile in which its centre lies. `area_share`: share of that area that false positives
-        cover, overlaps counted once.
+        `photo_areas`: rock-free area (a photo has area 1). `per_photo`: false positives per rock-free area; the centre
+        of a box determines its tile. `area_share`: share of the rock-free area covered by false positives, overlaps
+        counted once.
     """
     found = false_positives_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
     parts = [(region, found[found["region"] == region]) for region in REGIONS]
@@ -66,10 +66,9 @@ def false_positives(
 def false_positives_of_photos(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, *, confidence: float, overlap: float = OVERLAP
 ) -> pd.DataFrame:
-    """What rates are sums of, a row a photo: key, region, free, false_positives, area; arguments as in
-    `false_positives`.
+    """Return one row per photo: key, region, free, false_positives, area; arguments as in `false_positives`.
 
-    `free` and `area` are the photo's rock-free area and what of it false positives cover, in photos.
+    `free` is the rock-free area, `area` the part of it that false positives cover; a photo has area 1.
     """
     sure = predictions[predictions["confidence"] >= confidence]
     marked = mark_false_positives(labels, sure, overlap=overlap)
@@ -88,22 +87,22 @@ def false_positives_of_photos(
 
 
 def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame, *, overlap: float = OVERLAP) -> pd.DataFrame:
-    """Return which predictions are false positives: the only definition, which tables, explorer and FiftyOne share.
+    """Mark false positives. Tables, explorer and FiftyOne share this definition.
 
-    The class scope is rocks: a predicted shadow is never a false positive, and shadow labels have no effect.
+    Only rocks are considered: a predicted shadow is never a false positive, and shadow labels have no effect.
 
     Parameters
     ----------
     labels, predictions : DataFrame
         key, kind, x0, y0, x1, y1 of the full photo, px.
     overlap
-        Minimum share of the smaller of two boxes that a prediction covers of a rock label to be on that label.
+        Minimum intersection of a prediction and a matching rock label, relative to the smaller box.
 
     Returns
     -------
     DataFrame
-        A row for each prediction, with its index. `unlabelled`: a rock on no rock label of its photo.
-        `false_positive`: an unlabelled rock whose centre is in a tile without rock labels.
+        A row for each prediction, with equal index. `unlabelled`: a predicted rock that matches no rock label.
+        `false_positive`: an unlabelled rock with its centre in a tile without rock labels.
     """
     rocks = values_by(labels[labels["kind"] == ROCK], ["key"], BOX_COLUMNS)
     unlabelled, counted = np.zeros(len(predictions), bool), np.zeros(len(predictions), bool)
@@ -118,7 +117,7 @@ def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame, *, ove
 
 
 def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:
-    """One row; rates are sums over sums, so photos count by their rock-free area."""
+    """Return one row. Rates are ratios of sums, so photos are weighted by their rock-free area."""
     keys = rows["key"].tolist()
     free, false_positives, area = rows[["free", "false_positives", "area"]].to_numpy(float).T
     owner = bootstrap.units_of(keys, unit)
@@ -141,7 +140,7 @@ def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, res
 
 
 def _free_tiles(rocks: np.ndarray) -> np.ndarray:
-    """(rows, columns) bool: tiles of a photo that no rock label (n, 4) reaches into."""
+    """Return a mask (rows, columns) of the tiles of a photo without rock labels (n, 4)."""
     x, y = _edges()
     across = (rocks[:, None, 0] < x[1:]) & (rocks[:, None, 2] > x[:-1])
     down = (rocks[:, None, 1] < y[1:]) & (rocks[:, None, 3] > y[:-1])
@@ -149,7 +148,7 @@ def _free_tiles(rocks: np.ndarray) -> np.ndarray:
 
 
 def _centre_in(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(n,) bool: boxes (n, 4) whose centre is in a free tile."""
+    """Return a mask (n,) of boxes (n, 4) with their centre in a free tile."""
     x, y = _edges()
     centre = boxes.centres(corners)
     column = (np.searchsorted(x, centre[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
@@ -158,9 +157,7 @@ def _centre_in(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
 
 
 def _area_on(false_positives: np.ndarray, free: np.ndarray) -> float:
-    """Area of the false_positives' union inside free tiles, px^2: boxes and tiles cut the photo into cells that are
-    whole.
-    """
+    """Return the area of the union of boxes inside free tiles, px^2, by a grid of all box and tile edges."""
     if not len(false_positives):
         return 0.0
     tiles_x, tiles_y = _edges()
@@ -176,10 +173,10 @@ def _area_on(false_positives: np.ndarray, free: np.ndarray) -> float:
         np.searchsorted(edges, centre, side="right") - 1 for edges, centre in ((tiles_x, centre_x), (tiles_y, centre_y))
     )
     inside = ((column >= 0) & (column < COLUMNS_OF_TILES))[None] & ((row >= 0) & (row < ROWS_OF_TILES))[:, None]
-    asked = inside & free[row.clip(0, ROWS_OF_TILES - 1)][:, column.clip(0, COLUMNS_OF_TILES - 1)]
-    return float((np.diff(y)[:, None] * np.diff(x)[None])[covered & asked].sum())
+    in_free = inside & free[row.clip(0, ROWS_OF_TILES - 1)][:, column.clip(0, COLUMNS_OF_TILES - 1)]
+    return float((np.diff(y)[:, None] * np.diff(x)[None])[covered & in_free].sum())
 
 
 def _edges() -> tuple[np.ndarray, np.ndarray]:
-    """Of the tiles: columns + 1 along x, rows + 1 along y, px."""
+    """Return the tile edges, px: columns + 1 along x, rows + 1 along y."""
     return np.linspace(0, WIDTH, COLUMNS_OF_TILES + 1), np.linspace(0, HEIGHT, ROWS_OF_TILES + 1)

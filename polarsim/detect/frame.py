@@ -1,4 +1,4 @@
-"""Pictures as a network takes them, and back."""
+"""Conversion of images to network input, and of coordinates back."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from polarsim.formats import png
 from polarsim.geometry.images import resize_longer_side
 from polarsim.photo import HEIGHT, WIDTH
 
-STRIDE = 32  # a network's pictures have sides that are multiples of it
-PADDING = 114  # grey value around the picture, as in training
+STRIDE = 32  # the sides of the network input are multiples of this, px
+PADDING = 114  # grey value of the padding, as in training
 
 
 def widest_look(width: int) -> int:
-    """The largest width at which a picture that is so wide is looked at without being made larger."""
+    """Return the maximum inference width of an image without upscaling, px."""
     return max(width // STRIDE, 1) * STRIDE
 
 
 def read_picture(path: Path) -> np.ndarray:
-    """(h, w) uint8.
+    """Read an 8-bit grey image (h, w).
 
     Raises
     ------
     PolarsimError
-        No picture, or not of one channel of 8 bits.
+        Not an image, or not one channel of 8 bits.
     """
     pixels = png.read(path)
     if pixels.ndim != 2 or pixels.dtype != np.uint8:
@@ -37,10 +37,16 @@ def read_picture(path: Path) -> np.ndarray:
 def frame(
     picture: np.ndarray, imgsz: int, full: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A picture (h, w) uint8 as the network takes it: longer side `imgsz`, padded to whole strides.
+    """Resize an image (h, w) uint8 to the longer side `imgsz` and pad it to multiples of `STRIDE`.
 
-    Returns the pixels, the (x, y) offset of the picture in them, and the (x, y) pixels to one of them of the whole
-    picture, which is `full` wide and high.
+    Returns
+    -------
+    pixels
+        Network input.
+    offset
+        Position (x, y) of the image in the network input, px.
+    scale
+        Pixels (x, y) of the original image, of size `full`, per pixel of the network input.
     """
     picture = resize_longer_side(picture, imgsz)
     height, width = picture.shape

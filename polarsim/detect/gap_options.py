@@ -1,4 +1,4 @@
-"""Options of the ablation: what of the twin is replaced, one component at a time."""
+"""Options of the ablation, which replaces one component of the twin at a time."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-TWIN = "twin"  # the twin as the run has it, what every component is held against
+TWIN = "twin"  # name of the unmodified twin, the reference of every component
 
 
 class Component(BaseModel, extra="forbid", frozen=True):
-    """Replaced parts of the run's twin; `truth` exists for the analog only."""
+    """Replaced parts of the twin; `truth` exists for the analog only."""
 
     cameras: Literal["run", "located", "truth"] = Field(
         "run", description="Source of poses and lenses; located: from scans or labels, without refinement on photos."
@@ -23,24 +23,24 @@ class Component(BaseModel, extra="forbid", frozen=True):
         "run", description="Source of the surfaces of rocks and ground; thinned: rocks with 5 % of their vertices."
     )
     materials: Literal["run", "constant", "fitted"] = Field(
-        "run", description="Source of reflectance: the options' constants, or a fit to the terrain's photos."
+        "run", description="Source of reflectance: constants of the options, or a fit to the photos of the terrain."
     )
     labels: Literal["run", "propagated"] = Field(
-        "run", description="Source of the twins' boxes; propagated: those of the photos, from what people drew."
+        "run", description="Source of the boxes of twins; propagated: the boxes of the photos, propagated from seeds."
     )
-    render: dict[str, Any] = Field({}, description="Keys of `render` with other values.")
+    render: dict[str, Any] = Field({}, description="Replaced keys of `render`, with the new values.")
 
     @model_validator(mode="after")
     def _replaces_something(self) -> Self:
         if self == type(self).model_construct():
-            raise ValueError("replaces nothing")
+            raise ValueError("a component must replace at least one part of the twin")
         if "models" in self.render or "materials_from_photos" in self.render:
-            raise ValueError("render: models and materials_from_photos cannot be replaced here")
+            raise ValueError("render: models and materials_from_photos cannot be replaced in the ablation")
         return self
 
     @property
     def is_rendered(self) -> bool:
-        """Whether it needs pictures of its own; other labels alone do not."""
+        """Return whether the component requires rendering. Replaced labels do not."""
         return self.model_copy(update={"labels": "run"}) != type(self).model_construct()
 
     @property
@@ -48,7 +48,7 @@ class Component(BaseModel, extra="forbid", frozen=True):
         return "truth" in (self.cameras, self.lamps, self.meshes)
 
     def describe(self) -> str:
-        """What it replaces, in words for a table."""
+        """Return the replaced parts as text for a table."""
         parts = [
             f"{name}: {value}"
             for name in ("cameras", "lamps", "meshes", "materials", "labels")
@@ -58,11 +58,11 @@ class Component(BaseModel, extra="forbid", frozen=True):
 
 
 class GapOptions(BaseModel, extra="forbid", frozen=True):
-    """Ablation: which component of the twin causes the gap, for twins of the last of `render.models`."""
+    """Ablation: contribution of the components of the twin to the gap, for the last of `render.models`."""
 
     components: dict[str, Component] = Field(
         {},
-        description="Replaced components by name (small letters, digits and -). Empty: no ablation.",
+        description="Replaced components by name (lower-case letters, digits and -). Empty: no ablation.",
     )
 
     @field_validator("components")
@@ -70,10 +70,10 @@ class GapOptions(BaseModel, extra="forbid", frozen=True):
     def _possible_names(cls, components: dict[str, Component]) -> dict[str, Component]:
         for name in components:
             if name == TWIN or not re.fullmatch(r"[a-z][a-z0-9-]*", name):
-                raise ValueError(f"{name!r}: expected a name of small letters, digits and -, and not {TWIN}")
+                raise ValueError(f"{name!r}: expected lower-case letters, digits and -, and not {TWIN}")
         return components
 
 
 def _plain(value: object) -> str:
-    """A value as YAML has it."""
+    """Return a value in YAML notation."""
     return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)

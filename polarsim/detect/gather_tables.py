@@ -1,4 +1,4 @@
-"""The tables of all splits and training seeds, put together."""
+"""Concatenation of the tables of all splits and training seeds."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from polarsim.formats.tables import read_parquet, write_parquet
 def gather_tables(
     *, parts: Mapping[str, Sequence[Path]], tables: Mapping[str, Path], splits: Sequence[str], seeds: Sequence[int]
 ) -> None:
-    """Concatenate the parts of each table, with columns split and seed in front unless the parts have them.
+    """Concatenate the parts of each table and add missing columns `split` and `seed` at the front.
 
     Parameters
     ----------
     parts : mapping of str to sequence of Path
-        Name of a table to Parquet tables, each of one split and one training seed.
+        Parquet tables by name of the table, each for one split and one training seed.
     tables : mapping of str to Path
-        The same names to Parquet tables to write.
+        Parquet tables to write, by the same names.
     splits, seeds : sequences of str and int
         Split and training seed of each part.
 
     Raises
     ------
     PolarsimError
-        A broken table, or parts with different columns.
+        Invalid table, or parts with different columns.
     """
     for name, table in tables.items():
         write_parquet(table, _gathered(parts[name], splits, seeds))

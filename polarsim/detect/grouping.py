@@ -1,4 +1,4 @@
-"""Boxes of tables by photo: one sort instead of one table a photo."""
+"""Boxes of tables by photo, with one sort for all photos."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Labels = tuple[np.ndarray, np.ndarray]  # class indices (n,) and boxes (n, 4) of
 
 
 def rows_by(table: pd.DataFrame, by: Sequence[str]) -> dict[Hashable, np.ndarray]:
-    """Numbers of the rows (n,) that have the same values, in their order; by value, or by tuple of several."""
+    """Return the row indices (n,) of each group of equal values, by value or by tuple of values."""
     if not len(table):
         return {}
     groups = table.groupby(list(by) if len(by) > 1 else by[0], sort=True)
@@ -28,13 +28,13 @@ def rows_by(table: pd.DataFrame, by: Sequence[str]) -> dict[Hashable, np.ndarray
 
 
 def values_by(table: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) -> dict[Hashable, np.ndarray]:
-    """Values (n, columns) of the rows that `rows_by` puts together."""
+    """Return the values (n, columns) of each group of `rows_by`."""
     values = table[list(columns)].to_numpy(float)
     return {name: values[rows] for name, rows in rows_by(table, by).items()}
 
 
 def boxes_by_photo(table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str] = BOX_COLUMNS) -> list[np.ndarray]:
-    """Return values (n, columns) of each photo in the order of the keys, without rows where a photo has none."""
+    """Return the values (n, columns) of each photo in the order of the keys; n is 0 for photos without rows."""
     found = values_by(table, ["key"], columns)
     return [found.get(key, np.zeros((0, len(columns)))) for key in keys]
 
@@ -51,7 +51,7 @@ def detection_rows(key: object, boxes: np.ndarray) -> list[tuple[object, ...]]:
 
 
 def labels_by_photo(labels: pd.DataFrame, keys: Sequence[str]) -> list[Labels]:
-    """Return the labels of each photo in the order of the keys; other kinds than boxes' are left out."""
+    """Return the labels of each photo in the order of the keys, without kinds that are not in `BOX_CLASSES`."""
     own = labels[labels["kind"].isin(BOX_CLASSES)]
     numbered = own.assign(kind=own["kind"].map(BOX_CLASSES.index))
     rows = boxes_by_photo(numbered, keys, ("kind", *BOX_COLUMNS))

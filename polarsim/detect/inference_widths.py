@@ -1,4 +1,4 @@
-"""Detection at several widths of a picture: small rocks are found in wide pictures, large rocks in narrow ones."""
+"""Detection at several inference widths: wide images for small rocks, narrow images for large rocks."""
 
 from __future__ import annotations
 
@@ -14,56 +14,56 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES
 
-_OVERLAP = 1.25  # boxes up to this factor beyond a gate are taken from both widths; suppression leaves one of them
-_GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # that are tried between two widths
+_OVERLAP = 1.25  # boxes within this factor of a gate are used from both widths before suppression
+_GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two widths
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Widths at which a detector looks at a picture, ascending, and the sizes of boxes where one gives way to the next.
+    """Inference widths, ascending, and the box sizes (gates) at which detection switches between adjacent widths.
 
-    Of boxes with a longer side below `gates_px[n]` the wider picture `widths[n + 1]` is asked, of larger ones
-    `widths[n]`; in pixels of a photo 1936 px wide. There is one gate fewer than widths.
+    Boxes with a longer side below `gates_px[n]` (px of a photo 1936 px wide) are detected at `widths[n + 1]`, larger
+    boxes at `widths[n]`. There is one gate between each two adjacent widths.
     """
 
     widths: tuple[int, ...]
     gates_px: tuple[float, ...] = ()
 
     def scaled(self, factor: float) -> Sizes:
-        """The same with gates in pixels of a picture that has `factor` times the width of a photo."""
+        """Return a copy with gates in pixels of an image with `factor` times the width of a photo."""
         return Sizes(self.widths, tuple(factor * gate for gate in self.gates_px))
 
     def within(self, widest: int) -> Sizes:
-        """The same with `widest` in place of all wider ones: no more can be seen of a picture than it has."""
+        """Return a copy with `widest` in place of all wider widths, since upscaling adds no detail."""
         fewer = sum(width < widest for width in self.widths)
         widths = (*self.widths[:fewer], widest) if fewer < len(self.widths) else self.widths
         return Sizes(widths, self.gates_px[: len(widths) - 1])
 
     def ranges_px(self) -> list[tuple[float, float]]:
-        """Least and largest longer side of the boxes that are taken at each width."""
+        """Return the minimum and maximum longer side of the boxes used at each width."""
         edges = [np.inf, *self.gates_px, 0.0]
         return [(low / _OVERLAP, high * _OVERLAP) for high, low in pairwise(edges)]
 
 
 @dataclass(frozen=True)
 class ClassSizes:
-    """Sizes of each class, in the order of `BOX_CLASSES`: rocks may be looked for in wider pictures than shadows."""
+    """Sizes of each class, in the order of `BOX_CLASSES`."""
 
     by_class: tuple[Sizes, ...]
 
     @classmethod
     def same(cls, sizes: Sizes) -> ClassSizes:
-        """The same sizes for all classes."""
+        """Return equal sizes for all classes."""
         return cls((sizes,) * len(BOX_CLASSES))
 
     @classmethod
     def named(cls, options: PredictionOptions) -> ClassSizes | None:
-        """The sizes that the options name for all classes, or None where they name no widths."""
+        """Return the sizes of the options for all classes; None if the options have no widths."""
         return cls.same(Sizes(options.widths, options.gates_px)) if options.widths else None
 
     @property
     def widths(self) -> list[int]:
-        """All widths at which a picture is looked at, ascending."""
+        """All inference widths, ascending."""
         return sorted({width for own in self.by_class for width in own.widths})
 
     def scaled(self, factor: float) -> ClassSizes:
@@ -76,20 +76,20 @@ class ClassSizes:
 
 
 def merge(found: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float, most: int) -> np.ndarray:
-    """What is found of one picture at each of `sizes.widths`, as one list of boxes.
+    """Merge the boxes of one image at all `sizes.widths`.
 
     Parameters
     ----------
     found : mapping of width to (n, 6)
         x0, y0, x1, y1 in pixels of a photo 1936 px wide, confidence, class.
     nms_iou
-        IoU above which the less confident of two boxes of a class is dropped.
+        IoU threshold of non-maximum suppression.
     most
-        Boxes that are kept, the most confident ones.
+        Maximum number of returned boxes.
 
     Returns
     -------
-    (m, 6), the most confident first
+    (m, 6), in descending order of confidence
     """
     if len(sizes.widths) == 1:
         return found[sizes.widths[0]]
@@ -108,38 +108,38 @@ def choose_sizes(
     nms_iou: float,
     most: int,
 ) -> ClassSizes:
-    """The widths and gates with the largest AP@0.5 of each class.
+    """Return the widths and gates with the maximum AP@0.5 of each class.
 
-    One width alone, and two with each of a few gates between them. The pictures should be of places that the detector
-    was not trained on, and none of those that it will be evaluated on. A class without labels has the sizes of all.
+    Candidates are single widths and pairs of widths with gates of `_GATES_PX`. The images should show places that are
+    used neither for training nor for the evaluation. Classes without labels get the sizes with the best mean AP@0.5.
 
     Parameters
     ----------
     labels : sequence of (classes (n,), boxes (n, 4))
-        Of every picture, pixels of a photo.
+        Labels of each image, pixels of a photo.
     found : mapping of width to sequence of (n, 6)
-        What was found of every picture at each width, as in `merge`.
+        Boxes of each image at each width, as in `merge`.
 
     Raises
     ------
     DetectError
-        No picture has a label.
+        No image has labels.
     """
     if not any(len(classes) for classes, _ in labels):
-        raise DetectError("no labels to choose the sizes of pictures by")
+        raise DetectError("inference widths cannot be chosen: no image has labels")
     widths = sorted(found)
     tried = [Sizes((width,)) for width in widths]
     tried += [Sizes(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
 
     def precisions(sizes: Sizes) -> np.ndarray:
-        """(classes,) AP@0.5; NaN of a class without labels."""
+        """Return AP@0.5 (classes,); NaN for classes without labels."""
         of_pictures = (
             dict(zip(sizes.widths, rows, strict=True))
             for rows in zip(*(found[width] for width in sizes.widths), strict=True)
         )
         merged = [merge(by_width, ClassSizes.same(sizes), nms_iou, most) for by_width in of_pictures]
         ranked = metrics.rank_classes(labels, merged, np.array([0.5]))
-        return np.array([metrics.precision_at_recalls(one).mean() for one in ranked])
+        return np.array([metrics.precision_at_recalls(of_class).mean() for of_class in ranked])
 
     by_size = np.array([precisions(sizes) for sizes in tried])  # (tried, classes)
     labelled = ~np.isnan(by_size).any(axis=0)

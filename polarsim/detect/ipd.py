@@ -1,8 +1,8 @@
-"""Instance performance difference: how differently one detector performs on the same rocks in two domains.
+"""Instance performance difference (IPD) of a detector on the same rocks in two domains.
 
-Chen, Negrut et al., arXiv 2411.07375. The performance of a rock in a photo is the IoU of its label with the best
-predicted box (`instance_performance`); rocks are paired by photo key and rock id. What the paper leaves open is stated
-by `Rules`.
+Chen, Negrut et al., arXiv 2411.07375. The performance of a rock in a photo is the maximum IoU of its label with a
+predicted box (`instance_performance`). Rocks are paired by photo key and rock id. `Rules` defines the details that the
+paper does not specify.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey
 from polarsim.schemas.detect import INSTANCES, IPD_ROCKS
 
-INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # of one detector in one domain
+INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # columns for one detector in one domain
 ROCK_COLUMNS = IPD_ROCKS.without("split", "seed", "trained", "first", "second")
 Treatment = Literal["zero", "left_out"]
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What counts. The defaults follow the paper as far as it can be read: its IPD is a difference of two IOU_means.
+    """Rules of the IPD. The defaults follow the paper, in which the IPD is a difference of two IOU_means.
 
     Attributes
     ----------
     undetected
-        A labelled rock that no prediction overlaps: performance 0, or the pair is left out.
+        Treatment of a labelled rock without an overlapping prediction: performance 0, or exclude the pair.
     unpaired
-        A rock with a label in one domain only: left out, or performance 0 in the other. Labels without a rock id are
-        left out always, for nobody knows their partners.
+        Treatment of a rock with a label in one domain only: exclude, or performance 0 in the domain without a label.
+        Labels without a rock id are always excluded because they cannot be paired.
     unit
-        What the bootstrap draws.
+        Unit of the bootstrap.
     """
 
     undetected: Treatment = "zero"
@@ -48,16 +48,16 @@ class Rules:
 
 @dataclass(frozen=True)
 class Difference:
-    """IPD over `pairs` rocks in `units` views or photos, with 95 % bootstrap intervals over these.
+    """IPD over `pairs` rocks, with 95 % bootstrap intervals over `units` views or photos.
 
-    All figures are NaN without pairs, and intervals with fewer than two units.
+    All metrics are NaN without pairs. Intervals are NaN with fewer than two units.
     """
 
     pairs: int
     units: int
     unit: str
-    ipd: float  # | mean of p_first - p_second |, as the paper's Table 2: gains and losses cancel
-    ipd_abs: float  # mean of | p_first - p_second |: they do not
+    ipd: float  # | mean of p_first - p_second |, as in Table 2 of the paper: gains and losses cancel
+    ipd_abs: float  # mean of | p_first - p_second |: gains and losses do not cancel
     ipd_low: float
     ipd_high: float
     ipd_abs_low: float
@@ -65,7 +65,7 @@ class Difference:
 
 
 def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confidence: float) -> pd.DataFrame:
-    """The best overlap of every label with the predictions of its photo and kind.
+    """Return the maximum IoU of each label with the predictions of the same photo and kind.
 
     Parameters
     ----------
@@ -74,12 +74,12 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
     predictions : DataFrame
         Columns key, kind, confidence, x0, y0, x1, y1.
     confidence : float
-        Predictions below it do not count.
+        Confidence threshold.
 
     Returns
     -------
     DataFrame
-        Columns key, kind, rock, iou, area_px (of the label's box, px^2); a row a label, by photo, kind, rock.
+        Columns key, kind, rock, iou, area_px (area of the label, px^2); one row per label, by photo, kind, rock.
     """
     sure = predictions[predictions["confidence"] >= confidence]
     found = values_by(sure, ["key", "kind"], BOX_COLUMNS)
@@ -92,9 +92,9 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
 
 
 def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) -> pd.DataFrame:
-    """Rocks of both tables of `instance_performance`: key, kind, rock, first, second (their performances).
+    """Pair the rocks of two tables of `instance_performance`: key, kind, rock, first, second (performances).
 
-    Of several labels of one rock in a photo the best one counts. A performance that is NaN is none.
+    If a rock has several labels in a photo, the maximum performance is used. NaN counts as a missing performance.
 
     Raises
     ------
@@ -106,13 +106,13 @@ def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) 
     for table, name in ((first, "first"), (second, "second")):
         missing = [column for column in INSTANCE_COLUMNS if column not in table.columns]
         if missing:
-            raise DetectError(f"column {missing[0]!r} of the instance performances is missing")
+            raise DetectError(f"instance performances have no column {missing[0]!r}")
         known = table[(table["rock"] > 0) & table["iou"].notna()]
         sides.append(known.groupby(["key", "kind", "rock"])["iou"].max().rename(name).reset_index())
     how: Literal["outer", "inner"] = "outer" if rules.unpaired == "zero" else "inner"
     pairs = sides[0].merge(sides[1], on=["key", "kind", "rock"], how=how, validate="one_to_one")
     if rules.undetected == "left_out":
-        pairs = pairs[(pairs["first"] != 0) & (pairs["second"] != 0)]  # a missing label is NaN here, and stays
+        pairs = pairs[(pairs["first"] != 0) & (pairs["second"] != 0)]  # keeps NaN of missing labels
     pairs = pairs.fillna({"first": 0.0, "second": 0.0})
     return pairs.sort_values(["key", "kind", "rock"], ignore_index=True)
 
@@ -120,21 +120,21 @@ def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) 
 def instance_performance_difference(
     first: pd.DataFrame, second: pd.DataFrame, *, rules: Rules | None = None, seed: int = 0, resamples: int = 1000
 ) -> Difference:
-    """IPD of one detector between two domains, from the rows of `instance_performance` in each.
+    """Return the IPD of a detector between two domains, from `instance_performance` in each domain.
 
     Parameters
     ----------
     first, second : DataFrame
         Columns key, kind, rock, iou.
     rules
-        The defaults of `Rules` when None.
+        None: the defaults of `Rules`.
     seed, resamples : int
-        Of the bootstrap.
+        Seed and number of bootstrap replicates.
 
     Raises
     ------
     DetectError
-        A column is missing; or views are to be drawn, and keys are no photo keys.
+        Missing column; or the bootstrap unit is the view and a key is not a photo key.
     """
     rules = rules or Rules()
     pairs = pair(first, second, rules)
@@ -145,7 +145,7 @@ def instance_performance_difference(
     units = int(unit.max()) + 1
     drawn = intervals.draws(units, resamples, seed)
     low, high = intervals.interval(intervals.resampled_means(gain, unit, drawn), units)
-    folded = 0.0 if low <= 0 <= high else min(abs(low), abs(high))  # of the mean's interval, where its sign is open
+    folded = 0.0 if low <= 0 <= high else min(abs(low), abs(high))  # lower limit of |mean|; 0 if the sign is uncertain
     abs_low, abs_high = intervals.interval(intervals.resampled_means(np.abs(gain), unit, drawn), units)
     return Difference(
         len(gain),
@@ -161,7 +161,7 @@ def instance_performance_difference(
 
 
 def of_rocks(pairs: pd.DataFrame) -> pd.DataFrame:
-    """`ROCK_COLUMNS` of the rows of `pair`: mean performance of each rock in each domain over its photos."""
+    """Return `ROCK_COLUMNS`: mean performance of each rock in each domain over its photos, from rows of `pair`."""
     terrain = [PhotoKey.parse(str(key)).terrain for key in pairs["key"]]
     grouped = pairs.assign(terrain=terrain).groupby(["terrain", "kind", "rock"])
     table = grouped.agg(photos=("key", "size"), iou_first=("first", "mean"), iou_second=("second", "mean"))

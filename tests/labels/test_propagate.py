@@ -265,7 +265,7 @@ def test_corrections_may_be_a_coco_file(scene, tmp_path):
     np.testing.assert_allclose(rocks(found, "A_off_30_L_0128"), [box], atol=2e-3)
     assert len(shadows(found, "A_off_30_L_0128")) == 0
     yolo.write_boxes(tmp_path / "edited" / f"{photo}.txt", np.array([0]), box[None])
-    with pytest.raises(FormatError, match="corrected in another file"):
+    with pytest.raises(FormatError, match="instances_default.json: "):
         propagate(scene, tmp_path / "twice", corrections=tmp_path / "edited")
 
 

@@ -128,5 +128,5 @@ def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_t
     labels = {label.rock: label.confidence for label in rocks_at("A", annotated, blocks).labels("L", "no")}
     assert set(labels) == {1, 3}
     assert labels[1] > labels[3] > fusion.MIN_PROBABILITY
-    monkeypatch.setattr(fusion, "PRESENCE", 0.0)
+    monkeypatch.setattr(fusion, "MIN_PROBABILITY", 0.0)
     assert {label.rock for label in rocks_at("A", annotated, blocks).labels("L", "no")} == set(blocks)
