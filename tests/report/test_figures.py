@@ -18,7 +18,7 @@ from polarsim.report.figures.matrices import draw_detection, draw_ipd
 from polarsim.report.figures.offsets import draw_offsets
 from polarsim.report.figures.reliability import draw_reliability
 from polarsim.report.figures.residuals import draw_residuals
-from polarsim.report.figures.terrain import STEP, draw_terrain, slanted_view, top_view
+from polarsim.report.figures.terrain import STEP, draw_terrain, oblique_view, top_view
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
@@ -51,20 +51,16 @@ def terrain_drawn(folder, to):
     return to / "meshes.png", to / "crops.png"
 
 
-def test_meshes_and_cuboids_are_drawn_twice_the_same(tmp_path, world):
+def test_figures_of_meshes_are_reproducible_and_depend_on_the_source_of_the_ground(tmp_path, world):
     world.write(tmp_path)
-    for one, two in zip(terrain_drawn(tmp_path, tmp_path / "1"), terrain_drawn(tmp_path, tmp_path / "2"), strict=True):
-        assert is_drawn(one)
-        assert coloured(one) > 0.01
-        assert one.read_bytes() == two.read_bytes()
-
-
-def test_a_map_of_a_fitted_ground_says_so(tmp_path, world):
-    world.write(tmp_path)
-    scanned, _ = (path.read_bytes() for path in terrain_drawn(tmp_path, tmp_path / "scanned"))
+    first, second = (terrain_drawn(tmp_path, tmp_path / name) for name in ("first", "second"))
+    for figure, repeated in zip(first, second, strict=True):
+        assert is_drawn(figure)
+        assert coloured(figure) > 0.01
+        assert figure.read_bytes() == repeated.read_bytes()
     write_csv(tmp_path / "meshes/meshes.csv", pd.DataFrame([{"mesh": obj.ground_name(3), "made_from": "fitted"}]))
-    fitted, _ = (path.read_bytes() for path in terrain_drawn(tmp_path, tmp_path / "fitted"))
-    assert fitted != scanned
+    fitted, _ = terrain_drawn(tmp_path, tmp_path / "fitted")
+    assert fitted.read_bytes() != first[0].read_bytes()
 
 
 def test_a_terrain_without_rocks_is_drawn(tmp_path, world):
@@ -85,23 +81,23 @@ def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
     counts = []
     for offset in (5.0, -5.0):
         pixels = offsets_drawn(tmp_path, [(1, *position, offset) for position in points], f"{offset:g}.png")[:, :650]
-        counts.append([((pixels[..., one] - pixels[..., other]) > 60).sum() for one, other in ((0, 2), (2, 0))])
+        counts.append([((pixels[..., a] - pixels[..., b]) > 60).sum() for a, b in ((0, 2), (2, 0))])
     (red, no_blue), (no_red, blue) = counts
     assert red > 4 * no_blue  # the colour bar has some of both
     assert blue > 4 * no_red
 
 
-def test_a_terrain_that_nobody_saw_has_a_page_that_says_so(tmp_path):
+def test_a_terrain_without_visible_surface_has_a_note(tmp_path):
     assert (offsets_drawn(tmp_path, [], "none.png") < 200).any()
 
 
-def test_the_map_of_offsets_leaves_room_for_its_label(tmp_path):  # by _words_are_whole
+def test_the_label_of_the_map_of_offsets_is_not_cut(tmp_path):  # by _words_are_whole
     rows = [(rock, 0.1, 0.2, 0.3, offset) for rock in (-1, 1) for offset in (-4.0, 4.5)]
     offsets_drawn(tmp_path, rows, "offsets.png", FIGURE_WIDTH)
 
 
 def described(folder, photos, covers=None):
-    """Table of photos, and inventory of a terrain with its cover photos by position."""
+    """Write a table of photos and an inventory with the cover photos by position; return the paths."""
     rows = [{"key": str(key), "path": str(path)} for key, path in photos.items()]
     write_parquet(folder / "photos.parquet", pd.DataFrame(rows, columns=["key", "path"]))
     write_inventory(folder / "inventory.json", Inventory(3, "analog", cover_photos=covers or {}))
@@ -122,7 +118,7 @@ def residuals_drawn(folder, name, twins=None, covers=None):
     return png.read(folder / name)[..., :3].astype(int)
 
 
-def test_boxes_beside_their_meshes_get_arrows_and_right_ones_none(tmp_path, world):
+def test_displaced_boxes_get_arrows_and_matching_boxes_none(tmp_path, world):
     world.write(tmp_path)
     localised, scene = read_all_localised(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
     position, rig = sorted(localised.items())[0]
@@ -135,7 +131,7 @@ def test_boxes_beside_their_meshes_get_arrows_and_right_ones_none(tmp_path, worl
     assert arrows[1] > 2 * arrows[0] + 50
 
 
-def test_where_there_is_no_photo_a_twin_stands_behind_the_residuals(tmp_path, world):
+def test_without_photos_the_background_of_residuals_is_a_twin(tmp_path, world):
     world.write(tmp_path)
     position = sorted(read_all_localised(tmp_path / "cameras"))[0]
     png.write(tmp_path / f"twins/03_{position}_off_30_L_0256.png", np.full((1216, 1936), 4000, np.uint16))
@@ -143,14 +139,15 @@ def test_where_there_is_no_photo_a_twin_stands_behind_the_residuals(tmp_path, wo
     bare, on_twin = (
         residuals_drawn(tmp_path, name, twins=twins) for name, twins in (("a.png", None), ("b.png", tmp_path / "twins"))
     )
+    assert (bare < 80).any()  # neither photos nor seeds are needed
     middle = bare.shape[0] // 2
     assert np.median(bare[middle, 50:300]) == 90
     assert np.median(on_twin[middle, 50:300]) == 255
 
 
 @pytest.mark.parametrize(("off_px", "grey"), [(0, 200), (130, 90)])
-def test_a_cover_photo_of_the_right_camera_does_not_stand_behind_the_residuals(tmp_path, world, off_px, grey):
-    """Release 12 A: left boxes on a right photo lay 130 px beside every rock."""
+def test_a_cover_photo_of_the_right_camera_is_not_a_background_of_residuals(tmp_path, world, off_px, grey):
+    """The boxes of the left camera are 130 px off in a photo of the right camera."""
     world.write(tmp_path)
     position = sorted(read_all_localised(tmp_path / "cameras"))[0]
     boxes = np.array([[400.0, 500, 520, 580], [1200, 700, 1290, 760]])
@@ -163,12 +160,7 @@ def test_a_cover_photo_of_the_right_camera_does_not_stand_behind_the_residuals(t
     assert np.median(shown[shown.shape[0] // 2, 50:300]) == grey
 
 
-def test_residuals_need_neither_photos_nor_seeds(tmp_path, world):
-    world.write(tmp_path)
-    assert (residuals_drawn(tmp_path, "bare.png") < 128).any()
-
-
-def test_from_above_a_cube_has_its_area_its_height_and_its_position(tmp_path, world):
+def test_a_cube_from_above_has_the_true_area_height_and_position(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3)
     top = top_view(scene, caster(scene.vertices, scene.faces))
@@ -180,10 +172,10 @@ def test_from_above_a_cube_has_its_area_its_height_and_its_position(tmp_path, wo
     assert 2 - STEP * (rows.mean() + 0.5) == pytest.approx(0.4, abs=0.01)
 
 
-def test_the_slanted_view_shows_rocks_in_their_colour_and_their_shadow(tmp_path, world):
+def test_the_oblique_view_shows_tinted_rocks_and_shadows(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3)
-    pixels = slanted_view(scene, caster(scene.vertices, scene.faces), 400).astype(int)
+    pixels = oblique_view(scene, caster(scene.vertices, scene.faces), 400).astype(int)
     tinted = pixels[..., 0] > pixels[..., 2] + 60
     dark = pixels.max(axis=-1) < 110
     assert 50 < tinted.sum() < 0.1 * tinted.size
@@ -191,20 +183,20 @@ def test_the_slanted_view_shows_rocks_in_their_colour_and_their_shadow(tmp_path,
 
 
 def label_pairs(*rows):
-    """Pairs of (kind, task, label box, true box); a box is None where there is none."""
+    """Return a table of pairs of (kind, task, label box, true box); a missing box is None."""
     table = pd.DataFrame({name: pd.Series([None] * len(rows), dtype="object") for name in LABEL_PAIRS.dtypes})
-    for row, (kind, task, ours, true) in enumerate(rows):
-        table.loc[row, ["kind", "task", "hit", "against"]] = [kind, task, None not in (ours, true), "truth"]
-        table.loc[row, list(EDGES)] = ours or [np.nan] * 4
+    for row, (kind, task, box, true) in enumerate(rows):
+        table.loc[row, ["kind", "task", "hit", "against"]] = [kind, task, None not in (box, true), "truth"]
+        table.loc[row, list(EDGES)] = box or [np.nan] * 4
         table.loc[row, list(TRUE_EDGES)] = true or [np.nan] * 4
     defaults = {"bool": False, "float64": np.nan, "int64": 0, "str": ""}
     filled = {name: table[name].fillna(defaults[kind]) for name, kind in LABEL_PAIRS.dtypes.items()}
     return pd.DataFrame(filled).astype(LABEL_PAIRS.dtypes)
 
 
-def test_edge_errors_are_ours_less_theirs_by_kind_and_task():
+def test_edge_errors_are_differences_to_the_true_box_by_kind_and_task():
     true = [100, 100, 160, 140]
-    found = edge_errors(
+    errors = edge_errors(
         label_pairs(
             ("rock", "Left to Right", [102, 100, 159, 143], true),
             ("shadow", "Left to Right", None, true),
@@ -212,12 +204,12 @@ def test_edge_errors_are_ours_less_theirs_by_kind_and_task():
             ("rock", "other exposures", true, None),
         )
     )
-    assert set(found) == {("rock", "Left to Right"), ("rock", "other exposures")}
-    np.testing.assert_allclose(found["rock", "Left to Right"], [[2, 0, -1, 3]])
-    np.testing.assert_allclose(found["rock", "other exposures"], [[0, 0, 0, 1]])
+    assert set(errors) == {("rock", "Left to Right"), ("rock", "other exposures")}
+    np.testing.assert_allclose(errors["rock", "Left to Right"], [[2, 0, -1, 3]])
+    np.testing.assert_allclose(errors["rock", "other exposures"], [[0, 0, 0, 1]])
 
 
-def test_label_errors_are_drawn_also_when_there_are_none(tmp_path):
+def test_label_errors_are_drawn_with_and_without_labels(tmp_path):
     pairs = label_pairs(("rock", "Left to Right", [102, 100, 161, 140], [100, 100, 160, 140]))
     write_parquet(tmp_path / "pairs.parquet", pairs)
     write_parquet(tmp_path / "none.parquet", pairs[:0])
@@ -228,8 +220,8 @@ def test_label_errors_are_drawn_also_when_there_are_none(tmp_path):
     assert coloured(tmp_path / "pairs.png") > coloured(tmp_path / "none.png") == 0
 
 
-@pytest.mark.parametrize("kinds", [("rock", "shadow"), ("shadow",), ()])
-def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
+@pytest.mark.parametrize("kinds", [("rock", "shadow"), ("shadow",)])
+def test_detection_and_ipd_are_drawn_with_and_without_rocks(tmp_path, kinds):
     domains = ("analog", "principled", "hapke")
     detection = [
         (t, e, kind, "photo", 0, True, "yolov5n", "scratch", 9, 320, 9, 0, 9, 0.5, 0.3, 0.4, "view", 3, *[0.1] * 6)
@@ -251,7 +243,7 @@ def test_detection_and_ipd_are_drawn_also_without_rocks(tmp_path, kinds):
         assert (coloured(tmp_path / f"{name}.png") > 0.05) == ("rock" in kinds)
 
 
-def test_a_comparison_shows_what_is_there(tmp_path):
+def test_a_comparison_shows_the_available_images(tmp_path):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
     png.write(tmp_path / f"hapke/{KEY}.png", np.full((1216, 1936), 300, np.uint16))
     write_parquet(tmp_path / "labels.parquet", label_table([label(KEY, "rock", 1, (100, 100, 500, 400))]))
@@ -262,16 +254,16 @@ def test_a_comparison_shows_what_is_there(tmp_path):
         "rendered": None,
         "width": 2 * NARROW,
     }
-    known = described(tmp_path, {KEY: tmp_path / "photo.png"})
-    draw_comparison(**arguments, **known, twins=twins, figure=tmp_path / "two.png")
+    with_photo = described(tmp_path, {KEY: tmp_path / "photo.png"})
+    draw_comparison(**arguments, **with_photo, twins=twins, figure=tmp_path / "two.png")
     draw_comparison(**arguments, **described(tmp_path, {}), twins={}, figure=tmp_path / "none.png")
     shown = png.read(tmp_path / "two.png")
-    # Below each other with the photo's white: the twin, with 284 of 684 DN above black, is darker than the photo.
+    # Photo above twin, with the white level of the photo: the twin has 284 DN above black, the photo 684 DN.
     rows = shown.shape[0]
     photo, twin = (np.median(shown[round(at * rows) :][:20, 280:320]) for at in (0.2, 0.68))
     assert photo == 255
     assert twin == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
-    # The twin is 1.27 stops too dark: blue beside it, and a bar below that says so, red at its right end.
+    # The twin is 1.27 stops too dark: the difference is blue, and the colour bar below it is red at the right end.
     difference = np.median(shown[round(0.68 * rows) :][:20, 880:920], axis=(0, 1))
     assert difference.tolist() == pytest.approx([255 * (1 - np.log2(684 / 284) / 2)] * 2 + [255], abs=2)
     reds = (shown[round(0.8 * rows) :].astype(int) @ [1, -1, -1]) > 200
@@ -281,8 +273,8 @@ def test_a_comparison_shows_what_is_there(tmp_path):
 
 @pytest.mark.release
 @pytest.mark.parametrize(("position", "camera"), [("A", "R"), ("C", "L")])
-def test_a_cover_photo_is_known_by_its_red_boxes(release_root, position, camera):
-    """03 A was taken by the right camera and 03 C by the left one: found by eye."""
+def test_a_cover_photo_is_identified_by_red_boxes(release_root, position, camera):
+    """By visual inspection, 03 A is of the right camera and 03 C of the left camera."""
     cover = png.read(release.cover_photos(release_root, 3)[position])
     keys = [key for key in release.label_files(release_root, 3) if key.light == "off" and key.exposure_ms == 256]
     keys = [key for key in keys if key.position == position]
@@ -290,7 +282,7 @@ def test_a_cover_photo_is_known_by_its_red_boxes(release_root, position, camera)
 
 
 @pytest.mark.release
-def test_a_cover_photo_with_numbers_only_is_taken_for_no_photo(release_root):
+def test_a_cover_photo_with_numbers_only_is_not_identified(release_root):
     cover = png.read(release.cover_photos(release_root, 4)["C"])
     keys = [key for key in release.label_files(release_root, 4) if key.position == "C" and key.exposure_ms == 256]
     assert cover_key(cover, hand_drawn(release_root, keys), keys) is None
@@ -311,7 +303,7 @@ def reliability_drawn(folder, rows, name):
     return png.read(folder / name)[..., :3].astype(int)
 
 
-def test_points_of_sure_and_right_labels_lie_above_and_right_of_doubtful_ones(tmp_path):
+def test_points_of_higher_confidence_and_accuracy_are_above_and_to_the_right(tmp_path):
     points = []
     for confidence in (0.3, 0.98):
         point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": confidence, "high": confidence}
@@ -322,8 +314,8 @@ def test_points_of_sure_and_right_labels_lie_above_and_right_of_doubtful_ones(tm
     (low_row, low_column), (high_row, high_column) = points
     side = high_column - low_column
     assert side > 200
-    assert low_row - high_row == pytest.approx(side, rel=0.02)  # the diagonal is one
+    assert low_row - high_row == pytest.approx(side, rel=0.02)  # on the diagonal
 
 
-def test_a_run_without_compared_labels_has_a_page_that_says_so(tmp_path):
+def test_a_run_without_compared_labels_has_a_note(tmp_path):
     assert (reliability_drawn(tmp_path, [], "none.png") < 200).any()
