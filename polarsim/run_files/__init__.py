@@ -1,10 +1,10 @@
-"""Files of a run that several stages share, each with its reader and writer, and what is chosen from such files.
+"""Files of a run that several stages share, with reader and writer.
 
-- Terrain: `inventory` (raw files), `scans` (points of its scans), `rigs` and `lamps` (poses), `scene` (meshes),
+- Terrain: `inventory` (raw files), `scans` (points), `rigs` and `lamps` (poses), `scene` (meshes),
   `rock_translations`, `materials` (fitted albedo).
-- A run as a whole: `run` (which photos, domains, models, splits, labels and drives its folder has).
+- Run: `run` (photos, domains, models, splits, labels and drives in the folder of a run).
 - Photos and twins: `pictures` (files by photo key), `best_photos`, `picture_sets` (names), `instances` and
-  `class_masks` (what pixels show).
+  `class_masks` (label maps).
 
 Formats that other programs define are in `polarsim.formats`, the columns of tables in `polarsim.schemas`.
 """

@@ -1,4 +1,4 @@
-"""Which photo shows a view under a Sun lamp best."""
+"""Selection of the best exposed photo of each view and Sun lamp."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from polarsim.run_files.rigs import LocalisedRig
 
 log = logging.getLogger("polarsim")
 
-_USABLE = (60, WHITE_LEVEL - 200)  # grey values that neither noise nor clipping moves
-_SPARSE = 8  # every so many rows and columns tell how well a photo is exposed
-_LEAST_USABLE = 0.03  # share of such pixels in a photo that is worth a look
+_USABLE = (60, WHITE_LEVEL - 200)  # range of grey values with low noise and without clipping
+_SPARSE = 8  # step between sampled rows and columns
+_MIN_USABLE = 0.03  # minimum share of usable pixels
 Pictures = Mapping[PositionCamera, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
-Photos = Mapping[str, np.ndarray]  # of one view, by that azimuth: (h, w) float32 grey values
+Photos = Mapping[str, np.ndarray]  # of a view, by the azimuth of the Sun lamp: (h, w) float32 grey values
 
 
 def best_pictures(terrain: int, photos: Path) -> Pictures:
-    """The photo of every view and Sun lamp, rover light off, in which most pixels are well exposed.
+    """Return the photo with the largest share of well exposed pixels of every view and Sun lamp, rover light off.
 
     Parameters
     ----------
     photos : Path
-        `photos.parquet`; a photo that cannot be read is a warning and left out.
+        `photos.parquet`. Unreadable photos are skipped with a warning.
     """
     best: dict[tuple[PositionCamera, str], tuple[float, Path]] = {}
     for key, path in track(sorted(pictures_at(photos).items()), f"photos of terrain {terrain:02d}"):
@@ -44,7 +44,7 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
             continue
         usable = float(((sparse > _USABLE[0]) & (sparse < _USABLE[1])).mean())
         group = ((key.position, key.camera), key.azimuth)
-        if usable > max(_LEAST_USABLE, best[group][0] if group in best else 0.0):
+        if usable > max(_MIN_USABLE, best[group][0] if group in best else 0.0):
             best[group] = usable, path
     pictures: dict[PositionCamera, dict[str, Path]] = {}
     for (view, azimuth), (_, path) in sorted(best.items()):
@@ -55,16 +55,16 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
 def read_all_shrunk(
     pictures: Pictures, localised: Mapping[str, LocalisedRig], scale: float
 ) -> dict[PositionCamera, Photos]:
-    """The photos of every view, by the azimuth of the Sun lamp, shrunk by a scale."""
+    """Read the photos of every view by the azimuth of the Sun lamp, resized by a factor."""
     lenses = {(position, camera): localised[position].rig.lens(camera).scaled(scale) for position, camera in pictures}
     return {
-        view: {azimuth: read_shrunk(path, lenses[view]) for azimuth, path in shown.items()}
-        for view, shown in pictures.items()
+        view: {azimuth: read_shrunk(path, lenses[view]) for azimuth, path in by_azimuth.items()}
+        for view, by_azimuth in pictures.items()
     }
 
 
 def read_shrunk(path: Path, lens: Lens) -> np.ndarray:
-    """(h, w) float32 grey values of a photo, shrunk to the size of a lens."""
+    """Read the grey values (h, w) float32 of a photo, resized to the image size of a lens."""
     import cv2
 
     shrunk = cv2.resize(png.read_photo(path), (lens.width, lens.height), interpolation=cv2.INTER_AREA)

@@ -1,4 +1,4 @@
-"""Class masks, 8-bit PNG: what every pixel of a picture shows, ground, a rock or a shadow."""
+"""Class masks, 8-bit PNG: class of every pixel of an image, ground, rock or shadow."""
 
 from __future__ import annotations
 
@@ -13,22 +13,26 @@ from polarsim.formats.readers import reader
 from polarsim.photo import GREY_VALUES, ROCK, SHADOW
 from polarsim.run_files.instances import BACKGROUND, GROUND, RELIEF_SHADOW, SHADOW_IDS
 
-CLASSES = ("ground", ROCK, SHADOW)  # a pixel's value is its index here; ground is all that is neither rock nor shadow
-IGNORED = 255  # nobody can tell, or nobody asks; what detectors write has none
+CLASSES = (
+    "ground",
+    ROCK,
+    SHADOW,
+)  # pixel values are indices in this tuple; ground is everything except rock and shadow
+IGNORED = 255  # unknown or excluded from the evaluation; not used in the masks of detectors
 
 
 @reader("class mask")
 def read(path: str | Path) -> np.ndarray:
-    """(h, w) uint8 of indices in `CLASSES` and of `IGNORED`.
+    """Read a mask (h, w) uint8 of indices in `CLASSES` and of `IGNORED`.
 
     Raises
     ------
     FormatError
-        No picture of one channel with 8 bits, or another value.
+        The image has several channels, another depth than 8 bits, or another value.
     """
     mask = png.read(path)
     if mask.dtype != np.uint8 or mask.ndim != 2:
-        raise FormatError(f"{mask.dtype} with shape {mask.shape}, a class mask is one channel of 8 bits", path=path)
+        raise FormatError(f"{mask.dtype} with shape {mask.shape}, expected a single channel of 8 bits", path=path)
     wrong = (mask >= len(CLASSES)) & (mask != IGNORED)
     if wrong.any():
         names = ", ".join(f"{number} {name}" for number, name in enumerate(CLASSES))
@@ -42,15 +46,15 @@ def write(path: str | Path, mask: np.ndarray) -> None:
 
 
 def of_ids(ids: np.ndarray, labelled: Collection[int]) -> np.ndarray:
-    """The class mask of a picture of ids (h, w), see `formats.instances`.
+    """Convert an instance map (h, w), see `instances`, to a class mask.
 
     Parameters
     ----------
     labelled
-        Ids of the rocks and shadows that have a label; all others, too small or without contrast, are ignored. The
-        shade of relief and of walls is ground, as in the polygons that people drew.
+        Ids of the rocks and shadows with a label. Rocks and shadows without a label, too small or without contrast,
+        are ignored. Shadows of relief and walls are ground, as in the annotated polygons.
     """
-    largest = max(RELIEF_SHADOW, int(ids.max(initial=0)), *labelled)  # a labelled thing may be hidden in this picture
+    largest = max(RELIEF_SHADOW, int(ids.max(initial=0)), *labelled)  # a labelled rock may be occluded in this image
     class_of_id = np.full(largest + 1, IGNORED, np.uint8)
     class_of_id[[BACKGROUND, GROUND, RELIEF_SHADOW]] = CLASSES.index("ground")
     for number in labelled:
@@ -59,7 +63,7 @@ def of_ids(ids: np.ndarray, labelled: Collection[int]) -> np.ndarray:
 
 
 def of_grey_map(grey: np.ndarray, background: int = CLASSES.index("ground")) -> np.ndarray:
-    """The class mask of a grey map (h, w) of polygons, its background of the class that is named, or `IGNORED`."""
+    """Convert a grey map (h, w) of polygons to a class mask; `background` is the value of background pixels."""
     class_of_grey = np.full(256, IGNORED, np.uint8)
     for number, name in enumerate(CLASSES):
         class_of_grey[GREY_VALUES[name]] = number
@@ -68,7 +72,7 @@ def of_grey_map(grey: np.ndarray, background: int = CLASSES.index("ground")) -> 
 
 
 def resized(mask: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """A mask (h, w) of another width and height, every pixel that of the nearest one."""
+    """Resize a mask (h, w) to a width and height by nearest-neighbour interpolation."""
     import cv2
 
     return np.asarray(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST_EXACT))

@@ -1,4 +1,4 @@
-"""`inventory.json`: what the source has for one terrain beside its photos, the same for every kind of source."""
+"""`inventory.json`: raw files of a terrain other than photos, for any data source."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from polarsim.formats.readers import reader
 
 @dataclass(frozen=True)
 class Inventory:
-    """Paths as the configuration's root gives them; scans lie in the rectified left frame of their position."""
+    """Paths below the root of the source. Scans are in the rectified left frame of the position."""
 
     terrain: int
     kind: str  # "analog", "release" or "polar"
-    calibration: str = ""  # file that calibration.json was made from; empty: the stated rig
+    calibration: str = ""  # source file of calibration.json; empty: the default rig
     range_maps: dict[str, str] = field(default_factory=dict)  # position -> PosX_org-XYZ.tif
     clouds: dict[str, str] = field(default_factory=dict)  # position -> PosX.xyz
     meshes: dict[str, str] = field(default_factory=dict)  # published rock id -> OBJ file
-    ground: str = ""  # published ground mesh, where there is one
-    cover_photos: dict[str, str] = field(default_factory=dict)  # position -> picture with ids drawn in
-    stray: tuple[str, ...] = ()  # files that were left out, by name
+    ground: str = ""  # published ground mesh, empty without
+    cover_photos: dict[str, str] = field(default_factory=dict)  # position -> image with rock ids
+    stray: tuple[str, ...] = ()  # names of skipped files
 
     @property
     def scanned(self) -> list[str]:
-        """Positions with a scan of any kind."""
+        """Positions with a range map or cloud."""
         return sorted(set(self.range_maps) | set(self.clouds))
 
     def rock_meshes(self) -> dict[int, str]:
-        """OBJ files of the published rocks by id, in the order of ids.
+        """Return the OBJ files of the published rocks by rock id, sorted by id.
 
         Raises
         ------
         FormatError
-            An id is no number.
+            An id is not a number.
         """
         if not all(name.isdigit() for name in self.meshes):
-            raise FormatError(f"meshes are named by rock ids, found {sorted(self.meshes)[-1]!r}")
+            raise FormatError(f"meshes has the key {sorted(self.meshes)[-1]!r}, expected rock ids")
         return dict(sorted((int(name), path) for name, path in self.meshes.items()))
 
 

@@ -1,4 +1,4 @@
-"""Where the Sun lamps of a terrain stood: `lamps.json` beside its rig poses, azimuth -> [x, y, z] in the sandbox."""
+"""Positions of the Sun lamps of a terrain: `lamps.json` next to the rig poses, azimuth -> [x, y, z], sandbox frame."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ FILE = "lamps.json"
 
 
 def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:
-    """Positions (3,) by azimuth, metres; written to a tenth of a millimetre."""
+    """Write positions (3,) by azimuth, metres, rounded to 0.1 mm."""
     write_json(Path(folder) / FILE, {name: [round(float(x), 4) for x in suns[name]] for name in sorted(suns)})
 
 
 @reader("lamps")
 def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
-    """Position (3,) of every Sun lamp: where it was found, else where the survey has it.
+    """Read the position (3,) of every Sun lamp. Lamps that are not localised have the surveyed position.
 
     Parameters
     ----------
     folder : Path
-        Folder of a terrain's rig poses, with or without the file.
+        Folder of the rig poses of a terrain, with or without the file.
     localised : position -> LocalisedRig
-        These poses; they tell how high the survey lies.
+        The rig poses, from which the height of the survey is computed.
 
     Raises
     ------
     FormatError
-        The file is broken.
+        The file is invalid.
     """
     return surveyed_suns(localised) | read_found_suns(folder)
 
 
 @reader("lamps")
 def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
-    """Position (3,) of the Sun lamps that photos localise, by azimuth; the others stand where the survey has them.
+    """Read the positions (3,) of the Sun lamps that were localised with photos, by azimuth.
 
     Raises
     ------
     FormatError
-        The file is broken.
+        The file is invalid.
     """
     suns: dict[str, np.ndarray] = {}
     path = Path(folder) / FILE
@@ -64,11 +64,11 @@ def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
                 if not np.isfinite(suns[azimuth]).all():
                     raise ValueError("not finite")
             except (TypeError, ValueError) as error:
-                raise FormatError(f"{azimuth}: {point!r} is no position, expected three numbers") from error
+                raise FormatError(f"{azimuth}: the position is {point!r}, expected three numbers") from error
     return suns
 
 
 def surveyed_suns(localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
-    """Positions (3,) of the survey, as high as a terrain's rigs tell."""
+    """Return the surveyed positions (3,), shifted to the height that the rigs of a terrain imply."""
     lift = lift_of(localised)
     return {azimuth: lamp_position(azimuth, lift) for azimuth in SUNS}

@@ -1,4 +1,4 @@
-"""A terrain's fitted materials: `albedo.parquet`, a factor a vertex and model, and `materials.json`, all else."""
+"""Fitted materials of a terrain: `albedo.parquet` (factor per vertex and model) and `materials.json` (other values)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ALBEDO_FILE, TABLE_FILE = "albedo.parquet", "materials.json"
 
 
 class _Fit(BaseModel, extra="forbid"):
-    """All of `Fitted` but the albedo, as `materials.json` has it."""
+    """Fields of `Fitted` in `materials.json`, without the albedo."""
 
     parameters: dict[str, Any]
     lamps: dict[str, float]
@@ -38,30 +38,30 @@ class _Table(BaseModel, extra="forbid"):
 
 @dataclass(frozen=True)
 class Fitted:
-    """What a model needs to look like a terrain's photos."""
+    """Parameters of a reflectance model, fitted to the photos of a terrain."""
 
     parameters: dict[str, Any]  # of the model
     lamps: dict[str, float]  # grey values per ms and unit radiance under each lamp
-    rocks: dict[int, float]  # mean albedo factor by rock; the ground's median is 1
-    albedo: np.ndarray  # (v,) float32 factors, in the order of a terrain's meshes
-    check: dict[str, Any] = field(default_factory=dict)  # errors on the azimuth that was held out
+    rocks: dict[int, float]  # mean albedo factor by rock; the median of the ground is 1
+    albedo: np.ndarray  # (v,) float32 factors, in the order of the terrain's meshes
+    check: dict[str, Any] = field(default_factory=dict)  # errors on the held-out azimuth
 
 
 @dataclass(frozen=True)
 class FittedMaterials:
-    """Of a terrain: how its lamps and lenses darken, and every model; none where nothing could be fitted."""
+    """Fit of a terrain: falloff of lamps, vignetting of lenses, and the models; no model if the fit failed."""
 
     falloff: bool
     vignetting: bool
     models: dict[str, Fitted]
-    looks: np.ndarray  # (v,) lamps and views in which a vertex was seen lit
+    looks: np.ndarray  # (v,) number of lamps and views in which a vertex is visible and lit
 
 
-def write_materials(folder: Path, mesh: TerrainMesh, found: FittedMaterials) -> None:
-    """Write a terrain's fit; `mesh` tells which vertices belong to which rock."""
-    table = pd.DataFrame({"rock": rock_of_vertex(mesh).astype(np.int32), "looks": found.looks.astype(np.int32)})
-    for model in sorted(found.models):
-        table[model] = found.models[model].albedo.astype(np.float32)
+def write_materials(folder: Path, mesh: TerrainMesh, materials: FittedMaterials) -> None:
+    """Write the fit of a terrain; `mesh` has the rock of each vertex."""
+    table = pd.DataFrame({"rock": rock_of_vertex(mesh).astype(np.int32), "looks": materials.looks.astype(np.int32)})
+    for model in sorted(materials.models):
+        table[model] = materials.models[model].albedo.astype(np.float32)
     models = {
         model: {
             "parameters": fit.parameters,
@@ -69,21 +69,22 @@ def write_materials(folder: Path, mesh: TerrainMesh, found: FittedMaterials) -> 
             "rocks": {str(rock): _rounded(factor) for rock, factor in fit.rocks.items()},
             "check": fit.check,
         }
-        for model, fit in found.models.items()
+        for model, fit in materials.models.items()
     }
+    content = {"falloff": materials.falloff, "vignetting": materials.vignetting, "models": models}
     with writing_folder(folder) as into:
         tables.write_parquet(into / ALBEDO_FILE, table)
-        write_json(into / TABLE_FILE, {"falloff": found.falloff, "vignetting": found.vignetting, "models": models})
+        write_json(into / TABLE_FILE, content)
 
 
 @reader("materials")
 def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
-    """Read a terrain's fit, made for its meshes `mesh`.
+    """Read the fit of a terrain with the meshes `mesh`.
 
     Raises
     ------
     FormatError
-        A file is missing or broken, or its vertices are not those of the meshes.
+        A file is missing or invalid, or the fit belongs to different meshes.
     """
     try:
         content = _Table.model_validate(read_json(folder / TABLE_FILE))
@@ -92,7 +93,8 @@ def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
     table = tables.read_parquet(folder / ALBEDO_FILE, ["rock", "looks", *content.models])
     if not np.array_equal(table["rock"].to_numpy(), rock_of_vertex(mesh)):
         raise FormatError(
-            f"{len(table)} vertices that are not those of the terrain's meshes", path=folder / ALBEDO_FILE
+            f"the {len(table)} vertices differ from the meshes of the terrain: run fit_materials again",
+            path=folder / ALBEDO_FILE,
         )
     models = {
         model: Fitted(fit.parameters, fit.lamps, fit.rocks, table[model].to_numpy(np.float32), fit.check)
@@ -102,12 +104,12 @@ def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
 
 
 def files_of(folder: Path) -> list[Path]:
-    """All files of a fit."""
+    """Return all files of a fit."""
     return [folder / ALBEDO_FILE, folder / TABLE_FILE]
 
 
 def rock_of_vertex(mesh: TerrainMesh) -> np.ndarray:
-    """(v,) rock of every vertex; the ground's and those of no face: `NO_ROCK`."""
+    """Return the rock (v,) of every vertex; `NO_ROCK` for the ground and for vertices without face."""
     rock = np.full(len(mesh.vertices), NO_ROCK)
     rock[mesh.faces.ravel()] = np.repeat(mesh.rock_of_face, 3)
     return rock

@@ -1,4 +1,4 @@
-"""Names of exposures, and of the picture sets of a drive: `<Sun>_<model>_<exposure>`."""
+"""Names of exposures, and of the image sets of a drive: `<Sun>_<model>_<exposure>`."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ def exposure_order(name: str) -> tuple[bool, float]:
 
 
 def exposure_title(name: str) -> str:
-    """Return an exposure's name as figures print it."""
+    """Return the name of an exposure for figures."""
     return name if name == AUTO else f"{float(name):g} ms"
 
 
 def sun_title(name: str) -> str:
-    """Return a Sun's name as figures print it."""
+    """Return the name of a Sun for figures."""
     return name if name == "night" else f"Sun {name}"
 
 
 @dataclass(frozen=True)
 class PictureSet:
-    """Pictures of one view in one light."""
+    """Images of a view with the same Sun, reflectance model and exposure."""
 
     sun: str
-    model: str  # reflectance model; the name of one may contain an underscore
+    model: str  # reflectance model; the name may contain an underscore
     exposure_ms: float
 
     def __str__(self) -> str:
@@ -49,19 +49,19 @@ class PictureSet:
 
     @classmethod
     def parse(cls, name: str) -> PictureSet:
-        """Read a set's name.
+        """Parse the name of an image set.
 
         Raises
         ------
         FormatError
-            The text is no such name.
+            The text has another form.
         """
         sun, _, rest = name.partition("_")
         model, _, exposure = rest.rpartition("_")
         try:
-            found = cls(sun, model, float(exposure))
+            parsed = cls(sun, model, float(exposure))
+            if not (sun and model and np.isfinite(parsed.exposure_ms) and parsed.exposure_ms > 0):
+                raise ValueError
         except ValueError as error:
-            raise FormatError(f"{name!r} is no name of a picture set, expected SUN_MODEL_EXPOSURE") from error
-        if not (sun and model and np.isfinite(found.exposure_ms) and found.exposure_ms > 0):
-            raise FormatError(f"{name!r} is no name of a picture set, expected SUN_MODEL_EXPOSURE")
-        return found
+            raise FormatError(f"{name!r} is no name of an image set, expected SUN_MODEL_EXPOSURE") from error
+        return parsed

@@ -1,4 +1,4 @@
-"""Our JSON files of rigs: `calibration.json` (lenses and the pose between them) and `PosX.json` (where a rig stood)."""
+"""JSON files of stereo rigs: `calibration.json` (lenses, relative pose) and `PosX.json` (also pose in the sandbox)."""
 
 from __future__ import annotations
 
@@ -18,53 +18,53 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
 
-MOST_PX = 1 << 16  # width or height of a photo
-SURVEYED = "survey"  # method of a rig that nothing else localises
-PITCH_SD = "pitch_sd_deg"  # metric of a surveyed rig: how well its pitch is known
-KNOWN_PITCH_DEG = 1.5  # standard deviation up to which a pitch is known
-UNSURE = "labels, unsure"  # of one whose pose labels suggest and do not prove
-FEATURES = "features"  # of one that photos from localised positions localise
+MAX_SIDE_PX = 1 << 16  # maximum width and height of a photo
+SURVEYED = "survey"  # method of a rig that is placed at the surveyed pose
+PITCH_SD = "pitch_sd_deg"  # metric of a surveyed rig: standard deviation of the pitch
+KNOWN_PITCH_DEG = 1.5  # maximum standard deviation of a known pitch
+UNSURE = "labels, unsure"  # method of a rig with an uncertain pose from labels
+FEATURES = "features"  # method of a rig that is localised by features of photos from other positions
 
 
 @dataclass(frozen=True)
 class LocalisedRig:
-    """A rig in the sandbox, and what is known about how well it was localised."""
+    """Stereo rig in the sandbox, with the method and metrics of the localisation."""
 
     rig: StereoRig
     sandbox_from_left: Pose
-    method: str = ""  # "scans", "labels", FEATURES, UNSURE or SURVEYED, ", photos" behind it: what the pose rests on
+    method: str = ""  # "scans", "labels", FEATURES, UNSURE or SURVEYED, followed by ", photos" after a refinement
     metrics: dict[str, float] = field(default_factory=dict)  # metrics of the fit; keys carry their units
 
     @property
     def unproven(self) -> bool:
-        """Whether the pose is the survey's or a guess: nothing that rests on it is evidence, no mesh is seen by it."""
+        """Whether the pose is only surveyed or uncertain, so that no label or mesh may be checked against it."""
         return self.method in (SURVEYED, UNSURE)
 
     @property
     def pitch_known(self) -> bool:
-        """Whether anything but habit tells how far down the cameras look."""
+        """Whether the pitch was measured, not assumed from other terrains."""
         return self.method != SURVEYED or self.metrics.get(PITCH_SD, np.inf) <= KNOWN_PITCH_DEG
 
     def sandbox_from(self, camera: str) -> Pose:
-        """Pose of camera L or R in the sandbox."""
+        """Return the pose of camera L or R in the sandbox."""
         return self.sandbox_from_left @ self.rig.left_from(camera)
 
     @property
     def rover_light(self) -> np.ndarray:
-        """(3,) position of the rover light in the sandbox."""
+        """Position (3,) of the rover light in the sandbox frame."""
         return self.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
 
     def camera(self, side: str) -> Camera:
-        """Camera L or R in the sandbox."""
+        """Return camera L or R in the sandbox."""
         return Camera(self.sandbox_from(side), self.rig.lens(side))
 
     def project(self, camera: str, points_sandbox: np.ndarray) -> np.ndarray:
-        """Pixels (..., 2) of sandbox points (..., 3) in camera L or R; NaN behind the camera."""
+        """Project sandbox points (..., 3) to pixels (..., 2) of camera L or R; NaN for points with negative depth."""
         return self.camera(camera).project(points_sandbox)
 
 
 def write_rig(path: str | Path, rig: StereoRig, source: str) -> None:
-    """`source` says where the calibration comes from: a file's name or `stated`."""
+    """Write a calibration; `source` is the name of the original file or `stated`."""
     write_json(path, {**_rig_content(rig), "source": source})
 
 
@@ -75,7 +75,7 @@ def read_rig(path: str | Path) -> StereoRig:
     Raises
     ------
     FormatError
-        Something is missing or is no rig.
+        A value is missing or invalid.
     """
     with about(path):
         return _rig(read_json(path))
@@ -98,31 +98,31 @@ def read_localised(path: str | Path) -> LocalisedRig:
     Raises
     ------
     FormatError
-        Something is missing or is no localised rig.
+        A value is missing or invalid.
     """
     content = read_json(path)
     with about(path):
         try:
             matrix = np.array(content["sandbox_from_left"], float)
         except (KeyError, TypeError, ValueError) as error:
-            raise FormatError(f"no sandbox_from_left of 4 x 4 numbers, {error}") from error
+            raise FormatError(f"sandbox_from_left is missing or invalid, expected 4 x 4 numbers: {error}") from error
         method, metrics = content.get("method", ""), content.get("metrics", {})
         return LocalisedRig(_rig(content), Pose.from_matrix(matrix), method, metrics)
 
 
 def localised_files(folder: str | Path) -> dict[str, Path]:
-    """Every `PosX.json` of a terrain's folder, by position."""
+    """Return every `PosX.json` in the folder of a terrain, by position."""
     return {path.stem.removeprefix("Pos"): path for path in sorted(Path(folder).glob("Pos?.json"))}
 
 
 @reader("rig poses")
 def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
-    """What `localised_files` hold, by position."""
+    """Read all localised rigs in the folder of a terrain, by position."""
     return {position: read_localised(path) for position, path in localised_files(folder).items()}
 
 
 def lift_of(localised: Mapping[str, LocalisedRig]) -> float:
-    """How much higher than usual the survey lies in the frame of a terrain's rigs, metres: see `survey_lift`."""
+    """Return `survey_lift` of the rigs of a terrain, metres."""
     return survey_lift({position: rig.sandbox_from_left.translation for position, rig in localised.items()})
 
 
@@ -135,7 +135,7 @@ def _rig_content(rig: StereoRig) -> dict[str, Any]:
 
 
 def lens_content(lens: Lens) -> dict[str, Any]:
-    """A lens as our JSON files have it."""
+    """Return the JSON content of a lens."""
     return {
         "fx_px": lens.fx,
         "fy_px": lens.fy,
@@ -153,36 +153,30 @@ def _rig(content: dict[str, Any]) -> StereoRig:
         left, right = (lens_of(content[name]) for name in ("left", "right"))
         matrix = np.array(content["left_from_right"], float)
     except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(f"no rig: {error!r} is missing or no number") from error
+        raise FormatError(f"no rig: {error!r} is missing or not a number") from error
     return StereoRig(left, right, Pose.from_matrix(matrix))
 
 
 def lens_of(content: dict[str, Any]) -> Lens:
-    """The inverse of `lens_content`."""
-    k1, k2, p1, p2, k3 = (float(term) for term in content["distortion"])
-    return checked_lens(
-        Lens(
-            float(content["fx_px"]),
-            float(content["fy_px"]),
-            float(content["cx_px"]),
-            float(content["cy_px"]),
-            (k1, k2, p1, p2, k3),
-            int(content["width_px"]),
-            int(content["height_px"]),
-        )
-    )
-
-
-def checked_lens(lens: Lens) -> Lens:
-    """The lens.
+    """Return the lens of a JSON content, the inverse of `lens_content`.
 
     Raises
     ------
     FormatError
-        A number that is not finite, or a focal length or size that no lens has.
+        A number is not finite, or a focal length or size is impossible.
     """
+    k1, k2, p1, p2, k3 = (float(term) for term in content["distortion"])
+    lens = Lens(
+        float(content["fx_px"]),
+        float(content["fy_px"]),
+        float(content["cx_px"]),
+        float(content["cy_px"]),
+        (k1, k2, p1, p2, k3),
+        int(content["width_px"]),
+        int(content["height_px"]),
+    )
     if not np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy, *lens.distortion]).all():
-        raise FormatError("a lens with a number that is not finite")
-    if min(lens.fx, lens.fy) <= 0 or not (0 < lens.width <= MOST_PX and 0 < lens.height <= MOST_PX):
-        raise FormatError(f"a lens of {lens.width} x {lens.height} px with the focal length {lens.fx:g} px")
+        raise FormatError("a number of the lens is not finite")
+    if min(lens.fx, lens.fy) <= 0 or not (0 < lens.width <= MAX_SIDE_PX and 0 < lens.height <= MAX_SIDE_PX):
+        raise FormatError(f"impossible lens of {lens.width} x {lens.height} px with focal length {lens.fx:g} px")
     return lens

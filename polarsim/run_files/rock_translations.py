@@ -1,4 +1,4 @@
-"""`rock_translations.csv`: how far published rock meshes belong from where they were placed."""
+"""`rock_translations.csv`: corrections of the positions of published rock meshes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ COLUMNS = TRANSLATIONS.columns
 
 @reader("rock shifts")
 def read_translations(cameras: Path) -> dict[int, np.ndarray]:
-    """Translation (3,) in metres, sandbox frame, by rock id; none where a terrain's cameras move no rock.
+    """Read the translation (3,) of each rock by id, metres, sandbox frame; empty if the table does not exist.
 
     Raises
     ------
     FormatError
-        The table lacks a column.
+        A column is missing, or a value is not finite.
     """
     path = cameras / FILE
     if not path.is_file():
@@ -31,5 +31,5 @@ def read_translations(cameras: Path) -> dict[int, np.ndarray]:
     table = tables.read_csv(path, COLUMNS)
     translations = table[list(TRANSLATION_COLUMNS)].to_numpy(float) / 1000
     if not np.isfinite(translations).all():
-        raise FormatError("a translation that is not finite", path=path)
+        raise FormatError("a translation is not finite", path=path)
     return dict(zip(table["rock"].astype(int).tolist(), translations, strict=True))

@@ -17,15 +17,15 @@ from polarsim.photo import TERRAINS, PhotoKey
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.detect import PREDICTIONS
 
-PHOTO = "photo"  # the domain of photos; all others are models of twins
+PHOTO = "photo"  # domain of photos; the other domains are models of twins
 TRACE = "trace.parquet"  # in the folder of each drive
-CONFIG = "config.yaml"  # the run's merged configuration
-_NO_MODELS = ("boxes", "instances", "coco", "tables", "maps", "materials")  # of the folders below renders/
+CONFIG = "config.yaml"  # merged configuration of the run
+_NO_MODELS = ("boxes", "instances", "coco", "tables", "maps", "materials")  # folders of renders/ that are no models
 
 
 @dataclass(frozen=True)
 class Run:
-    """The folder of a run, `results/<run>`. Nothing is read before it is asked for."""
+    """Folder of a run, `results/<run>`. Files are read on access."""
 
     folder: Path
 
@@ -40,7 +40,7 @@ class Run:
         """
         run = cls(folder)
         if not run.terrains:
-            raise ConfigError("no run: neither photos, labels nor meshes of a terrain are there", path=folder)
+            raise ConfigError("no run: expected photos, labels or meshes of a terrain", path=folder)
         return run
 
     @property
@@ -59,26 +59,26 @@ class Run:
 
     @cached_property
     def models(self) -> tuple[str, ...]:
-        """Models that twins were rendered with."""
+        """Reflectance models of the twins."""
         folders = sorted(path for path in (self.folder / "renders").glob("*") if path.is_dir())
         return tuple(path.name for path in folders if path.name not in _NO_MODELS and any(path.glob("Terrain??/*.png")))
 
     @property
     def domains(self) -> tuple[str, ...]:
-        """Domains of pictures: photos, and the models of twins."""
+        """Domains of images: photos, and the models of twins."""
         return (PHOTO, *self.models)
 
     def domain_of(self, evaluated: str) -> str:
-        """Return the domain here of a domain of the detect stage: `analog`, `real` or a model's name."""
+        """Return the domain of the run for a domain of the detect stage: `analog`, `real` or the name of a model."""
         return evaluated if evaluated in self.models else PHOTO
 
     @property
     def splits(self) -> tuple[str, ...]:
-        """Names of the splits that were drawn."""
+        """Names of the training splits."""
         return tuple(sorted(path.parent.name for path in (self.folder / "detect").glob("*/split.csv")))
 
     def pictures_of(self, domain: str, terrain: int) -> dict[PhotoKey, Path]:
-        """Return a terrain's photos or the twins of a model by key; empty where the run has no twins of the model."""
+        """Return the photos of a terrain or the twins of a model by photo key; empty without twins of the model."""
         folder = f"Terrain{terrain:02d}"
         if domain == PHOTO:
             return pictures_at(self.folder / "acquire" / folder / "photos.parquet")
@@ -87,25 +87,25 @@ class Run:
 
     @cached_property
     def pictures(self) -> dict[tuple[str, PhotoKey], Path]:
-        """Every photo and twin by domain and key, in the order of keys."""
-        found = []
+        """All photos and twins by domain and photo key, sorted by key."""
+        items = []
         for terrain in self.terrains:
             for domain in self.domains:
                 if domain != PHOTO or (self.folder / f"acquire/Terrain{terrain:02d}/photos.parquet").exists():
-                    found += [((domain, key), path) for key, path in self.pictures_of(domain, terrain).items()]
-        return dict(sorted(found, key=lambda item: (item[0][1], self.domains.index(item[0][0]))))
+                    items += [((domain, key), path) for key, path in self.pictures_of(domain, terrain).items()]
+        return dict(sorted(items, key=lambda item: (item[0][1], self.domains.index(item[0][0]))))
 
     def polygons(self, key: PhotoKey) -> Path:
-        """Return the file of the outlines of a photo's propagated labels."""
+        """Return the file of the polygons of a photo's propagated labels."""
         return self.folder / "labels" / "polygons" / f"Terrain{key.terrain:02d}" / f"{key}.txt"
 
     def instances(self, key: PhotoKey) -> Path:
-        """Return the instance map of the twins of a photo's exposure bracket."""
+        """Return the instance map of the twins of an exposure bracket."""
         bracket = str(key).rpartition("_")[0]
         return self.folder / "renders" / "instances" / f"Terrain{key.terrain:02d}" / f"{bracket}.png"
 
     def labels(self, terrain: int, *, of_twins: bool = False) -> pd.DataFrame:
-        """Return a terrain's labels, propagated to photos or rendered with twins; no row without a table."""
+        """Return the labels of a terrain, propagated to photos or rendered with twins; empty without a table."""
         path = self.folder / ("renders" if of_twins else "labels") / "tables" / f"Terrain{terrain:02d}.parquet"
         return read_parquet(path, LABEL_COLUMNS) if path.exists() else label_table([])
 
@@ -114,7 +114,7 @@ class Run:
         return pd.concat([self.labels(terrain, of_twins=of_twins) for terrain in self.terrains])
 
     def table(self, path: str) -> pd.DataFrame | None:
-        """Return a table below the run's folder; None where the run has none."""
+        """Read a table below the folder of the run; None if the table does not exist."""
         file = self.folder / path
         if not file.exists():
             return None
@@ -123,8 +123,8 @@ class Run:
     @cached_property
     def predictions(self) -> dict[str, Path]:
         """Prediction files by `<split>/seed<seed>/<trained>_on_<evaluated>`."""
-        found = sorted((self.folder / "detect").glob("*/seed*/predictions/*_on_*.parquet"))
-        return {f"{path.parts[-4]}/{path.parts[-3]}/{path.stem}": path for path in found}
+        files = sorted((self.folder / "detect").glob("*/seed*/predictions/*_on_*.parquet"))
+        return {f"{path.parts[-4]}/{path.parts[-3]}/{path.stem}": path for path in files}
 
     def predicted(self, name: str) -> pd.DataFrame:
         return read_parquet(self.predictions[name], PREDICTIONS.columns)
@@ -135,8 +135,8 @@ class Run:
         return tuple(sorted(path.parent for path in (self.folder / "rover").glob(f"seed*/{TRACE}")))
 
     def configured(self, section: str) -> Mapping[str, Any]:
-        """Return a section of the run's merged configuration; empty where the run has none."""
+        """Return a section of the merged configuration of the run; empty if it does not exist."""
         path = self.folder / CONFIG
         content = read_yaml(path) if path.is_file() else None
-        found = content.get(section) if isinstance(content, Mapping) else None
-        return found if isinstance(found, Mapping) else {}
+        options = content.get(section) if isinstance(content, Mapping) else None
+        return options if isinstance(options, Mapping) else {}

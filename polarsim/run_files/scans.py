@@ -1,4 +1,4 @@
-"""What a scan really saw: points of a range map or cloud without mixed pixels and wild returns, in the left frame."""
+"""Points of a scan (range map or cloud) in the left camera frame, without mixed pixels and outliers."""
 
 from __future__ import annotations
 
@@ -9,69 +9,70 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
 
-GRAZING_JUMP = 8.0  # range steps over pixel spacings between neighbours: surface seen under less than 7 degrees
-NOISE_JUMP = 0.010  # metres that noise alone (2 mm, 5 sigma) may put between neighbours
-MIN_ALIKE = 5  # of 8 neighbours that must lie on a pixel's surface: so many do at a straight edge
+GRAZING_JUMP = 8.0  # maximum range difference of neighbours over their spacing: grazing angles of more than 7 degrees
+NOISE_JUMP = 0.010  # metres; range difference of neighbours due to noise (2 mm, 5 sigma)
+MIN_AGREEING = 5  # minimum number of the 8 neighbours on the same surface; a pixel at a straight edge has 5
 _ALL, _BUT_LAST, _BUT_FIRST = slice(None), slice(None, -1), slice(1, None)
-_NEIGHBOURS = (  # each pair of neighbours once: rows and columns of the one and of the other
+_NEIGHBOURS = (  # each pair of neighbours once: (rows, columns) of the first and of the second pixels
     ((_ALL, _BUT_LAST), (_ALL, _BUT_FIRST)),
     ((_BUT_LAST, _ALL), (_BUT_FIRST, _ALL)),
     ((_BUT_LAST, _BUT_LAST), (_BUT_FIRST, _BUT_FIRST)),
     ((_BUT_LAST, _BUT_FIRST), (_BUT_FIRST, _BUT_LAST)),
 )
-FILLING = 0.7  # pixels a point, along a side, of the map that a cloud is put on: 7 of 8 pixels get one
+PIXELS_PER_POINT = 0.7  # along a side, of the range map of a cloud: 7 of 8 pixels have a point
 
 
 def read_scan(inventory: Inventory, position: str, rig: StereoRig) -> np.ndarray:
-    """(n, 3) points of a position's scan in its left camera's frame, metres; the range map where there are both.
+    """Read the points (n, 3) of a scan in the left camera frame, metres. A range map is preferred to a cloud.
 
     Raises
     ------
     FormatError
-        The file is not what it should be.
+        The file is invalid.
     """
     grid = rectified_left(rig)
     lens, path = grid.lens, inventory.range_maps.get(position)
     if path is not None:
         range_map = nasa.read_range_map(path, (lens.width, lens.height))
     else:
-        range_map, lens = organised(nasa.read_cloud(inventory.clouds[position]), lens)
+        range_map, lens = range_map_of_cloud(nasa.read_cloud(inventory.clouds[position]), lens)
     trusted = range_map[trusted_pixels(range_map, lens.fx)]
     return np.asarray(grid.left_from_rectified.apply(trusted.astype(float)))
 
 
 def trusted_pixels(range_map: np.ndarray, focal_px: float) -> np.ndarray:
-    """(h, w) bool: pixels of a range map (h, w, 3) that lie on a surface.
+    """Return the mask (h, w) of the pixels of a range map (h, w, 3) that are on a surface.
 
-    A beam that meets an edge returns a range between both surfaces, and some returns are wild: such pixels are alone.
-    A pixel on a surface, also at its edge, has neighbours whose range differs by no more than that of a surface that
-    is seen well; surfaces seen at grazing angles go with the mixed pixels.
+    A beam that hits an edge returns a range between both surfaces (mixed pixel), and some ranges are outliers. Such
+    pixels differ from their neighbours. A pixel on a surface or at the edge of a surface has enough neighbours with a
+    similar range. Surfaces at grazing angles are removed together with mixed pixels.
     """
     distance = np.linalg.norm(range_map, axis=-1)
     allowed = np.maximum(NOISE_JUMP, GRAZING_JUMP * distance / focal_px)
-    alike = np.zeros(distance.shape, np.uint8)
+    agreeing = np.zeros(distance.shape, np.uint8)
     with np.errstate(invalid="ignore"):
-        for one, other in _NEIGHBOURS:
-            agree = np.abs(distance[one] - distance[other]) < allowed[one]
-            alike[one] += agree
-            alike[other] += agree
-    return alike >= MIN_ALIKE
+        for first, second in _NEIGHBOURS:
+            agree = np.abs(distance[first] - distance[second]) < allowed[first]
+            agreeing[first] += agree
+            agreeing[second] += agree
+    return agreeing >= MIN_AGREEING
 
 
-def organised(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]:
-    """A cloud (n, 3) in the rectified left frame as a range map, per pixel the nearest point, and that map's lens.
+def range_map_of_cloud(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]:
+    """Convert a cloud (n, 3) in the rectified left frame to a range map with the nearest point of each pixel.
 
-    The map is as fine as most pixels get a point, for `trusted_pixels` compares neighbours.
+    Return the range map and the lens of the map. The resolution is chosen such that most pixels have a point, because
+    `trusted_pixels` compares adjacent pixels.
     """
     pixels = lens.project(cloud)
     inside = np.isfinite(pixels).all(axis=1)
     inside &= ((pixels >= 0) & (pixels < [lens.width, lens.height])).all(axis=1)
-    factor = min(1.0, FILLING * np.sqrt(inside.sum() / (lens.width * lens.height)))
+    factor = min(1.0, PIXELS_PER_POINT * np.sqrt(inside.sum() / (lens.width * lens.height)))
     coarse = lens.scaled(factor)
     column, row = np.floor(pixels[inside] * factor).astype(int).T
     column, row = np.minimum(column, coarse.width - 1), np.minimum(row, coarse.height - 1)
-    seen = cloud[inside]
-    order = np.argsort(-np.linalg.norm(seen, axis=1), kind="stable")  # the nearest is written last
+    points = cloud[inside]
+    order = np.argsort(-np.linalg.norm(points, axis=1), kind="stable")  # the nearest point is written last
     range_map = np.full((coarse.height, coarse.width, 3), np.nan, np.float32)
-    range_map[row[order], column[order]] = seen[order]
+    range_map[row[order], column[order]] = points[order]
     return range_map, coarse

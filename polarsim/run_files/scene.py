@@ -1,4 +1,4 @@
-"""A terrain's folder of meshes, read as one set of triangles that know their rock."""
+"""Meshes of a terrain, merged into a single triangle mesh with the rock of each face."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 
-MESH_TABLE = "meshes.csv"  # beside the meshes: a row a mesh
-SCANNED, PUBLISHED, FITTED = "scan", "published", "fitted"  # what a mesh was made from; a fitted ground is a guess
+MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
+SCANNED, PUBLISHED, FITTED = "scan", "published", "fitted"  # origins of meshes; a fitted ground is an estimate
 
 
 @dataclass(frozen=True)
 class TerrainMesh:
-    """Ground and rocks: vertices (v, 3) in the sandbox, faces (f, 3), the ground's first, and each one's rock (f,)."""
+    """Mesh of ground and rocks: vertices (v, 3) in the sandbox frame, faces (f, 3) with the ground first, and rocks."""
 
     vertices: np.ndarray
     faces: np.ndarray
-    rock_of_face: np.ndarray  # NO_ROCK is the ground
-    given_normals: np.ndarray | None = None  # (v, 3) unit, where they are not those of the triangles
+    rock_of_face: np.ndarray  # (f,); NO_ROCK is the ground
+    given_normals: np.ndarray | None = None  # (v, 3) unit normals; None: computed from the triangles
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """(v, 3) unit, per vertex."""
+        """Unit normals (v, 3) of vertices."""
         if self.given_normals is not None:
             return self.given_normals
         return Mesh(self.vertices, self.faces).normals()
@@ -42,33 +42,33 @@ class TerrainMesh:
 
     @property
     def sand_level(self) -> float:
-        """Median height of the ground, metres: near 0 in our own meshes, decimetres off in some published ones."""
+        """Median height of the ground, metres: near 0 in polarsim's meshes, up to decimetres in published meshes."""
         corners = self.faces[self.rock_of_face == NO_ROCK, 0]
         return float(np.median(self.vertices[corners, 2])) if len(corners) else 0.0
 
     def part(self, rock: int) -> Mesh:
-        """The mesh of one rock, or of the ground (`NO_ROCK`)."""
+        """Return the mesh of a rock, or of the ground (`NO_ROCK`)."""
         faces = self.faces[self.rock_of_face == rock]
         used, numbers = np.unique(faces, return_inverse=True)
         return Mesh(self.vertices[used], numbers.reshape(faces.shape))
 
     def ground(self) -> TerrainMesh:
-        """The same terrain without its rocks."""
-        own = self.rock_of_face == NO_ROCK
-        return TerrainMesh(self.vertices, self.faces[own], self.rock_of_face[own], self.given_normals)
+        """Return the terrain without rocks."""
+        is_ground = self.rock_of_face == NO_ROCK
+        return TerrainMesh(self.vertices, self.faces[is_ground], self.rock_of_face[is_ground], self.given_normals)
 
     def rock_vertices(self, rock: int) -> np.ndarray:
-        """(n, 3) vertices that a rock's faces use."""
+        """Return the vertices (n, 3) of the faces of a rock."""
         return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]
 
 
 def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
-    """The files that `read_terrain` reads, by rock, the ground (`NO_ROCK`) first.
+    """Return the mesh files of a terrain by rock, with the ground (`NO_ROCK`) first.
 
     Raises
     ------
     FormatError
-        No ground.
+        The ground mesh is missing.
     """
     ground = Path(folder) / obj.ground_name(terrain)
     if not ground.exists():
@@ -77,47 +77,48 @@ def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
 
 
 def terrain_in(folder: str | Path) -> int:
-    """The number of the terrain whose meshes a folder holds, as the name of its ground has it.
+    """Return the number of the terrain in a folder of meshes, from the file name of the ground mesh.
 
     Raises
     ------
     FormatError
-        No such folder, no ground in it, or those of several terrains.
+        The folder is missing, or has no ground mesh or ground meshes of several terrains.
     """
     grounds = sorted(existing_folder(folder).glob(obj.GROUND_PATTERN))
     if len(grounds) != 1:
-        found = ", ".join(path.name for path in grounds) or "none"
-        raise FormatError(f"expected the ground of one terrain, {obj.GROUND_PATTERN}; found {found}", path=folder)
+        names = ", ".join(path.name for path in grounds) or "no such file"
+        raise FormatError(f"expected a single ground mesh, {obj.GROUND_PATTERN}; found {names}", path=folder)
     return int(grounds[0].name[7:9])
 
 
 @reader("mesh table")
 def made_from(folder: str | Path) -> dict[str, str]:
-    """What each mesh of a folder was made from, by file name: `scan`, `published` or `fitted`; empty without a table.
+    """Read the origin of each mesh by file name: `scan`, `published` or `fitted`; empty without a table.
 
     Raises
     ------
     FormatError
-        The table lacks a column.
+        A column or value is missing.
     """
     path = Path(folder) / MESH_TABLE
     if not path.exists():
         return {}
     table = tables.read_csv(path, ["mesh", "made_from"])
     if table[["mesh", "made_from"]].isna().any(axis=None):
-        raise FormatError("a mesh without its origin", path=path)
+        raise FormatError("a mesh has no origin (column made_from)", path=path)
     return dict(zip(table["mesh"].astype(str), table["made_from"].astype(str), strict=True))
 
 
 @reader("terrain")
 def read_terrain(folder: str | Path, terrain: int, pool: Executor | None = None) -> TerrainMesh:
-    """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj` (full ones where both are there), by a pool's
-    threads where one is given.
+    """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj`, in parallel if a pool is given.
+
+    A decimated mesh is read only if the full mesh is missing.
 
     Raises
     ------
     FormatError
-        No ground, or a broken mesh.
+        The ground mesh is missing, or a mesh is invalid.
     """
     files = mesh_files(folder, terrain)
     meshes = (pool.map if pool else map)(obj.read, files.values())

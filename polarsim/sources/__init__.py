@@ -1,10 +1,10 @@
-"""Data sources: where the raw data of a run come from.
+"""Data sources of raw data.
 
 - `source`: the protocol that each source implements
 - `nasa`: NASA's photos and scans (`source.kind: polar`)
 - `analog`: the simulated sandbox, in NASA's layout
 - `release`: the published labels and meshes
-- `registry`: the sources by the name that `source.kind` gives them
+- `registry`: the sources by the value of `source.kind`
 
-A further source is one module with a class that implements the protocol, and its name in `registry`.
+To add a source, add a module with a class that implements the protocol, and an entry in `registry`.
 """

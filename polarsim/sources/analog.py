@@ -8,7 +8,7 @@ from polarsim.sources.nasa import NasaSource
 
 
 class AnalogSource(NasaSource):
-    """Photos and scans of the simulated sandbox, and its ground truth."""
+    """Photos, scans and ground truth of the simulated sandbox."""
 
     kind = "analog"
     domain = "analog"

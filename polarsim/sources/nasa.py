@@ -12,15 +12,15 @@ from polarsim.formats import nasa
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import PhotoKey
 from polarsim.run_files.inventory import Inventory
-from polarsim.sources.source import TerrainContent, below, path_texts
+from polarsim.sources.source import TerrainContent, path_texts, relative_names
 
 log = logging.getLogger("polarsim")
 
-_PHOTO = "PosA_1500_Loff/Sun_30/CamL_7_0256.png"  # example of a photo's path
+_PHOTO = "PosA_1500_Loff/Sun_30/CamL_7_0256.png"  # example of the path of a photo
 
 
 class NasaSource:
-    """Photos of the real sandbox, its scans and calibration."""
+    """Photos, scans and calibrations of the real sandbox."""
 
     kind = "polar"
     domain = "real"
@@ -30,11 +30,11 @@ class NasaSource:
     layout = re.compile("|".join([r"Terrain\d\d.*", r"Pos[A-G].*", nasa.RANGE_FOLDER]))
 
     def expected(self, terrain: int) -> str:
-        """Return the names of the folders that a terrain has."""
+        """Return the names of the folders of a terrain."""
         return f"Terrain{terrain:02d}_* and {nasa.RANGE_FOLDER}/Terrain{terrain:02d}"
 
     def folders(self, root: Path, terrain: int) -> list[Path]:
-        """Return the folder of photos and those of scans."""
+        """Return the folders of photos and scans."""
         folder = nasa.find_terrain_folder(root, terrain)
         range_maps, _ = nasa.find_scans(root, terrain)
         return sorted({*([folder] if folder else []), *(path.parent for path in range_maps.values())})
@@ -51,59 +51,59 @@ class NasaSource:
         range_maps, clouds = nasa.find_scans(root, terrain)
         folder = nasa.find_terrain_folder(root, terrain)
         if folder is None and not range_maps:
-            raise FormatError(f"nothing of terrain {terrain:02d}, looked for {self.expected(terrain)}", path=root)
-        found = nasa.find_photos(folder, terrain) if folder else []
-        photos = [(key, path) for key, path in found if key.position in positions]
+            raise FormatError(f"no data of terrain {terrain:02d}, expected {self.expected(terrain)}", path=root)
+        all_photos = nasa.find_photos(folder, terrain) if folder else []
+        photos = [(key, path) for key, path in all_photos if key.position in positions]
         log_gaps([key for key, _ in photos], selected_grid(terrain, positions, grid), folder or root)
         stated = nasa.find_calibration(folder) if folder else None
         if stated is None:
-            log.warning("%s: no %s, the rig of terrain 11 is taken", folder or root, nasa.CALIBRATION_NAME)
+            log.warning("%s: no %s, using the rig of terrain 11", folder or root, nasa.CALIBRATION_NAME)
         inventory = Inventory(
             terrain,
             self.kind,
             calibration=stated.as_posix() if stated else "",
             range_maps=path_texts({name: path for name, path in range_maps.items() if name in positions}),
             clouds=path_texts({name: path for name, path in clouds.items() if name in positions}),
-            stray=below(root, nasa.find_strays(folder, terrain) if folder else []),
+            stray=relative_names(root, nasa.find_strays(folder, terrain) if folder else []),
         )
         return TerrainContent(inventory, photos)
 
     def truth(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
-        """Return None: nobody measured the real sandbox."""
+        """Return None: the real sandbox has no ground truth."""
         return None
 
     def unpacked(self, root: Path, terrain: int) -> Path | None:
-        """Return the folder of a terrain's photos."""
+        """Return the folder of the photos of a terrain."""
         return nasa.find_terrain_folder(root, terrain)
 
     def arrange(self, unpacked: Path, root: Path) -> None:
-        """Leave an unpacked archive as it is: scans and photos are found in any folder of the root."""
+        """Do nothing: photos and scans may be in any folder of the root."""
 
     def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
-        """Check that a terrain's folder has photos, scans or a calibration."""
+        """Check that the folder of a terrain has photos, scans or a calibration."""
         folder = nasa.find_terrain_folder(root, terrain)
         if folder is None:
             return
         photos, strays = nasa.find_photos(folder, terrain), nasa.find_strays(folder, terrain)
         if strays and not photos:
-            raise FetchError(f"no photo, expected {_PHOTO} or one folder deeper", path=strays[0])
+            raise FetchError(f"not the path of a photo, expected {_PHOTO} or a subfolder with it", path=strays[0])
         if not photos and not any(nasa.find_scans(root, terrain)) and nasa.find_calibration(folder) is None:
             raise FetchError(
                 f"no photo, scan or {nasa.CALIBRATION_NAME} of terrain {terrain:02d}, such as {_PHOTO}; "
-                f"found {len(files)} other files, such as {files[0].relative_to(root)}",
+                f"the archive has {len(files)} other files, such as {files[0].relative_to(root)}",
                 path=folder,
             )
 
 
 def log_gaps(keys: Collection[PhotoKey], expected: Sequence[PhotoKey], folder: Path) -> None:
-    """Log one warning if photos of the grid, or the other camera's photos, are missing."""
-    there = set(keys)
-    missing = [key for key in expected if key not in there]
-    unpaired = [key for key in sorted(there) if key.other_camera not in there]
-    if not there:
+    """Log a warning if photos of the grid or of the second camera are missing."""
+    available = set(keys)
+    missing = [key for key in expected if key not in available]
+    unpaired = [key for key in sorted(available) if key.other_camera not in available]
+    if not available:
         log.warning("%s: no photo", folder)
     elif missing or unpaired:
         log.warning(
-            "%s: %d photos found, %d of the grid missing, %d without the other camera's, such as %s",
-            folder, len(there), len(missing), len(unpaired), (*unpaired, *missing)[0],
+            "%s: %d photos found, %d of the grid missing, %d without the photo of the second camera, such as %s",
+            folder, len(available), len(missing), len(unpaired), (*unpaired, *missing)[0],
         )  # fmt: skip

@@ -11,13 +11,13 @@ from polarsim.errors import FormatError
 from polarsim.formats import release
 from polarsim.grid import GridOptions
 from polarsim.run_files.inventory import Inventory
-from polarsim.sources.source import TerrainContent, below, path_texts
+from polarsim.sources.source import TerrainContent, path_texts, relative_names
 
 _FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)
 
 
 class ReleaseSource:
-    """Labels that people drew, and rock meshes made from scans."""
+    """Published annotations, and rock meshes made from scans."""
 
     domain = "real"
     has_photos = False
@@ -26,7 +26,7 @@ class ReleaseSource:
     layout = re.compile("|".join(_FOLDERS))
 
     def expected(self, terrain: int) -> str:
-        """Return the names of the folders that a terrain has."""
+        """Return the names of the folders of a terrain."""
         root = Path()
         folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
         return " and ".join(folder.as_posix() for folder in folders)
@@ -45,7 +45,7 @@ class ReleaseSource:
         """Return the inventory of a terrain, and no photos."""
         folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
         if not any(folder.is_dir() for folder in folders):
-            raise FormatError(f"nothing of terrain {terrain:02d}, looked for {self.expected(terrain)}", path=root)
+            raise FormatError(f"no data of terrain {terrain:02d}, expected {self.expected(terrain)}", path=root)
         stray = release.stray_files(root, terrain)
         release.log_strays(stray, f"{root}, terrain {terrain:02d}")
         ground = release.ground_file(root, terrain)
@@ -55,12 +55,12 @@ class ReleaseSource:
             meshes=path_texts(release.mesh_files(root, terrain)),
             ground=ground.as_posix() if ground else "",
             cover_photos=path_texts(release.cover_photos(root, terrain)),
-            stray=below(root, stray),
+            stray=relative_names(root, stray),
         )
         return TerrainContent(inventory, [])
 
     def truth(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
-        """Return None: nobody measured the real sandbox."""
+        """Return None: the real sandbox has no ground truth."""
         return None
 
     def unpacked(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
@@ -68,12 +68,12 @@ class ReleaseSource:
         return None
 
     def arrange(self, unpacked: Path, root: Path) -> None:
-        """Move the release's folders up into the root, unless they exist there."""
+        """Move the folders of the release into the root, unless they exist in the root."""
         with alone(root):
             for name in _FOLDERS:
-                for found in (*unpacked.glob(name), *unpacked.glob(f"*/{name}")):
+                for folder in (*unpacked.glob(name), *unpacked.glob(f"*/{name}")):
                     if not (root / name).exists():
-                        found.rename(root / name)
+                        folder.rename(root / name)
 
     def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
         """Accept any files of the terrain."""

@@ -15,34 +15,34 @@ from polarsim.run_files.inventory import Inventory
 
 @dataclass(frozen=True)
 class TerrainContent:
-    """Raw data of one terrain."""
+    """Raw data of a terrain."""
 
     inventory: Inventory
-    photos: Sequence[tuple[PhotoKey, Path]]  # of the run's positions
+    photos: Sequence[tuple[PhotoKey, Path]]  # of the positions of the run
 
 
 class DataSource(Protocol):
     """Layout and properties of the raw data below `source.root`.
 
-    Methods take the root and the number of a terrain. They read the layout; the acquire stage reads the files.
+    `root` is `source.root`, `terrain` the number of a terrain. Methods find files; the acquire stage reads the files.
     """
 
     domain: str  # of the photos, in tables: `real` or `analog`
     has_photos: bool
-    has_scans: bool  # else rock meshes are published
-    is_generated: bool  # by the workflow, with ground truth; labels in it are not drawn by people
+    has_scans: bool  # False: rock meshes are published
+    is_generated: bool  # by the workflow, with ground truth; labels are simulated, not annotated
     layout: re.Pattern[str]  # names of the top folders; other single top folders of an archive are removed
 
     def expected(self, terrain: int) -> str:
-        """Return the names of the folders that a terrain has, for messages."""
+        """Return the names of the folders of a terrain, for messages."""
         ...
 
     def folders(self, root: Path, terrain: int) -> list[Path]:
-        """Return the folders below the root that hold data of a terrain."""
+        """Return the folders below the root with data of a terrain."""
         ...
 
     def inputs(self, root: Path, terrain: int) -> list[Path]:
-        """Return the files that Snakemake watches, without photos, which are too many, and label files."""
+        """Return the input files for Snakemake, without label files and photos, which are too many."""
         ...
 
     def index(self, root: Path, terrain: int, positions: Sequence[str], grid: GridOptions) -> TerrainContent:
@@ -53,7 +53,7 @@ class DataSource(Protocol):
         Raises
         ------
         FormatError
-            The root has nothing of the terrain.
+            The root has no data of the terrain.
         """
         ...
 
@@ -66,7 +66,7 @@ class DataSource(Protocol):
         ...
 
     def arrange(self, unpacked: Path, root: Path) -> None:
-        """Move the folders of an unpacked archive to their place below the root."""
+        """Move the folders of an unpacked archive to the expected folders below the root."""
         ...
 
     def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
@@ -75,7 +75,7 @@ class DataSource(Protocol):
         Raises
         ------
         FetchError
-            None of the files is usable.
+            No file is usable.
         """
         ...
 
@@ -85,6 +85,6 @@ def path_texts(files: Mapping[str, Path] | Mapping[int, Path]) -> dict[str, str]
     return {str(name): path.as_posix() for name, path in files.items()}
 
 
-def below(root: Path, files: Sequence[Path]) -> tuple[str, ...]:
+def relative_names(root: Path, files: Sequence[Path]) -> tuple[str, ...]:
     """Return the sorted names of files relative to the root."""
     return tuple(sorted(path.relative_to(root).as_posix() for path in files))

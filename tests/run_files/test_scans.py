@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.lens import Lens
-from polarsim.run_files.scans import organised, trusted_pixels
+from polarsim.run_files.scans import range_map_of_cloud, trusted_pixels
 
 LENS = Lens(500, 500, 100, 60, width=200, height=120)
 WALL = np.where(np.arange(200)[None, :] < 100, 2.0, 2.6) * np.ones((120, 1))  # a step of 0.6 m in depth
@@ -34,7 +34,7 @@ def test_noise_of_two_millimetres_is_trusted(rng):
 
 def test_a_cloud_becomes_a_range_map_that_hides_what_lies_behind():
     near, far = seen(np.full((120, 200), 2.0)).reshape(-1, 3), seen(np.full((120, 200), 3.0)).reshape(-1, 3)
-    range_map, lens = organised(np.concatenate([near, far]).astype(float), LENS)
+    range_map, lens = range_map_of_cloud(np.concatenate([near, far]).astype(float), LENS)
     assert range_map.shape == (lens.height, lens.width, 3)
     assert np.nanmax(range_map[..., 2]) == pytest.approx(2.0)
     assert np.isfinite(range_map[..., 2]).mean() > 0.95
