@@ -1,4 +1,4 @@
-"""Zip archives from outside, unpacked whole or not at all; an entry that would harm is refused by name."""
+"""Safe extraction of downloaded zip archives: all entries are extracted, or none. Harmful entries are errors."""
 
 from __future__ import annotations
 
@@ -11,48 +11,48 @@ from pathlib import Path, PurePosixPath
 from polarsim.acquire.options import FetchLimits
 from polarsim.errors import FetchError, FormatError
 from polarsim.formats.files import writing_folder
-from polarsim.formats.readers import reader
+from polarsim.formats.readers import MB, reader
 from polarsim.progress import track
 
-MB = 1e6  # bytes
-CHUNK = 1 << 20  # bytes
-HARMLESS = 1 << 20  # bytes; the ratio of smaller files does not matter
+_COPY_BYTES = 1 << 20
+_MIN_BOMB_BYTES = 1 << 20  # smaller files may have any compression ratio
 
 _OUTSIDE = re.compile(r"^/|^[A-Za-z]:|\0|(^|/)\.\.(/|$)")
-_OF_MACOS = ("__MACOSX", ".DS_Store")  # beside the content of every archive that macOS packs
-_READ = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+_OF_MACOS = ("__MACOSX", ".DS_Store")  # additional entries in archives made by macOS
+_SUPPORTED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 _DEFLATE64 = 9
 _DEFAULT = FetchLimits()
-_ENCRYPTED = 0x1  # of an entry's flags
+_ENCRYPTED = 0x1  # bit of the flags of an entry
 
 
 @reader("zip archive", largest_mb=1e6)
 def unpack(archive: Path, folder: Path, limits: FetchLimits = _DEFAULT, layout: re.Pattern[str] | None = None) -> None:
-    """Unpack a zip into `folder`, which appears when it is complete.
+    """Extract a zip archive into `folder`, which is created when all entries are extracted.
 
-    A single top folder with the name of `folder` is left out and, where a layout is given, every single top folder that
-    is not part of it.
+    A single top folder with the name of `folder` is removed from the paths. If a layout is given, so is every single
+    top folder outside the layout.
 
     Parameters
     ----------
     layout
-        Names of the folders that the layout of the data starts with.
+        Names of the top folders of the data.
 
     Raises
     ------
     FormatError
-        No zip, cut or damaged (every entry's checksum is tested), or an entry that points outside, is a link, is there
-        twice, is encrypted or compressed in a way that Python does not read, or exceeds the limits.
+        The file is no zip archive, is truncated or damaged (all checksums are tested), or an entry is outside the
+        folder, a link, repeated, encrypted, compressed by an unsupported method, or exceeds the limits.
     FetchError
-        The disk has too little room.
+        The disk has not enough space.
     """
     with zipfile.ZipFile(archive) as source:
         entries = [entry for entry in source.infolist() if not _name(entry).endswith("/")]
         check_entries(entries, limits)
         total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
-        if total > max(HARMLESS, limits.max_ratio * packed):  # many small ones, or several that share their bytes
-            raise FormatError(f"unpacks to {total / MB:.0f} MB, more than {limits.max_ratio:g} times its size: a bomb")
-        _check_room(total, folder)
+        if total > max(_MIN_BOMB_BYTES, limits.max_ratio * packed):  # many small entries, or entries that share bytes
+            reason = f"unpacks to {total / MB:.0f} MB, more than {limits.max_ratio:g} times the size of the archive"
+            raise FormatError(f"{reason}: suspected zip bomb")
+        _check_space(total, folder)
         with writing_folder(folder) as temporary:
             for entry in track(entries, f"unpacking {archive.name}"):
                 _extract(source, entry, temporary)
@@ -62,56 +62,57 @@ def unpack(archive: Path, folder: Path, limits: FetchLimits = _DEFAULT, layout: 
 
 
 def check_entries(entries: list[zipfile.ZipInfo], limits: FetchLimits) -> None:
-    """Refuse entries by what the archive's list says of them, before anything is written."""
-    seen: set[str] = set()
+    """Raise an error for a harmful entry in the directory of an archive, before files are written."""
+    names: set[str] = set()
     for entry in entries:
         name = _name(entry)
         if _OUTSIDE.search(entry.orig_filename.replace("\\", "/")) or _OUTSIDE.search(name):
-            raise FormatError(f"entry {name!r} points outside the folder")
+            raise FormatError(f"entry {name!r} is outside the folder")
         if entry.flag_bits & _ENCRYPTED:
-            raise FormatError(f"entry {name!r} is encrypted: unpack the archive and put its folder in its place")
-        if entry.compress_type not in _READ:
+            raise FormatError(f"entry {name!r} is encrypted: replace the archive with the unpacked folder")
+        if entry.compress_type not in _SUPPORTED:
             method = "Deflate64" if entry.compress_type == _DEFLATE64 else f"method {entry.compress_type}"
             raise FormatError(
-                f"entry {name!r} is compressed with {method} (Windows does so above 2 GB), expected Deflate: "
-                "unpack the archive with another program and put its folder in its place"
+                f"entry {name!r} is compressed with {method} (used by Windows above 2 GB), expected Deflate: "
+                "unpack the archive with another program and replace the archive with the folder"
             )
         if stat.S_ISLNK(entry.external_attr >> 16):
             raise FormatError(f"entry {name!r} is a link")
-        if str(PurePosixPath(name)) in seen:
-            raise FormatError(f"entry {name!r} is there twice")
+        if str(PurePosixPath(name)) in names:
+            raise FormatError(f"entry {name!r} is repeated")
         if entry.file_size > limits.max_file_mb * MB:
             size = entry.file_size / MB
-            raise FormatError(f"entry {name!r} unpacks to {size:.0f} MB, {limits.max_file_mb:g} MB allowed")
-        if entry.file_size > max(HARMLESS, limits.max_ratio * entry.compress_size):
-            raise FormatError(f"entry {name!r} unpacks to more than {limits.max_ratio:g} times its size: a bomb")
-        seen.add(str(PurePosixPath(name)))
+            raise FormatError(f"entry {name!r} unpacks to {size:.0f} MB, expected at most {limits.max_file_mb:g} MB")
+        if entry.file_size > max(_MIN_BOMB_BYTES, limits.max_ratio * entry.compress_size):
+            reason = f"entry {name!r} unpacks to more than {limits.max_ratio:g} times the compressed size"
+            raise FormatError(f"{reason}: suspected zip bomb")
+        names.add(str(PurePosixPath(name)))
 
 
 def _name(entry: zipfile.ZipInfo) -> str:
-    """Return the path of an entry; .NET and old programs of Windows separate folders with backslashes."""
+    """Return the path of an entry; .NET and old Windows programs separate folders with backslashes."""
     return entry.filename.replace("\\", "/")
 
 
-def _check_room(needed: int, folder: Path) -> None:
+def _check_space(needed: int, folder: Path) -> None:
     above = next(path for path in folder.absolute().parents if path.is_dir())
     free = shutil.disk_usage(above).free
     if needed > free:
-        raise FetchError(f"unpacks to {needed / MB:.0f} MB, the disk has {free / MB:.0f} MB free")
+        raise FetchError(f"unpacks to {needed / MB:.0f} MB, but the disk has only {free / MB:.0f} MB of free space")
 
 
 def _extract(source: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
-    """Copy one entry; zipfile stops at the stated size and tests the checksum at the end."""
+    """Extract an entry. zipfile stops at the stated size and tests the checksum at the end."""
     target = folder / _name(entry)
     target.parent.mkdir(parents=True, exist_ok=True)
     with source.open(entry) as packed, target.open("wb") as file:
-        shutil.copyfileobj(packed, file, CHUNK)
+        shutil.copyfileobj(packed, file, _COPY_BYTES)
     if target.stat().st_size != entry.file_size:
         raise FormatError(f"entry {_name(entry)!r} has {target.stat().st_size} of {entry.file_size} bytes")
 
 
 def _flatten(folder: Path, names: str | re.Pattern[str]) -> bool:
-    """Replace a single folder in a folder by its content: the one of a name, or one outside of a layout."""
+    """Replace a single subfolder by the content of the subfolder, if it has a name or is outside a layout."""
     top = [path for path in folder.iterdir() if path.name not in _OF_MACOS]
     if len(top) != 1 or not top[0].is_dir():
         return False

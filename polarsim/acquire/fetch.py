@@ -1,4 +1,4 @@
-"""Archives by http: downloads that go on where they ended, checksums pinned on first sight, and a terrain's folder."""
+"""Archives by HTTP: resumable downloads, pinned checksums, and the folders of a terrain."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
 from polarsim.sources.registry import SOURCES
 
-PINS = "checksums.json"  # archive name -> SHA-256, written on first sight
+PINS = "checksums.json"  # archive name -> SHA-256, written after the first download
 
 _DEFAULT = FetchLimits()
 
@@ -24,43 +24,42 @@ log = logging.getLogger("polarsim")
 
 
 def fetch_archive(*, name: str, url: str | None, root: Path, limits: FetchLimits) -> Path:
-    """The archive `root/name`, downloaded where it is not there, and checked against its pinned checksum.
+    """Return the archive `root/name` after a check of the pinned checksum. Download the archive if it is missing.
 
-    What an interrupted download brought is kept in a hidden file beside it, and the next call goes on from there as
-    long as the server still has the same file.
+    An interrupted download is stored in a hidden file in the same folder. The next call resumes the download if the
+    file on the server has not changed.
 
     Raises
     ------
     FetchError
-        The server does not give the file, or its checksum is not the pinned one.
+        The download fails, or the checksum differs from the pinned checksum.
     """
     path = root / name
     with alone(root):
         if path.exists():
-            log.info("%s: already there", path)
+            log.info("%s: exists already", path)
             _check_pin(path, path, root)
             return path
         if url is None:
-            raise FetchError("not there, and no address is configured for it", path=path)
+            raise FetchError("missing, and source.urls has no address of the archive", path=path)
         with downloaded(url, path, limits.tries, limits.backoff_s, limits.timeout_s) as partial:
-            if not zipfile.is_zipfile(partial):  # such as the page of a portal: its checksum would be pinned
-                raise FetchError(f"{url} gives no zip archive", path=path)
+            if not zipfile.is_zipfile(partial):  # do not pin the checksum of a login page
+                raise FetchError(f"the file at {url} is no zip archive", path=path)
             _check_pin(partial, path, root)
     return path
 
 
 def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: FetchLimits = _DEFAULT) -> None:
-    """Make sure that the source's root has a terrain's folders, and write a receipt of what was used.
+    """Download and extract the folders of a terrain, and write a receipt of the used archives and files.
 
-    Archives are those of the configuration, and those that already lie in the root. Folders that are there stay as
-    they are.
+    Archives are those of the configuration and those in the root. Existing folders are not changed.
 
     Raises
     ------
     ConfigError
-        The source is the analog, which is generated.
+        The source is generated.
     FetchError, FormatError
-        An archive cannot be had, is damaged or hostile, or nothing there is of the terrain.
+        A download fails, an archive is damaged or harmful, or no data of the terrain exist.
     """
     data = SOURCES[source.kind]
     if data.is_generated:
@@ -71,7 +70,7 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
         if not named and not folder.is_dir():
             path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, limits=limits)
             with alone(source.root):
-                if not folder.is_dir():  # another terrain's job may have been here
+                if not folder.is_dir():  # the job of another terrain may have extracted the archive
                     unpack(path, folder, limits, data.layout)
         data.arrange(folder, source.root)
     pins = read_pins(source.root)
@@ -99,27 +98,27 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
 
 
 def archives_of(terrain: int, source: SourceOptions) -> list[str]:
-    """Archives that may hold something of a terrain: named for it, or for no terrain."""
-    there = set[str]()
+    """Return the archives that may have data of a terrain: with the number of the terrain, or without a number."""
+    local = set[str]()
     if source.root.is_dir():
-        there = {path.name for path in source.root.iterdir() if path.suffix.lower() == ".zip" and path.is_file()}
-    return [name for name in sorted(there | set(source.urls)) if _terrain_in(name) in (None, terrain)]
+        local = {path.name for path in source.root.iterdir() if path.suffix.lower() == ".zip" and path.is_file()}
+    return [name for name in sorted(local | set(source.urls)) if _terrain_in(name) in (None, terrain)]
 
 
 def _terrain_in(name: str) -> int | None:
-    found = re.match(r"Terrain(\d\d)(?!\d)", name)
-    return int(found[1]) if found else None
+    match = re.match(r"Terrain(\d\d)(?!\d)", name)
+    return int(match[1]) if match else None
 
 
 def _check_pin(content: Path, path: Path, root: Path) -> None:
-    """Compare a file with the checksum pinned for `path`, or pin it."""
+    """Compare the checksum of a file with the pinned checksum of `path`, or pin the checksum."""
     with content.open("rb") as file:
-        found = hashlib.file_digest(file, "sha256").hexdigest()
+        checksum = hashlib.file_digest(file, "sha256").hexdigest()
     pins = read_pins(root)
     if path.name not in pins:
-        write_json(root / PINS, {**pins, path.name: found})
-    elif pins[path.name] != found:
-        raise FetchError(f"SHA-256 {found}, but {pins[path.name]} is pinned in {root / PINS}", path=path)
+        write_json(root / PINS, {**pins, path.name: checksum})
+    elif pins[path.name] != checksum:
+        raise FetchError(f"SHA-256 {checksum}, expected {pins[path.name]}, pinned in {root / PINS}", path=path)
 
 
 @reader("list of checksums")

@@ -1,4 +1,4 @@
-"""Index of the raw data of one terrain: photos, calibration, scans, published meshes and seeds."""
+"""Index of the raw data of a terrain: photos, calibration, scans, published meshes and seeds."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ from polarsim.run_files.rigs import write_rig
 from polarsim.schemas.photos import PHOTOS
 from polarsim.sources.registry import SOURCES
 
-PHOTO_BITS = 16  # of the files; their values have 12
+PHOTO_BITS = 16  # of the files; values have 12 bits
 
 log = logging.getLogger("polarsim")
-STATED = "stated"  # source of a calibration that no file of the source gave
+STATED = "stated"  # source of the default calibration
 
 
 @reader("photo")
 def describe_photo(path: Path) -> dict[str, object]:
-    """Width and height in pixels, bits, SHA-256 and path of a raw photo.
+    """Return width and height in pixels, bits, SHA-256 and path of a raw photo.
 
     Raises
     ------
     FormatError
-        The file cannot be read or is damaged, or is no grey 16-bit PNG of NASA's size.
+        The file is unreadable, damaged, or not a grey 16-bit PNG of NASA's size.
     """
     content = path.read_bytes()
     header = png.parse_header(content)
     if (header.width, header.height) != (WIDTH, HEIGHT):
         raise FormatError(f"{header.width} x {header.height} pixels, expected {WIDTH} x {HEIGHT}")
     if header.bits != PHOTO_BITS or header.channels != 1:
-        raise FormatError(f"{header.channels} channels of {header.bits} bits, a photo has 1 of {PHOTO_BITS}")
+        raise FormatError(f"{header.channels} channels of {header.bits} bits, expected 1 of {PHOTO_BITS}")
     return {
         "width": header.width,
         "height": header.height,
@@ -57,12 +57,12 @@ def describe_photo(path: Path) -> dict[str, object]:
 
 
 def index_photos(files: Sequence[tuple[PhotoKey, Path]]) -> pd.DataFrame:
-    """A row a photo; see `describe_photo` for what is refused."""
+    """Return a table with a row per photo; see `describe_photo` for errors."""
     return photo_table([{**key_columns(key), **describe_photo(path)} for key, path in track(files, "reading photos")])
 
 
 def photo_table(rows: Sequence[Mapping[Any, Any]]) -> pd.DataFrame:
-    """Rows of `PHOTOS`, typed and in the order of keys; also when there are none."""
+    """Return rows as a table with the columns and types of `PHOTOS`, sorted by key. It may be empty."""
     table = pd.DataFrame(rows, columns=list(PHOTOS.columns)).astype(PHOTOS.dtypes)
     return table.sort_values("key", ignore_index=True)
 
@@ -79,64 +79,64 @@ def index_terrain(
     seeds: Path,
     grid: GridOptions | None = None,
 ) -> None:
-    """Write `photos.parquet`, `calibration.json`, `inventory.json` and the folder of seeds of one terrain.
+    """Write `photos.parquet`, `calibration.json`, `inventory.json` and the folder of seeds of a terrain.
 
     All photos of the positions are indexed. `grid` is the part of the photo grid whose missing photos are reported.
 
     Raises
     ------
     FormatError
-        The source has nothing of the terrain, a file of it is broken, or its calibration does not fit its photos.
+        The source has no data of the terrain, a file is invalid, or the calibration contradicts the photos.
     LabelError
-        No seed, although `seed_options` are not "none"; or no scan where they are.
+        A run with seeds has no seed, or a run without seeds has no scan.
     """
     if not source.root.is_dir():
-        raise FormatError(f"no such folder, it is the root of the source {source.kind!r}", path=source.root)
+        raise FormatError(f"no such folder, expected the root of the source {source.kind!r}", path=source.root)
     data = SOURCES[source.kind]
     content = data.index(source.root, terrain, positions, grid or GridOptions())
-    found, table = content.inventory, index_photos(content.photos)
+    raw, table = content.inventory, index_photos(content.photos)
     if isinstance(seed_options, SeedOptions):
         root = seed_options.root or source.root
-        chosen = _seeds(terrain, positions, found, root, seed_options, log_strays=data.has_photos)
+        chosen = _seeds(terrain, positions, raw, root, seed_options, log_strays=data.has_photos)
     else:
-        _check_scanned(terrain, positions, found, source.root)
+        _check_scanned(terrain, positions, raw, source.root)
         chosen = []
-    rig = nasa.read_calibration(found.calibration) if found.calibration else stated_rig()
+    rig = nasa.read_calibration(raw.calibration) if raw.calibration else stated_rig()
     recorded = {PhotoKey.parse(key): Path(path) for key, path in zip(table["key"], table["path"], strict=True)}
-    check_calibration(recorded, rig, Path(found.calibration) if found.calibration else None)
-    write_parquet(photos, table)  # from here on nothing of the source can be wrong any more
-    write_rig(calibration, rig, Path(found.calibration).name if found.calibration else STATED)
-    write_inventory(inventory, found)
+    check_calibration(recorded, rig, Path(raw.calibration) if raw.calibration else None)
+    write_parquet(photos, table)  # all errors of the source were raised above, before the first output
+    write_rig(calibration, rig, Path(raw.calibration).name if raw.calibration else STATED)
+    write_inventory(inventory, raw)
     copy_seeds(chosen, seeds)
 
 
 def merge_photos(*, tables: list[Path], merged: Path) -> None:
-    """One table of the photos of all terrains."""
+    """Merge the photo tables of terrains."""
     parts = [read_parquet(path, PHOTO_COLUMNS) for path in tables]
     rows = pd.concat([part for part in parts if len(part)]) if any(map(len, parts)) else pd.DataFrame()
     write_parquet(merged, photo_table(rows.to_dict("records")))
 
 
-def _check_scanned(terrain: int, positions: Sequence[str], found: Inventory, root: Path) -> None:
-    """Without seeds, nothing but scans tells of rocks and cameras."""
-    if not found.scanned:
-        raise LabelError(f"no scan of terrain {terrain:02d}, which labels.seeds: {NO_SEEDS} needs", path=root)
-    unknown = set(positions) - set(found.scanned)
+def _check_scanned(terrain: int, positions: Sequence[str], raw: Inventory, root: Path) -> None:
+    """Check that a run without seeds has scans, from which rocks and cameras are estimated."""
+    if not raw.scanned:
+        raise LabelError(f"no scan of terrain {terrain:02d}, required by labels.seeds: {NO_SEEDS}", path=root)
+    unknown = set(positions) - set(raw.scanned)
     if unknown:
         log.warning("%s: no scan of position %s, and no seeds are read", root, ", ".join(sorted(unknown)))
 
 
 def _seeds(
-    terrain: int, positions: Sequence[str], found: Inventory, root: Path, options: SeedOptions, *, log_strays: bool
+    terrain: int, positions: Sequence[str], raw: Inventory, root: Path, options: SeedOptions, *, log_strays: bool
 ) -> list[tuple[PhotoKey, Path]]:
     files, folder = find_labels(root, terrain)
-    if log_strays:  # those of a release are in its inventory
+    if log_strays:  # the inventory of a release lists strays
         stray = release.key_files(folder).stray
         release.log_strays((path for path in stray if folder != root or path.suffix.lower() == ".txt"), str(folder))
     chosen = choose_seeds(files, positions, options)
     if not chosen:
         raise no_seed_error(terrain, options, files, folder)
-    unknown = set(positions) - {key.position for key, _ in chosen} - set(found.scanned)
+    unknown = set(positions) - {key.position for key, _ in chosen} - set(raw.scanned)
     if unknown:
         log.warning("%s: neither a seed nor a scan of position %s", folder, ", ".join(sorted(unknown)))
     return chosen

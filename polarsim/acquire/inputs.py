@@ -1,4 +1,4 @@
-"""Raw data of a terrain that Snakemake watches."""
+"""Raw data of a terrain as inputs of Snakemake rules."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from polarsim.sources.registry import SOURCES
 def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedChoice) -> list[Path]:
     """Return the receipt of a generated or fetched terrain, or the files of a local one.
 
-    Label files that cannot be seeds are left out. Photos are too many to be watched one by one: after adding photos,
-    run `index_terrain` with `--forcerun`.
+    Label files that cannot be seeds are not included, nor are photos, which are too many: after adding photos, run
+    `index_terrain` with `--forcerun`.
     """
     data = SOURCES[source.kind]
     if data.is_generated or archives_of(terrain, source):

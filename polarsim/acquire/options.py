@@ -1,4 +1,4 @@
-"""Options of the acquire stage: where the raw data come from, and which label files are the seeds."""
+"""Options of the acquire stage: source of the raw data and selection of the seeds."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from polarsim.photo import CameraSide as Camera
 from polarsim.sources.registry import SOURCES
 from polarsim.user_path import UserPath
 
-NO_SEEDS = "none"  # in the place of seed options: labels come from geometry and light alone
+NO_SEEDS = "none"  # instead of seed options: labels are computed from geometry and light only
 
 
 @dataclass(frozen=True)
 class FetchLimits:
-    """Limits of downloads and of archives; an archive of NASA has about 0.9 GB."""
+    """Limits of downloads and archives. NASA's archives have about 0.9 GB each."""
 
-    tries: int = 5  # each goes on from the bytes of the one before
-    backoff_s: float = 2.0  # pause before the second try, doubled before each further one
-    timeout_s: float = 60.0  # without a byte from the server
-    max_file_mb: float = 4000.0  # of one file of an archive
-    max_ratio: float = 200.0  # of a file's size to its compressed size: beyond it, an archive is a bomb
+    tries: int = 5  # maximum number of attempts; each attempt resumes the download
+    backoff_s: float = 2.0  # pause before the second attempt, doubled before each further attempt
+    timeout_s: float = 60.0  # maximum time without data from the server
+    max_file_mb: float = 4000.0  # maximum size of a file in an archive
+    max_ratio: float = 200.0  # maximum ratio of the size of a file to the compressed size, against zip bombs
 
 
 class SourceOptions(BaseModel, extra="forbid", frozen=True):
-    """The section says where raw data come from."""
+    """Source of the raw data."""
 
     kind: str = Field(
         default="analog",
@@ -37,12 +37,12 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
         description="Source of the raw data: 'analog' (generated), 'release' (published labels) or 'polar' (NASA).",
     )
     root: UserPath = Field(
-        default=Path("data/analog"), description="Raw data lie in this folder; it is stated for 'release' and 'polar'."
+        default=Path("data/analog"), description="Folder of the raw data. Required for 'release' and 'polar'."
     )
     urls: dict[str, str] = Field(
         default_factory=dict,
-        description="These archives are downloaded into the root: file name -> http(s) address. A name that "
-        "begins with TerrainNN is fetched for that terrain alone, every other one for all.",
+        description="Archives to download into the root: file name -> http(s) address. TerrainNN at the start of a "
+        "name limits the archive to a terrain.",
     )
 
     @field_validator("urls")
@@ -50,9 +50,11 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
     def _archives_by_http(cls, urls: dict[str, str]) -> dict[str, str]:
         for name, url in urls.items():
             if Path(name).name != name or not name.lower().endswith(".zip") or name.startswith("."):
-                raise ValueError(f"{name!r}: an archive is named like Terrain11_FreshCrater.zip")
+                raise ValueError(
+                    f"{name!r}, expected the file name of a zip archive, such as Terrain11_FreshCrater.zip"
+                )
             if not url.startswith(("http://", "https://")):
-                raise ValueError(f"{name}: {url!r} is no http or https address")
+                raise ValueError(f"{name}: {url!r}, expected an http or https address")
         return urls
 
     @field_validator("kind")
@@ -65,34 +67,33 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
     @model_validator(mode="after")
     def _root_is_stated(self) -> SourceOptions:
         if not SOURCES[self.kind].is_generated and "root" not in self.model_fields_set:
-            raise ValueError(f"the source {self.kind!r} needs a root: the folder of its data")
+            raise ValueError(f"root is missing, expected the folder of the data of the source {self.kind!r}")
         return self
 
 
 class SeedOptions(BaseModel, extra="forbid", frozen=True):
-    """Propagation starts from these label files; no stage but scoring reads any other."""
+    """Selection of the label files from which propagation starts. Only scoring reads other label files."""
 
     root: UserPath | None = Field(
         default=None,
-        description="Seeds are read from this folder, in the release's layout or of label files; null: from the "
-        "source's.",
+        description="Folder of seeds, in the layout of the release or with label files. null: folder of the source.",
     )
     light: Light = Field(
         default="off",
-        description="Seeds are photos with the rover light 'on' or 'off' (quote it: YAML reads off as false).",
+        description="Rover light of the seeds, 'on' or 'off'. Quote the value: YAML reads off as false.",
     )
-    camera: Camera = Field(default="L", description="Seeds are photos of this camera.")
+    camera: Camera = Field(default="L", description="Camera of the seeds, L or R.")
     azimuths: tuple[Azimuth, ...] = Field(
-        default=SUNS, description="Seeds are photos under these Sun lamps (quote them); those that are there are used."
+        default=SUNS,
+        description="Azimuths of the Sun lamps of the seeds, degrees, quoted. Missing label files are allowed.",
     )
     exposure: Literal["best"] | int = Field(
         default="best",
-        description="Seeds have this exposure, ms; 'best': the file of an exposure bracket with most boxes, then "
-        "the one nearest to 256 ms.",
+        description="Exposure of the seeds, ms, or 'best': maximum number of boxes, then nearest to 256 ms.",
     )
 
     def allow(self, key: PhotoKey) -> bool:
-        """Whether a photo may be a seed's at some exposure."""
+        """Return whether a photo may be a seed, regardless of the exposure."""
         return key.light == self.light and key.camera == self.camera and key.azimuth in self.azimuths
 
     @field_validator("light", "azimuths", mode="before")
@@ -112,7 +113,7 @@ SeedChoice = SeedOptions | Literal["none"]
 
 
 def describe_seeds(seeds: SeedChoice) -> str:
-    """Which photos the seeds were annotated in, in a few words for tables."""
+    """Return the selection of the seeds as a text for tables."""
     if not isinstance(seeds, SeedOptions):
         return NO_SEEDS
     exposure = seeds.exposure if seeds.exposure == "best" else f"{seeds.exposure} ms"
@@ -120,12 +121,12 @@ def describe_seeds(seeds: SeedChoice) -> str:
 
 
 def seed_choice(content: object) -> SeedChoice:
-    """Seed options, or `NO_SEEDS`, out of what a configuration says.
+    """Parse seed options, or `NO_SEEDS`, from a configuration.
 
     Raises
     ------
     ValueError
-        Neither of them; of options also a misspelt key or an impossible value.
+        The content is neither, or a key is unknown or a value invalid.
     """
     if content == NO_SEEDS:
         return "none"

@@ -1,4 +1,4 @@
-"""The seeds: the few label files that propagation starts from, chosen by rule among all that are there."""
+"""Selection of the seeds: the label files from which propagation starts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ log = logging.getLogger("polarsim")
 
 
 def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
-    """The photo of an exposure bracket with most boxes; then that nearest the usual one, then the longer."""
+    """Return the photo of an exposure bracket with most boxes; ties: exposure nearest to 256 ms, then the longer."""
 
     def rank(key: PhotoKey) -> tuple[int, float, int]:
         return boxes[key], -key.stops_off_usual, key.exposure_ms
@@ -34,13 +34,13 @@ def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
     Parameters
     ----------
     root : Path
-        A folder in the layout of the release, or a folder of label files. In the release's layout, polygons are used
-        for a terrain without boxes.
+        A folder in the layout of the release, or a folder of label files. In the layout of the release, polygons are
+        used for terrains without boxes.
 
     Raises
     ------
     FormatError
-        No such folder.
+        The folder does not exist.
     """
     if not root.is_dir():
         reason = "a file, expected a folder of label files" if root.exists() else "no such folder of label files"
@@ -54,34 +54,34 @@ def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
 
 
 def no_seed_error(terrain: int, options: SeedOptions, files: Mapping[PhotoKey, Path], folder: Path) -> LabelError:
-    """Return the error for a terrain without a single seed.
+    """Return the error for a terrain without seeds.
 
     Parameters
     ----------
     files
-        The label files of the terrain, none of which the options allow.
+        Label files of the terrain; the options exclude all of them.
     folder
-        The folder in which label files were searched.
+        Folder in which label files were searched.
     """
-    wanted = (
+    selection = (
         f"light {options.light}, azimuth {', '.join(options.azimuths)}, camera {options.camera}, "
         f"exposure {options.exposure}"
     )
-    reason = f"no seed of terrain {terrain:02d} ({wanted}) among {len(files)} label files"
+    reason = f"no seed of terrain {terrain:02d} ({selection}) among {len(files)} label files"
     if stray := [path.name for path in release.key_files(folder).stray if path.suffix.lower() == ".txt"]:
-        reason += f"; {len(stray)} text files have no photo key as name, such as {stray[0]!r}"
+        reason += f"; the names of {len(stray)} text files are no photo keys, such as {stray[0]!r}"
     return LabelError(f"{reason}; `labels.seeds: {NO_SEEDS}` runs without seeds", path=folder)
 
 
 def choose_seeds(
     files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
 ) -> list[tuple[PhotoKey, Path]]:
-    """At most one file an exposure bracket, by key.
+    """Return at most a single file per exposure bracket, sorted by photo key.
 
     Raises
     ------
     FormatError
-        A file that might be a seed is broken.
+        A candidate file is invalid.
     """
     possible = [
         key
@@ -97,17 +97,18 @@ def choose_seeds(
 
 
 def _stated_names(folder: Path) -> tuple[str, ...] | None:
-    """Names of the class numbers in a folder; None without a class list."""
+    """Return the names of the class numbers in a folder; None without a class list."""
     classes = yolo.find_classes(folder)
     return classes.names if classes.path else None
 
 
 def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
-    """Write the chosen files anew as the folder's only content: boxes, also of polygons, all in one number format.
+    """Replace the folder of seeds by the chosen files, as boxes (also of polygons) in the same number format.
 
-    Shadows that other azimuths show to be rocks become rocks: one such file would mislead cameras and labels alike.
+    Shadows that are rocks in photos of other azimuths are changed to rocks, because a file with swapped classes causes
+    errors of cameras and labels.
     """
-    names = cache(_stated_names)  # labelImg writes its own order into classes.txt
+    names = cache(_stated_names)  # labelImg changes the order of the classes in classes.txt
     annotated = {key: yolo.read_boxes_or_polygons(path, names(path.parent)) for key, path in chosen}
     with writing_folder(seeds) as folder:
         for key, (_, boxes) in annotated.items():
@@ -115,21 +116,22 @@ def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
 
 
 def _unswapped(key: PhotoKey, annotated: Mapping[PhotoKey, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """(n,) classes of a seed, put right where at least two other azimuths of its view tell otherwise."""
+    """Return the classes (n,) of a seed, with shadows changed to rocks if at least two other azimuths show rocks."""
     rock, shadow = BOX_CLASSES.index(ROCK), BOX_CLASSES.index(SHADOW)
     classes, boxes = annotated[key]
-    elsewhere = [
-        others[numbers == rock]
-        for other, (numbers, others) in annotated.items()
+    rocks_of_other_azimuths = [
+        other_boxes[numbers == rock]
+        for other, (numbers, other_boxes) in annotated.items()
         if other.view == key.view and other.light == key.light and other.azimuth != key.azimuth
     ]
     shadows = np.flatnonzero(classes == shadow)
-    swapped = shadows[rocks_called_shadows(boxes[shadows], boxes[classes == rock], elsewhere)]
+    swapped = shadows[rocks_called_shadows(boxes[shadows], boxes[classes == rock], rocks_of_other_azimuths)]
     if len(swapped):
         log.warning(
-            "%s: %d of %d shadows lie where other azimuths have rocks, taken for rocks: `polarsim validate` lists them",
+            "%s: %d of %d shadows changed to rocks, because photos of other azimuths have rocks at the same places: "
+            "`polarsim validate` lists them",
             key, len(swapped), len(shadows),
         )  # fmt: skip
-    right = classes.copy()
-    right[swapped] = rock
-    return right
+    corrected = classes.copy()
+    corrected[swapped] = rock
+    return corrected

@@ -1,4 +1,4 @@
-"""Check a stereo calibration against the photos that it is used for."""
+"""Check of a stereo calibration against the photos of a terrain."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import SUNS, PhotoKey
 from polarsim.tone import to_8bit
 
-_SCALE = 0.5  # of the photos in which features are detected
+_SCALE = 0.5  # scale of the photos for feature detection
 _MAX_FEATURES = 2000
-_MIN_MATCHES = 40  # that fit one epipolar geometry; with fewer, a pair is not checked
-_RANSAC_PX = 1.0  # farthest of a match from its epipolar line, in the reduced photo
-# Median distance of matches from the epipolar lines of the calibration, in the photo. On eight pairs of the analog 0.2
-# to 0.4 px; with a calibration at half the size 5 to 13 px, with exchanged lenses 16 to 23 px.
+_MIN_MATCHES = 40  # minimum number of RANSAC inliers; pairs with fewer are not checked
+_RANSAC_PX = 1.0  # maximum distance of an inlier from the epipolar line, in the reduced photo
+# Maximum of the median distance of matches from the epipolar lines of the calibration, in the photo. On eight pairs of
+# the analog 0.2 to 0.4 px; with a calibration at half the size 5 to 13 px, with exchanged lenses 16 to 23 px.
 _MAX_DISTANCE_PX = 3.0
-_MIN_IN_FRONT = 0.5  # share of matches that must lie in front of the cameras
+_MIN_IN_FRONT = 0.5  # minimum share of matches in front of the cameras
 
 log = logging.getLogger("polarsim")
 
@@ -39,7 +39,7 @@ class StereoAgreement:
 
 
 def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibration: Path | None) -> None:
-    """Compare a calibration with one stereo pair of each position.
+    """Compare a calibration with a stereo pair of each position.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibrati
     Raises
     ------
     FormatError
-        The photos of a position show left and right exchanged, or matched features are far from their epipolar lines.
-        The latter is a warning for the stated calibration, which nobody measured for these photos.
+        Left and right photos of a position are exchanged, or matched features are too far from the epipolar lines. The
+        latter is only a warning for the stated calibration, which was not measured for these photos.
     """
     for left, right in _pairs(photos):
         agreement = stereo_agreement(_features(photos[left]), _features(photos[right]), rig)
@@ -63,14 +63,14 @@ def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibrati
             raise FormatError(f"{reason} would be behind the cameras", path=calibration or photos[left])
         if agreement.distance_px > _MAX_DISTANCE_PX:
             off = f"matches are {agreement.distance_px:.1f} px off the epipolar lines in {where}"
-            reason = f"calibration does not fit the photos: {off}"
+            reason = f"calibration contradicts the photos: {off}"
             if calibration:
                 raise FormatError(reason, path=calibration)
             log.warning("no stereo.calibration, and the stated %s", reason)
 
 
 def stereo_agreement(left: Features, right: Features, rig: StereoRig) -> StereoAgreement | None:
-    """Match features of both photos, in pixels of the full photos; None with too few matches.
+    """Match features of both photos, in pixels of the full photos. Return None for too few matches.
 
     Wrong matches are removed by a fundamental matrix fitted to the matches (RANSAC), independent of the calibration.
     """
@@ -91,12 +91,13 @@ def stereo_agreement(left: Features, right: Features, rig: StereoRig) -> StereoA
 
 
 def _pairs(photos: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
-    """Return the left and right photo of each position that are exposed best: lit by a Sun lamp, about 256 ms."""
+    """Return the best exposed stereo pair of each position: lit by a Sun lamp, exposure nearest to 256 ms."""
     best: dict[str, PhotoKey] = {}
     for key in sorted(photos):
         if key.camera == "L" and key.azimuth in SUNS and key.other_camera in photos:
-            known = best.get(key.position)
-            if known is None or (key.stops_off_usual, key.light == "on") < (known.stops_off_usual, known.light == "on"):
+            former = best.get(key.position)
+            rank = key.stops_off_usual, key.light == "on"
+            if former is None or rank < (former.stops_off_usual, former.light == "on"):
                 best[key.position] = key
     return [(key, key.other_camera) for key in best.values()]
 
@@ -111,5 +112,5 @@ def _features(path: Path) -> Features:
         log.warning("%s: not used to check the calibration", error)
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32))
     small = cv2.resize(grey, None, fx=_SCALE, fy=_SCALE, interpolation=cv2.INTER_AREA)
-    found = sift_features(small, _MAX_FEATURES)
-    return Features(found.pixels / _SCALE, found.descriptors)
+    features = sift_features(small, _MAX_FEATURES)
+    return Features(features.pixels / _SCALE, features.descriptors)

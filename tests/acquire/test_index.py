@@ -228,7 +228,7 @@ def test_photos_are_indexed_and_gaps_are_one_warning(tmp_path, polar, photo, cap
     assert table["key"].tolist() == ["11_A_off_30_L_0256", "11_A_off_30_R_0256", "11_C_on_no_L_8192"]
     assert table["path"][0] == left.as_posix()
     (warning,) = [record.getMessage() for record in caplog.records]
-    assert "3 photos found, 293 of the grid missing, 1 without the other camera's" in warning  # of 2 x 148
+    assert "3 photos found, 293 of the grid missing, 1 without the photo of the second camera" in warning  # of 2 x 148
 
 
 def test_only_photos_of_the_runs_grid_are_missed(tmp_path, polar, photo, caplog):

@@ -64,8 +64,8 @@ GRID = [key for key in photo_grid(1) if key.position == "A"]
     ("lost", "told"),
     [
         ([], []),
-        ([KEY], ["1 of the grid missing, 1 without the other camera's, such as 01_A_off_180_R_0256"]),
-        ([KEY, KEY.other_camera], [f"2 of the grid missing, 0 without the other camera's, such as {KEY}"]),
+        ([KEY], ["1 of the grid missing, 1 without the photo of the second camera, such as 01_A_off_180_R_0256"]),
+        ([KEY, KEY.other_camera], [f"2 of the grid missing, 0 without the photo of the second camera, such as {KEY}"]),
     ],
 )
 def test_gaps_are_photos_of_the_grid_and_photos_without_partner(tmp_path, caplog, lost, told):
@@ -78,4 +78,4 @@ def test_gaps_are_one_warning_that_counts_them(tmp_path, caplog):
         log_gaps([KEY], GRID, tmp_path)
     (line,) = [record.getMessage() for record in caplog.records]
     # terrain 1, position A: 2 lights, 4 Suns, 2 cameras, 7 exposures
-    assert "1 photos found, 111 of the grid missing, 1 without the other camera's" in line
+    assert "1 photos found, 111 of the grid missing, 1 without the photo of the second camera" in line
