@@ -1,4 +1,4 @@
-"""Tools for annotators: labels drawn into pictures, and labels and pictures for editors."""
+"""Tools for annotators: images with labels, and import and export of labels for annotation tools."""
 
 from polarsim.public import offered
 

@@ -8,51 +8,52 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from polarsim.annotate.shapes import Picture, Shape, scale_of
+from polarsim.annotate.shapes import ExportedImage, ExportedShape, scale_of
 from polarsim.errors import FormatError
 from polarsim.formats.readers import reading
 from polarsim.geometry.boxes import around, around_ellipse, of_mask, turned
 
 _CORNERS = [f"{axis}{corner}" for corner in ("tl1", "bl1", "tr1", "br1", "tl2", "bl2", "tr2", "br2") for axis in "xy"]
-_MOST_PX = 1e8  # of a mask
+_MAX_MASK_PX = 1e8
 
 
-def read_cvat(source: Path) -> Iterator[Picture]:
-    """Read the pictures and shapes of an XML file.
+def read_cvat(source: Path) -> Iterator[ExportedImage]:
+    """Read the images and shapes of an XML file.
 
     Raises
     ------
     FormatError
-        Another kind of XML, such as CVAT for video or Pascal VOC, or a broken element.
+        The file is of another kind, such as CVAT for video or Pascal VOC, or an element is invalid.
     """
     with reading("XML", source):
         root = ElementTree.parse(source).getroot()  # noqa: S314  # expat stops entities that blow up
     if root.tag != "annotations":
         voc = " (Pascal VOC)" if root.tag == "annotation" else ""
-        raise FormatError(f"<{root.tag}>{voc}, expected CVAT for images 1.1: export that, or COCO", path=source)
+        reason = f"<{root.tag}>{voc}, expected CVAT for images 1.1: export in this format or as COCO"
+        raise FormatError(reason, path=source)
     tracks = len(root.findall("track"))
     if tracks:
         raise FormatError(
-            f"CVAT for video 1.1 with {tracks} tracks: its frames have no names of pictures; export the task as "
+            f"CVAT for video 1.1 with {tracks} tracks, in which frames have no image names: export the task as "
             "CVAT for images 1.1",
             path=source,
         )
     for number, image in enumerate(root.iter("image")):
         name = image.get("name") or ""
         if not name:
-            raise FormatError(f"<image> {number + 1} without a name", path=source)
+            raise FormatError(f"<image> {number + 1} has no name", path=source)
         scale = scale_of(source, name, *(_number(source, name, image, side) for side in ("width", "height")))
-        yield Picture(name, [_shape(source, name, index, one, scale) for index, one in enumerate(image, 1)])
+        yield ExportedImage(name, [_shape(source, name, index, child, scale) for index, child in enumerate(image, 1)])
 
 
-def _shape(source: Path, name: str, index: int, element: ElementTree.Element, scale: float) -> Shape:
+def _shape(source: Path, name: str, index: int, element: ElementTree.Element, scale: float) -> ExportedShape:
     where = f"<{element.tag}> {index}"
-    form, box = _drawn(source, f"{name}, {where}", element)
-    return Shape(where, form, element.get("label") or "", None if box is None else box * scale)
+    form, box = _form_and_box(source, f"{name}, {where}", element)
+    return ExportedShape(where, form, element.get("label") or "", None if box is None else box * scale)
 
 
-def _drawn(source: Path, where: str, element: ElementTree.Element) -> tuple[str, np.ndarray | None]:
-    """Form of an element and the box (4,) around it, px of the picture; no box of a form that has none."""
+def _form_and_box(source: Path, where: str, element: ElementTree.Element) -> tuple[str, np.ndarray | None]:
+    """Return the form of an element and the bounding box (4,), px of the image; None for forms without box."""
 
     def number(attribute: str, default: float | None = None) -> float:
         return _number(source, where, element, attribute, default)
@@ -61,7 +62,7 @@ def _drawn(source: Path, where: str, element: ElementTree.Element) -> tuple[str,
     if element.tag == "box":
         box = np.array([number(edge) for edge in ("xtl", "ytl", "xbr", "ybr")])
         if (box[2:] <= box[:2]).any():
-            raise FormatError(f"{where}: corners {box.tolist()} without area, or swapped", path=source)
+            raise FormatError(f"{where}: corners {box.tolist()}, expected xtl < xbr and ytl < ybr", path=source)
         return ("rotated box", turned(box, rotation)) if rotation else ("box", box)
     if element.tag == "ellipse":
         centre, radii = np.array([number("cx"), number("cy")]), np.array([number("rx"), number("ry")])
@@ -81,19 +82,19 @@ def _drawn(source: Path, where: str, element: ElementTree.Element) -> tuple[str,
 
 
 def _mask(source: Path, where: str, rle: str, width: int, height: int) -> np.ndarray:
-    """(4,) box around the pixels of a mask in its window: lengths of runs along the rows, background first."""
+    """Return the bounding box (4,) of a mask in a window: lengths of runs along the rows, background first."""
     with reading(f"mask of {where}", source):
         runs = np.array([int(run) for run in rle.split(",")])
-    if not 0 < width * height <= _MOST_PX or (runs < 0).any() or runs.sum() != width * height:
+    if not 0 < width * height <= _MAX_MASK_PX or (runs < 0).any() or runs.sum() != width * height:
         raise FormatError(f"{where}: runs of {runs.sum()} pixels, expected {width} x {height}", path=source)
     box = of_mask(np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(height, width))
     if box is None:
-        raise FormatError(f"{where}: a mask without a pixel", path=source)
+        raise FormatError(f"{where}: the mask is empty", path=source)
     return box
 
 
 def _points(source: Path, where: str, element: ElementTree.Element) -> np.ndarray:
-    """(n, 2) points, px of the picture."""
+    """Return points (n, 2), px of the image."""
     with reading(f"points of {where}", source):
         text = element.get("points") or ""
         points = np.array([[float(value) for value in point.split(",")] for point in text.split(";")])

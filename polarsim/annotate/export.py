@@ -1,4 +1,4 @@
-"""A run's labels and pictures as a folder that a labelling tool opens: labelImg, CVAT or Label Studio."""
+"""Export of the labels and images of a run for an annotation tool: labelImg, CVAT or Label Studio."""
 
 from __future__ import annotations
 
@@ -23,39 +23,39 @@ from polarsim.run_files.run import Run
 from polarsim.tone import to_8bit
 
 TOOLS = ("labelimg", "cvat", "label-studio")
-DECIMALS = 6  # of a percent: a hundred-thousandth of a pixel
-LOCAL_FILES = "/data/local-files/?d="  # how Label Studio names pictures below its document root
-_RECTANGLES, _IMAGE = "label", "image"  # names of the interface's parts
+DECIMALS = 6  # of percentages: steps of a hundred-thousandth of a pixel
+LOCAL_FILES = "/data/local-files/?d="  # prefix of images below Label Studio's document root
+_RECTANGLES, _IMAGE = "label", "image"  # names of elements of the labelling interface
 
 
 def export(
     *, folder: Path, run: Path, terrains: Sequence[int] = (), pattern: str = "*", domain: str = "photo", tool: str
 ) -> int:
-    """Write the folder; how many pictures it has.
+    """Write the folder and return the number of images.
 
-    The labels are those that the run propagated to its photos, also where twins stand in for the photos.
+    Labels are the propagated labels of the photos, also for images of twins.
 
     Parameters
     ----------
     folder
-        A new folder, or an empty one.
+        A new or empty folder.
     terrains
-        Their numbers; all of the run's when empty.
+        Numbers of terrains; empty: all terrains of the run.
     pattern
-        Which photo keys, with * and ? as in file names.
+        Pattern of photo keys with * and ?, as for file names.
     domain
-        "photo", or the model of the twins that are shown.
+        "photo", or the model of the twins.
     tool
-        One of `TOOLS`.
+        Name in `TOOLS`.
 
     Raises
     ------
     ConfigError
-        The folder holds something, perhaps labels that a person edited; or no such tool.
+        The folder is not empty (it may contain edited labels), or the tool is unknown.
     LabelError
-        No labelled picture fits.
+        No labelled image matches.
     FormatError
-        A table or picture of the run is broken.
+        A table or image of the run is invalid.
     """
     if tool not in TOOLS:
         raise ConfigError(f"tool {tool!r}, expected {', '.join(TOOLS)}")
@@ -77,7 +77,7 @@ def export(
 
 
 def opening(folder: Path, tool: str) -> str:
-    """How a person opens the folder."""
+    """Return instructions to open the folder."""
     return {
         "labelimg": f"labelImg {folder} {folder / yolo.CLASS_FILE}   # then choose the format YOLO",
         "cvat": f"paste {folder / 'labels.json'} as raw labels, upload {folder / 'images'}, "
@@ -88,22 +88,23 @@ def opening(folder: Path, tool: str) -> str:
 
 
 def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> dict[PhotoKey, Path]:
-    """Pictures of the photos that the run labelled, in the order of keys."""
-    there = [int(folder.name[-2:]) for folder in sorted((run / "labels" / "boxes").glob("Terrain[0-9][0-9]"))]
-    if unknown := [str(terrain) for terrain in terrains if terrain not in there]:
-        known = ", ".join(map(str, there)) or "none"
+    """Return the images of the labelled photos that match, sorted by photo key."""
+    labelled = [int(folder.name[-2:]) for folder in sorted((run / "labels" / "boxes").glob("Terrain[0-9][0-9]"))]
+    if unknown := [str(terrain) for terrain in terrains if terrain not in labelled]:
+        known = ", ".join(map(str, labelled)) or "none"
         raise LabelError(f"no labels of terrain {', '.join(unknown)}; terrains with labels: {known}", path=run)
     chosen = {}
-    for terrain in terrains or there:
-        labelled = release.key_files(run / "labels" / "boxes" / f"Terrain{terrain:02d}").files
-        wanted = [key for key in labelled if fnmatchcase(str(key), pattern)]
-        if wanted:
+    for terrain in terrains or labelled:
+        files = release.key_files(run / "labels" / "boxes" / f"Terrain{terrain:02d}").files
+        keys = [key for key in files if fnmatchcase(str(key), pattern)]
+        if keys:
             pictures = Run(run).pictures_of(domain, terrain)
-            chosen.update({key: pictures[key] for key in wanted if key in pictures})
+            chosen.update({key: pictures[key] for key in keys if key in pictures})
     if not chosen:
+        searched = ", ".join(map(str, terrains or labelled)) or "none"
         raise LabelError(
-            f"no labelled {domain} picture of a key like {pattern}, terrains "
-            f"{', '.join(map(str, terrains or there)) or 'none'}; domains of this run: {', '.join(Run(run).domains)}",
+            f"no labelled image matches: domain {domain}, photo keys {pattern}, terrains {searched}; "
+            f"domains of this run: {', '.join(Run(run).domains)}",
             path=run,
         )
     return chosen
@@ -122,7 +123,7 @@ def _write_labelimg(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]
 
 
 def _write_cvat(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) -> None:
-    """Boxes without outlines: with outlines CVAT makes polygons of them."""
+    """Write boxes without masks, because CVAT imports annotations with masks as polygons."""
     photos = {key: [_boxed(row) for row in rows_of(labels, key).to_dict("records")] for key in keys}
     coco.write_coco(folder / "annotations" / "instances_default.json", photos)
     write_json(folder / "labels.json", cvat_labels())
@@ -139,9 +140,9 @@ def _write_label_studio(folder: Path, labels: pd.DataFrame, keys: Sequence[Photo
 
 
 def cvat_labels() -> list[dict[str, Any]]:
-    """The labels of a CVAT task: rectangles with the attributes of `coco`.
+    """Return the labels of a CVAT task for the raw label editor: rectangles with the attributes of `coco`.
 
-    Its raw label editor takes them; without them CVAT drops rock ids at import.
+    Without these labels, CVAT drops rock ids at import.
     """
     attributes = [
         _attribute("rock", "number", str(NO_ROCK), [str(NO_ROCK), "99999", "1"]),  # lowest, highest, step
@@ -165,7 +166,7 @@ def _attribute(name: str, input_type: str, default: str, values: list[str]) -> d
 
 
 def label_studio_interface() -> str:
-    """The labelling interface (XML) that shows the tasks of `label_studio_tasks`."""
+    """Return the labelling interface (XML) for the tasks of `label_studio_tasks`."""
     labels = "\n".join(f'    <Label value="{kind}" background="{colour}"/>' for kind, colour in HEX_COLOURS.items())
     return (
         f'<View>\n  <Image name="{_IMAGE}" value="${_IMAGE}" zoom="true"/>\n'
@@ -175,18 +176,18 @@ def label_studio_interface() -> str:
 
 
 def label_studio_tasks(labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> list[dict[str, Any]]:
-    """A task a photo: its picture, and its labels as one prediction, shadows tied to their rocks.
+    """Return a task per photo: the image, and the labels as a prediction with relations from shadows to rocks.
 
-    Positions and sizes are percent of the picture's; a prediction becomes an annotation as soon as a person edits it.
+    Positions and sizes are percentages of the image size. A prediction becomes an annotation when it is edited.
 
     Parameters
     ----------
     labels
-        Label rows; those of other photos are passed over. Boxes are cut at the photo's border.
+        Label rows; rows of other photos are ignored. Boxes are clipped to the photo.
     keys
-        The photos, in the order of the tasks, those without labels too.
+        The photos in the order of the tasks, also photos without labels.
     pictures
-        Folder of the pictures `KEY.png` below Label Studio's document root, as in an address (no bare spaces).
+        Folder of the images `KEY.png` below Label Studio's document root, URL-encoded.
     """
     by_key = dict(tuple(labels.groupby("key", sort=False)))
     none = labels.iloc[:0]
@@ -223,7 +224,7 @@ def _rectangle(name: str, row: dict[Any, Any], box: np.ndarray) -> dict[str, Any
 
 
 def _relations(key: PhotoKey, rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """From every shadow to the first rock of its number."""
+    """Return the relations from every shadow to the first rock with the same id."""
     labelled = list(zip(rows["kind"], rows["rock"], range(1, len(rows) + 1), strict=True))
     rocks = {rock: number for kind, rock, number in reversed(labelled) if kind == ROCK and rock != NO_ROCK}
     return [

@@ -1,4 +1,4 @@
-"""The files of an export of labels: which tool wrote them, in a file, in a folder or in a zip archive."""
+"""Files and format of an export of labels in a file, a folder or a zip archive."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from polarsim.formats.files import census, read_json
 from polarsim.formats.readers import MB, reading
 from polarsim.photo import PhotoKey
 
-COCO, YOLO, CVAT, LABEL_STUDIO, FIFTYONE = FORMS = ("coco", "yolo", "cvat", "label-studio", "fiftyone")
-_LARGEST_MB = 500  # of all texts of an archive together
+COCO, YOLO, CVAT, LABEL_STUDIO, FIFTYONE = EXPORT_FORMS = ("coco", "yolo", "cvat", "label-studio", "fiftyone")
+_MAX_TEXT_MB = 500  # of all text files of an archive
 _TEXTS = (".xml", ".json", ".txt", ".yaml", ".yml", ".names", ".data")
 _EXPECTED = (
     "expected CVAT for images 1.1 (annotations.xml), COCO (images, categories, annotations), Label Studio (a list of "
@@ -27,31 +27,31 @@ _EXPECTED = (
 
 @contextmanager
 def unpacked(source: Path) -> Iterator[Path]:
-    """Path of an export outside of its zip archive: the texts of an archive in a temporary folder.
+    """Yield the path of an export; the text files of a zip archive are extracted to a temporary folder.
 
     Raises
     ------
     FormatError
-        A damaged archive, or more text than any export has.
+        The archive is damaged, or has too much text.
     """
     if not source.is_file() or not zipfile.is_zipfile(source):
         yield source
         return
     with TemporaryDirectory() as temporary:
-        folder = Path(temporary, *["export"] * yolo.FOLDERS_UP)  # no class list above belongs to the archive
+        folder = Path(temporary, *["export"] * yolo.FOLDERS_UP)  # class lists above do not belong to the archive
         folder.mkdir(parents=True)
         with reading("zip archive", source), zipfile.ZipFile(source) as archive:
             files = [entry for entry in archive.infolist() if not entry.is_dir()]
             entries = [entry for entry in files if Path(entry.filename).suffix.lower() in _TEXTS]
             if not entries:
-                some = ", ".join(entry.filename for entry in files[:3])
-                raise FormatError(f"no file of labels among {len(files)} ({some}); {_EXPECTED}", path=source)
+                names = ", ".join(entry.filename for entry in files[:3])
+                raise FormatError(f"no label file among {len(files)} files ({names}); {_EXPECTED}", path=source)
             total = sum(entry.file_size for entry in entries) / MB
-            if total > _LARGEST_MB:
-                raise FormatError(f"{total:.0f} MB of text, no export has more than {_LARGEST_MB}", path=source)
+            if total > _MAX_TEXT_MB:
+                raise FormatError(f"{total:.0f} MB of text, expected at most {_MAX_TEXT_MB} MB", path=source)
             for entry in entries:
-                entry.filename = entry.filename.replace("\\", "/")  # Windows' archives
-                archive.extract(entry, folder)  # never outside of the folder
+                entry.filename = entry.filename.replace("\\", "/")  # archives made by Windows
+                archive.extract(entry, folder)  # zipfile never writes outside the folder
         try:
             yield folder
         except PolarsimError as error:
@@ -61,42 +61,42 @@ def unpacked(source: Path) -> Iterator[Path]:
 
 
 def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
-    """Return the form of an export and its files; a YOLO export is its folder.
+    """Return the format and the files of an export; a YOLO export is a folder.
 
     Parameters
     ----------
     form
-        One of `FORMS`; None: that of the files.
+        Name in `EXPORT_FORMS`; None: determined from the files.
 
     Raises
     ------
     FormatError
-        No file of a known form, or files of several forms: what was found.
+        There are no files of a known format, or files of several formats.
     """
     if not source.exists():
         raise FormatError("no such file or folder", path=source)
     if source.is_file():
         return _of_file(source, form), [source]
     files = [path for path in _visible(source) if path.is_file()]
-    found: dict[str, list[Path]] = {}
+    of_form: dict[str, list[Path]] = {}
     for path in files:
-        own = _form_of(path) if path.suffix.lower() in (".xml", ".json") else None
-        if own in FORMS and own is not None:
-            found.setdefault(own, []).append(path)
+        detected = _form_of(path) if path.suffix.lower() in (".xml", ".json") else None
+        if detected in EXPORT_FORMS and detected is not None:
+            of_form.setdefault(detected, []).append(path)
     if any(_has_key(path) for path in files if path.suffix.lower() == ".txt"):
-        found[YOLO] = [source]
+        of_form[YOLO] = [source]
     if form is not None:
-        found = {form: found[form]} if form in found else {}
-    if len(found) > 1:
-        several = " and ".join(f"{own} ({paths[0].relative_to(source)})" for own, paths in found.items())
-        raise FormatError(f"{several}: name a file, or one of them with --format", path=source)
-    if not found:
-        raise FormatError(f"no {form or 'export'} in it: found {census(source)}; {_EXPECTED}", path=source)
-    return next(iter(found.items()))
+        of_form = {form: of_form[form]} if form in of_form else {}
+    if len(of_form) > 1:
+        several = " and ".join(f"{name} ({paths[0].relative_to(source)})" for name, paths in of_form.items())
+        raise FormatError(f"files of several formats, {several}: give a file, or set --format", path=source)
+    if not of_form:
+        raise FormatError(f"no {form or 'export'} in the folder: found {census(source)}; {_EXPECTED}", path=source)
+    return next(iter(of_form.items()))
 
 
 def label_files(folder: Path) -> tuple[dict[Path, PhotoKey], list[Path]]:
-    """Return the YOLO files of a folder with the photo keys in their names, and the text files without one."""
+    """Return the YOLO files of a folder with the photo keys in the names, and the other text files."""
     keys, others = {}, []
     for path in _visible(folder):
         if path.suffix.lower() == ".txt" and path.is_file() and path.name != yolo.CLASS_FILE:
@@ -108,7 +108,7 @@ def label_files(folder: Path) -> tuple[dict[Path, PhotoKey], list[Path]]:
 
 
 def _visible(folder: Path) -> list[Path]:
-    """Paths below a folder, without those that an operating system hides."""
+    """Return the paths below a folder without hidden files."""
     hidden = (".", "__MACOSX")
     return sorted(
         path
@@ -127,19 +127,19 @@ def _has_key(path: Path) -> bool:
 
 def _of_file(path: Path, form: str | None) -> str:
     if form == YOLO:
-        raise FormatError("YOLO labels are a folder of KEY.txt: name the folder", path=path)
+        raise FormatError("a file, expected a folder of YOLO labels KEY.txt", path=path)
     if form is not None:
         return form
-    own = _form_of(path)
-    if own in FORMS:
-        return str(own)
+    detected = _form_of(path)
+    if detected in EXPORT_FORMS:
+        return str(detected)
     if path.suffix.lower() in (".txt", ".yaml", ".yml", ".names", ".data"):
-        raise FormatError("a file of a YOLO data set? Name its folder", path=path)
-    raise FormatError(f"{own or 'neither a folder, nor a zip, nor .json, nor .xml'}: {_EXPECTED}", path=path)
+        raise FormatError("a file of a YOLO data set? Give the folder", path=path)
+    raise FormatError(f"{detected or 'neither a folder, nor a zip, nor .json, nor .xml'}: {_EXPECTED}", path=path)
 
 
 def _form_of(path: Path) -> str | None:
-    """One of `FORMS`, or what else a file is; None for neither XML nor JSON."""
+    """Return a name in `EXPORT_FORMS`, or a description of another kind of file; None for neither XML nor JSON."""
     with path.open("rb") as file:
         start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
     if path.suffix.lower() == ".xml" or start == b"<":
@@ -153,7 +153,7 @@ def _form_of(path: Path) -> str | None:
 
 def _form_of_json(content: Any) -> str:
     if isinstance(content, list):
-        keys = {key for one in content if isinstance(one, dict) for key in one}
+        keys = {key for entry in content if isinstance(entry, dict) for key in entry}
         if content and keys >= {"name", "color"}:
             return "a list of labels"  # of a CVAT task
         return LABEL_STUDIO

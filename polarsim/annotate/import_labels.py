@@ -1,7 +1,7 @@
-"""Labels from the exports of other tools as a folder of label files that a run starts from.
+"""Import of labels from annotation tools into a folder of label files for a run.
 
-The steps: `export_files` finds the files and the tool, a reader (`cvat`, `label_studio`, `fiftyone`, here COCO and
-YOLO) returns the shapes of each picture, and `import_labels` writes boxes around the shapes and counts the rest.
+`export_files` finds the files and the format, a reader (`cvat`, `label_studio`, `fiftyone`, or COCO and YOLO in this
+module) returns the shapes of each image, and `import_labels` writes the bounding boxes and counts skipped shapes.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from polarsim.annotate.cvat import read_cvat
 from polarsim.annotate.export_files import (
     COCO,
     CVAT,
+    EXPORT_FORMS,
     FIFTYONE,
-    FORMS,
     LABEL_STUDIO,
     YOLO,
     find_files,
@@ -27,7 +27,7 @@ from polarsim.annotate.export_files import (
 )
 from polarsim.annotate.fiftyone import read_fiftyone
 from polarsim.annotate.label_studio import is_predicted, read_label_studio
-from polarsim.annotate.shapes import SIZE, Picture, Shape, scale_of
+from polarsim.annotate.shapes import SIZE, ExportedImage, ExportedShape, scale_of
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import coco, yolo
 from polarsim.formats.files import check_new_folder, writing_folder
@@ -37,39 +37,39 @@ from polarsim.photo import BOX_CLASSES, PhotoKey
 
 AUTO = "auto"
 STRAY = "text file without a photo key"
-_LEAST_PX = 1e-3  # shortest side of a box inside the photo
-_CUT_PX = 0.5  # a box that reaches farther over the border is reported
-_EXAMPLES = 3  # photos that a message names
+_MIN_SIDE_PX = 1e-3  # minimum side of a box inside the photo
+_MAX_CUT_PX = 0.5  # maximum overhang of a box over the image border that is not reported
+_EXAMPLES = 3  # maximum number of photos in a message
 
 
 @dataclass
 class Imported:
-    """What an import wrote, and what it did not use."""
+    """Counts of imported and skipped labels."""
 
     photos: int = 0  # label files
     boxes: int = 0
-    read: Counter[str] = field(default_factory=Counter)  # shapes that became boxes, by form
-    skipped: Counter[str] = field(default_factory=Counter)  # shapes and files that did not, by form
-    named_out: Counter[str] = field(default_factory=Counter)  # shapes that an empty name leaves out, by name
-    cut: int = 0  # boxes that reached over the photo's border
-    empty: list[str] = field(default_factory=list)  # photos without a shape that were left out
-    unread: list[str] = field(default_factory=list)  # photos with nothing but skipped shapes, left out
-    notes: list[str] = field(default_factory=list)  # where the classes came from, and the like
+    read: Counter[str] = field(default_factory=Counter)  # imported shapes by form
+    skipped: Counter[str] = field(default_factory=Counter)  # skipped shapes and files by form
+    named_out: Counter[str] = field(default_factory=Counter)  # shapes excluded by an empty name, by class
+    cut: int = 0  # clipped boxes
+    empty: list[str] = field(default_factory=list)  # skipped photos without a shape
+    unread: list[str] = field(default_factory=list)  # skipped photos in which all shapes were skipped
+    notes: list[str] = field(default_factory=list)  # origin of the class names and similar remarks
 
     def report(self) -> list[str]:
-        """Return lines about everything but the label files; the last one counts what was read and skipped."""
+        """Return lines about clipped and skipped labels; the last line counts read and skipped shapes."""
         lines = list(self.notes)
         if self.cut:
-            lines.append(f"{self.cut} boxes were cut at the photo's border")
+            lines.append(f"{self.cut} boxes were clipped to the photo")
         if self.empty:
             lines.append(
-                f"{len(self.empty)} photos without a box were left out (--keep-empty takes them as seen): "
+                f"{len(self.empty)} photos without a box were skipped (--keep-empty imports empty photos): "
                 f"{_some(self.empty)}"
             )
         if self.unread:
-            lines.append(f"{len(self.unread)} photos with skipped shapes only were left out: {_some(self.unread)}")
+            lines.append(f"{len(self.unread)} photos with skipped shapes only were skipped: {_some(self.unread)}")
         if self.named_out:
-            lines.append(f"left out by --name: {_counts(self.named_out)}")
+            lines.append(f"excluded by --name: {_counts(self.named_out)}")
         return [*lines, f"read: {_counts(self.read)}; skipped: {_counts(self.skipped)}"]
 
 
@@ -89,32 +89,32 @@ def import_labels(
     names: Mapping[str, str] | None = None,
     keep_empty: bool = False,
 ) -> Imported:
-    """Write `KEY.txt` of every photo that was labelled, with the boxes around everything that was drawn.
+    """Write `KEY.txt` of every labelled photo with the bounding boxes of all shapes.
 
     Parameters
     ----------
     source
         A file, a folder or a zip archive.
     folder
-        A new folder, or an empty one.
+        A new or empty folder.
     form
-        One of `READERS`, or `AUTO`: that of the files.
+        Name in `IMPORTERS`, or `AUTO`: determined from the files.
     names
-        Other names of a rock or shadow in the export, such as boulder -> rock; an empty word leaves the shape out.
+        Other names of rocks and shadows in the export, such as boulder -> rock; an empty text excludes the class.
     keep_empty
-        Write an empty file for a photo without a shape: a person saw nothing. Else the photo is left out, since tools
-        export pictures that nobody opened as well. Photos with skipped shapes only are left out in any case.
+        Write an empty file for photos without a shape. By default they are skipped, because annotation tools also
+        export images that were never opened. Photos in which all shapes were skipped are always skipped.
 
     Raises
     ------
     ConfigError
-        The folder has files, or no such form.
+        The folder has files, or the format is unknown.
     FormatError
-        The source has no known form, names no photo, or holds classes other than rock and shadow or implausible boxes.
+        The source has an unknown format or no photo, or contains other classes or implausible boxes.
     """
     check_new_folder(folder)
-    if form not in (AUTO, *READERS):
-        raise ConfigError(f"format {form!r}, expected {', '.join(READERS)} or {AUTO}")
+    if form not in (AUTO, *IMPORTERS):
+        raise ConfigError(f"format {form!r}, expected {', '.join(IMPORTERS)} or {AUTO}")
     done = Imported()
     photos: dict[PhotoKey, list[tuple[int, np.ndarray]]] = {}
     named: dict[PhotoKey, str] = {}
@@ -122,11 +122,11 @@ def import_labels(
         form, files = find_files(opened, None if form == AUTO else form)
         for file in files:
             with reading(f"export of {form}", file):
-                for picture in READERS[form](file, done):
+                for picture in IMPORTERS[form](file, done):
                     key = coco.key_of_picture(file, picture.name)
                     if key in named:
                         raise FormatError(
-                            f"{key} is there twice, as {named[key]} and {picture.name}: keep one", path=file
+                            f"{key} has two images, {named[key]} and {picture.name}: remove an image", path=file
                         )
                     named[key] = picture.name
                     boxes = _classified(file, picture, names or {}, done)
@@ -148,8 +148,10 @@ def import_labels(
     return done
 
 
-def _classified(file: Path, picture: Picture, names: Mapping[str, str], done: Imported) -> list[tuple[int, np.ndarray]]:
-    """Class number and box of each shape, cut at the photo's border; counts what is read and what is not."""
+def _classified(
+    file: Path, picture: ExportedImage, names: Mapping[str, str], done: Imported
+) -> list[tuple[int, np.ndarray]]:
+    """Return the class number and the clipped box of each shape, and count read and skipped shapes in `done`."""
     boxes = []
     for shape in picture.shapes:
         if shape.box is None:
@@ -158,43 +160,43 @@ def _classified(file: Path, picture: Picture, names: Mapping[str, str], done: Im
         kind = names.get(shape.label, shape.label.strip().lower())
         if not kind:
             if not shape.label:
-                raise FormatError(f"{picture.name}, {shape.where}: without a class", path=file)
+                raise FormatError(f"{picture.name}, {shape.where}: the class is missing", path=file)
             done.named_out[shape.label] += 1
             continue
         if kind not in BOX_CLASSES:
             raise FormatError(
                 f"{picture.name}, {shape.where}: {shape.label!r} is neither {' nor '.join(BOX_CLASSES)}: "
-                f"--name '{shape.label}=rock', or --name '{shape.label}=' leaves it out",
+                f"add --name '{shape.label}=rock', or --name '{shape.label}=' to exclude the class",
                 path=file,
             )
         _check(file, f"{picture.name}, {shape.where}", kind, shape.box)
         cut = clip(shape.box)
-        done.cut += bool(np.abs(cut - shape.box).max() > _CUT_PX)
+        done.cut += bool(np.abs(cut - shape.box).max() > _MAX_CUT_PX)
         done.read[shape.form] += 1
         boxes.append((BOX_CLASSES.index(kind), cut))
     return boxes
 
 
 def _check(file: Path, where: str, kind: str, box: np.ndarray) -> None:
-    """Refuse a box (4,), px, that nobody can have drawn."""
+    """Raise an error for an implausible box (4,), px."""
     cut = clip(box)
-    if not np.isfinite(box).all() or (cut[2:] - cut[:2] < _LEAST_PX).any():
-        raise FormatError(f"{where}: a {kind} without area inside the photo, {box.round(2).tolist()}", path=file)
+    if not np.isfinite(box).all() or (cut[2:] - cut[:2] < _MIN_SIDE_PX).any():
+        raise FormatError(f"{where}: the {kind} {box.round(2).tolist()} has no area inside the photo", path=file)
     if box.max() <= 1:
-        raise FormatError(f"{where}: {box.tolist()}, expected pixels: are these shares of the picture?", path=file)
+        raise FormatError(f"{where}: {box.tolist()}, expected pixels: are these shares of the image size?", path=file)
     if (box[:2] < -coco.MAX_OVERHANG * SIZE).any() or (box[2:] > (1 + coco.MAX_OVERHANG) * SIZE).any():
-        raise FormatError(f"{where}: a {kind} far over the photo's border, {box.round(1).tolist()}", path=file)
+        raise FormatError(f"{where}: the {kind} {box.round(1).tolist()} is far outside the photo", path=file)
 
 
-def _coco(source: Path, _: Imported) -> Iterator[Picture]:
+def _coco(source: Path, _: Imported) -> Iterator[ExportedImage]:
     for name, size, rows in coco.read_pictures(source):
         scale = scale_of(source, name, *size) if rows else 1.0
-        yield Picture(
-            name, [Shape(row.where, row.form, row.annotation.kind, row.annotation.box * scale) for row in rows]
+        yield ExportedImage(
+            name, [ExportedShape(row.where, row.form, row.annotation.kind, row.annotation.box * scale) for row in rows]
         )
 
 
-def _yolo(source: Path, done: Imported) -> Iterator[Picture]:
+def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
     """Read every `KEY.txt` below a folder."""
     keys, others = label_files(source)
     lists: dict[Path, yolo.ClassList] = {}
@@ -209,8 +211,8 @@ def _yolo(source: Path, done: Imported) -> Iterator[Picture]:
                 stated = f"{classes.path} has {classes}" if classes.path else f"no class list found, assumed {classes}"
                 raise FormatError(f"class {number}: {stated}", path=path, line=line.line)
             form = "polygon" if line.is_polygon else "box" if line.confidence is None else "detection"
-            shapes.append(Shape(f"{path.name}:{line.line}", form, classes.names[number], line.box))
-        yield Picture(path.name, shapes)
+            shapes.append(ExportedShape(f"{path.name}:{line.line}", form, classes.names[number], line.box))
+        yield ExportedImage(path.name, shapes)
     for classes in dict.fromkeys(lists.values()):
         origin = f"classes from {classes.path}:" if classes.path else "no class list found: assuming"
         done.notes.append(f"{origin} {classes}")
@@ -220,17 +222,17 @@ def _yolo(source: Path, done: Imported) -> Iterator[Picture]:
         done.notes.append(f"text files without a photo key: {_some([path.name for path in strays])}")
 
 
-def _label_studio(source: Path, done: Imported) -> Iterator[Picture]:
+def _label_studio(source: Path, done: Imported) -> Iterator[ExportedImage]:
     yield from read_label_studio(source)
     if is_predicted(source):
-        done.notes.append("no task has an annotation: the labels are predictions, which nobody corrected")
+        done.notes.append("no task has an annotation: the labels are uncorrected predictions")
 
 
-READERS: dict[str, Callable[[Path, Imported], Iterator[Picture]]] = {
+IMPORTERS: dict[str, Callable[[Path, Imported], Iterator[ExportedImage]]] = {
     COCO: _coco,
     YOLO: _yolo,
     CVAT: lambda source, _: read_cvat(source),
     LABEL_STUDIO: _label_studio,
     FIFTYONE: lambda source, _: read_fiftyone(source),
 }
-assert tuple(READERS) == FORMS
+assert tuple(IMPORTERS) == EXPORT_FORMS

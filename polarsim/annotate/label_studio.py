@@ -1,4 +1,4 @@
-"""Annotations of Label Studio: JSON (tasks with annotations or predictions) and JSON-MIN (one row per task)."""
+"""Annotations of Label Studio: JSON (tasks with annotations or predictions) and JSON-MIN (a row per task)."""
 
 from __future__ import annotations
 
@@ -8,37 +8,37 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.annotate.shapes import SIZE, Picture, Shape, scale_of
+from polarsim.annotate.shapes import SIZE, ExportedImage, ExportedShape, scale_of
 from polarsim.errors import FormatError, LabelError, within
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reading
 from polarsim.geometry.boxes import around, around_ellipse, of_mask
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
-_NAME_FIELDS = ("key", "image")  # of a task's data; any other field may name the picture if these do not
+_NAME_FIELDS = ("key", "image")  # fields of a task that usually contain the image name; searched first
 _GEOMETRY = ("x", "y", "width", "height", "radiusX", "radiusY", "rotation", "points", "rle", "imageDataURL")
-_MOST_VALUES = 4 * 100_000_000  # of a brush: four channels
+_MAX_BRUSH_VALUES = 4 * 100_000_000  # four channels
 PREDICTION = "prediction without an annotation"
 EARLIER = "earlier annotation of a task"
 
 
-def read_label_studio(source: Path) -> Iterator[Picture]:
-    """Read the pictures and regions of an export.
+def read_label_studio(source: Path) -> Iterator[ExportedImage]:
+    """Read the images and regions of an export.
 
-    Of a task's annotations the last one counts that was not cancelled. Predictions count only in a file without any
-    annotation, such as the tasks that `polarsim export` writes.
+    The last annotation of a task that was not cancelled is used. Predictions are used only in a file without
+    annotations, such as the tasks written by `polarsim export`.
 
     Raises
     ------
     FormatError
-        No list of tasks, a task without a photo's name, or a broken region.
+        The file is no list of tasks, a task has no name of a photo, or a region is invalid.
     """
     tasks = read_json(source)
     if not isinstance(tasks, list) or not all(isinstance(task, dict) for task in tasks):
         raise FormatError("no Label Studio export: expected a list of tasks", path=source)
     if tasks and "image_id" in tasks[0]:
         raise FormatError(
-            "a list of COCO results, which names no pictures: import the file with images, categories and annotations",
+            "a list of COCO results without image names: import the file with images, categories and annotations",
             path=source,
         )
     annotated = any(isinstance(task.get("annotations"), list) for task in tasks)
@@ -46,17 +46,17 @@ def read_label_studio(source: Path) -> Iterator[Picture]:
         name = _name(source, number, task)
         regions, unread = _regions(source, name, task, annotated)
         shapes = [_shape(source, name, index, region) for index, region in enumerate(_merged(regions), 1)]
-        yield Picture(name, [*shapes, *unread])
+        yield ExportedImage(name, [*shapes, *unread])
 
 
 def is_predicted(source: Path) -> bool:
-    """Return whether the labels of an export are predictions, for lack of any annotation."""
+    """Return whether an export has predictions and no annotations."""
     tasks = read_json(source)
     return any("predictions" in task for task in tasks) and not any("annotations" in task for task in tasks)
 
 
 def _name(source: Path, number: int, task: Mapping[str, Any]) -> str:
-    """Name of a task's picture: the field that has a photo key."""
+    """Return the image name of a task: the field that contains a photo key."""
     data = task.get("data", task)
     fields = {field: value for field, value in data.items() if isinstance(value, str)} if isinstance(data, dict) else {}
     named = {}
@@ -66,73 +66,75 @@ def _name(source: Path, number: int, task: Mapping[str, Any]) -> str:
         except (LabelError, KeyError):
             continue
     if not named:
-        some = ", ".join(f"{field}: {value[:60]!r}" for field, value in list(fields.items())[:4])
-        raise FormatError(f"task {number}: no field is named by a photo key ({some or 'no text field'})", path=source)
+        examples = ", ".join(f"{field}: {value[:60]!r}" for field, value in list(fields.items())[:4])
+        reason = f"task {number}: no field contains a photo key ({examples or 'no text field'})"
+        raise FormatError(reason, path=source)
     if len(set(named.values())) > 1:
-        raise FormatError(
-            f"task {number}: fields {' and '.join(named)} have different photo keys; keep one", path=source
-        )
+        reason = f"task {number}: fields {' and '.join(named)} have different photo keys, expected the same key"
+        raise FormatError(reason, path=source)
     return fields[next(iter(named))]
 
 
 def _regions(
     source: Path, name: str, task: Mapping[str, Any], annotated: bool
-) -> tuple[list[dict[str, Any]], list[Shape]]:
-    """Regions of a task, each with its id and its value's fields, and what does not count."""
+) -> tuple[list[dict[str, Any]], list[ExportedShape]]:
+    """Return the regions of a task, with id and the fields of `value`, and the skipped annotations and predictions."""
     if not annotated and "predictions" not in task and "annotations" not in task:
         return _minimal(task), []
     listed = task.get("annotations" if annotated else "predictions") or []
-    results = [_results(source, name, one) for one in listed if not one.get("was_cancelled")]
-    unread = [Shape("", EARLIER, "", None) for _ in results[:-1]] if annotated else []
+    results = [_results(source, name, entry) for entry in listed if not entry.get("was_cancelled")]
+    unread = [ExportedShape("", EARLIER, "", None) for _ in results[:-1]] if annotated else []
     if annotated and not results:
-        predicted = [one for one in task.get("predictions") or [] if isinstance(one, dict) and one.get("result")]
-        unread += [Shape("", PREDICTION, "", None) for _ in predicted]
+        predicted = [
+            entry for entry in task.get("predictions") or [] if isinstance(entry, dict) and entry.get("result")
+        ]
+        unread += [ExportedShape("", PREDICTION, "", None) for _ in predicted]
     regions = []
-    for one in results[-1] if results else []:
-        if one.get("type") == "relation":  # between two regions
+    for result in results[-1] if results else []:
+        if result.get("type") == "relation":  # between two regions
             continue
-        value = one.get("value")
+        value = result.get("value")
         value = dict(value) if isinstance(value, dict) else {}
-        own = {field: one[field] for field in ("id", "type", "original_width", "original_height", "image_rotation")
-               if field in one}  # fmt: skip
-        regions.append({**own, **value})
+        common = {field: result[field] for field in ("id", "type", "original_width", "original_height",
+                  "image_rotation") if field in result}  # fmt: skip
+        regions.append({**common, **value})
     return regions, unread
 
 
 def _results(source: Path, name: str, annotation: Any) -> list[dict[str, Any]]:
     results = annotation.get("result") if isinstance(annotation, dict) else None
-    if not isinstance(results, list) or not all(isinstance(one, dict) for one in results):
-        raise FormatError(f"{name}: an annotation without a list `result`, no Label Studio export", path=source)
+    if not isinstance(results, list) or not all(isinstance(result, dict) for result in results):
+        raise FormatError(f"{name}: an annotation has no list `result`, expected a Label Studio export", path=source)
     return results
 
 
 def _minimal(task: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Regions of a row of JSON-MIN: lists below the names of the labelling interface's controls, whatever these are."""
+    """Return the regions of a row of JSON-MIN: all lists, whose keys are names of the labelling interface."""
     lists = [value for field, value in task.items() if field != "data" and isinstance(value, list)]
-    return [dict(one) for value in lists for one in value if isinstance(one, dict)]
+    return [dict(region) for value in lists for region in value if isinstance(region, dict)]
 
 
 def _merged(regions: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Join results of one region: `Rectangle` and `Labels` are two results with one id or one geometry."""
+    """Join results of the same region: `Rectangle` and `Labels` are two results with equal id or geometry."""
     merged: dict[object, dict[str, Any]] = {}
     for number, region in enumerate(regions):
         geometry = repr([region[field] for field in _GEOMETRY if field in region])
-        drawn = any(field in region for field in _GEOMETRY)
-        name = region.get("id") or (geometry if drawn else number)
+        has_geometry = any(field in region for field in _GEOMETRY)
+        name = region.get("id") or (geometry if has_geometry else number)
         form = merged[name]["type"] if name in merged and merged[name].get("type") in _FORMS else None
         merged[name] = {**merged.get(name, {}), **region, **({"type": form} if form else {})}
     return list(merged.values())
 
 
-_DRAWN = ("rectangle", "rotated rectangle", "polygon", "ellipse", "brush", "keypoint")
+_GEOMETRIC_FORMS = ("rectangle", "rotated rectangle", "polygon", "ellipse", "brush", "keypoint")
 _FORMS = {
     name: form
-    for form in _DRAWN
+    for form in _GEOMETRIC_FORMS
     for name in (form, f"{form}labels")
 }  # fmt: skip
 
 
-def _shape(source: Path, name: str, index: int, region: Mapping[str, Any]) -> Shape:
+def _shape(source: Path, name: str, index: int, region: Mapping[str, Any]) -> ExportedShape:
     where = f"region {index}"
     labels = [
         str(label)
@@ -142,16 +144,16 @@ def _shape(source: Path, name: str, index: int, region: Mapping[str, Any]) -> Sh
     ]
     form = _form(region)
     if len(set(labels)) > 1:
-        raise FormatError(f"{name}, {where}: labels {' and '.join(labels)}, expected one", path=source)
+        raise FormatError(f"{name}, {where}: labels {' and '.join(labels)}, expected a single label", path=source)
     if not labels:
-        return Shape(where, f"{form} without a label" if form in _DRAWN else form, "", None)
+        return ExportedShape(where, f"{form} without a label" if form in _GEOMETRIC_FORMS else form, "", None)
     if region.get("image_rotation"):
-        return Shape(where, f"{form} on a turned picture", labels[0], None)
+        return ExportedShape(where, f"{form} on a rotated image", labels[0], None)
     if "original_width" in region and "original_height" in region:
         with reading(f"size of {name}", source):
             scale_of(source, name, float(region["original_width"]), float(region["original_height"]))
     with within(f"{name}, {where}"), reading(form, source):
-        return Shape(where, form, labels[0], _box(form, region))
+        return ExportedShape(where, form, labels[0], _box(form, region))
 
 
 def _form(region: Mapping[str, Any]) -> str:
@@ -184,17 +186,17 @@ _NEEDED = {
 
 
 def _box(form: str, region: Mapping[str, Any]) -> np.ndarray | None:
-    """(4,) box around a region in px of the photo; lengths are percent of the picture's width or height."""
-    turn = float(region.get("rotation") or 0)
+    """Return the bounding box (4,) of a region, px of the photo; lengths are percentages of image width or height."""
+    rotation = float(region.get("rotation") or 0)
     missing = [field for field in _NEEDED.get(form, ()) if field not in region]
     if missing:
-        raise FormatError(f"{', '.join(missing)} missing")
+        raise FormatError(f"missing fields: {', '.join(missing)}")
     if form in ("rectangle", "rotated rectangle"):
         across, down = float(region["width"]) * WIDTH, float(region["height"]) * HEIGHT
         if across <= 0 or down <= 0:
             raise FormatError(f"width {region['width']} and height {region['height']}, expected more than 0")
         corners = np.array([[0, 0], [across, 0], [across, down], [0, down]])  # hundredths of a pixel
-        cos, sin = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+        cos, sin = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
         corners = corners @ np.array([[cos, sin], [-sin, cos]])  # about the upper left corner
         return around((corners / SIZE + [float(region["x"]), float(region["y"])]) * SIZE / 100)
     if form == "polygon":
@@ -204,44 +206,45 @@ def _box(form: str, region: Mapping[str, Any]) -> np.ndarray | None:
             np.array([float(region[field]) for field in fields]) * SIZE / 100
             for fields in (("x", "y"), ("radiusX", "radiusY"))
         )
-        return around_ellipse(centre, radii, turn)
+        return around_ellipse(centre, radii, rotation)
     if form == "brush" and "rle" in region:
         width, height = int(region["original_width"]), int(region["original_height"])
         painted = decode_brush(region["rle"], width * height * 4).reshape(height, width, 4)[..., 3] > 0
         box = of_mask(painted)
         if box is None:
-            raise FormatError("a brush without a painted pixel")
+            raise FormatError("the brush mask is empty")
         return box * (WIDTH / width)
     return None
 
 
 def decode_brush(packed: Sequence[int], count: int) -> np.ndarray:
-    """Unpack the runs of a brush: (count,) values of the red, green, blue and opacity of pixels in rows.
+    """Decode the runs of a brush to values (count,): red, green, blue and opacity of each pixel, row by row.
 
-    The format is that of `@thi.ng/rle-pack`: 32 bits with the number of values, 5 with the bits of a value less 1, four
-    times 4 with the bits of a length less 1; then a bit that is 1 for a repeated value, 2 bits for the choice of the
-    length's bits, the length less 1 and the value, or as many values as the length.
+    The format is that of `@thi.ng/rle-pack`. The header has the number of values (32 bits), the number of bits of a
+    value minus 1 (5 bits), and four times the number of bits of a length minus 1 (4 bits each). Each run has a flag for
+    a repeated value (1 bit), the index of the number of bits of the length (2 bits), the length minus 1, and the
+    repeated value or all values of the run.
 
     Raises
     ------
     FormatError
-        The runs are cut, or have another number of values.
+        The runs are truncated, or have another number of values.
     """
     bits = np.unpackbits(np.array(packed, np.uint8))
-    place = 0
+    offset = 0
 
     def number(width: int) -> int:
-        nonlocal place
-        if place + width > len(bits):
-            raise FormatError("a brush whose runs are cut")
+        nonlocal offset
+        if offset + width > len(bits):
+            raise FormatError("the runs of a brush are truncated")
         value = 0
-        for bit in bits[place : place + width].tolist():
+        for bit in bits[offset : offset + width].tolist():
             value = 2 * value + bit
-        place += width
+        offset += width
         return value
 
     stated = number(32)
-    if stated != count or count > _MOST_VALUES:
+    if stated != count or count > _MAX_BRUSH_VALUES:
         raise FormatError(f"a brush of {stated} values, expected {count}")
     word, lengths = number(5) + 1, [number(4) + 1 for _ in range(4)]
     values = np.zeros(count, np.int64)
@@ -252,10 +255,10 @@ def decode_brush(packed: Sequence[int], count: int) -> np.ndarray:
         if repeated:
             values[filled : filled + length] = number(word)
         else:
-            if place + length * word > len(bits):
-                raise FormatError("a brush whose runs are cut")
-            words = bits[place : place + length * word].reshape(length, word).astype(np.int64)
+            if offset + length * word > len(bits):
+                raise FormatError("the runs of a brush are truncated")
+            words = bits[offset : offset + length * word].reshape(length, word).astype(np.int64)
             values[filled : filled + length] = words @ (1 << np.arange(word - 1, -1, -1))
-            place += length * word
+            offset += length * word
         filled += length
     return values

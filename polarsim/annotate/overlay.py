@@ -1,4 +1,4 @@
-"""Labels drawn into a picture: fills, lines from shadows to rocks, boxes by kind, rock ids, confidences; a legend."""
+"""Rendering of labels on an image: masks, boxes, lines from shadows to rocks, rock ids, confidences and a legend."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from polarsim.photo import BOX_CLASSES, COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH
 
 Rectangle = tuple[float, float, float, float]
 Colour = tuple[int, int, int]
-LINK = (120, 245, 255)  # of lines from shadows to their rocks: the shadows' blue, brighter than their boxes
+LINK = (120, 245, 255)  # colour of lines from shadows to rocks: a brighter tone of the shadow boxes
 INK, PAPER = (32, 33, 36), (255, 255, 255)
-_FILL = 0.35  # share of the kind's colour in a fill
-_SMALL = 0.75  # letters beside shadows over those beside rocks
+_FILL = 0.35  # opacity of masks
+_SMALL = 0.75  # font size of shadow ids relative to rock ids
 
 
 class Tags:
-    """Writes on a picture and remembers where it has written.
+    """Text next to boxes, placed to avoid earlier texts.
 
     Parameters
     ----------
     pen
-        Pillow's `ImageDraw` of the picture.
+        Pillow's `ImageDraw` of the image.
     size
-        Width and height of the picture, pixels.
+        Width and height of the image, pixels.
     line
-        Width of the boxes' lines, pixels: the words stay clear of them.
+        Line width of boxes, pixels: minimum distance of text from boxes.
     """
 
     def __init__(self, pen: Any, size: tuple[int, int], line: int) -> None:
@@ -39,27 +39,27 @@ class Tags:
         self._taken: list[Rectangle] = []
 
     def write(self, text: str, box: Sequence[float], colour: Colour, letters: Any) -> None:
-        """Write beside a box, at the first spot that is free, or else where the fewest other words are."""
+        """Write a text next to a box, at the first position with the minimum overlap with earlier texts."""
         left, top, right, bottom = self._pen.textbbox((0, 0), text, font=letters)
         candidates = self._candidates(right - left + 2 * self._line, bottom - top + 2 * self._line, box)
-        chosen = min(candidates, key=lambda chosen: sum(_common_area(chosen, other) for other in self._taken))
+        chosen = min(candidates, key=lambda place: sum(_common_area(place, taken) for taken in self._taken))
         self._taken.append(chosen)
         origin = (round(chosen[0]) + self._line - left, round(chosen[1]) + self._line - top)
         stroke = max(1, self._line)
         self._pen.text(origin, text, fill=colour, font=letters, stroke_width=stroke, stroke_fill=(0, 0, 0))
 
     def _candidates(self, wide: float, high: float, box: Sequence[float]) -> list[Rectangle]:
-        """Above and below the box at either end, then left and right of it; inside the picture."""
+        """Return positions above and below the corners of a box, then left and right of the box, inside the image."""
         gap, (left, top, right, bottom) = self._line, box
-        above, below, before, behind = top - high - gap, bottom + gap, left - wide - gap, right + gap
+        above, below, before, after = top - high - gap, bottom + gap, left - wide - gap, right + gap
         corners = [(left, above), (right - wide, above), (left, below), (right - wide, below)]
-        corners += [(behind, top), (before, top), (behind, bottom - high), (before, bottom - high)]
-        room = np.array(self._size) - (wide, high)
-        return [(x, y, x + wide, y + high) for x, y in np.clip(corners, 0, np.maximum(room, 0)).tolist()]
+        corners += [(after, top), (before, top), (after, bottom - high), (before, bottom - high)]
+        space = np.array(self._size) - (wide, high)
+        return [(x, y, x + wide, y + high) for x, y in np.clip(corners, 0, np.maximum(space, 0)).tolist()]
 
 
 def font(size: int) -> Any:
-    """Matplotlib brings the same font to every machine."""
+    """Return the font that Matplotlib installs, which is the same on all machines."""
     import matplotlib
     from PIL import ImageFont
 
@@ -74,14 +74,14 @@ def _common_area(first: Rectangle, second: Rectangle) -> float:
 
 @dataclass(frozen=True)
 class Marks:
-    """What of the labels is drawn.
+    """Style of an overlay.
 
     Attributes
     ----------
     doubtful_below
-        Boxes of a lower confidence are dashed.
+        Boxes with a lower confidence are dashed.
     letter_px
-        Size of ids; 0: in proportion to the picture, at least 10.
+        Font size of ids; 0: proportional to the image width, minimum 10.
     """
 
     kinds: Sequence[str] = BOX_CLASSES
@@ -94,7 +94,7 @@ class Marks:
 
 @dataclass(frozen=True)
 class _Label:
-    """One label with its box (x0, y0, x1, y1) in pixels of the drawn picture."""
+    """Label with the box (x0, y0, x1, y1) in pixels of the output image."""
 
     kind: str
     rock: int
@@ -106,7 +106,7 @@ class _Label:
         return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
 
     def tag(self, marks: Marks) -> str:
-        """Rock id, and the confidence (.90) where it is not full."""
+        """Return the rock id, followed by the confidence (.90) if it is below 1."""
         named = self.rock != NO_ROCK and (self.kind == ROCK or marks.shadow_ids)
         doubted = marks.confidences and self.confidence < 0.995
         return " ".join([str(self.rock)] * named + [f"{self.confidence:.2f}".removeprefix("0")] * doubted)
@@ -119,20 +119,20 @@ def draw_labels(
     marks: Marks | None = None,
     masks: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """A picture with its labels, scaled.
+    """Draw labels on a resized image.
 
     Parameters
     ----------
     pixels : (h, w, 3) uint8
-        The whole photo at any scale.
+        The photo at any scale.
     labels
-        Rows with kind, rock, confidence, x0, y0, x1, y1 in pixels of the full photo.
+        Rows with kind, rock, confidence, x0, y0, x1, y1 in pixels of the full-size photo.
     width
-        Width of the result in pixels; as the picture when None.
+        Width of the result in pixels; None: width of the image.
     marks
-        Boxes, rock ids and confidences of all kinds when None.
+        Style; None: boxes, rock ids and confidences of all kinds.
     masks : kind -> (h, w) bool
-        Regions of the whole photo, at any scale, that are filled with their kind's colour.
+        Masks of the photo, at any scale, which are filled with the colour of the kind.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def draw_labels(
         _draw_box(pen, label.box, COLOURS[label.kind], line, dashed=label.confidence < marks.doubtful_below)
     tags, large = Tags(pen, size, line), marks.letter_px or max(10, round(width / 62))
     letters = {ROCK: font(large), SHADOW: font(max(9, round(_SMALL * large)) if marks.shadow_ids else large)}
-    for label in reversed(shown):  # rocks choose their positions first
+    for label in reversed(shown):  # rocks first, because the first texts get the best positions
         text = label.tag(marks)
         if text:
             tags.write(text, label.box, COLOURS[label.kind], letters[label.kind])
@@ -164,7 +164,7 @@ def draw_labels(
 
 
 def add_legend(pixels: np.ndarray, title: str, labels: pd.DataFrame, kinds: Sequence[str] = BOX_CLASSES) -> np.ndarray:
-    """The picture (h, w, 3) on a strip that names it, the colours, and how many labels of each kind there are."""
+    """Append a strip with the title, the colours and the number of labels of each kind to an image (h, w, 3)."""
     from PIL import Image, ImageDraw
 
     width = pixels.shape[1]
@@ -184,7 +184,7 @@ def add_legend(pixels: np.ndarray, title: str, labels: pd.DataFrame, kinds: Sequ
 
 
 def _bottom_up(kinds: Sequence[str]) -> list[str]:
-    """Kinds in the order of drawing: rocks lie on top."""
+    """Return the kinds in drawing order: rocks are drawn on top."""
     return [kind for kind in reversed(BOX_CLASSES) if kind in kinds]
 
 
@@ -196,7 +196,7 @@ def _labels(table: pd.DataFrame, kind: str, scale: float) -> list[_Label]:
 
 
 def _fill(picture: Any, mask: np.ndarray, colour: Colour) -> None:
-    """Tint the part of a picture that a mask covers."""
+    """Tint the part of an image that a mask covers."""
     from PIL import Image
 
     cover = Image.fromarray((mask * round(255 * _FILL)).astype(np.uint8)).resize(picture.size, Image.Resampling.BOX)
@@ -204,7 +204,7 @@ def _fill(picture: Any, mask: np.ndarray, colour: Colour) -> None:
 
 
 def _draw_links(pen: Any, labels: Sequence[_Label], line: int) -> None:
-    """A line from the centre of every shadow to a dot in the centre of its rock, the nearest one of its number."""
+    """Draw a line from the centre of every shadow to the centre of the nearest rock with the same id."""
     thin = max(min(line, 2), round(0.6 * line))
     rim, dot = thin + 2 * (line > 1), max(1.5, 1.3 * line)
     rocks = [label for label in labels if label.kind == ROCK and label.rock != NO_ROCK]
@@ -212,7 +212,9 @@ def _draw_links(pen: Any, labels: Sequence[_Label], line: int) -> None:
         ends = [rock.centre for rock in rocks if rock.rock == shadow.rock]
         if ends:
             x, y = min(ends, key=lambda end: (dist(end, shadow.centre), end))
-            pen.line([shadow.centre, (x, y)], fill=(0, 0, 0), width=rim)  # sand may be as bright as the line
+            pen.line(
+                [shadow.centre, (x, y)], fill=(0, 0, 0), width=rim
+            )  # dark rim, because sand may be as bright as the line
             pen.line([shadow.centre, (x, y)], fill=LINK, width=thin)
             pen.ellipse([x - dot, y - dot, x + dot, y + dot], fill=LINK, outline=(0, 0, 0))
 

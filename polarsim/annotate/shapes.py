@@ -1,4 +1,4 @@
-"""What a person drew on a picture, as the readers of other tools' exports return it."""
+"""Annotations of an image, as returned by the readers of exports of annotation tools."""
 
 from __future__ import annotations
 
@@ -11,35 +11,35 @@ from polarsim.errors import FormatError
 from polarsim.photo import HEIGHT, WIDTH
 
 SIZE = np.array([WIDTH, HEIGHT], float)
-_SAME_SHAPE = 0.01  # largest relative difference between width over height of a resized picture and of a photo
+_MAX_ASPECT_ERROR = 0.01  # maximum relative difference of the aspect ratio of a resized image
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
-    """One annotation of a picture."""
+class ExportedShape:
+    """Annotation of an image."""
 
-    where: str  # its name in messages, such as "box 3"
-    form: str  # how it was drawn, in the singular: "box", "mask", "polyline"
-    label: str  # name of its class, as the tool stores it
-    box: np.ndarray | None  # (4,) box around it, px of the photo; None where no box can be made of it
+    where: str  # name in messages, such as "box 3"
+    form: str  # kind of annotation, in the singular: "box", "mask", "polyline"
+    label: str  # name of the class in the annotation tool
+    box: np.ndarray | None  # (4,) bounding box, px of the photo; None for forms without box
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture of an export and everything that was drawn on it."""
+class ExportedImage:
+    """Image of an export with all annotations."""
 
     name: str
-    shapes: list[Shape] = field(default_factory=list)
+    shapes: list[ExportedShape] = field(default_factory=list)
 
 
 def scale_of(source: Path, name: str, width: float, height: float) -> float:
-    """Pixels of the photo per pixel of a picture of another size.
+    """Return the scale from pixels of a resized image to pixels of the photo.
 
     Raises
     ------
     FormatError
-        The picture has another shape than a photo.
+        The aspect ratio differs from that of a photo.
     """
-    if not (width > 0 and height > 0) or abs(width / height * HEIGHT / WIDTH - 1) > _SAME_SHAPE:
-        raise FormatError(f"{name}: {width:g} x {height:g} px, a photo has {WIDTH} x {HEIGHT}", path=source)
+    if not (width > 0 and height > 0) or abs(width / height * HEIGHT / WIDTH - 1) > _MAX_ASPECT_ERROR:
+        raise FormatError(f"{name}: {width:g} x {height:g} px, expected the aspect of {WIDTH} x {HEIGHT}", path=source)
     return WIDTH / width

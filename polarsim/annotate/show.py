@@ -1,4 +1,4 @@
-"""One photo or twin with its labels drawn in: what `polarsim show KEY` writes."""
+"""Photo or twin with labels, the output of `polarsim show KEY`."""
 
 from __future__ import annotations
 
@@ -33,31 +33,32 @@ def show_of_run(
     kinds: Sequence[str] = BOX_CLASSES,
     masks: bool = False,
 ) -> None:
-    """Draw a photo (domain `photo`) with its propagated labels, or a model's twin with its rendered ones.
+    """Draw a photo (domain `photo`) with propagated labels, or a twin of a model with rendered labels.
 
-    Where a run has no photos a twin of the same key stands in; cover photos show another light, often another camera.
+    In a run without photos, a twin with the same key replaces the photo. Cover photos are not used, because they have
+    another light and often another camera.
 
     Parameters
     ----------
     scale, kinds
         As in `show`.
     masks
-        Fill the regions too: of a photo the polygons of its labels, of a twin what it shows.
+        Also fill the masks: polygons of the labels for a photo, the instance map for a twin.
 
     Raises
     ------
     LabelError
-        The run has no such picture.
+        The run has no such image.
     FormatError
-        The run has no polygons or instance map of it.
+        The run has no polygons or instance map of the image.
     """
     tables = run.folder / ("labels" if domain == PHOTO else "renders") / "tables"
     picture = run.pictures_of(domain, key.terrain).get(key)
     if domain == PHOTO and picture is None:
         picture = next(iter(sorted(run.folder.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
-        log.warning("%s: no photo of %s, %s stands in", run.folder, key, picture or "and no twin")
+        log.warning("%s: no photo %s, using %s", run.folder, key, picture or "nothing, because there is no twin")
     if picture is None or not picture.exists():
-        reason = f"no {domain} picture of {key}; domains of this run: {', '.join(run.domains)}"
+        reason = f"no image {key} of the domain {domain}; domains of this run: {', '.join(run.domains)}"
         raise LabelError(reason, path=run.folder)
     show(
         key=key,
@@ -72,7 +73,7 @@ def show_of_run(
 
 
 def _masks_of(run: Run, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
-    """Where rocks and shadows are, (h, w) bool by kind."""
+    """Return the masks (h, w) bool of rocks and shadows by kind."""
     if domain != PHOTO:
         return read_kind_masks(run.instances(key))
     grey = paint(read_polygons(run.polygons(key)))
@@ -90,29 +91,29 @@ def show(
     masks: Mapping[str, np.ndarray] | None = None,
     title: str = "",
 ) -> None:
-    """Write a picture, tone-mapped to eight bits, with boxes, lines from shadows to rocks, ids, confidences, a legend.
+    """Write a tone-mapped 8-bit image with boxes, lines from shadows to rocks, ids, confidences and a legend.
 
     Parameters
     ----------
     picture
-        A photo or twin (16 bits), or a picture of eight bits of the whole photo at any size.
+        A photo or twin (16 bits), or an 8-bit image of the photo at any size.
     labels
-        A label table, or rows with `LABEL_COLUMNS`; rows of other photos are passed over.
+        A label table, or rows with `LABEL_COLUMNS`; rows of other photos are ignored.
     scale
-        Size of the result over that of the picture.
+        Scale of the result relative to the image.
     kinds
-        What is drawn: "rock", "shadow".
+        Kinds to draw: "rock", "shadow".
     masks : kind -> (h, w) bool
-        Regions of the whole photo to fill; none when None.
+        Masks of the photo to fill; None: no masks.
     title
-        Text of the legend; default: the key, and the name of the picture where that is another one.
+        Text of the legend; default: the photo key, and the file name of the image if it differs from the key.
 
     Raises
     ------
     FormatError
-        The picture is no picture, or the table no label table.
+        The image or the label table is invalid.
     ConfigError
-        A kind that no label has, or a scale that leaves no picture.
+        A kind is unknown, or the scale makes the image too small or too large.
     """
     unknown = [kind for kind in kinds if kind not in BOX_CLASSES]
     if unknown:
@@ -120,7 +121,7 @@ def show(
     pixels = to_8bit(png.read(picture))
     width = round(scale * pixels.shape[1])
     if not 64 <= width <= 16384:
-        raise ConfigError(f"scale {scale:g} makes a picture {width} px wide, expected 64 to 16384 px")
+        raise ConfigError(f"scale {scale:g} makes an image {width} px wide, expected 64 to 16384 px")
     if isinstance(labels, Path):
         with about(labels):
             rows = rows_of(read_parquet(labels, LABEL_COLUMNS), key)
@@ -132,15 +133,15 @@ def show(
 
 
 def rows_of(table: pd.DataFrame, key: PhotoKey) -> pd.DataFrame:
-    """The labels of one photo.
+    """Return the labels of a photo.
 
     Raises
     ------
     FormatError
-        A label is of a kind that boxes do not have.
+        The kind of a label is unknown.
     """
     rows = table[table["key"] == str(key)]
-    strange = [kind for kind in rows["kind"] if kind not in BOX_CLASSES]
-    if strange:
-        raise FormatError(f"label of kind {strange[0]!r} on {key}, expected {' or '.join(BOX_CLASSES)}")
+    unknown = [kind for kind in rows["kind"] if kind not in BOX_CLASSES]
+    if unknown:
+        raise FormatError(f"label of {key} with the kind {unknown[0]!r}, expected {' or '.join(BOX_CLASSES)}")
     return rows

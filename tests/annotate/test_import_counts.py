@@ -220,7 +220,7 @@ def test_a_brush_on_a_smaller_copy_is_boxed_in_pixels_of_the_photo(tmp_path):
         ([result("choices", {"choices": ["rock"]})], "choices"),
         (
             [result("rectanglelabels", {**percent(BOX), "rectanglelabels": ["rock"]}, image_rotation=90)],
-            "rectangle on a turned picture",
+            "rectangle on a rotated image",
         ),
     ],
 )

@@ -205,7 +205,7 @@ def test_the_command_says_what_to_write_into_the_configuration(tmp_path, polarsi
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [
         f"2 boxes in 1 photos in {tmp_path}/mine",
-        f"1 photos without a box were left out (--keep-empty takes them as seen): {OTHER}",
+        f"1 photos without a box were skipped (--keep-empty imports empty photos): {OTHER}",
         f"in the run's configuration:  labels: {{seeds: {{root: {tmp_path}/mine}}}}",
         "read: box (1), polygon (1); skipped: points (1)",
     ]

@@ -72,7 +72,7 @@ def test_a_photo_that_is_not_there_is_shown_by_its_twin_and_never_by_the_cover_p
     write_json(run / "acquire/Terrain03/inventory.json", inventory)
     show_of_run(key=right, run=Run(run), domain="photo", out=tmp_path / "out.png")
     assert png.read(tmp_path / "out.png")[1100, 1000].min() > 0  # not the black cover photo of another light and camera
-    assert f"no photo of {right}" in caplog.text
+    assert f"no photo {right}" in caplog.text
     (run / f"renders/hapke/Terrain03/{right}.png").unlink()
     with pytest.raises(LabelError):
         show_of_run(key=right, run=Run(run), domain="photo", out=tmp_path / "other.png")
