@@ -1,4 +1,4 @@
-"""Pure arrays in, arrays out: poses, lenses, rays, boxes, polygons."""
+"""Geometry without files: poses, lenses, rays, boxes, polygons; functions of arrays that return arrays."""
 
 from polarsim.public import offered
 

@@ -1,4 +1,4 @@
-"""Boxes (n, 4) as x0, y0, x1, y1 in pixels: overlap and one-to-one pairs."""
+"""Boxes (n, 4) as x0, y0, x1, y1 in pixels: overlap and one-to-one matching."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ import numpy as np
 
 from polarsim.photo import HEIGHT, WIDTH
 
-MATCH_GATE_PX = 40.0  # largest distance of a pair, centre to centre: poses err by less
-MAX_LOG_SIZE = 1.6  # |log width ratio| + |log height ratio| of a pair
+MATCH_GATE_PX = 40.0  # maximum distance of a pair, centre to centre; errors of poses cause less
+MAX_LOG_SIZE = 1.6  # maximum |log width ratio| + |log height ratio| of a pair
 
 
 def area(boxes: np.ndarray) -> np.ndarray:
-    """(n,) areas, px^2; 0 for empty boxes."""
+    """Return areas (n,), px^2; 0 for empty boxes."""
     boxes = np.asarray(boxes, float)
     return np.clip(boxes[..., 2] - boxes[..., 0], 0, None) * np.clip(boxes[..., 3] - boxes[..., 1], 0, None)
 
 
 def centres(boxes: np.ndarray) -> np.ndarray:
-    """(n, 2) centres of boxes (n, 4)."""
+    """Return the centres (n, 2) of boxes (n, 4)."""
     boxes = np.asarray(boxes, float)
     return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
 
 
 def window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tuple[slice, slice]:
-    """Rows and columns of a picture's pixels around a box (4,), with a margin (2,) in x and y; empty outside it."""
+    """Return rows and columns of an image's pixels around a box (4,), with a margin (2,) in x and y; empty outside."""
     box, margin = np.asarray(box, float), np.asarray(margin, float)
     left, top = np.maximum(np.floor(box[:2] - margin), 0).astype(int)
     right, bottom = np.minimum(np.ceil(box[2:] + margin), [width, height]).astype(int)
@@ -33,7 +33,7 @@ def window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tupl
 
 
 def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n, m) intersection over union of every box of `first` (n, 4) with every one of `second` (m, 4)."""
+    """Return the IoU (n, m) of all pairs of boxes `first` (n, 4) and `second` (m, 4)."""
     first, second = _rows(first), _rows(second)
     inter = _intersection(first, second)
     union = area(first)[:, None] + area(second)[None] - inter
@@ -41,12 +41,12 @@ def iou(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def largest_iou(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(n,) IoU of each box (n, 4) with that of the others (m, 4) which it overlaps most; 0 where there is none."""
+    """Return the maximum IoU (n,) of each box (n, 4) with the boxes `others` (m, 4); 0 without others."""
     return np.asarray(iou(boxes, others).max(axis=1, initial=0.0))
 
 
 def largest_covered_share(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(n,) largest intersection of each box (n, 4) with one of the others (m, 4), over the smaller area of both."""
+    """Return the maximum intersection (n,) of each box (n, 4) with `others` (m, 4), over the smaller of both areas."""
     boxes, others = _rows(boxes), _rows(others)
     inter, smaller = _intersection(boxes, others), np.minimum(area(boxes)[:, None], area(others)[None])
     share = np.divide(inter, smaller, out=np.zeros_like(inter), where=smaller > 0)
@@ -54,12 +54,12 @@ def largest_covered_share(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def _rows(boxes: np.ndarray) -> np.ndarray:
-    """Boxes (n, 4) as float: unsigned and short integers would overflow in differences and areas."""
+    """Convert boxes (n, 4) to float: unsigned and short integers would overflow in differences and areas."""
     return np.asarray(boxes, float).reshape(-1, 4)
 
 
 def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n, m) areas that boxes (n, 4) and (m, 4) share, px^2."""
+    """Return the intersection areas (n, m) of boxes (n, 4) and (m, 4), px^2."""
     low = np.maximum(first[:, None, :2], second[None, :, :2])
     high = np.minimum(first[:, None, 2:], second[None, :, 2:])
     return np.asarray(np.prod(np.clip(high - low, 0, None), axis=-1))
@@ -68,15 +68,15 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def pairs(
     score: np.ndarray, allowed: np.ndarray, objective: Literal["most", "sum", "greedy"] = "most"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pair rows with columns of a score (n, m), one to one, among the `allowed` (n, m) pairs.
+    """Match rows with columns of a score (n, m), one to one, among the `allowed` (n, m) pairs.
 
     Parameters
     ----------
     score
-        Higher is better; NaN where not allowed.
+        Higher is better; NaN for pairs that are not allowed.
     objective
-        `most`: as many pairs as possible, then the largest summed score. `sum`: the largest summed score, of scores
-        above 0. `greedy`: the best pair first, then the best of what is left.
+        `most`: maximum number of pairs, then maximum summed score. `sum`: maximum summed score, for scores above 0.
+        `greedy`: the best pair first, then the best of the remaining pairs.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def pairs(
     gain = score
     if objective == "most":
         low, high = score[allowed].min(), score[allowed].max()
-        gain = 1 + (score - low) / ((1 + min(score.shape)) * max(high - low, 1.0))  # all scores weigh less than a pair
+        gain = 1 + (score - low) / ((1 + min(score.shape)) * max(high - low, 1.0))  # a pair outweighs all scores
     rows, columns = linear_sum_assignment(np.where(allowed, -gain, 0.0))
     good = allowed[rows, columns]
     return rows[good], columns[good]
@@ -108,22 +108,22 @@ def _greedy_pairs(score: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, n
 
 
 def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
-    """One-to-one pairs (rows, columns) with overlap >= threshold: as many as can be, then of the largest sum."""
+    """Match one to one (rows, columns) with overlap >= threshold: maximum number of pairs, then maximum sum."""
     return pairs(overlap, overlap >= threshold)
 
 
 def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One-to-one pairs (rows, columns) of the largest summed overlap, pairs without overlap left out."""
+    """Match one to one (rows, columns) with maximum summed overlap, without pairs that do not overlap."""
     return pairs(overlap, overlap > 0, "sum")
 
 
 def match_nearest(
     boxes: np.ndarray, others: np.ndarray, gate_px: float, smallest_iou: float = 0.2
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (rows, columns) of boxes (n, 4) and others (m, 4): as many as possible, then the nearest and most alike.
+    """Match boxes (n, 4) with `others` (m, 4) (rows, columns): maximum number of pairs, then nearest and most similar.
 
-    A pair farther apart than the gate, centre to centre, counts only if its boxes overlap by `smallest_iou`: large
-    boxes may be off by more.
+    Pairs with a distance above the gate, centre to centre, must overlap by `smallest_iou`, because large boxes may be
+    off by more.
     """
     overlap = iou(boxes, others)
     distance = np.linalg.norm(centres(boxes)[:, None] - centres(others)[None], axis=-1)
@@ -131,17 +131,17 @@ def match_nearest(
 
 
 def clip(boxes: np.ndarray, width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
-    """Boxes cut at the photo's border; those outside become empty."""
+    """Clip boxes at the image border; boxes outside become empty."""
     return np.clip(boxes, 0, [width, height, width, height])
 
 
 def around(points: np.ndarray) -> np.ndarray:
-    """(4,) box around points (n, 2)."""
+    """Return the box (4,) around points (n, 2)."""
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
 def turned(box: np.ndarray, angle_deg: float) -> np.ndarray:
-    """(4,) box around a box (4,) that is turned about its centre."""
+    """Return the box (4,) around a box (4,) that is rotated about its centre."""
     cos, sin = abs(np.cos(np.radians(angle_deg))), abs(np.sin(np.radians(angle_deg)))
     half_width, half_height = (box[2:] - box[:2]) / 2
     half = np.array([half_width * cos + half_height * sin, half_width * sin + half_height * cos])
@@ -150,14 +150,14 @@ def turned(box: np.ndarray, angle_deg: float) -> np.ndarray:
 
 
 def around_ellipse(centre: np.ndarray, radii: np.ndarray, angle_deg: float = 0.0) -> np.ndarray:
-    """(4,) box around an ellipse of semi-axes (2,) that is turned about its centre (2,)."""
+    """Return the box (4,) around an ellipse of semi-axes (2,) that is rotated about its centre (2,)."""
     cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     half = np.hypot(radii * cos, radii[::-1] * sin)
     return np.concatenate([centre - half, centre + half])
 
 
 def of_mask(mask: np.ndarray) -> np.ndarray | None:
-    """(4,) box around the true pixels of a mask (h, w), in the corner convention; None for an empty mask."""
+    """Return the box (4,) around the true pixels of a mask (h, w), in the corner convention; None for an empty mask."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return None
@@ -167,7 +167,7 @@ def of_mask(mask: np.ndarray) -> np.ndarray | None:
 def assign(
     projected: np.ndarray, annotated: np.ndarray, gate_px: float = MATCH_GATE_PX
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (rows, columns) of projected (m, 4) and annotated (b, 4) boxes of similar position and size."""
+    """Match projected (m, 4) and annotated (b, 4) boxes of similar position and size (rows, columns)."""
     projected, annotated = _rows(projected), _rows(annotated)
     size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
     size_annotated = annotated[:, 2:] - annotated[:, :2]
@@ -175,4 +175,4 @@ def assign(
     distance = np.linalg.norm(offset, axis=-1)
     log_size = np.abs(np.log(size[:, None] / size_annotated[None])).sum(axis=-1)
     cost = distance / gate_px + 0.5 * log_size - 0.5 * iou(np.nan_to_num(projected), annotated)
-    return pairs(-cost, (distance <= gate_px) & (log_size <= MAX_LOG_SIZE))  # NaN is not allowed either
+    return pairs(-cost, (distance <= gate_px) & (log_size <= MAX_LOG_SIZE))  # excludes NaN

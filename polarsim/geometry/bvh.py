@@ -1,7 +1,7 @@
-"""A tree of boxes over triangles, for casters of our own: built with NumPy, walked by `rays_taichi`.
+"""Bounding volume hierarchy of triangles, built with NumPy and traversed by `rays_taichi`.
 
 Binned surface-area heuristic (Wald, IEEE Symposium on Interactive Ray Tracing 2007, 33), all nodes of a level at once.
-Nothing in it is random and nothing depends on threads: same triangles, same tree.
+The tree depends only on the triangles, not on random numbers or threads.
 """
 
 from __future__ import annotations
@@ -10,24 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAF = 4  # most triangles of a leaf
-LEVELS = 40  # most inner nodes on the way down to a leaf: what a walk's stack must hold
-COUNT_BITS = 3  # of a leaf's code that say how many triangles it has
-_MOST = 1 << (31 - COUNT_BITS)  # triangles that a leaf's code can number
-_BINS = 16  # cuts of a node that are tried
-_FEW_BINS = 4  # of small nodes
+LEAF = 4  # maximum number of triangles of a leaf
+LEVELS = 40  # maximum number of inner nodes from the root to a leaf: size of the stack of a traversal
+COUNT_BITS = 3  # bits of a leaf's code that store its number of triangles
+_MOST = 1 << (31 - COUNT_BITS)  # number of triangles that a leaf's code can address
+_BINS = 16  # number of tried cuts of a node
+_FEW_BINS = 4  # number of tried cuts of small nodes
 
 
 @dataclass(frozen=True)
 class Tree:
-    """Inner nodes, parents before children, number 0 the root; each knows the boxes of its two children.
+    """Inner nodes, parents before children, root first; each stores the boxes of its two children.
 
     boxes : (m, 4, 3) float32
-        Low and high corner of the first child's box, low and high corner of the second's.
+        Low and high corner of the first child's box, low and high corner of the second child's box.
     children : (m, 2) int32
-        Number of an inner node, or code of a leaf, below 0: see `_code`.
+        Index of an inner node, or negative code of a leaf: see `_code`.
     order : (f,) int32
-        Numbers of the triangles, those of a leaf side by side.
+        Numbers of the triangles; the triangles of a leaf are adjacent.
     """
 
     boxes: np.ndarray
@@ -36,29 +36,29 @@ class Tree:
 
 
 def _code(first: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Of leaves, by the index of their first triangle in the tree's order and their number of triangles."""
+    """Return codes of leaves from their first index in the tree's order and their number of triangles."""
     return ~((first << COUNT_BITS) | count)
 
 
 @dataclass
 class _Level:
-    """Nodes of one level that are still to be cut, and their triangles, node after node."""
+    """Nodes of a level that will be cut, and their triangles, node after node."""
 
-    low: list[np.ndarray]  # three of (k,) by axis, of the triangles' boxes
+    low: list[np.ndarray]  # three arrays (k,) by axis: low corners of the triangles' boxes
     high: list[np.ndarray]
-    triangle: np.ndarray  # (k,) its number
-    start: np.ndarray  # (n,) first triangle of a node, in these arrays
+    triangle: np.ndarray  # (k,) numbers of the triangles
+    start: np.ndarray  # (n,) first triangle of each node, in these arrays
     count: np.ndarray  # (n,)
-    first: np.ndarray  # (n,) its index in the tree's order
+    first: np.ndarray  # (n,) index of the first triangle in the tree's order
 
     @property
     def node(self) -> np.ndarray:
-        """(k,) the triangles' nodes."""
+        """Node (k,) of each triangle."""
         return np.repeat(np.arange(len(self.count)), self.count)
 
 
 def built(vertices: np.ndarray, faces: np.ndarray) -> Tree:
-    """The tree of triangles `faces` (f, 3) of `vertices` (v, 3), whose boxes hold them as float32; f > 0.
+    """Build the tree of triangles `faces` (f, 3) of `vertices` (v, 3), with boxes that bound them in float32; f > 0.
 
     Raises
     ------
@@ -95,21 +95,21 @@ def _root(vertices: np.ndarray, faces: np.ndarray) -> _Level:
 
 
 def _single(level: _Level) -> Tree:
-    """The tree of a scene that fits into a leaf: its second child is empty."""
+    """Return the tree of a scene that fits into a leaf: its second child is empty."""
     box = _boxes(level)[0]
     children = _code(np.zeros(2, np.int64), np.array([level.count[0], 0])).astype(np.int32)
     return Tree(np.concatenate([box, box])[None], children[None], np.arange(level.count[0], dtype=np.int32))
 
 
 def _boxes(level: _Level) -> np.ndarray:
-    """(n, 2, 3) low and high corner around the triangles of each node."""
+    """Return the low and high corner (n, 2, 3) around the triangles of each node."""
     low = [np.minimum.reduceat(values, level.start) for values in level.low]
     high = [np.maximum.reduceat(values, level.start) for values in level.high]
     return np.stack([np.stack(low, axis=1), np.stack(high, axis=1)], axis=1)
 
 
 def _cut(level: _Level, depth: int) -> _Level:
-    """The two children of every node, side by side."""
+    """Return the two children of every node, adjacent to each other."""
     node = level.node
     second = _by_area(level, node, depth)
     before = np.cumsum(~second) - ~second  # triangles of first children before each triangle
@@ -138,17 +138,17 @@ def _cut(level: _Level, depth: int) -> _Level:
 
 
 def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
-    """(k,) bool: triangles that go to the second child.
+    """Return a mask (k,) of the triangles of the second child.
 
-    A node is cut across the axis along which its triangles' centres spread most, where the children's areas times their
-    numbers of triangles are least. Where all centres fall together, and where the tree would get too deep, its
-    triangles are halved as they come.
+    A node is cut across the axis with the largest spread of its triangles' centres, where the sum of the children's
+    areas times their numbers of triangles is minimal. If all centres coincide, or if the tree would become too deep,
+    the triangles are halved in their current order.
     """
     centre, spread = _along_widest(level, node)
     bins = _BINS if len(node) > 2 * _BINS * len(level.count) else _FEW_BINS
     with np.errstate(divide="ignore", over="ignore"):
         scale = np.where(spread > 0, np.float32(bins * (1 - 1e-6)) / spread, np.float32(0))
-    scale[~np.isfinite(scale)] = 0  # spreads too small for a quotient
+    scale[~np.isfinite(scale)] = 0  # spreads that are too small for a quotient
     found = np.minimum((centre * scale[node]).astype(np.int64), bins - 1)
     cut = _best_cut(level, node * bins + found, bins)
     second = found > cut[node]
@@ -160,7 +160,7 @@ def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
 
 
 def _along_widest(level: _Level, node: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles' centres (k,) along the axis of their node's widest spread, from its lowest; that spread (n,)."""
+    """Return centres (k,) along the axis of their node's largest spread, from its minimum, and the spread (n,)."""
     centres = [low / 2 + high / 2 for low, high in zip(level.low, level.high, strict=True)]
     lowest = np.stack([np.minimum.reduceat(values, level.start) for values in centres])
     spreads = np.stack([np.maximum.reduceat(values, level.start) for values in centres]) - lowest
@@ -171,7 +171,7 @@ def _along_widest(level: _Level, node: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _best_cut(level: _Level, key: np.ndarray, bins: int) -> np.ndarray:
-    """(n,) last bin of the first child; -1 where one child would be empty. `key`: (k,) node * bins + bin."""
+    """Return the last bin (n,) of the first child; -1 if a child would be empty. `key`: (k,) node * bins + bin."""
     shape = (len(level.count), bins)
     count = np.bincount(key, minlength=shape[0] * bins).reshape(shape)
     low, high = [], []
@@ -191,8 +191,8 @@ def _best_cut(level: _Level, key: np.ndarray, bins: int) -> np.ndarray:
 
 
 def _areas(low: list[np.ndarray], high: list[np.ndarray]) -> np.ndarray:
-    """(n, bins) half the area of the box around the bins up to each one."""
-    with np.errstate(invalid="ignore", over="ignore"):  # no bin filled yet: infinite sides
+    """Return half the area (n, bins) of the box around the bins up to each bin."""
+    with np.errstate(invalid="ignore", over="ignore"):  # infinite sides before the first filled bin
         x, y, z = (
             np.maximum.accumulate(h, axis=1) - np.minimum.accumulate(v, axis=1) for v, h in zip(low, high, strict=True)
         )
@@ -201,7 +201,7 @@ def _areas(low: list[np.ndarray], high: list[np.ndarray]) -> np.ndarray:
 
 
 def _without(level: _Level, leaf: np.ndarray, order: np.ndarray) -> _Level:
-    """The level without its leaves, whose triangles find their indices in the tree's order."""
+    """Return the level without its leaves, and write their triangles to the tree's order."""
     node = level.node
     done = leaf[node]
     index = level.first[node] + np.arange(len(node)) - level.start[node]

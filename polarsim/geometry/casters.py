@@ -1,4 +1,4 @@
-"""The engine that casts rays at a set of triangles, chosen by name."""
+"""Selection of the engine that casts rays at triangles."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ def caster(
     threads: int | None = None,
     device: Device = "cpu",
 ) -> Surveyor:
-    """An engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
+    """Return an engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
 
-    Embree casts float32 rays on `threads` threads, None: one. So does Taichi on its device, None: on as many as it runs
-    with. Results do not depend on the number. NumPy needs time in proportion to rays times
-    triangles and is there to define the result.
+    Embree casts float32 rays on `threads` threads, one by default. Taichi uses that number on its device, by default
+    the number with which it runs already. Results do not depend on the number. NumPy is the reference; its time is
+    proportional to rays times triangles.
 
     Raises
     ------
     PolarsimError
-        The engine cannot be loaded, or the device is not there.
+        The engine cannot be loaded, or the device is not available.
     """
     if engine == "numpy":
         return NumpyCaster(vertices, faces)

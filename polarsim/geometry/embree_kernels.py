@@ -1,7 +1,7 @@
-"""Loops over rays that call Embree, compiled by Numba: a call from Python for every ray would take longer than the ray.
+"""Loops over rays that call Embree, compiled by Numba: a Python call per ray would take longer than the ray.
 
-Rays go in packets, for neighbours share most of their way through Embree's tree. A packet is Embree's RTCRayHit8 or
-RTCRayHit16 (embree4/rtcore_ray.h): 24 rows of so many numbers of four bytes, aligned to as many times four bytes.
+Rays are cast in packets, because neighbours share most of their path through Embree's tree. A packet is Embree's
+RTCRayHit8 or RTCRayHit16 (embree4/rtcore_ray.h): 24 rows of 8 or 16 numbers of four bytes, aligned to the row size.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from polarsim.kernels import njit
 ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, NUMBER, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # rows of a packet
 NORMAL, WEIGHTS, FACE, SHAPE, INSTANCE, ROWS = 12, 15, 17, 18, 19, 24
 NOTHING = np.uint32(0xFFFFFFFF)  # RTC_INVALID_GEOMETRY_ID
-# RTCIntersectArguments: rays near each other, all features, no context, no filter, no function of ours.
+# RTCIntersectArguments: rays near each other, all features, no context, no filter, no user function.
 COHERENT = np.array([1 << 16, 0xFFFFFFFF, 0, 0, 0, 0, 0, 0], np.uint32)
 
 
 def _embree(name: str) -> nb.types.ExternalFunction:
-    """A query of Embree by a name that compiled and cached loops find it by."""
+    """Return a query of Embree under a name that compiled and cached loops can resolve."""
     llvm.add_symbol(f"polarsim_{name}", ctypes.cast(getattr(embree(), name), ctypes.c_void_p).value)
     return nb.types.ExternalFunction(f"polarsim_{name}", nb.types.void(*[nb.types.intp] * 4))
 
@@ -35,7 +35,7 @@ _intersect16, _occluded16 = _embree("rtcIntersect16"), _embree("rtcOccluded16")
 
 @njit(nogil=True, inline="always")
 def _packet(size):  # type: ignore[no-untyped-def]
-    """Room for a packet, as floats and as integers, and for which of its rays count."""
+    """Return buffers of a packet: as floats, as integers, and the mask of valid rays."""
     room = np.zeros(ROWS * size + size, np.float32)
     start = (-(room.ctypes.data // 4)) % size
     rays = room[start : start + ROWS * size].reshape(ROWS, size)
@@ -46,10 +46,10 @@ def _packet(size):  # type: ignore[no-untyped-def]
 
 @njit(nogil=True, inline="always")
 def _fill(rays, integers, valid, origins, directions, first, mask):  # type: ignore[no-untyped-def]
-    """Put the rays from number `first` on into the packet; how many these are."""
+    """Copy the rays from index `first` into the packet, and return their number."""
     size = len(valid)
     count = min(size, len(directions) - first)
-    each = 1 if len(origins) == len(directions) else 0  # else one origin for all
+    each = 1 if len(origins) == len(directions) else 0  # 0: the same origin for all rays
     for k in range(size):
         valid[k] = -1 if k < count else 0
     for k in range(count):
@@ -64,10 +64,10 @@ def _fill(rays, integers, valid, origins, directions, first, mask):  # type: ign
 def intersect(  # type: ignore[no-untyped-def]
     size, scene, first_face, mask, origins, directions, number, distance, face, weights, normal
 ):
-    """Write what rays meet to the front of the arrays, in the order of rays; how many do.
+    """Write the hits to the front of the arrays, in the order of rays, and return their number.
 
-    `size`: rays of a packet, 8 or 16. `first_face`: number of the first face of each of the scene's parts. `mask`: bits
-    of the parts that count. `origins` (n, 3) or (1, 3), `directions` (n, 3).
+    `size`: rays per packet, 8 or 16. `first_face`: number of the first face of each part of the scene. `mask`: bits of
+    the parts that are tested. `origins` (n, 3) or (1, 3), `directions` (n, 3).
     """
     rays, integers, valid = _packet(size)
     arguments = COHERENT.copy()
@@ -98,7 +98,7 @@ def intersect(  # type: ignore[no-untyped-def]
 
 @njit(nogil=True)
 def occluded(size, scene, mask, origins, directions, far, near_metres, hit):  # type: ignore[no-untyped-def]
-    """Whether a triangle lies between `near_metres` and `far` (n,) or (1,), in units of the direction's length."""
+    """Write whether a triangle is between `near_metres` and `far` (n,) or (1,), in units of the direction's length."""
     rays, integers, valid = _packet(size)
     arguments = COHERENT.copy()
     each = 1 if len(far) == len(directions) else 0
@@ -116,5 +116,5 @@ def occluded(size, scene, mask, origins, directions, far, near_metres, hit):  # 
         else:
             _occluded8(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
         for k in range(count):
-            hit[first + k] = valid[k] != 0 and rays[FAR, k] < 0  # Embree's mark of a ray that met something
+            hit[first + k] = valid[k] != 0 and rays[FAR, k] < 0  # Embree marks a hit by a negative distance
     restore(mode)

@@ -1,7 +1,7 @@
-"""Intel's Embree 4, the library itself: found in the wheel of embreex, called through its C interface.
+"""Intel's Embree 4 from the wheel of embreex, called through its C interface.
 
-embreex's own classes copy meshes number by number and take directions apart ray by ray in Python's reach; Embree reads
-NumPy's arrays where they lie. Names and numbers: embree4/rtcore_*.h of Embree 4.4.
+The classes of embreex copy meshes and directions element by element in Python; Embree reads NumPy's arrays without a
+copy. Names and numbers: embree4/rtcore_*.h of Embree 4.4.
 """
 
 from __future__ import annotations
@@ -20,11 +20,9 @@ _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _TRIANGLES, _INSTANCE = 0, 121  # RTC_GEOMETRY_TYPE_TRIANGLE, _INSTANCE
 _INDICES, _VERTICES = 0, 1  # RTC_BUFFER_TYPE_INDEX, _VERTEX
 _THREE_INTEGERS, _THREE_FLOATS = 0x5003, 0x9003  # RTC_FORMAT_UINT3, _FLOAT3
-ROBUST = 1 << 2  # RTC_SCENE_FLAG_ROBUST: rays through shared edges do not slip between triangles
+ROBUST = 1 << 2  # RTC_SCENE_FLAG_ROBUST: no ray passes between triangles at a shared edge
 _NATIVE_16 = 34  # RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED
-_ONE_THREAD = (
-    b"threads=1,set_affinity=0"  # the tree, and so which of two triangles at one edge is hit, is the same anywhere
-)
+_ONE_THREAD = b"threads=1,set_affinity=0"  # makes the tree, and which triangle is hit at a shared edge, reproducible
 
 _INTERFACE: dict[str, tuple[object, list[object]]] = {
     "rtcNewDevice": (_POINTER, [ctypes.c_char_p]),
@@ -50,22 +48,22 @@ _INTERFACE: dict[str, tuple[object, list[object]]] = {
 
 @cache
 def embree() -> ctypes.CDLL:
-    """The library, its functions typed.
+    """Load the library and declare its functions.
 
     Raises
     ------
     PolarsimError
-        embreex is not installed, or brings no Embree 4.
+        embreex is not installed, or does not include Embree 4.
     """
     try:
-        import embreex.rtcore_scene  # noqa: F401  (loads the thread library that Embree needs)
+        import embreex.rtcore_scene  # noqa: F401  (loads the thread library of Embree)
 
         files = metadata.files("embreex") or []
     except (ImportError, metadata.PackageNotFoundError) as error:
         raise PolarsimError(f"rays: engine 'embree' cannot be loaded ({error}); install embreex") from error
     found = [Path(str(file.locate())) for file in files if file.name.startswith(("libembree4", "embree4"))]
     if not found:
-        raise PolarsimError("rays: this embreex brings no Embree 4; install embreex 4.4 or newer")
+        raise PolarsimError("rays: this embreex does not include Embree 4; install embreex 4.4 or newer")
     library = ctypes.CDLL(str(found[0]))
     for name, (result, arguments) in _INTERFACE.items():
         function = getattr(library, name)
@@ -74,7 +72,7 @@ def embree() -> ctypes.CDLL:
 
 
 class Scene:
-    """Triangles `faces` (f, 3) of `vertices` (v, 3) with Embree's tree over them; `address` is its RTCScene."""
+    """Triangles `faces` (f, 3) of `vertices` (v, 3) with Embree's tree; `address` is the RTCScene."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         library = embree()
@@ -88,16 +86,16 @@ class Scene:
 
 
 def padded(vertices: np.ndarray) -> np.ndarray:
-    """(v + 1, 3) float32 room for vertices (v, 3): Embree reads 16 bytes of every vertex, the last one too."""
+    """Return a buffer (v + 1, 3) float32 with vertices (v, 3): Embree reads 16 bytes of every vertex."""
     room = np.zeros((len(vertices) + 1, 3), np.float32)
     room[:-1] = vertices
     return room
 
 
 def attach(scene: int, vertices: np.ndarray, faces: np.ndarray, mask: int = 1) -> int:
-    """Add `padded` vertices and faces (f, 3) uint32, which must stay where they are; the RTCGeometry, to be released.
+    """Add `padded` vertices and faces (f, 3) uint32, which must not be moved; return the RTCGeometry to release.
 
-    `mask`: bits of rays that meet them; Embree's own default is 1.
+    `mask`: bits of the rays that can hit these triangles; Embree's default is 1.
     """
     geometry: int = embree().rtcNewGeometry(device(), _TRIANGLES)
     for kind, form, numbers, count in (
@@ -109,7 +107,7 @@ def attach(scene: int, vertices: np.ndarray, faces: np.ndarray, mask: int = 1) -
 
 
 def attach_scene(scene: int, part: int, mask: int) -> int:
-    """Add a scene to another, seen by rays that share a bit with `mask`; the RTCGeometry, to be released."""
+    """Add a scene to another scene for rays that share a bit with `mask`; return the RTCGeometry to release."""
     geometry: int = embree().rtcNewGeometry(device(), _INSTANCE)
     embree().rtcSetGeometryInstancedScene(geometry, part)
     return _attached(scene, geometry, mask)
@@ -123,25 +121,25 @@ def _attached(scene: int, geometry: int, mask: int) -> int:
 
 
 def updated(geometry: int, *, vertices: bool) -> None:
-    """Tell Embree that a geometry's vertices, or the scene in it, have changed."""
+    """Notify Embree that a geometry's vertices, or the scene in it, have changed."""
     if vertices:
         embree().rtcUpdateGeometryBuffer(geometry, _VERTICES, 0)
     embree().rtcCommitGeometry(geometry)
 
 
 def check(faces: int) -> None:
-    """Raise a PolarsimError where Embree refused what was built last."""
+    """Raise a PolarsimError if Embree refused the last build."""
     if code := embree().rtcGetDeviceError(device()):
-        raise PolarsimError(f"rays: Embree cannot take these {faces} triangles, error {code}")
+        raise PolarsimError(f"rays: Embree cannot build a tree of {faces} triangles, error {code}")
 
 
 @cache
 def device() -> int:
-    """One for all scenes: with a second one a thread of Embree's would spin as long as the process runs."""
+    """Return the only device: with a second device, a thread of Embree would spin until the process ends."""
     return int(embree().rtcNewDevice(_ONE_THREAD))
 
 
 @cache
 def packet_size() -> int:
-    """Rays that Embree takes at once on this processor: 16 where it has AVX-512, else 8."""
+    """Return the number of rays in a packet on this processor: 16 with AVX-512, else 8."""
     return 16 if embree().rtcGetDeviceProperty(device(), _NATIVE_16) else 8

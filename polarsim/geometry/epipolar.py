@@ -23,9 +23,9 @@ def epipolar_distances(rig: StereoRig, left_px: np.ndarray, right_px: np.ndarray
 
 
 def triangulated_depth(rig: StereoRig, left_px: np.ndarray, right_px: np.ndarray) -> np.ndarray:
-    """Return the depth (n,) in the left camera, metres, at which the rays of pairs of pixels (n, 2) come closest.
+    """Return the depth (n,) in the left camera, metres, at which the rays of pairs of pixels (n, 2) are nearest.
 
-    Negative where the rays diverge: the images are exchanged, or the pair is no match. Infinite for parallel rays.
+    The depth is negative for diverging rays (exchanged images or a wrong match), and infinite for parallel rays.
     """
     left = rig.left.directions(left_px)
     right = rig.left_from_right.rotate(rig.right.directions(right_px))

@@ -1,8 +1,8 @@
-"""Numbers too small for a float's full precision counted as zero while Embree casts rays, as Embree asks for.
+"""Flushing of denormal numbers to zero while Embree casts rays, as Embree recommends.
 
-Such numbers take a processor a hundred times as long as others. The setting is a thread's own, in its MXCSR register
-(Intel, Software Developer's Manual 1, 10.2.3); threads of a caller get theirs back. Processors without that register
-keep their setting.
+Denormal numbers take a processor a hundred times as long as other numbers. The setting is in the MXCSR register of each
+thread (Intel, Software Developer's Manual 1, 10.2.3); it is restored afterwards. Processors without that register keep
+their setting.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _INTEGER = ir.IntType(32)
 
 
 def _call(builder: ir.IRBuilder, name: str, slot: Any) -> None:
-    """Store the register in a slot, or load it from there."""
+    """Store the register in a slot, or load it from the slot."""
     address = ir.IntType(8).as_pointer()
     function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(ir.VoidType(), [address]), name)
     builder.call(function, [builder.bitcast(slot, address)])
@@ -28,7 +28,7 @@ def _call(builder: ir.IRBuilder, name: str, slot: Any) -> None:
 
 @intrinsic
 def denormals_as_zero(context):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """Set flush-to-zero and denormals-are-zero in this thread; what `restore` takes to undo that."""
+    """Set flush-to-zero and denormals-are-zero in this thread, and return the previous mode for `restore`."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def] # noqa: ARG001
         if not _HAS_MXCSR:
@@ -45,7 +45,7 @@ def denormals_as_zero(context):  # type: ignore[no-untyped-def] # noqa: ARG001
 
 @intrinsic
 def restore(context, mode):  # type: ignore[no-untyped-def] # noqa: ARG001
-    """Give this thread the setting back that `denormals_as_zero` found."""
+    """Restore the mode that `denormals_as_zero` returned in this thread."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def] # noqa: ARG001
         if _HAS_MXCSR:

@@ -1,11 +1,11 @@
-"""The lens: between directions in a camera's frame (x right, y down, z forward) and pixels of its photo.
+"""Lens: conversion between directions in a camera frame (x right, y down, z forward) and pixels of its photo.
 
-Pixel centres lie at integer + 0.5: the photo spans 0 to its width. OpenCV's calibrations count from the first pixel's
-centre; `Lens.from_opencv` is the only place that knows.
+Pixel centres are at integer + 0.5, and the photo extends from 0 to its width. OpenCV's calibrations count from the
+centre of the first pixel; only `Lens.from_opencv` converts between both conventions.
 
-A lens is undone pixel by pixel by Newton's method (`Lens.directions`), which took a quarter of the time of casting the
-rays. It is smooth, so that Chebyshev polynomials of degree 14 in u and v give it to 1e-6 px over the whole photo; where
-they do not, more are taken. `pixel_directions` is that quick way to the directions through all pixels of rows.
+`Lens.directions` inverts the distortion of each pixel by Newton's method, which took a quarter of the time of ray
+casts. The inverse is smooth: Chebyshev polynomials of degree 14 in u and v approximate it to 1e-6 px over the entire
+photo, and higher degrees are used if necessary. `pixel_directions` evaluates them for all pixels of rows.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from numpy.polynomial import chebyshev
 
 from polarsim.photo import HEIGHT, WIDTH
 
-CHUNK = 1 << 14  # pixels whose arrays stay in the cache
-CLOSE = 1e-7  # of undistortion, in units of the focal length: the next step squares what is left
+CHUNK = 1 << 14  # number of pixels with arrays that fit the cache
+CLOSE = 1e-7  # convergence of the undistortion, in units of the focal length: the next step squares the error
 HALF_PIXEL = 0.5  # OpenCV's (0, 0) is our (0.5, 0.5)
-CLOSE_PX = 1e-6  # farthest that a direction may lead from its pixel
+CLOSE_PX = 1e-6  # maximum reprojection error of a polynomial
 _DEGREES = (14, 24, 40)
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Brown's model as OpenCV has it: focal lengths and principal point in pixels, k1 k2 p1 p2 k3 without unit."""
+    """Brown's model in OpenCV's form: focal lengths and principal point in pixels, k1 k2 p1 p2 k3 without unit."""
 
     fx: float
     fy: float
@@ -44,7 +44,7 @@ class Lens:
 
     @classmethod
     def from_opencv(cls, matrix: np.ndarray, distortion: np.ndarray, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Lens:
-        """Camera matrix (3, 3), 4 or 5 distortion terms (k1 k2 p1 p2 [k3]), size (width, height)."""
+        """Create a lens from a camera matrix (3, 3), distortion (k1 k2 p1 p2 [k3]) and size (width, height)."""
         terms = np.zeros(5)
         terms[: len(distortion)] = distortion
         return cls(
@@ -57,13 +57,13 @@ class Lens:
         )
 
     def opencv_matrix(self) -> np.ndarray:
-        """(3, 3) camera matrix in OpenCV's pixel convention."""
+        """Return the camera matrix (3, 3) in OpenCV's pixel convention."""
         return np.array(
             [[self.fx, 0, self.cx - HALF_PIXEL], [0, self.fy, self.cy - HALF_PIXEL], [0, 0, 1]], dtype=float
         )
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (..., 2) of points (..., 3) in the camera's frame; NaN for points behind the camera."""
+        """Return pixels (..., 2) of points (..., 3) in the camera frame; NaN for points with negative depth."""
         depth = points[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             x = np.where(depth > 1e-6, points[..., 0] / depth, np.nan)
@@ -72,8 +72,8 @@ class Lens:
         return np.stack([self.fx * xd + self.cx, self.fy * yd + self.cy], axis=-1)
 
     def directions(self, pixels: np.ndarray) -> np.ndarray:
-        """Directions (..., 3) with z = 1 of pixels (..., 2): the inverse of `project`, to 1e-9 px inside the photo."""
-        # Contiguous, so that `flat` is a view of it.
+        """Return directions (..., 3) with z = 1 of pixels (..., 2): the inverse of `project`, to 1e-9 px."""
+        # Contiguous, so that `flat` is a view of the array.
         distorted = np.ascontiguousarray((np.asarray(pixels) - [self.cx, self.cy]) / [self.fx, self.fy])
         if any(self.distortion):
             flat = distorted.reshape(-1, 2)
@@ -82,13 +82,13 @@ class Lens:
         return np.concatenate([distorted, np.ones_like(distorted[..., :1])], axis=-1)
 
     def pixel_directions(self, rows: slice = slice(None), columns: slice = slice(None)) -> np.ndarray:
-        """Directions (h, w, 3) with z = 1 through the centres of the photo's pixels, or of a part of them."""
+        """Return directions (h, w, 3) with z = 1 through the centres of the photo's pixels, or of a part of them."""
         u = np.arange(self.width)[columns] + HALF_PIXEL
         v = np.arange(self.height)[rows] + HALF_PIXEL
         return self.directions(np.stack(np.meshgrid(u, v), axis=-1))
 
     def scaled(self, factor: float) -> Lens:
-        """The same lens on a photo that is `factor` times as large."""
+        """Return the lens for a photo that is `factor` times as large."""
         return Lens(
             self.fx * factor,
             self.fy * factor,
@@ -100,7 +100,7 @@ class Lens:
         )
 
     def _undistorted(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
-        """(n, 2) the inverse of `_distort`, by Newton's method: three or four steps for lenses like these."""
+        """Return (n, 2) the inverse of `_distort` by Newton's method, in three or four steps."""
         k1, k2, p1, p2, k3 = self.distortion
         x, y = xd, yd
         for _ in range(20):
@@ -108,7 +108,7 @@ class Lens:
             ex, ey = ex - xd, ey - yd
             r2, xy = x * x + y * y, x * y
             radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-            slope = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))  # of `radial` along x is slope * x
+            slope = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3))  # the derivative of `radial` along x is slope * x
             xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x  # the Jacobian, symmetric
             yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
             mixed = slope * xy + 2 * p1 * x + 2 * p2 * y
@@ -129,7 +129,7 @@ class Lens:
 
 
 def pixel_directions(lens: Lens, rows: slice, offset: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """(rows, w, 3) directions with z = 1 through the pixels' centres, moved by `offset` pixels."""
+    """Return directions (rows, w, 3) with z = 1 through the pixels' centres, moved by `offset` pixels."""
     u, v = _centres(lens, offset)
     v = v[rows]
     fit = _inverse(lens)
@@ -141,13 +141,13 @@ def pixel_directions(lens: Lens, rows: slice, offset: tuple[float, float] = (0.0
 
 
 def separated(lens: Lens, offset: tuple[float, float] = (0.0, 0.0)) -> tuple[np.ndarray, np.ndarray] | None:
-    """Directions of a whole photo as sums of products, for devices that multiply faster than they are given arrays.
+    """Return directions of an entire photo as sums of products, for devices with slow transfers.
 
     Returns
     -------
     of_row, of_column : (h, n, 2), (w, n)
-        x and y of the direction through pixel (v, u), moved by `offset` pixels: of_row[v].T @ of_column[u]. None where
-        `pixel_directions` finds no polynomial.
+        x and y of the direction through pixel (v, u), moved by `offset` pixels: of_row[v].T @ of_column[u]. None if no
+        polynomial is accurate enough.
     """
     fit = _inverse(lens)
     if fit is None:
@@ -158,13 +158,13 @@ def separated(lens: Lens, offset: tuple[float, float] = (0.0, 0.0)) -> tuple[np.
 
 
 def _centres(lens: Lens, offset: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates u (w,) and v (h,) of pixels' centres, moved by `offset` pixels."""
+    """Return coordinates u (w,) and v (h,) of pixels' centres, moved by `offset` pixels."""
     return np.arange(lens.width) + HALF_PIXEL + offset[0], np.arange(lens.height) + HALF_PIXEL + offset[1]
 
 
 @lru_cache(maxsize=16)
 def _inverse(lens: Lens) -> np.ndarray | None:
-    """(n, n, 2) coefficients by v and u of the x and y of directions; None where no degree is close enough."""
+    """Return coefficients (n, n, 2) by v and u of the x and y of directions; None if no degree is accurate enough."""
     for degree in _DEGREES:
         nodes = chebyshev.chebpts1(degree + 1)
         u, v = _range_of(nodes, lens.width), _range_of(nodes, lens.height)
@@ -177,7 +177,7 @@ def _inverse(lens: Lens) -> np.ndarray | None:
 
 
 def _worst_px(fit: np.ndarray, lens: Lens) -> float:
-    """How far directions lead from their pixels, at worst, on a grid that does not hold the nodes."""
+    """Return the maximum reprojection error of directions on a grid that does not contain the nodes."""
     u, v = np.linspace(0, lens.width, 67), np.linspace(0, lens.height, 53)
     found = _evaluated(fit, lens, u, v)
     exact = lens.directions(np.stack(np.meshgrid(u, v), axis=-1))[..., :2]
@@ -185,12 +185,12 @@ def _worst_px(fit: np.ndarray, lens: Lens) -> float:
 
 
 def _evaluated(fit: np.ndarray, lens: Lens, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(v, u, 2) values of a fit on a grid of pixels."""
+    """Return values (v, u, 2) of a fit on a grid of pixels."""
     along_v = chebyshev.chebvander(2 * v / lens.height - 1, len(fit) - 1)
     along_u = chebyshev.chebvander(2 * u / lens.width - 1, len(fit) - 1)
     return np.stack([along_v @ fit[..., axis] @ along_u.T for axis in range(2)], axis=-1)
 
 
 def _range_of(nodes: np.ndarray, size: int) -> np.ndarray:
-    """Coordinates -1 to 1 as pixels 0 to `size`."""
+    """Convert coordinates -1 to 1 to pixels 0 to `size`."""
     return (nodes + 1) / 2 * size

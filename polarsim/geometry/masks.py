@@ -1,4 +1,4 @@
-"""Masks: agreement of two class masks pixel by pixel, windows of ids, and removal of small components."""
+"""Masks: confusion of two class masks, windows of ids, and removal of small components."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from scipy.ndimage import find_objects
 
 from polarsim.photo import NO_ROCK
 
-Window = tuple[slice, slice]  # rows and columns of a picture
-SMALL_PART = 0.15  # of a mask's largest connected part: nobody would outline or box smaller ones
+Window = tuple[slice, slice]  # rows and columns of an image
+SMALL_PART = 0.15  # minimum area of a connected part, share of the largest part; people do not outline smaller parts
 
 
 def confusion(truth: np.ndarray, found: np.ndarray, classes: int) -> np.ndarray:
-    """(classes, classes) pixels by their true class (row) and the class that was found (column).
+    """Return numbers of pixels (classes, classes) by true class (row) and predicted class (column).
 
     Parameters
     ----------
     truth, found
-        Class numbers of the same shape; pixels whose true class is none of them do not count.
+        Class numbers of the same shape; pixels with an unknown true class are ignored.
 
     Raises
     ------
@@ -25,16 +25,16 @@ def confusion(truth: np.ndarray, found: np.ndarray, classes: int) -> np.ndarray:
         Shapes differ.
     """
     if truth.shape != found.shape:
-        raise ValueError(f"masks of shapes {truth.shape} and {found.shape}")
+        raise ValueError(f"masks have different shapes, {truth.shape} and {found.shape}")
     counted = truth < classes
     pairs = truth[counted].astype(int) * classes + found[counted]
     return np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
 def iou(counts: np.ndarray) -> np.ndarray:
-    """(..., classes) intersection over union of each class, of `confusion` (..., classes, classes).
+    """Return the IoU (..., classes) of each class, from `confusion` (..., classes, classes).
 
-    NaN of a class that neither has.
+    It is NaN for classes without pixels.
     """
     both = np.diagonal(counts, axis1=-2, axis2=-1)
     either = counts.sum(axis=-1) + counts.sum(axis=-2) - both
@@ -42,19 +42,19 @@ def iou(counts: np.ndarray) -> np.ndarray:
 
 
 def windows_of(ids: np.ndarray) -> dict[int, Window]:
-    """Where each rock lies in a picture of rock ids."""
-    windows = find_objects(ids - NO_ROCK)  # counts from 1 on; None for ids that no pixel has
+    """Return the window of each rock in an image of rock ids."""
+    windows = find_objects(ids - NO_ROCK)  # indices start at 1; None for ids without pixels
     return {rock: (window[0], window[1]) for rock, window in enumerate(windows, 1 + NO_ROCK) if window}
 
 
 def without_small_components(mask: np.ndarray, connectivity: int = 4) -> np.ndarray:
-    """A mask (h, w) less the parts that are much smaller than its largest one; parts hang together by edges.
+    """Return a mask (h, w) without the parts that are much smaller than its largest part.
 
-    With a connectivity of 8 corners hold too.
+    Parts are connected by edges, and with a connectivity of 8 also by corners.
     """
     import cv2
 
     _, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=connectivity)
-    areas = figures[:, cv2.CC_STAT_AREA] * (np.arange(len(figures)) > 0)  # number 0 is what lies around
+    areas = figures[:, cv2.CC_STAT_AREA] * (np.arange(len(figures)) > 0)  # number 0 is the background
     kept = areas >= SMALL_PART * max(1, areas.max())
     return np.asarray(kept[parts])

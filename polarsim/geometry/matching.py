@@ -1,6 +1,6 @@
-"""Predicted boxes matched with labels from sure to unsure, as COCO's evaluation matches them: the reference.
+"""Matching of predictions with labels in the order of confidence, as in COCO's evaluation: the reference.
 
-The surest prediction first takes the label with the largest IoU that is still free.
+The most confident prediction first gets the unmatched label with the largest IoU.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ import numpy as np
 
 
 def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(g, t, n) which predictions take a label that is asked for, and which take one that is not (`other`, (g, m)).
+    """Return (g, t, n) which predictions match a wanted label, and which match an ignored label (`other`, (g, m)).
 
-    Of overlaps (n predictions from sure to unsure, m labels). Labels that are asked for go first.
-    `matching_numba` obeys.
+    `overlap` are IoU (n predictions in descending confidence, m labels). Wanted labels are preferred.
+    `matching_numba` must return the same.
     """
     shape = (len(other), len(thresholds))
     matched, passed = np.zeros((*shape, len(overlap)), bool), np.zeros((*shape, len(overlap)), bool)
     if not overlap.size:
         return matched, passed
-    asked = ~other[:, None, ::-1]  # backwards: of equal overlaps COCO takes the last label
+    asked = ~other[:, None, ::-1]  # backwards, because COCO selects the last of equal overlaps
     free = np.ones((*shape, overlap.shape[1]), bool)
     ranges, levels = np.ogrid[: shape[0], : shape[1]]
     backwards, some_other = overlap[:, ::-1], other.any()

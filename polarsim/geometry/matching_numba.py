@@ -1,4 +1,4 @@
-"""`matching.match`, compiled."""
+"""Compiled version of `matching.match`."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from polarsim.kernels import njit
 
 
 def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(g, t, n) which predictions take a label that is asked for, and which take one that is not (`other`, (g, m)).
+    """Return (g, t, n) which predictions match a wanted label, and which match an ignored label (`other`, (g, m)).
 
-    Of overlaps (n predictions from sure to unsure, m labels). Labels that are asked for go first.
+    `overlap` are IoU (n predictions in descending confidence, m labels). Wanted labels are preferred.
     """
     shape = (len(other), len(thresholds), len(overlap))
     matched, passed = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     if overlap.size:
-        # Numba reads arrays of the other byte order as if they were of this machine's.
+        # Numba reads arrays of the opposite byte order as if they had the machine's byte order.
         overlap, thresholds = np.ascontiguousarray(overlap, float), np.ascontiguousarray(thresholds, float)
         near = np.flatnonzero(overlap.max(axis=1) >= thresholds.min())
         _match(overlap, thresholds, np.ascontiguousarray(other, bool), near, matched, passed)
@@ -31,7 +31,7 @@ def _match(
     matched: np.ndarray,
     passed: np.ndarray,
 ) -> None:
-    """Fill matched and passed for the predictions `near` (k,) some label."""
+    """Fill matched and passed for the predictions `near` (k,) a label."""
     free = np.empty(overlap.shape[1], np.bool_)
     for area in range(len(other)):
         for level in range(len(thresholds)):
@@ -43,7 +43,7 @@ def _match(
                     if not free[label] or not common >= thresholds[level]:
                         continue
                     if other[area, label]:
-                        if second < 0 or common >= overlap[n, second]:  # of equal overlaps COCO takes the last label
+                        if second < 0 or common >= overlap[n, second]:  # COCO selects the last of equal overlaps
                             second = label
                     elif best < 0 or common >= overlap[n, best]:
                         best = label

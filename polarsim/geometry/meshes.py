@@ -1,4 +1,4 @@
-"""Surfaces of triangles."""
+"""Triangle meshes."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ class Mesh:
     faces: np.ndarray
 
     def normals(self) -> np.ndarray:
-        """(v, 3) unit vertex normals, weighted by area; zero where a vertex has no face."""
+        """Return unit vertex normals (v, 3), weighted by area; zero for vertices without a face."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         face_normals = cross(b - a, c - a)
         corners = self.faces.T.ravel()
         sums = [np.bincount(corners, np.tile(part, 3), len(self.vertices)) for part in face_normals.T]
-        normals = np.stack(sums, axis=1).astype(float)  # without faces NumPy counts in integers
+        normals = np.stack(sums, axis=1).astype(float)  # NumPy returns integers without faces
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
 
 def subdivided(mesh: Mesh) -> Mesh:
-    """Four triangles for each of a mesh's: its vertices stay, the middles of edges bulge as the normals there say.
+    """Divide every triangle into four: vertices are kept, edge midpoints are moved towards the tangent planes.
 
     Boubekeur and Alexa, Phong Tessellation, ACM TOG 27 (2008) 141.
     """

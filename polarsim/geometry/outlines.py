@@ -12,7 +12,7 @@ from polarsim.geometry.boxes import clip
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
-from polarsim.geometry.topology import part_of_vertex
+from polarsim.geometry.topology import largest_island
 
 RIM_SECTORS = 24  # the rim is the lowest outer vertex in each of these
 EDGES = 4  # of a box: left, top, right, bottom
@@ -78,7 +78,7 @@ def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.
     trim_share : float
         The upper part begins below this part of the rock's height in any case.
     """
-    vertices = largest_island(mesh)
+    vertices = largest_island(mesh).vertices
     bottom, top = vertices[:, 2].min(), vertices[:, 2].max()
     limit = np.minimum(_rim_height(vertices) + trim, bottom + trim_share * (top - bottom))
     return hull_points(vertices), hull_points(vertices[vertices[:, 2] > limit])
@@ -91,14 +91,6 @@ def outlines_of(meshes: dict[int, Mesh], trim: float = TRIM, trim_share: float =
     parts = [outline(mesh, trim, trim_share) for mesh in meshes.values()]
     whole, upper = _filled([full for full, _ in parts]), _filled([up for _, up in parts])
     return Outlines(np.array(list(meshes), int), whole, upper)
-
-
-def largest_island(mesh: Mesh) -> np.ndarray:
-    """(n, 3) vertices of the largest connected part: cut-out scans carry small components and vertices that no face
-    uses.
-    """
-    part = part_of_vertex(mesh.faces, len(mesh.vertices))
-    return np.asarray(mesh.vertices[part == np.bincount(part).argmax()])
 
 
 def hull_points(points: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Small windows found again to a fraction of a pixel, in the photo of a shaded view or in that of the right camera."""
+"""Sub-pixel matching of small windows: between shaded views and photos, and between left and right photos."""
 
 from __future__ import annotations
 
@@ -12,58 +12,58 @@ from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
-_BLUR_PX = 1.0  # sd: photon noise and the edges of triangles are smaller than what is matched
-_CLIPPED = 0.95  # of the white level: brighter pixels tell no shape
-_MOST_CLIPPED = 0.2  # share of such pixels in a window
-_FLAT = 1e-6  # range of a window that shows nothing
-_LEAST_BEND = 1e-3  # of a correlation's peak: along a ridge it has none, and tells nothing
-_LEAST_UNLIKENESS = 0.01  # what is left of 1 for the best correlation: no photo is the shaded view
-SHOWN_SHARE = 0.9  # of a window that both cameras must see
-CONTRAST_DN = 40  # between the brightest and the darkest pixel of a window, for it to be looked for: more than noise
-NEARER = 0.998  # of the way to a point: what stands before that hides it
+_BLUR_PX = 1.0  # sd: larger than photon noise and the edges of triangles
+_CLIPPED = 0.95  # of the white level: brighter pixels have no texture
+_MOST_CLIPPED = 0.2  # maximum share of such pixels in a window
+_FLAT = 1e-6  # range of a window without texture
+_LEAST_BEND = 1e-3  # minimum second derivative at a correlation's peak; along a ridge the peak is undefined
+_LEAST_UNLIKENESS = 0.01  # minimum of 1 - correlation: no photo equals the shaded view
+SHOWN_SHARE = 0.9  # minimum share of a window that is visible to both cameras
+CONTRAST_DN = 40  # minimum difference between the brightest and the darkest pixel of a window; above noise
+NEARER = 0.998  # of the distance to a point: nearer surfaces occlude the point
 
 
 @dataclass(frozen=True)
 class Window:
     """Sizes of windows, pixels of the shaded view."""
 
-    half: int  # a window reaches so far to each side
-    search: int  # and is looked for so far away
-    step: int  # between the centres of neighbouring windows
-    likeness: float  # least correlation with the photo
-    noise: float  # standard deviation of a window's position over sqrt((1 - correlation) / bend of the correlation)
+    half: int  # half size of a window
+    search: int  # maximum displacement
+    step: int  # distance between the centres of neighbouring windows
+    likeness: float  # minimum correlation with the photo
+    noise: float  # standard deviation of a window's position over sqrt((1 - correlation) / second derivative)
 
 
 @dataclass(frozen=True)
 class MatchedWindows:
-    """Windows that were found, in pixels of the shaded view.
+    """Matched windows, in pixels of the shaded view.
 
-    A window on an edge tells its position across the edge and hardly along it. That shows in how the correlation bends
-    at its peak.
+    The position of a window on an edge is accurate across the edge only, as the second derivative of the correlation
+    shows.
     """
 
     pixel: np.ndarray  # (n, 2) centres in the shaded view
-    seen: np.ndarray  # (n, 2) and in the photo
-    whitening: np.ndarray  # (n, 2, 2) turns an offset, px, into two of standard deviation 1
-    tried: int  # windows that were looked for
+    seen: np.ndarray  # (n, 2) centres in the photo
+    whitening: np.ndarray  # (n, 2, 2) converts an offset, px, to two components of standard deviation 1
+    tried: int  # number of searched windows
 
 
 def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Window) -> MatchedWindows:
-    """Look for windows of the shaded view in a photo.
+    """Match windows of the shaded view with a photo.
 
     Parameters
     ----------
     shaded : (h, w) float32
         Radiance in any unit.
     photo : (h, w) float32
-        Grey values of the same view, shrunk to the shaded view's size, black level included.
+        Grey values of the same view, shrunk to the size of the shaded view, black level included.
     usable : (h, w) bool
-        Pixels that windows may be centred on.
+        Pixels that may be centres of windows.
     """
     import cv2
 
     shaded, photo = np.asarray(shaded, np.float32), np.asarray(photo, np.float32)
-    ours = cv2.GaussianBlur(shaded, (0, 0), _BLUR_PX)  # no roots: in them penumbras look shorter
+    ours = cv2.GaussianBlur(shaded, (0, 0), _BLUR_PX)  # linear radiance: square roots would narrow penumbras
     theirs = cv2.GaussianBlur(np.maximum(photo - BLACK_LEVEL, 0), (0, 0), _BLUR_PX)
     half, reach = window.half, window.half + window.search
     size = 2 * half + 1
@@ -93,9 +93,9 @@ def _inside(row: int, column: int, shape: tuple[int, ...]) -> bool:
 
 
 def _peaks_of(likeness: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Peaks of correlations, given (n, 3, 3) about their largest values: offsets (n, 2) from the centre, whitenings.
+    """Return peaks of correlations, given (n, 3, 3) around their maxima: offsets (n, 2) from the centre, whitenings.
 
-    Those of the parabola through the centre and its neighbours; never further than a pixel along its axes.
+    They are peaks of the parabola through the centre and its neighbours, at most a pixel away along its axes.
     """
     centre = likeness[:, 1, 1]
     slope = np.stack([likeness[:, 1, 2] - likeness[:, 1, 0], likeness[:, 2, 1] - likeness[:, 0, 1]], axis=1) / 2
@@ -113,26 +113,26 @@ def _peaks_of(likeness: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarra
 
 @dataclass(frozen=True)
 class BothSeen:
-    """What the left camera's pixels show, and where the right camera has it."""
+    """Points at the left camera's pixels, and their projection to the right camera."""
 
-    points_left: np.ndarray  # (h, w, 3) left frame, metres; NaN where nothing is met
-    in_right: np.ndarray  # (h, w, 2) float32 pixels of the right photo; NaN where it does not show the point
+    points_left: np.ndarray  # (h, w, 3) left frame, metres; NaN without a hit
+    in_right: np.ndarray  # (h, w, 2) float32 pixels of the right photo; NaN for points that it does not show
 
 
 @dataclass(frozen=True)
 class Ties:
-    """Windows that were found in both photos, in pixels of these."""
+    """Windows that were matched in both photos, in pixels of these photos."""
 
-    points_left: np.ndarray  # (n, 3) what their centres show, left frame, metres
+    points_left: np.ndarray  # (n, 3) points at their centres, left frame, metres
     left: np.ndarray  # (n, 2)
-    expected: np.ndarray  # (n, 2) where the right photo should show them
-    right: np.ndarray  # (n, 2) and where it does
-    whitening: np.ndarray  # (n, 2, 2) turns an offset in the right photo, px, into two of standard deviation 1
-    tried: int  # windows with some contrast that both photos should show
+    expected: np.ndarray  # (n, 2) projections to the right photo
+    right: np.ndarray  # (n, 2) measured positions in the right photo
+    whitening: np.ndarray  # (n, 2, 2) converts an offset in the right photo, px, to components of standard deviation 1
+    tried: int  # windows with enough contrast that both photos should show
 
 
 def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> BothSeen:
-    """Cast a ray through every pixel of the left photo, and look from the right camera at what it meets."""
+    """Cast a ray through every pixel of the left photo, and project the hits to the right camera."""
     lens = rig.left
     directions = sandbox_from_left.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
     distance, _ = rays.nearest(np.broadcast_to(sandbox_from_left.translation, directions.shape), directions)
@@ -151,12 +151,12 @@ def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> Bot
 
 
 def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Window) -> Ties:
-    """Look for windows of the left photo in the right one, laid on it by the scene's shape.
+    """Match windows of the left photo with the right photo, warped by the shape of the scene.
 
     Parameters
     ----------
     left, right : (h, w) float32
-        Grey values, black level included, of the sizes that `seen` was made for.
+        Grey values, black level included, of the sizes of `seen`.
     """
     import cv2
 
@@ -173,7 +173,7 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
     column, row = found.pixel.astype(int).T
     expected = seen.in_right[row, column].astype(float)
     peak = _between_pixels(seen.in_right, found.seen)
-    moved = np.where(np.isfinite(peak), peak, expected + found.seen - found.pixel)  # beside what both see: as it is
+    moved = np.where(np.isfinite(peak), peak, expected + found.seen - found.pixel)  # unchanged outside common parts
     return Ties(
         seen.points_left[row, column],
         found.pixel,
@@ -185,7 +185,7 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
 
 
 def _between_pixels(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """(n, k) values of an image (h, w, k) at pixels (n, 2), bilinear between four that are inside of it."""
+    """Return values (n, k) of an image (h, w, k) at pixels (n, 2), bilinear between four pixels inside."""
     at = np.clip(pixels - HALF_PIXEL, 0, np.array(image.shape[1::-1]) - 1.001)
     (x, y), (a, b) = at.astype(int).T, (at % 1).T[:, :, None]
     upper = image[y, x] * (1 - a) + image[y, x + 1] * a

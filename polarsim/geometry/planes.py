@@ -8,22 +8,22 @@ from polarsim.geometry.poses import Pose
 
 
 def robust_plane(points: np.ndarray, scale: float, rounds: int = 10) -> np.ndarray:
-    """(3,) a, b, c through points (n, 3) with Cauchy weights of a scale in metres; bears gross outliers."""
+    """Return (3,) a, b, c through points (n, 3) with Cauchy weights of a scale in metres; robust to gross outliers."""
     columns = np.column_stack([points[:, :2], np.ones(len(points))])
     start = np.linalg.lstsq(columns, points[:, 2], rcond=None)[0]
     return _reweighted(points, start, [scale] * rounds, _cauchy)
 
 
 def tracked_plane(points: np.ndarray, start: np.ndarray, scales: list[float]) -> np.ndarray:
-    """(3,) a, b, c of the plane near `start` (3,): one Tukey-weighted fit a scale, metres, from wide to narrow.
+    """Return (3,) a, b, c of the plane near `start` (3,): a Tukey-weighted fit per scale, metres, from wide to narrow.
 
-    Points further off than the scale have no say, so walls and floors drop out as it shrinks.
+    Points farther than the scale have no weight, so that walls and floors are excluded as it shrinks.
     """
     return _reweighted(points, start, scales, _tukey)
 
 
 def level_from(plane: np.ndarray) -> Pose:
-    """The least rotation that makes the plane level, and the translation that puts its height at x = y = 0 to z = 0."""
+    """Return the smallest rotation that makes the plane level, with a translation to z = 0 at x = y = 0."""
     plane = np.asarray(plane, float)
     normal = np.array([-plane[0], -plane[1], 1.0])
     normal /= np.linalg.norm(normal)

@@ -1,7 +1,7 @@
-"""Masks as simple polygons and back: rings (n, 2) in pixels, pixel centres at integer + 0.5, without a closing point.
+"""Conversion between masks and polygons: rings (n, 2) in pixels, pixel centres at integer + 0.5, without closing point.
 
-Rings of `outlines` do not cross or touch themselves and have no holes: a region with a hole is cut in two through it.
-They run clockwise as seen on the photo (y down), so that the shoelace sum is positive.
+Rings of `outlines` are simple and have no holes: a region with a hole is cut in two through it. They run clockwise in
+the photo (y down), so that the shoelace sum is positive.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ import numpy as np
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import GREY_VALUES, HEIGHT, POLYGON_CLASSES, WIDTH
 
-MOST_LOST = 0.01  # of a region's pixels, by simpler outlines
-NUDGE_PX = np.array([2e-3, -1e-3])  # the rounding of files decides about pixels whose centres lie on a line
-LEAST_TOLERANCE_PX = 0.1  # a distance that hardly spares a corner
+MOST_LOST = 0.01  # maximum share of a region's pixels that a simpler outline may change
+NUDGE_PX = np.array([2e-3, -1e-3])  # offset of pixel centres on a line, which the rounding of files would decide
+LEAST_TOLERANCE_PX = 0.1  # minimum distance, which hardly removes a corner
 
 PAINT_ORDER = tuple(POLYGON_CLASSES.index(name) for name in ("background", "ground", "shadow", "rock"))
 
 
 def signed_area(ring: np.ndarray) -> float:
-    """Shoelace area of a ring (n, 2), px^2; positive where it runs clockwise on the photo."""
+    """Return the shoelace area of a ring (n, 2), px^2; positive if it is clockwise in the photo."""
     ring = np.asarray(ring, float)
     x, y = ring[:, 0] - ring[0, 0], ring[:, 1] - ring[0, 1]
     return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2)
 
 
 def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
-    """Rings around the true pixels of a mask (h, w), largest first.
+    """Return rings around the true pixels of a mask (h, w), largest first.
 
     Parameters
     ----------
     simplify_px : float
-        Largest distance of a dropped point from its ring (Douglas and Peucker, topology kept); less for a ring that
+        Maximum distance of a removed point from its ring (Douglas and Peucker, topology kept); less for a ring that
         would gain or lose more than 1 % of its pixels.
     """
     import contourpy
@@ -43,14 +43,14 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
     if not len(rows):
         return []
     top, left = rows[0], columns[0]
-    # One pixel of nothing around the region: marching squares then closes every line half way between pixel centres.
+    # With a border of one false pixel, marching squares closes every line half way between pixel centres.
     part = np.pad(np.asarray(mask[top : rows[-1] + 1, left : columns[-1] + 1], np.uint8), 1)
     lines = contourpy.contour_generator(z=part, fill_type=contourpy.FillType.OuterOffset).filled(0.5, 1.5)
     rings = []
     for points, offsets in zip(*lines, strict=True):
         parts = [points[a : b - 1] for a, b in pairwise(offsets)]
         rings += _without_holes(parts[0], parts[1:])
-    # Index 0 is the padding's centre, half a pixel before the first corner.
+    # Index 0 is the centre of the padding, half a pixel before the first corner.
     offset = np.array([left - HALF_PIXEL, top - HALF_PIXEL])
     fewer = [_simplified(ring, simplify_px) for ring in rings]
     found = [_clockwise(ring + offset) for ring in fewer if ring is not None]
@@ -58,7 +58,7 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
 
 
 def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np.ndarray:
-    """(h, w) bool: pixels whose centres lie inside a ring (n, 2), by the even-odd rule."""
+    """Return a mask (h, w) of the pixels with centres inside a ring (n, 2), by the even-odd rule."""
     mask = np.zeros(shape, bool)
     rows, columns, inside = _fill(np.asarray(ring, float), shape)
     mask[rows, columns] = inside
@@ -68,10 +68,10 @@ def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np
 def paint(
     polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int] = (HEIGHT, WIDTH), on: np.ndarray | None = None
 ) -> np.ndarray:
-    """(h, w) uint8 grey map of polygons (class, ring): background, ground, shadow, rock, whatever their order.
+    """Return a grey map (h, w) uint8 of polygons (class, ring), painted as background, ground, shadow, rock.
 
-    The release's own script paints in file order, and so loses rocks under a ground polygon that comes after them.
-    `on` is a grey map that was begun before; it stays as it is.
+    The release's script paints in file order, so that a ground polygon covers earlier rocks. `on` is an
+    existing grey map; the function paints a copy of it.
     """
     grey = np.full(shape, GREY_VALUES["background"], np.uint8) if on is None else on.copy()
     for number in PAINT_ORDER:
@@ -83,13 +83,13 @@ def paint(
 
 
 def _fill(ring: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice, np.ndarray]:
-    """The part of a picture around a ring, and which of its pixel centres lie inside."""
+    """Return the part of an image around a ring, and a mask of its pixel centres inside the ring."""
     low = np.clip(np.floor(ring.min(axis=0)).astype(int), 0, [shape[1], shape[0]])
     high = np.clip(np.ceil(ring.max(axis=0)).astype(int), 0, [shape[1], shape[0]])
     width, height = np.maximum(high - low, 0)
     start, end = ring - low, np.roll(ring, -1, axis=0) - low
     upper, lower = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
-    # Rows whose centre an edge crosses: [first, last).
+    # Rows with centres that an edge crosses: [first, last).
     first = np.clip(np.ceil(upper - HALF_PIXEL).astype(int), 0, height)
     last = np.clip(np.ceil(lower - HALF_PIXEL).astype(int), 0, height)
     count = np.maximum(last - first, 0)
@@ -97,7 +97,7 @@ def _fill(ring: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice, np.nd
     row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
     along = (row + HALF_PIXEL - start[edge, 1]) / (end[edge, 1] - start[edge, 1])
     crossing = start[edge, 0] + along * (end[edge, 0] - start[edge, 0])
-    # The first pixel centre at or beyond the crossing.
+    # The first pixel centre from the crossing to the right.
     column = np.clip(np.ceil(crossing - HALF_PIXEL).astype(int), 0, width)
     odd = np.zeros((height, width + 1), np.uint8)
     np.add.at(odd.ravel(), row * (width + 1) + column, np.uint8(1))
@@ -106,14 +106,14 @@ def _fill(ring: np.ndarray, shape: tuple[int, int]) -> tuple[slice, slice, np.nd
 
 
 def _without_holes(outer: np.ndarray, holes: list[np.ndarray]) -> list[np.ndarray]:
-    """Rings that together cover a region with holes: cut upright through each hole, from edge to edge."""
+    """Return rings that together cover a region with holes: cut vertically through each hole, from edge to edge."""
     if not holes:
         return [outer]
     from shapely import Polygon, box
 
     region = Polygon(outer, holes)
     x0, y0, x1, y1 = region.bounds
-    # A quarter pixel off the centre: contour points have coordinates in halves, a cut through them could leave slivers.
+    # A quarter pixel off the centre: contour points are at half pixels, and a cut through them could leave slivers.
     cut = np.floor((holes[0][:, 0].min() + holes[0][:, 0].max()) / 2) + 0.25
     rings = []
     for low, high in ((x0 - 1, cut), (cut, x1 + 1)):
@@ -126,13 +126,13 @@ def _without_holes(outer: np.ndarray, holes: list[np.ndarray]) -> list[np.ndarra
 
 
 def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
-    """A ring around grid points with fewer corners that still encloses nearly the same ones; None where there are none.
+    """Return a ring around grid points with fewer corners that encloses nearly the same points; None without points.
 
-    The tolerance is halved until it does: the line of thin regions passes close to all of their points.
+    The tolerance is halved until this holds, because the line of thin regions is close to all of their points.
     """
     from shapely import Polygon
 
-    origin = np.floor(ring.min(axis=0)) - HALF_PIXEL  # makes points of the grid centres of pixels
+    origin = np.floor(ring.min(axis=0)) - HALF_PIXEL  # moves grid points to centres of pixels
     local = ring - origin
     width, height = np.ceil(local.max(axis=0)).astype(int)
     inside = rasterised(local, (height, width))
@@ -150,7 +150,7 @@ def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
 
 
 def _on_corners(ring: np.ndarray) -> np.ndarray:
-    """A ring without the points that lie on the straight line between their neighbours."""
+    """Return a ring without the points on the straight line between their neighbours."""
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     return ring[np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) > 1e-12]
 
@@ -160,13 +160,13 @@ def _clockwise(ring: np.ndarray) -> np.ndarray:
 
 
 def without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
-    """(h, w) bool: the `thick_parts` of a mask; all of it where it has none."""
+    """Return the `thick_parts` (h, w) of a mask, or the mask if it has none."""
     found = thick_parts(mask, size)
     return found if found.any() else mask
 
 
 def thick_parts(mask: np.ndarray, size: int) -> np.ndarray:
-    """(h, w) bool: a mask opened by squares of `size` samples, with the tips that this cuts off; maybe nothing."""
+    """Return a mask (h, w) opened by squares of `size` samples, with the tips that this cuts off; it may be empty."""
     import cv2
 
     if size < 2:

@@ -1,6 +1,6 @@
-"""Rigid poses, named for what they map: `sandbox_from_left` takes points of the left camera into the sandbox.
+"""Rigid poses, named by their mapping: `sandbox_from_left` maps points of the left camera frame to the sandbox frame.
 
-Functions import SciPy themselves: the configuration is read without it at every start of Snakemake.
+Functions import SciPy on demand, because Snakemake reads the configuration at every start, which needs no SciPy.
 """
 
 from __future__ import annotations
@@ -36,28 +36,28 @@ class Pose:
 
     @property
     def matrix(self) -> np.ndarray:
-        """(4, 4) homogeneous matrix."""
+        """Homogeneous matrix (4, 4)."""
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
         return matrix
 
     @classmethod
     def from_matrix(cls, matrix: np.ndarray) -> Pose:
-        """Read a (4, 4) or (3, 4) matrix.
+        """Create a pose from a (4, 4) or (3, 4) matrix.
 
         Raises
         ------
         FormatError
-            The matrix is not finite, or its rotation is none (checked to 1e-4).
+            The matrix is not finite, or its rotation is invalid (checked to 1e-4).
         """
         matrix = np.asarray(matrix, float)
         if matrix.shape not in ((4, 4), (3, 4)):
-            raise FormatError(f"a pose of shape {matrix.shape}, expected 4 x 4")
+            raise FormatError(f"a pose has shape {matrix.shape}, expected 4 x 4")
         return cls(checked_rotation(matrix[:3, :3]), matrix[:3, 3].copy())
 
     @classmethod
     def from_rotvec(cls, rotvec: np.ndarray, translation: np.ndarray) -> Pose:
-        """Rotation vector (3,) in radians and translation (3,)."""
+        """Create a pose from a rotation vector (3,) in radians and a translation (3,)."""
         from scipy.spatial.transform import Rotation
 
         return cls(Rotation.from_rotvec(rotvec).as_matrix(), np.asarray(translation, float))
@@ -68,23 +68,23 @@ class Pose:
 
 
 def checked_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarray:
-    """(3, 3) matrix made exactly orthogonal.
+    """Return the matrix (3, 3) made exactly orthogonal.
 
     Raises
     ------
     FormatError
-        It differs from a rotation by more than the tolerance.
+        The matrix differs from a rotation by more than the tolerance.
     """
     if not np.isfinite(matrix).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > tolerance:
         raise FormatError("the rotation matrix is not orthogonal to 1e-4")
     if np.linalg.det(matrix) < 0:
-        raise FormatError("the rotation matrix mirrors (determinant -1)")
+        raise FormatError("the rotation matrix contains a reflection (determinant -1)")
     u, _, vt = np.linalg.svd(matrix)
     return u @ vt
 
 
 def looking(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> Pose:
-    """`sandbox_from_camera` of a camera at `centre` (3,).
+    """Return `sandbox_from_camera` of a camera at `centre` (3,).
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def looking(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> 
 
 
 def yaw_pitch_roll(sandbox_from_camera: Pose) -> tuple[float, float, float]:
-    """The inverse of `looking`: yaw, pitch, roll in radians."""
+    """Return yaw, pitch and roll in radians; the inverse of `looking`."""
     right, _, forward = sandbox_from_camera.rotation.T
     yaw, pitch = np.arctan2(forward[1], forward[0]), -np.arcsin(np.clip(forward[2], -1, 1))
     level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
@@ -113,7 +113,7 @@ def yaw_pitch_roll(sandbox_from_camera: Pose) -> tuple[float, float, float]:
 
 
 def fit_pose(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> Pose:
-    """Least-squares `target_from_source` of paired points (n, 3) (Kabsch, Acta Cryst. A34 (1978) 827)."""
+    """Fit `target_from_source` of paired points (n, 3) by least squares (Kabsch, Acta Cryst. A34 (1978) 827)."""
     from scipy.spatial.transform import Rotation
 
     weights = np.ones(len(source)) if weights is None else np.asarray(weights, float)
@@ -124,14 +124,14 @@ def fit_pose(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None 
 
 
 def angle_between(first: Pose, second: Pose) -> float:
-    """Angle of the rotation between two poses, radians."""
+    """Return the angle of the rotation between two poses, radians."""
     from scipy.spatial.transform import Rotation
 
     return float(Rotation.from_matrix(first.rotation.T @ second.rotation).magnitude())
 
 
 def surveyed_pose(position: str) -> Pose | None:
-    """Return `sandbox_from_left` of a position's nominal station; None for positions that the survey does not have."""
+    """Return `sandbox_from_left` of a position's nominal station; None for positions without a survey."""
     if position not in survey.SURVEYED_LEFT:
         return None
     return looking(

@@ -1,7 +1,7 @@
-"""Rays against triangles: where a ray first meets a surface, and whether anything stands between two points.
+"""Intersection of rays and triangles: nearest hit of a ray, and occlusion between two points.
 
-The NumPy engine here defines the result (Moeller and Trumbore, J. Graphics Tools 2 (1997) 21), both sides of a
-triangle count; `rays_embree` and `rays_taichi` obey it in float32. `casters.caster` chooses among them.
+The NumPy engine in this module defines the result (Moeller and Trumbore, J. Graphics Tools 2 (1997) 21); both sides of
+a triangle can be hit. `rays_embree` and `rays_taichi` must agree in float32. `casters.caster` selects the engine.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-NO_FACE = -1  # face number of a ray that meets nothing
-START_OFFSET = 1e-4  # metres: `occluded` passes over surfaces nearer than this, so that no surface shades itself
-_PAIRS = 1 << 20  # ray-triangle pairs tested at once: bounds the memory of the NumPy engine at about 200 MB
+NO_FACE = -1  # face number of a ray without a hit
+START_OFFSET = 1e-4  # metres: `occluded` ignores nearer surfaces, so that no surface shades itself
+_PAIRS = 1 << 20  # ray-triangle pairs per block: limits the memory of the NumPy engine to about 200 MB
 
 RayEngine = Literal["embree", "taichi", "numpy"]
 Device = Literal["cpu", "cuda", "vulkan"]  # what Taichi runs on
@@ -21,9 +21,9 @@ Device = Literal["cpu", "cuda", "vulkan"]  # what Taichi runs on
 
 @dataclass(frozen=True)
 class RayHits:
-    """Where rays first meet triangles: the m rays of n that meet one."""
+    """Nearest hits: the m of n rays that hit a triangle."""
 
-    ray: np.ndarray  # (m,) numbers of the rays, ascending
+    ray: np.ndarray  # (m,) indices of the rays, ascending
     distance: np.ndarray  # (m,) in units of the direction's length
     face: np.ndarray  # (m,) int64
     weights: np.ndarray  # (m, 2) barycentric, of the triangle's second and third corner
@@ -31,10 +31,10 @@ class RayHits:
 
 
 class Caster(Protocol):
-    """Triangles that rays can be cast at."""
+    """Triangles that can be hit by rays."""
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First triangle along each ray.
+        """Return the nearest triangle along each ray.
 
         Parameters
         ----------
@@ -44,33 +44,33 @@ class Caster(Protocol):
         Returns
         -------
         distance : (n,) float
-            In units of the direction's length, so that origins + distance * directions is the point; inf without one.
+            In units of the direction's length: origins + distance * directions is the point; inf without a hit.
         face : (n,) int64
-            Number of the triangle; `NO_FACE` without one.
+            Number of the triangle; `NO_FACE` without a hit.
         """
         ...
 
     def occluded(self, origins: np.ndarray, directions: np.ndarray, far: np.ndarray | float) -> np.ndarray:
-        """(n,) bool: a triangle between `START_OFFSET` metres from the origin and `far` (n,) or scalar.
+        """Return (n,) whether a triangle is between `START_OFFSET` metres from the origin and `far` (n,) or scalar.
 
-        `far` is in units of the direction's length: 1 where `directions` reach from the origin to the lamp.
+        `far` is in units of the direction's length: 1 if `directions` extend from the origin to the lamp.
         """
         ...
 
 
 class Surveyor(Caster, Protocol):
-    """A caster that knows where on a triangle a ray meets it."""
+    """Caster that also computes the hit point on the triangle."""
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
-        """`nearest`, with the point on the triangle."""
+        """Return the nearest hits with their points on the triangles."""
         ...
 
 
 class Joined:
-    """Two sets of triangles cast at as one: parts that are cast at alone too need not be built twice."""
+    """Two sets of triangles cast as one scene, so that parts need not be built twice."""
 
     def __init__(self, first: Caster, second: Caster, first_faces: int) -> None:
-        """`first_faces`: number of triangles of the first set; the second set's are numbered on from there."""
+        """`first_faces`: number of triangles of the first set, with which the numbers of the second set start."""
         self._first, self._second, self._first_faces = first, second, first_faces
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +79,7 @@ class Joined:
     def nearer(
         self, distance: np.ndarray, face: np.ndarray, origins: np.ndarray, directions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """`nearest`, where `distance` and `face` (n,) tell what of the first set the rays meet."""
+        """Return `nearest`, given `distance` and `face` (n,) of the first set."""
         other, other_face = self._second.nearest(origins, directions)
         nearer = np.flatnonzero(other < distance)
         distance, face = distance.copy(), face.copy()
@@ -95,7 +95,7 @@ class Joined:
 
 
 class NumpyCaster:
-    """Every ray against every triangle, in double precision."""
+    """Reference that tests every ray against every triangle, in double precision."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         corners = np.asarray(vertices, float)[np.asarray(faces, np.int64).reshape(-1, 3)]
@@ -143,7 +143,7 @@ class NumpyCaster:
         return [slice(start, start + step) for start in range(0, rays, step)]
 
     def _distances(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(n, f) distance of every ray to every triangle, inf where they do not meet."""
+        """Return the distance (n, f) of every ray to every triangle, inf without a hit."""
         p = np.cross(directions[:, None], self._edge2)
         determinant = np.einsum("nfk,fk->nf", p, self._edge1)
         from_corner = origins[:, None] - self._corner
@@ -152,5 +152,5 @@ class NumpyCaster:
             u = np.einsum("nfk,nfk->nf", from_corner, p) / determinant
             v = np.einsum("nfk,nk->nf", q, directions) / determinant
             t = np.einsum("nfk,fk->nf", q, self._edge2) / determinant
-            inside = (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0)  # NaN and inf of parallel rays fail here
+            inside = (u >= 0) & (v >= 0) & (u + v <= 1) & (t >= 0)  # False for NaN and inf of parallel rays
         return np.where(inside, t, np.inf)

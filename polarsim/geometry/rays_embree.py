@@ -1,13 +1,13 @@
-"""`rays.Caster` on Intel's Embree 4: float32 inside, millions of rays a second.
+"""`rays.Caster` on Intel's Embree 4: float32, millions of rays per second.
 
-Open3D's `RaycastingScene`, Embree too, casts the camera rays of a 2.4-megapixel view of 940,000 triangles as fast
-(0.33 s on one thread), but takes 2.8 times as long for the shadow rays to a lamp (0.43 instead of 0.15 s, five lamps a
-view): no ray has a start of its own, so origins are moved. Its distances differ in the last bit for 171,125 of
-1.8 million rays. It also lacks masks and parts that move. The analog and `scoring.surface` use Open3D for closest
-points and signed distances, which this interface lacks.
+Open3D's `RaycastingScene`, which also uses Embree, casts the camera rays of a 2.4-megapixel view of 940,000 triangles
+as fast (0.33 s on one thread), but needs 2.8 times as long for the shadow rays to a lamp (0.43 instead of 0.15 s, five
+lamps per view), because rays cannot have a minimum distance and origins must be moved. Its distances differ in the last
+bit for 171,125 of 1.8 million rays. It also has no masks and no movable parts. The analog and `scoring.surface` use
+Open3D for closest points and signed distances, which this interface does not provide.
 
-Scenes that change little from picture to picture need not be built again, such as the ground under a rover's wheels:
-of triangles in `MovableScene` the tree of a part is built anew where it moved, and one over all parts.
+Scenes that change little from image to image, such as the ground under a rover's wheels, need not be built again: in a
+`MovableScene`, only the trees of moved parts and the tree over all parts are rebuilt.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from polarsim.geometry.embree_library import (
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, RayHits
 
 T = TypeVar("T")
-ALL = np.uint32(0xFFFFFFFF)  # mask of rays that meet every shape
-_STRIP = 1 << 18  # rays handed to Embree at once: bounds the memory, and is what threads share
+ALL = np.uint32(0xFFFFFFFF)  # mask of rays that can hit every shape
+_STRIP = 1 << 18  # rays per call of Embree: limits the memory; threads share strips
 
 
 class Castable(Protocol):
-    """What holds a scene of Embree's; `address` is its RTCScene."""
+    """Object with an Embree scene; `address` is its RTCScene."""
 
     address: int
 
@@ -96,7 +96,7 @@ class EmbreeCaster:
         return hit
 
     def _in_strips(self, cast: Callable[[int, slice], T], rays: int) -> list[T]:
-        """What `cast` gives for every strip of rays, in their order; nothing where there are no triangles."""
+        """Return the results of `cast` for every strip of rays, in order; nothing without triangles."""
         if self._scene is None:
             return []
         scene = self._scene.address
@@ -113,18 +113,18 @@ def _no_hits() -> RayHits:
 
 
 def _lines(origins: np.ndarray, directions: np.ndarray, part: slice) -> tuple[np.ndarray, np.ndarray]:
-    """A part's origins and directions, float32; one origin (1, 3), where all rays have the same."""
+    """Return a part's origins and directions, float32; a single origin (1, 3) if all rays share it."""
     same = origins.strides[0] == 0
     return _float32(origins[:1] if same else origins[part]), _float32(directions[part])
 
 
 def _float32(values: np.ndarray) -> np.ndarray:
-    return np.require(values, np.float32, ["C", "A", "W"])  # the compiled loops take no read-only arrays
+    return np.require(values, np.float32, ["C", "A", "W"])  # the compiled loops need writable arrays
 
 
 @dataclass(frozen=True)
 class MovableMesh:
-    """Triangles that move together; `mask`: bits by which casters choose parts."""
+    """Triangles that move together; `mask`: bits by which casters select parts."""
 
     vertices: np.ndarray  # (v, 3)
     faces: np.ndarray  # (f, 3)
@@ -132,9 +132,9 @@ class MovableMesh:
 
 
 class MovableScene:
-    """Parts in an Embree scene, each a scene of its own. Faces are numbered through, in the order of the parts.
+    """Parts in an Embree scene, each in a separate scene. Faces are numbered in the order of the parts.
 
-    One scene of many shapes would not do: Embree 4.4 builds all its trees anew where one shape moves.
+    In a single scene of many shapes, Embree 4.4 would rebuild all trees after one shape has moved.
     """
 
     def __init__(self, parts: Sequence[MovableMesh]) -> None:
@@ -162,24 +162,24 @@ class MovableScene:
         self.commit()
 
     def move(self, part: int, vertices: np.ndarray) -> None:
-        """Give a part's vertices new positions (v, 3); counts after `commit`."""
+        """Set a part's vertices (v, 3); effective after `commit`."""
         self._vertices[part][:-1] = vertices
         updated(self._triangles[part], vertices=True)
         embree().rtcCommitScene(self._scenes[part])
         updated(self._placed[part], vertices=False)
 
     def commit(self) -> None:
-        """Let what has moved count."""
+        """Rebuild the trees of moved parts."""
         embree().rtcCommitScene(self.address)
         check(int(self.first_face[-1]))
 
     def caster(self, mask: int = 0xFFFFFFFF) -> PartsCaster:
-        """Of the parts that share a bit with `mask`; it sees every later `commit`."""
+        """Return a caster of the parts that share a bit with `mask`; later commits affect it."""
         return PartsCaster(self, mask)
 
 
 class PartsCaster(EmbreeCaster):
-    """Casts at some of the parts, on one thread: its callers share out strips themselves."""
+    """Caster of a selection of parts, on one thread: its callers distribute strips."""
 
     def __init__(self, parts: MovableScene, mask: int) -> None:
         self._threads = 1

@@ -1,6 +1,6 @@
-"""`rays.Caster` as Taichi kernels over a tree of our own: float32, on the CPU or on a GPU by CUDA or Vulkan."""
+"""`rays.Caster` as Taichi kernels over the tree of `bvh`: float32, on the CPU or on a GPU by CUDA or Vulkan."""
 # mypy: ignore-errors
-# No `from __future__ import annotations` here: Taichi reads the kernels' annotations as objects.
+# No `from __future__ import annotations`: Taichi reads the kernels' annotations as objects.
 
 import weakref
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ from polarsim.geometry.taichi_device import on_its_thread, ti
 from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
 from polarsim.geometry.vectors import length
 
-_STRIP = 1 << 20  # rays that go to the device at once: 40 MB there and back
+_STRIP = 1 << 20  # rays per transfer to the device: 40 MB each way
 
 
 @dataclass(frozen=True)
 class OnDevice:
-    """A tree and its triangles on the device; kernels take them in this order."""
+    """Tree and triangles on the device, in the order of the kernels' arguments."""
 
     boxes: ti.Ndarray  # (m, 4) vectors
     children: ti.Ndarray  # (m, 2)
     corners: ti.Ndarray  # (f, 3) vectors, in the tree's order
-    face: ti.Ndarray  # (f,) their numbers
-    starts: int  # of Taichi when they were laid there
+    face: ti.Ndarray  # (f,) numbers of the triangles
+    starts: int  # number of Taichi's starts when they were copied to the device
 
     @property
     def tree(self) -> tuple[ti.Ndarray, ...]:
@@ -32,12 +32,12 @@ class OnDevice:
 
 
 class TaichiCaster:
-    """Triangles that stay on the device between casts; threads that cast at once wait for one another."""
+    """Triangles that remain on the device between casts; concurrent casts wait for each other."""
 
     def __init__(
         self, vertices: np.ndarray, faces: np.ndarray, threads: int | None = None, device: Device = "cpu"
     ) -> None:
-        """`threads`: of the CPU; None: those that Taichi runs with. Results do not depend on their number."""
+        """`threads`: of the CPU; None: the current number of Taichi. Results do not depend on their number."""
         self._threads, self._device = threads, device
         taichi_device.start(threads, device)
         faces = np.asarray(faces).reshape(-1, 3)
@@ -84,7 +84,7 @@ class TaichiCaster:
 
     @on_its_thread
     def on_device(self) -> OnDevice:
-        """Tree and triangles, laid there when they are first asked for, and again after Taichi was started anew."""
+        """Return tree and triangles, copied at the first call and after each restart of Taichi."""
         taichi_device.start(self._threads, self._device)
         if self._laid is None or self._laid.starts != taichi_device.starts():
             tree = self._tree
@@ -104,11 +104,11 @@ class TaichiCaster:
 
     @property
     def order(self) -> np.ndarray:
-        """(f,) numbers of the triangles by their indices in the tree."""
+        """Return the numbers (f,) of the triangles by their indices in the tree."""
         return self._tree.order
 
     def _first(self, origins: np.ndarray, directions: np.ndarray):
-        """Strips of rays with distances, indices in the tree's order (-1: none) and weights of what they meet."""
+        """Yield strips of rays with distances, indices in the tree's order (-1: no hit) and weights of the hits."""
         for part in self._strips(len(origins)):
             rays = part.stop - part.start
             distance, slot = np.empty(rays, np.float32), np.empty(rays, np.int32)
@@ -124,7 +124,7 @@ class TaichiCaster:
 
 
 def laid(values: np.ndarray) -> ti.Ndarray:
-    """Numbers, float32 or int32, as an array on the device."""
+    """Copy numbers, float32 or int32, to an array on the device."""
     values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else np.int32)
     there = ti.ndarray(ti.f32 if values.dtype == np.float32 else ti.i32, values.shape)
     there.from_numpy(values)
@@ -132,7 +132,7 @@ def laid(values: np.ndarray) -> ti.Ndarray:
 
 
 def laid_vectors(vectors: np.ndarray) -> ti.Ndarray:
-    """Vectors (..., k) as an array of float32 vectors on the device."""
+    """Copy vectors (..., k) to an array of float32 vectors on the device."""
     there = ti.Vector.ndarray(vectors.shape[-1], ti.f32, vectors.shape[:-1])
     there.from_numpy(_float32(vectors))
     return there

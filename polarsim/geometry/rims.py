@@ -1,4 +1,4 @@
-"""The rim of a rock's mesh: points of its foot, where the rock meets the ground."""
+"""Rim of a rock's mesh: points of its foot, where the rock touches the ground."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from polarsim.geometry.meshes import Mesh
 
 SECTORS = 24
-OUTER_SHARE = 0.75  # of the half sides of a rock's cuboid: its foot lies further out
+OUTER_SHARE = 0.75  # of the half sides of a rock's cuboid; its foot is farther out
 
 
 def rim(mesh: Mesh) -> np.ndarray:
-    """(n, 3) the lowest vertex of the outer part of a rock in each of 24 sectors; n <= 24.
+    """Return the lowest vertex (n, 3) of the outer part of a rock in each of 24 sectors; n <= 24.
 
-    A single low vertex is no foot: heights are medians over three neighbouring sectors.
+    Single low vertices are outliers: heights are medians over three neighbouring sectors.
     """
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     offset = (mesh.vertices - (low + high) / 2)[:, :2] / np.maximum((high - low)[:2] / 2, 1e-9)

@@ -1,4 +1,4 @@
-"""The stereo rig: two lenses and the pose between them, and the rectified left grid on which NASA stored ranges."""
+"""Stereo rig: two lenses and the pose between them, and the rectified left grid of NASA's range maps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from polarsim.geometry.poses import Pose
 
 @dataclass(frozen=True)
 class StereoRig:
-    """Left and right lens, and the pose of the right camera in the left one's frame."""
+    """Left and right lens, and the pose of the right camera in the left camera frame."""
 
     left: Lens
     right: Lens
@@ -22,20 +22,20 @@ class StereoRig:
         return self.left if camera == "L" else self.right
 
     def left_from(self, camera: str) -> Pose:
-        """Pose of camera L or R in the left camera's frame."""
+        """Return the pose of camera L or R in the left camera frame."""
         return Pose.identity() if camera == "L" else self.left_from_right
 
 
 @dataclass(frozen=True)
 class RectifiedGrid:
-    """The rectified left camera: a pinhole without distortion, rotated about the left camera's centre."""
+    """Rectified left camera: a pinhole without distortion, rotated about the left camera's centre."""
 
     lens: Lens
     left_from_rectified: Pose
 
 
 def rectified_left(rig: StereoRig) -> RectifiedGrid:
-    """The grid of NASA's range maps: `cv2.stereoRectify` with alpha = 1 and default flags."""
+    """Return the grid of NASA's range maps: `cv2.stereoRectify` with alpha = 1 and default flags."""
     import cv2
 
     right_from_left = rig.left_from_right.inverse()
@@ -56,7 +56,7 @@ def rectified_left(rig: StereoRig) -> RectifiedGrid:
 
 
 def stated_rig() -> StereoRig:
-    """The real rig as NASA calibrated it for terrain 11: the prior where a source brings no calibration."""
+    """Return the rig as NASA calibrated it for terrain 11: the prior for sources without a calibration."""
     rotation = np.array(
         [
             [0.999997, 0.00172602, 0.0019164],

@@ -1,8 +1,8 @@
-"""Taichi, started once for all that uses it: casters and kernels of reflectance share one device.
+"""Start of Taichi: casters and kernels of reflectance share a device.
 
-Imported only where the configuration asks for it. Taichi can be called by the one thread that started it, so it has a
-thread of its own here: what any other thread asks for is done there in turn. Taichi shares its work out itself.
-CUDA frees memory on that thread only, or ends the process: arrays that outlive a call are handed to `free_later`.
+This module is only imported if the configuration selects Taichi. Taichi can only be called by the thread that started
+it; therefore a dedicated thread executes all calls in turn. Taichi distributes the work itself. CUDA memory must be
+freed on that thread, otherwise the process ends: arrays that outlive a call are passed to `free_later`.
 """
 # mypy: ignore-errors
 
@@ -25,8 +25,8 @@ from polarsim.errors import PolarsimError
 from polarsim.geometry.rays import Device
 
 _this_thread = threading.local()
-_dropped: deque[object] = deque()  # arrays on the device that nothing uses any more
-_running: tuple[Device, int] | None = None  # device and threads that Taichi was started with
+_dropped: deque[object] = deque()  # arrays on the device that are no longer used
+_running: tuple[Device, int] | None = None  # device and number of threads of the current start
 _starts = 0
 
 
@@ -34,12 +34,12 @@ def _mark() -> None:
     _this_thread.is_taichis = True
 
 
-# Its thread is a daemon: it is still there when the interpreter ends, for `_stop`.
+# A daemon thread still exists when the interpreter ends, for `_stop`.
 _pool = ThreadPool(1, initializer=_mark)
 
 
 def on_its_thread(work: Callable) -> Callable:
-    """The function, done on Taichi's thread: everything that starts Taichi, lays arrays there or calls kernels."""
+    """Decorate a function to run on Taichi's thread: necessary to start Taichi, copy arrays and call kernels."""
 
     @wraps(work)
     def asked(*args, **kwargs):
@@ -51,7 +51,7 @@ def on_its_thread(work: Callable) -> Callable:
 
 
 def free_later(arrays: object) -> None:
-    """Hold arrays until Taichi's thread frees them, before whatever it does next."""
+    """Keep arrays until Taichi's thread frees them, before its next call."""
     _dropped.append(arrays)
 
 
@@ -62,14 +62,14 @@ def _free_and_do(work: Callable, args: tuple, kwargs: dict) -> object:
 
 @on_its_thread
 def start(threads: int | None, device: Device = "cpu") -> None:
-    """Start Taichi on a device, on the CPU with so many threads; None: as many as it runs with, else one.
+    """Start Taichi on a device, on the CPU with a number of threads; None: the current number, or one.
 
-    The same start again does nothing; another one loses what lies on the device.
+    A repeated start has no effect; a start with other arguments discards the data on the device.
 
     Raises
     ------
     PolarsimError
-        The device is not there, or Taichi does not start.
+        The device is not available, or Taichi does not start.
     """
     global _running, _starts
     if threads is None or device != "cpu":
@@ -79,34 +79,34 @@ def start(threads: int | None, device: Device = "cpu") -> None:
     _running, _starts = None, _starts + 1
     arch = {"cpu": ti.cpu, "cuda": ti.cuda, "vulkan": ti.vulkan}[device]
     if not is_there(device):
-        raise PolarsimError(f"taichi: no {device} device is here")
+        raise PolarsimError(f"taichi: no {device} device is available; choose another device")
     try:
-        # Kernels compile in seconds: no cache in anyone's home folder.
-        with contextlib.redirect_stdout(io.StringIO()):  # Taichi prints where it starts
+        # Kernels compile in seconds: no cache in the home folder.
+        with contextlib.redirect_stdout(io.StringIO()):  # Taichi prints its device
             ti.init(
                 arch=arch, cpu_max_num_threads=threads, offline_cache=False, fast_math=False, log_level=ti.ERROR,
                 default_fp=ti.f32, default_ip=ti.i32, enable_fallback=False,
             )  # fmt: skip
-    except Exception as error:  # Taichi raises many kinds
+    except Exception as error:  # Taichi raises many types
         raise PolarsimError(f"taichi does not start on {device}, {str(error).splitlines()[0]}") from error
     _running = device, threads
 
 
 def starts() -> int:
-    """How often Taichi was started anew: what was laid on the device before the last start is gone."""
+    """Return the number of starts of Taichi; data on the device from before the last start is lost."""
     return _starts
 
 
 def is_there(device: Device) -> bool:
-    """Whether Taichi finds such a device."""
+    """Return whether Taichi detects such a device."""
     from taichi._lib import core
 
-    core.set_logging_level("error")  # looking for a library that is not there is no news
+    core.set_logging_level("error")  # hides messages about missing libraries
     return {"cpu": lambda: True, "cuda": core.with_cuda, "vulkan": core.with_vulkan}[device]()
 
 
 @atexit.register
 def _stop() -> None:
-    """Leave the device on Taichi's thread: its arrays, which the interpreter drops later, are gone by then."""
+    """Reset the device on Taichi's thread, before the interpreter drops its arrays."""
     if _running is not None:
         on_its_thread(ti.reset)()

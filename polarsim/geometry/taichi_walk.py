@@ -1,25 +1,25 @@
-"""One ray down a tree of boxes, as a Taichi function: what it meets first, or whether it meets anything.
+"""Traversal of a tree of boxes by a ray, as a Taichi function: nearest hit or any hit.
 
-Triangles as Woop, Benthin and Wald (J. Computer Graphics Techniques 2:1 (2013) 65) test them: sheared so that the ray
-is an axis, both triangles of an edge see the same edge. Where the ray seems to pass through it they look again in
-double precision, which Vulkan need not have, and compilers may fuse products with sums. Here both sides count a ray
-that passes an edge by less than rounding may hide: none slips. Boxes are tested wider by as much (after Ize, ibid. 2:2
-(2013) 12).
+Triangles are tested as by Woop, Benthin and Wald (J. Computer Graphics Techniques 2:1 (2013) 65): sheared so that the
+ray is an axis, both triangles of an edge compute the same edge. If the ray seems to pass through the edge, they repeat
+the test in double precision, which Vulkan need not provide, and compilers may fuse products with sums. This function
+accepts a hit on both sides of an edge if rounding errors may hide it, so that no ray passes between triangles. Boxes
+are enlarged by the same error (after Ize, ibid. 2:2 (2013) 12).
 """
 # mypy: ignore-errors
-# No `from __future__ import annotations` here: Taichi reads the annotations as objects.
+# No `from __future__ import annotations`: Taichi reads the annotations as objects.
 
 from polarsim.geometry.bvh import COUNT_BITS, LEVELS
 from polarsim.geometry.taichi_device import ti
 
-FAR = 1e36  # farther than any surface, and small enough for sums in float32
-# Arrays that kernels take.
+FAR = 1e36  # greater than all distances, and small enough for sums in float32
+# Types of the kernels' arrays.
 VECTORS, BOXES = (ti.types.ndarray(dtype=ti.math.vec3, ndim=ndim) for ndim in (1, 2))
 VALUES, WEIGHTS = (ti.types.ndarray(dtype=dtype, ndim=1) for dtype in (ti.f32, ti.math.vec2))
 NUMBERS, PAIRS = (ti.types.ndarray(dtype=ti.i32, ndim=ndim) for ndim in (1, 2))
-_LEAST = 1e-18  # for parts of directions that are 0: their inverse is finite
-_ROUNDING = 2.0**-21  # share of two products by which their difference may be off: four times what float32 may be
-_WIDER = 2.0**-20  # share of the way to a box by which it is widened
+_LEAST = 1e-18  # minimum component of directions, so that its inverse is finite
+_ROUNDING = 2.0**-21  # relative error of a difference of two products: four times that of float32
+_WIDER = 2.0**-20  # share of the distance to a box by which it is enlarged
 _NO_NODE = 0x7FFFFFFF
 
 
@@ -32,7 +32,7 @@ class Walk:
 
 @ti.func
 def _inverse(x):
-    """1 / x; of what is 0 or nearly so, a large number of its sign."""
+    """Return 1 / x; a large number of the same sign for zero."""
     safe = x
     if ti.abs(x) < _LEAST:
         safe = _LEAST
@@ -43,7 +43,7 @@ def _inverse(x):
 
 @ti.func
 def _through_box(low, high, origin, inverse, wider, near, far):
-    """Distance at which the ray enters; FAR if it does not before `far`."""
+    """Return the distance at which the ray enters the box; FAR if it does not before `far`."""
     a, b = (low - wider - origin) * inverse, (high + wider - origin) * inverse
     enters = ti.max(ti.min(a, b).max(), near)
     leaves = ti.min(ti.max(a, b).min(), far)
@@ -55,7 +55,7 @@ def _through_box(low, high, origin, inverse, wider, near, far):
 
 @ti.func
 def _sheared(corner, origin, shear, axis):
-    """A corner seen along the ray: two coordinates across it, the third in lengths of the direction."""
+    """Transform a corner to the ray's frame: two coordinates across the ray, the third in lengths of the direction."""
     p = corner - origin
     permuted = ti.math.vec3(p[1], p[2], p[0])
     if axis == 1:
@@ -69,7 +69,7 @@ def _sheared(corner, origin, shear, axis):
 
 @ti.func
 def _shear(along):
-    """Shear of a direction and its longest axis, 0 to 2, as a float."""
+    """Return the shear of a direction and its longest axis, 0 to 2, as a float."""
     size = ti.abs(along)
     permuted, axis = ti.math.vec3(along[1], along[2], along[0]), 0
     if size[1] > size[0] and size[1] >= size[2]:
@@ -81,14 +81,14 @@ def _shear(along):
 
 @ti.func
 def _edge(a, b):
-    """Twice the area between the ray and an edge, and how far it may be off."""
+    """Return twice the area between the ray and an edge, and its error bound."""
     one, other = a[0] * b[1], a[1] * b[0]
     return ti.math.vec2(one - other, _ROUNDING * (ti.abs(one) + ti.abs(other)))
 
 
 @ti.func
 def _in_triangle(a, b, c):
-    """Weights of the sheared corners that the ray passes between, their sum 1; all 0 where it passes outside."""
+    """Return the weights of the sheared corners at the ray, with sum 1; all 0 outside the triangle."""
     u, v, w = _edge(c, b), _edge(a, c), _edge(b, a)
     value, off = ti.math.vec3(u[0], v[0], w[0]), ti.math.vec3(u[1], v[1], w[1])
     inside = ti.math.vec3(0.0)
@@ -107,9 +107,9 @@ def walk(
     boxes: ti.template(), children: ti.template(), corners: ti.template(),
     origin, along, near, far, any_will_do: ti.template(),
 ):  # fmt: skip
-    """The first triangle between `near` and `far` lengths of the direction, `near` not counting itself if over 0.
+    """Return the nearest triangle between `near` and `far` lengths of the direction; `near` is exclusive if above 0.
 
-    `any_will_do`: the first that is found, wherever it lies.
+    `any_will_do`: return the first triangle that is found, at any distance.
     """
     found = Walk(distance=far, slot=-1)
     inverse = ti.math.vec3(_inverse(along[0]), _inverse(along[1]), _inverse(along[2]))

@@ -1,4 +1,4 @@
-"""How triangles hang together: connected parts and closedness, from vertex numbers alone."""
+"""Topology of triangles: connected parts, closedness and edges, from vertex numbers only."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
+from polarsim.geometry.meshes import Mesh
+
 
 def hull_faces(points: np.ndarray) -> np.ndarray:
-    """(f, 3) faces of the convex hull of points (n, 3), which look outwards.
+    """Return the faces (f, 3) of the convex hull of points (n, 3), oriented outwards.
 
     Raises
     ------
     QhullError
-        They span no volume.
+        The points enclose no volume.
     ValueError
-        They are too few, or not finite.
+        There are too few points, or a coordinate is not finite.
     """
     hull = ConvexHull(points)
     faces = hull.simplices.copy()
@@ -28,9 +30,9 @@ def hull_faces(points: np.ndarray) -> np.ndarray:
 
 
 def part_of_vertex(faces: np.ndarray, vertices: int) -> np.ndarray:
-    """(vertices,) number of the connected part of each vertex; parts of faces (f, 3) share no vertex.
+    """Return the number (vertices,) of the connected part of each vertex; parts of faces (f, 3) share no vertex.
 
-    A vertex that no face uses is a part of its own.
+    A vertex that no face uses is a separate part.
     """
     first, second = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
     links = coo_array((np.ones(len(first), bool), (first, second)), shape=(vertices, vertices))
@@ -38,15 +40,29 @@ def part_of_vertex(faces: np.ndarray, vertices: int) -> np.ndarray:
 
 
 def part_of_face(faces: np.ndarray) -> np.ndarray:
-    """(f,) number, from 0 on, of the connected part of each of the faces (f, 3); parts share no vertex."""
+    """Return the number (f,), from 0, of the connected part of each face (f, 3); parts share no vertex."""
     if not len(faces):
         return np.zeros(0, int)
     part = part_of_vertex(faces, int(faces.max()) + 1)
     return np.unique(part[faces[:, 0]], return_inverse=True)[1]
 
 
+def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
+    """Remove vertices that no face uses."""
+    used, numbers = np.unique(faces, return_inverse=True)
+    return Mesh(vertices[used], numbers.reshape(-1, 3))
+
+
+def largest_island(mesh: Mesh) -> Mesh:
+    """Return the connected part with the largest number of faces, without unused vertices."""
+    part = part_of_face(mesh.faces)
+    if not len(part):
+        return mesh
+    return compacted(mesh.vertices, mesh.faces[part == np.argmax(np.bincount(part))])
+
+
 def is_watertight(faces: np.ndarray) -> bool:
-    """Whether every edge belongs to two of the faces (f, 3), once in each direction; no face closes nothing."""
+    """Return whether every edge belongs to two of the faces (f, 3), once in each direction; False without faces."""
     if not len(faces):
         return False
     _, forward, backward = numbered_edges(faces)
@@ -56,13 +72,13 @@ def is_watertight(faces: np.ndarray) -> bool:
 
 
 def open_edges(faces: np.ndarray) -> np.ndarray:
-    """(e, 2) edges of faces (f, 3), in their direction, that no face runs along the other way: rims and holes."""
+    """Return the edges (e, 2) of faces (f, 3), in their direction, without an opposite edge: rims and holes."""
     edges, forward, backward = numbered_edges(faces)
-    return edges[~pd.Index(forward).isin(backward)]  # by hashes: NumPy sorts, which takes 20 times as long
+    return edges[~pd.Index(forward).isin(backward)]  # by hashes; NumPy sorts, which is 20 times slower
 
 
 def numbered_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges (3 f, 2) of faces (f, 3) in their direction, face by face; a number for each, and that of the way back."""
+    """Return edges (3 f, 2) of faces (f, 3) in their direction, their numbers, and numbers of opposite edges."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).astype(np.int64)
     size = edges.max(initial=0) + 1
     return edges, edges[:, 0] * size + edges[:, 1], edges[:, 1] * size + edges[:, 0]

@@ -1,6 +1,6 @@
-"""Many vectors (n, 3) at once, column by column: NumPy is slow where the last axis is only three long.
+"""Operations on many vectors (n, 3), column by column: NumPy is slow if the last axis has only three elements.
 
-Gather rows with `vectors.take(numbers, axis=0)`: four times as fast as `vectors[numbers]`.
+Select rows with `vectors.take(numbers, axis=0)`: four times as fast as `vectors[numbers]`.
 """
 
 from __future__ import annotations
@@ -9,23 +9,23 @@ import numpy as np
 
 
 def dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) scalar products of vectors (n, 3)."""
+    """Return scalar products (n,) of vectors (n, 3)."""
     return first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1] + first[:, 2] * second[:, 2]
 
 
 def length(vectors: np.ndarray) -> np.ndarray:
-    """(n,) lengths of vectors (n, 3)."""
+    """Return lengths (n,) of vectors (n, 3)."""
     return np.asarray(np.sqrt(dot(vectors, vectors)))
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) made one long; those of no length stay as they are."""
+    """Normalise vectors (n, 3); vectors of length zero are not changed."""
     square = dot(vectors, vectors)
     return scaled(vectors, 1 / np.sqrt(np.where(square > 0, square, square.dtype.type(1))))
 
 
 def scaled(vectors: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3), each times a factor of its own (n,)."""
+    """Multiply vectors (n, 3) by factors (n,)."""
     out = np.empty((len(vectors), 3), np.result_type(vectors, factor))
     for axis in range(3):
         np.multiply(vectors[:, axis], factor, out=out[:, axis])
@@ -33,13 +33,13 @@ def scaled(vectors: np.ndarray, factor: np.ndarray) -> np.ndarray:
 
 
 def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n, 3) cross products."""
+    """Return cross products (n, 3)."""
     (ax, ay, az), (bx, by, bz) = first.T, second.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def moved(origins: np.ndarray, directions: np.ndarray, distance: np.ndarray | np.floating) -> np.ndarray:
-    """Points (n, 3) so far (n,) or scalar along directions (n, 3) from origins (3,) or (n, 3)."""
+    """Return points (n, 3) at distances (n,) or scalar along directions (n, 3) from origins (3,) or (n, 3)."""
     out = np.empty(directions.shape, np.result_type(origins, directions, distance))
     for axis in range(3):
         out[:, axis] = origins[..., axis] + distance * directions[:, axis]

@@ -1,4 +1,4 @@
-"""A linter for labelled photos: defects that siblings, geometry and light show without looking at a picture."""
+"""Linter for labelled photos: detects defects from other exposures, geometry and light, without the photos."""
 
 from polarsim.public import offered
 

@@ -1,4 +1,4 @@
-"""The errata of a published set as one page: each defect drawn over the twin of its photo, where there is one."""
+"""Errata of a published set as a page: each defect drawn over the twin of its photo, if available."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from polarsim.lint.folders import lint_release
 from polarsim.lint.rules import RULES, chosen
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 
-WIDTH_PX = 484  # of a picture on the page
-_SHOWN = 3  # files that are named of those that share a picture
+WIDTH_PX = 484  # of a figure on the page
+_SHOWN = 3  # maximum number of files named in a caption
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 1560px; padding: 0 1rem; color: #222; }
 section { display: grid; grid-template-columns: repeat(auto-fill, minmax(484px, 1fr)); gap: 1.2rem; }
@@ -32,12 +32,12 @@ table { border-collapse: collapse; } td, th { padding: 0.15rem 0.8rem 0.15rem 0;
 
 
 def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path, workers: int) -> None:
-    """Look through a folder in the published layout; write all findings as a table, errors and warnings as a page.
+    """Validate a folder in the published layout; write all findings as a table, errors and warnings as a page.
 
     Parameters
     ----------
     twins : sequence of Path
-        Folders with twins, KEY.png; a defect whose photo has none is drawn on plain ground.
+        Folders with twins, KEY.png; defects of photos without a twin are drawn on a plain background.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path,
 
 
 def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Path) -> None:
-    """Write a page with the findings in a folder of the published layout, by rule; files alike share a picture."""
+    """Write a page with the findings in a folder of the published layout, by rule; equal files share a figure."""
     counts = report.counts
     order = sorted(counts, key=lambda name: RULES[name].code)
     rows = "".join(
@@ -65,10 +65,10 @@ def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Pa
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Errata</title>',
         f"<style>{_STYLE}</style><h1>Errata of the labels</h1>",
         f'<p class="about">{len(report.findings)} findings in {len({one.file for one in report.findings})} files. '
-        "Rocks are red, shadows blue; what a finding names is filled yellow, what ought to be there dashed. Behind "
-        "them stands the twin of the photo, where this run made one: rendered from the published meshes, by cameras "
-        "found from the labels. "
-        "Files of one content share a picture.",
+        "Rocks are red, shadows blue. Boxes and polygons of a finding are filled yellow, missing ones dashed. The "
+        "background is the twin of the photo, if this run rendered it, from the published meshes and with cameras "
+        "localised by the labels. "
+        "Files with the same content share a figure.",
         f"<table><tr><th>code<th>rule<th>severity<th>files<th>meaning</tr>{rows}</table>",
     ]
     for name in order:
@@ -94,12 +94,12 @@ def _figures(findings: Iterable[Finding], root: Path, twins: Mapping[str, Path])
 
 
 def _content(path: Path) -> object:
-    """What files must share to share a picture: their bytes, and nothing of files without a picture."""
+    """Return a key of files that share a figure: the bytes of label files, else the suffix."""
     return path.read_bytes() if path.suffix == ".txt" and path.is_file() else path.suffix
 
 
 def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
-    """The boxes or polygons of a file as SVG, those that are wrong on top; nothing for files that hold none."""
+    """Return the boxes or polygons of a file as SVG, wrong ones on top; empty without shapes."""
     wrong = set(finding.rows)
     try:
         shapes = list(_shapes(path))
@@ -118,7 +118,7 @@ def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
 
 
 def _twin(path: Path, twins: Mapping[str, Path]) -> str:
-    """The twin of a label file's photo, as the picture behind its labels."""
+    """Return the twin of a label file's photo as the background of the figure."""
     twin = twins.get(path.stem)
     if twin is None:
         return ""
@@ -126,7 +126,7 @@ def _twin(path: Path, twins: Mapping[str, Path]) -> str:
 
 
 def _shapes(path: Path) -> Iterator[tuple[str, np.ndarray]]:
-    """Class name and corners (n, 2) of each row of a label file."""
+    """Yield class name and corners (n, 2) of each row of a label file."""
     if path.suffix != ".txt" or not path.is_file():
         return
     if release.POLYGONS in path.parts:

@@ -1,4 +1,4 @@
-"""What one label file shows by itself, of boxes or polygons, and polygons beside the boxes of the same photo."""
+"""Defects of single label files, boxes or polygons, and of polygons compared with the boxes of the same photo."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, W
 Boxes = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 Size = tuple[int, int]  # width and height of the photo, pixels
 
-SAME, NEAR = 0.9999, 0.7  # IoU of a duplicate, and of a near-duplicate
-SLIVER_PX = 6.0  # shortest side of a box
-GIANT_SIDE, GIANT_AREA = 0.6, 0.2  # shares of the photo
-OUTSIDE_PX = 0.02  # what the rounding of six decimals explains
-FEW, MANY = 4, 3  # shadows fewer or more than rocks
+SAME, NEAR = 0.9999, 0.7  # minimum IoU of duplicates, and of near-duplicates
+SLIVER_PX = 6.0  # minimum side of a box
+GIANT_SIDE, GIANT_AREA = 0.6, 0.2  # maximum shares of the photo
+OUTSIDE_PX = 0.02  # rounding error of six decimals
+MISSING_SHADOWS, EXTRA_SHADOWS = 4, 3  # minimum number of shadows fewer, or more, than rocks
 
 ROCK_CLASS, SHADOW_CLASS = (BOX_CLASSES.index(name) for name in (ROCK, SHADOW))
 Polygons = list[tuple[int, np.ndarray]]  # class number, vertices (n, 2) in pixels
-TINY_PX2, THIN_PX = 9.0, 2.0  # area and extent of a polygon
-HUGE_PX2 = 300_000.0  # no rock and no shadow is so large
-COVERED = 0.98  # of the photo that polygons must cover
-COVER_STEP = 4  # pixels between the points at which the cover is looked at
-LEAST_ROCKS = 3  # fewer tell no camera
-BETTER_F1 = 0.1  # by which another camera's boxes must fit better
-ALONE, ON_IT = 0.1, 0.5  # IoU of a box and a polygon that have nothing and that are one
+TINY_PX2, THIN_PX = 9.0, 2.0  # minimum area and extent of a polygon
+HUGE_PX2 = 300_000.0  # maximum area of a rock or shadow
+COVERED = 0.98  # minimum share of the photo that polygons cover
+COVER_STEP = 4  # pixels between the samples of the coverage
+MIN_ROCKS = 3  # minimum number of rocks that identify a camera
+BETTER_F1 = 0.1  # minimum lead of the boxes of the other camera
+MAX_UNMATCHED_IOU, MIN_MATCHED_IOU = 0.1, 0.5  # of a box without polygon, and of a box and its polygon
 BACKGROUND, GROUND, ROCK_POLYGON, SHADOW_POLYGON = (
     POLYGON_CLASSES.index(name) for name in ("background", "ground", ROCK, SHADOW)
 )
 
 
 def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size = (WIDTH, HEIGHT)) -> Iterator[Defect]:
-    """Each defect at most once, with all boxes that have it."""
+    """Yield each defect at most once, with all boxes that have it."""
     overlap = np.triu(iou(boxes, boxes), 1)
     alike = classes[:, None] == classes[None]
     extent, photo = boxes[:, 2:] - boxes[:, :2], np.array(size, float)
@@ -49,14 +49,14 @@ def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size = (WIDTH, HEI
         "giant": (extent > GIANT_SIDE * photo).any(axis=1) | (area(boxes) > GIANT_AREA * photo.prod()),
         "out_of_photo": ((boxes[:, :2] < -OUTSIDE_PX) | (boxes[:, 2:] > photo + OUTSIDE_PX)).any(axis=1),
     }
-    for name, found in pairs.items():
-        if found.any():
-            first, second = np.argwhere(found)[0]
-            later = tuple(np.flatnonzero(found.any(axis=0)).tolist())
-            yield Defect(name, f"{found.sum()} pairs, first boxes {first + 1} and {second + 1}", later)
-    for name, found in singles.items():
-        if found.any():
-            rows = np.flatnonzero(found)
+    for name, defective in pairs.items():
+        if defective.any():
+            first, second = np.argwhere(defective)[0]
+            later = tuple(np.flatnonzero(defective.any(axis=0)).tolist())
+            yield Defect(name, f"{defective.sum()} pairs, first boxes {first + 1} and {second + 1}", later)
+    for name, defective in singles.items():
+        if defective.any():
+            rows = np.flatnonzero(defective)
             width, height = extent[rows[0]]
             detail = (
                 f"{len(rows)} boxes, first box {rows[0] + 1}: class {classes[rows[0]]}, {width:.0f} x {height:.0f} px"
@@ -65,24 +65,24 @@ def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size = (WIDTH, HEI
 
 
 def count_defects(classes: np.ndarray) -> Iterator[Defect]:
-    """Shadows that are far fewer or more than rocks."""
+    """Yield defects of files with far fewer or more shadows than rocks."""
     rocks, shadows = int((classes == ROCK_CLASS).sum()), int((classes == SHADOW_CLASS).sum())
-    if shadows and rocks - shadows >= FEW:
+    if shadows and rocks - shadows >= MISSING_SHADOWS:
         yield Defect("few_shadows", f"{shadows} shadows of {rocks} rocks")
-    if shadows - rocks >= MANY:
+    if shadows - rocks >= EXTRA_SHADOWS:
         yield Defect("many_shadows", f"{shadows} shadows of {rocks} rocks")
 
 
 def ring_defects(polygons: Polygons) -> Iterator[Defect]:
-    """Defects of single polygons, each at most once, with all that have it."""
+    """Yield defects of single polygons, each at most once, with all polygons that have it."""
     import shapely
 
-    found: dict[str, list[int]] = {}
+    rows: dict[str, list[int]] = {}
     for number, (kind, vertices) in enumerate(polygons):
         ring = shapely.Polygon(vertices)
         extent = np.ptp(vertices, axis=0)
         outside = (vertices < -OUTSIDE_PX).any() or (vertices > np.array([WIDTH, HEIGHT]) + OUTSIDE_PX).any()
-        for name, holds in (
+        for name, present in (
             ("invalid_ring", not ring.is_valid),
             ("tiny_polygon", ring.area < TINY_PX2),
             ("thin_polygon", extent.min() < THIN_PX),
@@ -90,15 +90,15 @@ def ring_defects(polygons: Polygons) -> Iterator[Defect]:
             ("out_of_photo", outside),
             ("giant_shadow", kind == SHADOW_POLYGON and ring.area > HUGE_PX2),
         ):
-            if holds:
-                found.setdefault(name, []).append(number)
-    for name, numbers in found.items():
+            if present:
+                rows.setdefault(name, []).append(number)
+    for name, numbers in rows.items():
         first = POLYGON_CLASSES[polygons[numbers[0]][0]]
         yield Defect(name, f"{len(numbers)} polygons, first polygon {numbers[0] + 1}: {first}", tuple(numbers))
 
 
 def file_defects(polygons: Polygons) -> Iterator[Defect]:
-    """Defects of a file as a whole; none of an empty one."""
+    """Yield defects of an entire file; none of an empty file."""
     if not polygons:
         return
     kinds = np.array([kind for kind, _ in polygons])
@@ -127,7 +127,7 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
 
 
 def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
-    """Objects that only one of the two files of a photo has."""
+    """Yield defects of objects that only one of the two files of a photo contains."""
     classes, boxes = labels
     rocks, shadows = boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON)
     rock_boxes, shadow_boxes = boxes[classes == ROCK_CLASS], boxes[classes == SHADOW_CLASS]
@@ -137,41 +137,41 @@ def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
         ("rock_polygon_alone", rocks, rock_boxes),
         ("shadow_polygon_alone", shadows if len(shadow_boxes) else shadows[:0], shadow_boxes),
     ):
-        alone = int((largest_iou(one, other) < ALONE).sum())
+        alone = int((largest_iou(one, other) < MAX_UNMATCHED_IOU).sum())
         if alone:
             yield Defect(name, f"{alone} of {len(one)}")
-    on_rock = largest_iou(shadow_boxes, rocks) >= ON_IT
-    mixed = int((on_rock & (largest_iou(shadow_boxes, shadows) < ALONE)).sum())
+    on_rock = largest_iou(shadow_boxes, rocks) >= MIN_MATCHED_IOU
+    mixed = int((on_rock & (largest_iou(shadow_boxes, shadows) < MAX_UNMATCHED_IOU)).sum())
     if mixed:
         yield Defect("class_mismatch", f"{mixed} boxes")
 
 
 def other_camera(polygons: Polygons, key: PhotoKey, labels: Mapping[PhotoKey, Boxes]) -> Iterator[Defect]:
-    """Rocks of a file that fit the boxes of the other camera's photo better than those of its own."""
+    """Yield a defect if the rocks of a file fit the boxes of the other camera better."""
     rocks = boxes_of(polygons, ROCK_POLYGON)
     own, twin = labels.get(key), labels.get(key.other_camera)
-    if own is None or twin is None or len(rocks) < LEAST_ROCKS:
+    if own is None or twin is None or len(rocks) < MIN_ROCKS:
         return
     mine, other = (_f1(rocks, boxes[classes == ROCK_CLASS]) for classes, boxes in (own, twin))
     if other >= mine + BETTER_F1:
-        yield Defect("other_camera_polygons", f"F1 {other:.2f} with the other camera's boxes, {mine:.2f} with its own")
+        yield Defect("other_camera_polygons", f"F1 {other:.2f} with the other camera's boxes, {mine:.2f} with this one")
 
 
 def _f1(first: np.ndarray, second: np.ndarray) -> float:
-    pairs = len(match(iou(first, second), ON_IT)[0])
+    pairs = len(match(iou(first, second), MIN_MATCHED_IOU)[0])
     return 2 * pairs / max(1, len(first) + len(second))
 
 
 def boxes_of(polygons: Polygons, kind: int) -> np.ndarray:
-    """(n, 4) boxes around the polygons of a class."""
+    """Return the boxes (n, 4) around the polygons of a class."""
     return np.array([around(vertices) for number, vertices in polygons if number == kind]).reshape(-1, 4)
 
 
 def covers_photo(polygons: Polygons) -> bool:
-    """Whether nearly every point of the photo lies in some polygon."""
+    """Return whether nearly every point of the photo is inside a polygon."""
     import cv2
 
     painted = np.zeros((HEIGHT // COVER_STEP, WIDTH // COVER_STEP), np.uint8)
-    for _, vertices in polygons:  # one by one: together, overlaps would count as holes
+    for _, vertices in polygons:  # in separate calls, because a single call treats overlaps as holes
         cv2.fillPoly(painted, [np.round(vertices / COVER_STEP).astype(np.int32)], (1,))
     return bool(painted.mean() >= COVERED)

@@ -1,4 +1,4 @@
-"""Findings of the linter: gathered by file, counted, told as text, JSON or SARIF."""
+"""Findings of the linter: collected by file, counted, and written as text, JSON or SARIF."""
 
 from __future__ import annotations
 
@@ -20,16 +20,14 @@ SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 @dataclass(frozen=True, order=True)
 class Finding:
-    """One defect of one file, below the root."""
+    """Defect of a file below the root."""
 
     file: str
-    line: int  # the first line that has it, from 1; 0 where it is the file's
+    line: int  # the first line with the defect, from 1; 0 for defects of the entire file
     defect: str
     detail: str = ""
-    rows: tuple[int, ...] = field(default=(), compare=False, repr=False)  # all boxes or polygons that have it, from 0
-    lacking: tuple[tuple[float, ...], ...] = field(
-        default=(), compare=False, repr=False
-    )  # boxes that ought to be there
+    rows: tuple[int, ...] = field(default=(), compare=False, repr=False)  # indices of all boxes or polygons with it
+    lacking: tuple[tuple[float, ...], ...] = field(default=(), compare=False, repr=False)  # missing boxes
 
     @property
     def code(self) -> str:
@@ -47,14 +45,14 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """All that a tree of labels holds and lacks."""
+    """Findings and contents of a tree of labels."""
 
     findings: list[Finding]
-    contents: dict[str, dict[str, int]]  # part of the tree, such as a terrain -> what it holds -> how many
-    repairs: int | None = None  # findings that a repaired copy puts right; None without a copy
+    contents: dict[str, dict[str, int]]  # part of the tree, such as a terrain -> kind of content -> number
+    repairs: int | None = None  # number of findings that a repaired copy resolves; None without a copy
 
     def chosen(self, names: Collection[str]) -> Report:
-        """Only findings of some rules."""
+        """Return a report with the findings of some rules only."""
         return replace(self, findings=[finding for finding in self.findings if finding.defect in names])
 
     @property
@@ -66,7 +64,7 @@ class Report:
         return sum(finding.severity in severities for finding in self.findings)
 
     def as_json(self) -> dict[str, Any]:
-        """`contents`, `findings` with code, severity, file, line, message and repair, and how many of each severity."""
+        """Return `contents`, `findings` with code, severity, file, line, message and repair, and counts by severity."""
         return {
             "contents": self.contents,
             "findings": [
@@ -89,14 +87,14 @@ class Report:
         }
 
     def as_text(self) -> str:
-        """One line per finding, one with the number of findings per rule, and one per severity."""
+        """Return one line per finding, one line of counts by rule, and one line of counts by severity."""
         order = sorted(self.counts.items(), key=lambda item: RULES[item[0]].code)
         by_rule = [", ".join(f"{RULES[name].code} {name} {count}" for name, count in order)] if order else []
         counts = f"{self.count('error')} errors, {self.count('warning')} warnings, {self.count('note')} notes"
         return "\n".join([*(f"{one.severity}: {one}" for one in self.findings), *by_rule, counts])
 
     def as_sarif(self) -> dict[str, Any]:
-        """The findings in the Static Analysis Results Interchange Format 2.1.0, which code hosts show beside files."""
+        """Return the findings in the Static Analysis Results Interchange Format 2.1.0, which code hosts display."""
         rules = [
             {
                 "id": rule.code,
@@ -126,7 +124,7 @@ def _sarif_result(finding: Finding) -> dict[str, Any]:
 
 @dataclass
 class Findings:
-    """Gathers findings of files below a root."""
+    """Collects findings of files below a root."""
 
     root: Path
     gathered: list[Finding] = field(default_factory=list)
@@ -137,7 +135,7 @@ class Findings:
         self.gathered.append(Finding(file, line, defect.name, defect.detail, defect.rows, defect.lacking))
 
     def read(self, path: Path, reader: Callable[[Path], Content], name: str) -> Content | None:
-        """What a file holds, or a finding and None."""
+        """Return the content of a file, or add a finding and return None."""
         try:
             return reader(path)
         except PolarsimError as error:
@@ -149,7 +147,7 @@ class Findings:
         return None
 
     def read_all(self, files: Mapping[PhotoKey, Path], reader: Callable[[Path], Content]) -> dict[PhotoKey, Content]:
-        """Contents of the files that can be read, one object for files of the same bytes; the others are findings."""
+        """Return contents of the readable files, the same object for equal files; add findings for the rest."""
         contents: dict[PhotoKey, Content] = {}
         known: dict[bytes, Content] = {}
         for key, path in files.items():
@@ -163,5 +161,5 @@ class Findings:
 
 
 def _line(path: Path, row: int) -> int:
-    """Line from 1 of a row from 0; blank lines are no rows."""
+    """Return the line from 1 of a row from 0; blank lines are not rows."""
     return fields_of(path, "label file")[row][0]

@@ -1,7 +1,7 @@
 """Validation of folders of labels: label files named by photo keys, and label files with pictures.
 
-Label files with pictures are stored as YOLO trainers expect them: in `images/` and `labels/` of the same inner folders,
-in `images/` and `labels/` of each part, or in one folder.
+Label files with pictures are stored in the layouts of YOLO trainers: in `images/` and `labels/` with the same inner
+folders, in `images/` and `labels/` of each part, or in one folder.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
     Parameters
     ----------
     workers : int
-        Processes that share the terrains.
+        Number of processes; each validates a terrain at a time.
 
     Raises
     ------
@@ -57,15 +57,15 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
     terrains = release.terrains(root) if layout == release.PUBLISHED else layout.terrains(root)
     if not terrains:
         raise FormatError(
-            f"no terrain, looked for {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN and "
+            f"no terrain: expected {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN or "
             f"{release.MESHES}/TerrainNN",
             path=root,
         )
     findings: list[Finding] = []
     contents = {}
     lint = partial(lint_terrain, root, layout=layout)
-    for terrain, (found, content) in zip(terrains, _each(lint, terrains, workers), strict=True):
-        findings += found
+    for terrain, (findings_of_terrain, content) in zip(terrains, _each(lint, terrains, workers), strict=True):
+        findings += findings_of_terrain
         contents[f"Terrain{terrain:02d}"] = content
     return Report(findings, contents)
 
@@ -78,9 +78,9 @@ def _each(look: Callable[[int], Terrain], terrains: list[int], workers: int) -> 
 
 
 def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED) -> Terrain:
-    """Findings of one terrain in the order of files, and counts of its content.
+    """Return the findings of a terrain in the order of files, and counts of its content.
 
-    Published labels are boxes; label files elsewhere may be detections, with a confidence.
+    Published labels are boxes; label files in other layouts may be detections, with a confidence.
     """
     found = Findings(root)
     published = layout == release.PUBLISHED
@@ -107,7 +107,7 @@ def _by_content(files: release.KeyFiles) -> tuple[release.KeyFiles, release.KeyF
 
 
 def _box_reader(detections: bool) -> Callable[[Path], Boxes]:
-    """A reader of box files whose class numbers mean what the class list of their folder states."""
+    """Return a reader of box files with the class numbers of their folder's class list."""
     names = cache(yolo.class_names)
     return lambda path: yolo.read_boxes(path, names=names(path.parent), detections=detections)
 
@@ -121,7 +121,7 @@ def _lint_boxes(
             found.add(files[key], defect)
     for keys in by_bracket(files).values():
         for key in missing_exposures(set(keys)):
-            found.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures are there"))
+            found.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures exist"))
         for key, defect in set_defects({key: boxes[key] for key in keys if key in boxes}):
             found.add(files[key], defect)
     for key, defect in (*sibling_defects(boxes), *view_defects(boxes)):
@@ -139,7 +139,7 @@ def _lint_polygons(
     boxes: Mapping[PhotoKey, Boxes],
     found: Findings,
 ) -> dict[str, int]:
-    own: dict[int, list[Defect]] = {}  # by content: most exposures of an exposure bracket share one
+    own: dict[int, list[Defect]] = {}  # by content, because most exposures of a bracket have the same
     for key, annotated in polygons.items():
         if id(annotated) not in own:
             own[id(annotated)] = [*ring_defects(annotated), *file_defects(annotated)]
@@ -160,7 +160,7 @@ def _lint_scene(root: Path, terrain: int, found: Findings) -> dict[str, int]:
 
 
 def _stray(path: Path) -> Defect:
-    """Why a file is none of the layout's."""
+    """Return the reason why a file does not belong to the layout."""
     if release.key_of(path.name) is not None:
         return Defect("wrong_folder", "the key is of another terrain")
     if path.name.startswith("."):
@@ -170,15 +170,15 @@ def _stray(path: Path) -> Defect:
         return Defect("impossible_exposure", f"{int(exposure[1])} ms, expected 16, 32, 64 ... 8192")
     twin = _KEY_AT_START.match(path.name)
     if not twin or not (regular := path.with_name(f"{twin[0]}.txt")).is_file():
-        return Defect("stray_name", "no name of the layout")
+        return Defect("stray_name", "not a name of the layout")
     same = regular.read_bytes() == path.read_bytes()
-    return Defect("stray_name", f"{'the same bytes as' if same else 'other content than'} {regular.name}")
+    return Defect("stray_name", f"{'the same bytes as' if same else 'different content from'} {regular.name}")
 
 
 def lint_pictures(root: Path) -> Report:
-    """Validate every label file that has a picture of the same name, by the size of the picture.
+    """Validate every label file with a picture of the same name, by the size of the picture.
 
-    A line may be a box, a detection or a polygon, which counts as the box around it.
+    A line may be a box, a detection or a polygon, which is converted to the box around it.
 
     Raises
     ------
@@ -211,57 +211,59 @@ def lint_pictures(root: Path) -> Report:
 
 
 def _pictures(root: Path) -> dict[str, Path]:
-    """Pictures of a folder by their path without suffix and without folders of `IMAGES`."""
+    """Return the pictures of a folder by their path without suffix and without folders of `IMAGES`."""
     return _by_stem(root, (path for path in root.rglob("*") if path.suffix.lower() in png.SUFFIXES), IMAGES)
 
 
 def _labels(root: Path) -> dict[str, Path]:
-    """Label files of a folder by their path without suffix and without folders of `LABELS`."""
+    """Return the label files of a folder by their path without suffix and without folders of `LABELS`."""
     texts = (path for path in root.rglob("*.txt") if not yolo.is_class_list(path) and path.is_file())
     return _by_stem(root, texts, LABELS)
 
 
 def _by_stem(root: Path, files: Iterable[Path], folders: tuple[str, ...]) -> dict[str, Path]:
-    """Files by stem; where some are in one of the folders, only those."""
+    """Return files by stem; if some are in one of the folders, only these."""
     parts = {path: path.relative_to(root).with_suffix("").parts for path in sorted(files)}
-    inside = {path: own for path, own in parts.items() if not set(own[:-1]).isdisjoint(folders)} or parts
-    return {"/".join([*(part for part in own[:-1] if part not in folders), own[-1]]): path
-            for path, own in inside.items()}  # fmt: skip
+    inside = {
+        path: parts_of_path for path, parts_of_path in parts.items() if not set(parts_of_path[:-1]).isdisjoint(folders)
+    } or parts
+    return {"/".join([*(part for part in parts_of_path[:-1] if part not in folders), parts_of_path[-1]]): path
+            for path, parts_of_path in inside.items()}  # fmt: skip
 
 
 def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:
-    """Findings of some rules in a folder of label files, see `layout_of`.
+    """Return the findings of some rules in a folder of label files, see `layout_of`.
 
     Parameters
     ----------
     names
-        Of the rules that count, see `rules.chosen`.
+        Selected rules, see `rules.chosen`.
     fix
-        Folder to which repaired label files are written; the published layout only.
+        Output folder of repaired label files; only for the published layout.
 
     Raises
     ------
     FormatError
-        The folder is missing or of no known layout, or no copy can be written.
+        The folder is missing, has no known layout, or the copy cannot be written.
     """
     root = existing_folder(root)
     if release.OF_RUN.terrains(root / "labels"):  # the folder of a run
         root /= "labels"
     layout = layout_of(root)
     if fix is not None and layout != release.PUBLISHED:
-        raise FormatError("repaired copies are written of the published layout only", path=root)
+        raise FormatError("only the published layout can be repaired: its folder has {release.BOXES}", path=root)
     report = lint_pictures(root) if layout is None else lint_release(root, workers, layout)
     report = report.chosen(names)
     return report if fix is None else replace(report, repairs=write_repaired(root, report.findings, fix, names))
 
 
 def layout_of(root: Path) -> Layout | None:
-    """Layout of a folder of label files; None for label files with pictures.
+    """Return the layout of a folder of label files; None for label files with pictures.
 
     Raises
     ------
     FormatError
-        No known layout: what was found and what was expected.
+        The layout is unknown; the message states the content and the expected layouts.
     """
     if release.terrains(root):
         return release.PUBLISHED
@@ -274,13 +276,13 @@ def layout_of(root: Path) -> Layout | None:
         return release.FLAT
     raise FormatError(
         f"no terrain and no picture with labels: found {census(root)}; expected {release.BOXES}/TerrainNN/KEY.txt"
-        ", TerrainNN/KEY.txt, KEY.txt, or pictures and label files of one name, in images/ and labels/ or together",
+        ", TerrainNN/KEY.txt, KEY.txt, or pictures and label files of equal names in images/ and labels/ or together",
         path=root,
     )
 
 
 def rule_lines() -> list[str]:
-    """One line a rule, by code."""
+    """Return a line for each rule, by code."""
     rows = sorted((rule.code, rule.severity, name, rule) for name, rule in RULES.items())
     return [
         f"{code}  {severity:7}  {name:22}  {rule.meaning}" + (f"; --fix {rule.repair}" if rule.repair else "")

@@ -1,4 +1,4 @@
-"""Repaired label files of a published folder: what the findings' rules can put right without a person."""
+"""Repair of label files in a published folder, by rules that need no person."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from polarsim.lint.siblings import modal_file, of_class, set_defects, swapped_cl
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, by_bracket
 
 CHANGES = "changes.csv"
-_LABELS = (release.BOXES, release.POLYGONS)  # folders that are copied
+_LABELS = (release.BOXES, release.POLYGONS)  # copied folders
 _LEFT_OUT = ("stray_name", "system_file", "wrong_folder")
 _OF_SET = {
     ROCK_CLASS: ("missing_file", "empty_file", "rock_missing", "rock_extra", "rock_moved"),
@@ -41,25 +41,25 @@ _OF_SET = {
         "missing_file", "empty_file", "shadow_missing", "shadow_extra", "shadow_moved", "shadows_off_late",
     ),
 }  # fmt: skip
-_LOSSY = ("malformed", "near_duplicate")  # repairs after which a file may lack a box, or have a wrong one
-_ROUNDS = 8  # of repairing the defects that earlier repairs reveal; two or three are enough
+_LOSSY = ("malformed", "near_duplicate")  # repairs that may remove a correct box or keep a wrong one
+_ROUNDS = 8  # maximum number of repetitions for defects that repairs reveal; two or three are enough
 
 
 def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Collection[str] = RULES) -> int:
-    """Copy the label files of a published folder with repairs of its findings, and list these in `changes.csv`.
+    """Copy the label files of a published folder, repair its findings, and list the repairs in `changes.csv`.
 
-    Photos, scans, meshes and everything else of the folder are not copied.
+    Other files of the folder, such as photos, scans and meshes, are not copied.
 
     Parameters
     ----------
     names
-        Rules whose defects are repaired where an earlier repair reveals them, such as a box twice in a file that had
+        Rules that are also repaired if an earlier repair reveals their defects, such as a repeated box in a file with
         a malformed line.
 
     Returns
     -------
     int
-        Number of findings that were repaired; findings whose rule states no repair, or in other files, are left.
+        Number of repaired findings; findings in other files and of rules without a repair are not repaired.
 
     Raises
     ------
@@ -94,18 +94,18 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
 
 @dataclass
 class _Repairs:
-    """Repairs of a copy, and the findings that they put right."""
+    """Repairs of a copy, and the findings that they resolve."""
 
     copy: Path
     by_file: Mapping[str, Sequence[Finding]]
-    names: set[str]  # of rules with a repair
+    names: set[str]  # names of rules with a repair
     done: list[Finding] = field(default_factory=list)
 
     def files(self) -> None:
-        """Leave files of wrong names out; give an impossible exposure the nearest one, where nobody has it."""
-        for file, found in self.by_file.items():
+        """Omit files with wrong names; rename impossible exposures to the nearest exposure without a file."""
+        for file, findings in self.by_file.items():
             path = self.copy / file
-            for finding in found:
+            for finding in findings:
                 if finding.defect in _LEFT_OUT:
                     path.unlink()
                 elif finding.defect == "impossible_exposure":
@@ -119,12 +119,12 @@ class _Repairs:
     def boxes(self, terrain: int) -> None:
         """Repair the label files of a terrain.
 
-        Files are repaired by themselves before most exposures of their bracket decide what the others take, so a
-        defect of most exposures does not spread. A file that may have lost a box does not vote where others can.
+        Files are repaired separately before the majority of their bracket determines the content of the rest, so that
+        a defect of most exposures does not spread. A file that may have lost a box has no vote if others have one.
         """
         folder = release.label_folder(self.copy, terrain)
         there = release.label_files(self.copy, terrain)
-        found = self._found(folder)
+        found = self._open_findings(folder)
         doubtful = {key for key, own in found.items() if any(finding.defect in _LOSSY for finding in own)}
         for key in there:
             if any(finding.defect == "malformed" for finding in found.get(key, ())):
@@ -132,7 +132,7 @@ class _Repairs:
         labels = {key: yolo.read_boxes(path) for key, path in there.items()}
         before, missing = dict(labels), set(found) - set(labels)
         for number in range(_ROUNDS):
-            own = list(self._own_defects(labels))
+            own = list(self._defects_of_files(labels))
             for key, defect in own:
                 doubtful |= {key} if defect.name in _LOSSY else set()
             for key in {key for key, _ in own}:
@@ -147,7 +147,7 @@ class _Repairs:
                 yolo.write_boxes(folder / f"{key}.txt", *content)
         self.done += [finding for key in found for finding in found[key]]
 
-    def _own_defects(self, labels: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Defect]]:
+    def _defects_of_files(self, labels: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Defect]]:
         for key, content in labels.items():
             yield from ((key, defect) for defect in box_defects(*content) if defect.name in self.names)
         if "swapped_class" in self.names:
@@ -157,7 +157,7 @@ class _Repairs:
     def _set_defects(
         self, labels: dict[PhotoKey, Boxes], missing: set[PhotoKey], doubtful: set[PhotoKey]
     ) -> Iterator[tuple[PhotoKey, Defect]]:
-        """Give files with defects, and missing ones, what most exposures of their bracket have; yield the defects."""
+        """Replace defective and missing files by the modal content of their bracket; yield the defects."""
         for keys in by_bracket({*labels, *missing}).values():
             files = {key: labels[key] for key in keys if key in labels}
             voters = {key: content for key, content in files.items() if key not in doubtful} or files
@@ -167,12 +167,12 @@ class _Repairs:
                     names.setdefault(key, set()).add(defect.name)
                     yield key, defect
             for key, defects in names.items():
-                labels[key] = _as_in_set(files.get(key, _NOTHING), key, voters, defects)
+                labels[key] = _as_modal(files.get(key, _NO_BOXES), key, voters, defects)
 
     def _revealed(
         self, folder: Path, found: Mapping[PhotoKey, Sequence[Finding]], defects: Iterable[tuple[PhotoKey, Defect]]
     ) -> list[Finding]:
-        """Findings of defects that the tree did not have before other repairs."""
+        """Return findings of defects that were revealed by repairs."""
         below = folder.relative_to(self.copy)
         known = {(finding.file, finding.defect) for finding in (*self.done, *itertools.chain(*found.values()))}
         files = [((below / f"{key}.txt").as_posix(), defect) for key, defect in defects]
@@ -181,9 +181,9 @@ class _Repairs:
 
     def polygons(self, terrain: int) -> None:
         """Repair the polygon files of a terrain."""
-        for key, found in self._found(release.polygon_folder(self.copy, terrain)).items():
+        for key, findings in self._open_findings(release.polygon_folder(self.copy, terrain)).items():
             path = release.polygon_folder(self.copy, terrain) / f"{key}.txt"
-            if any(finding.defect == "malformed" for finding in found):
+            if any(finding.defect == "malformed" for finding in findings):
                 _drop_malformed(path, yolo.read_polygons)
             polygons = yolo.read_polygons(path)
             for _ in range(_ROUNDS):
@@ -192,32 +192,32 @@ class _Repairs:
                     break
                 polygons = _repaired_polygons(polygons, [one for one in defects if one.name in self.names])
             yolo.write_polygons(path, polygons)
-            self.done += found
+            self.done += findings
 
-    def _found(self, folder: Path) -> dict[PhotoKey, list[Finding]]:
-        """Findings of a folder's label files that are still to be repaired."""
+    def _open_findings(self, folder: Path) -> dict[PhotoKey, list[Finding]]:
+        """Return the findings of a folder's label files that are not repaired yet."""
         below = folder.relative_to(self.copy).as_posix()
         done = set(self.done)
         paths = {file: Path(file) for file in self.by_file if Path(file).parent.as_posix() == below}
         keys = {file: release.key_of(path.name) for file, path in paths.items()}
-        left = {key: [one for one in self.by_file[file] if one not in done] for file, key in keys.items() if key}
-        return {key: found for key, found in left.items() if found}
+        remaining = {key: [one for one in self.by_file[file] if one not in done] for file, key in keys.items() if key}
+        return {key: findings for key, findings in remaining.items() if findings}
 
 
-_NOTHING: Boxes = (np.zeros(0, int), np.zeros((0, 4)))
+_NO_BOXES: Boxes = (np.zeros(0, int), np.zeros((0, 4)))
 
 
 def _drop_malformed(path: Path, reader: Callable[[Path], Any]) -> None:
-    """Drop the lines of a file that cannot be read; all of one that is no text."""
+    """Remove unreadable lines of a file; all lines of a file that is not text."""
     while True:
         try:
             reader(path)
         except FormatError as error:
             lines = [] if error.line is None else text_of(path).split("\n")
-            left = [line for number, line in enumerate(lines, 1) if number != error.line]
-            if error.line is not None and left == lines:  # no such line: it would be read like this forever
+            kept = [line for number, line in enumerate(lines, 1) if number != error.line]
+            if error.line is not None and kept == lines:  # the line does not exist: prevents an endless loop
                 raise
-            path.write_text("\n".join(left), encoding="utf-8")
+            path.write_text("\n".join(kept), encoding="utf-8")
         else:
             return
 
@@ -226,10 +226,10 @@ def _equal(one: Boxes, other: Boxes) -> bool:
     return all(np.array_equal(first, second) for first, second in zip(one, other, strict=True))
 
 
-def _repaired_boxes(labels: Boxes, found: Sequence[Defect]) -> Boxes:
-    """Doubles left out, swapped classes changed, boxes cut at the photo's border."""
+def _repaired_boxes(labels: Boxes, defects: Sequence[Defect]) -> Boxes:
+    """Remove duplicates, change swapped classes, and clip boxes at the image border."""
     classes, boxes = labels[0].copy(), labels[1]
-    rows = {defect.name: list(defect.rows) for defect in found}
+    rows = {defect.name: list(defect.rows) for defect in defects}
     classes[rows.get("swapped_class", [])] = ROCK_CLASS
     if "out_of_photo" in rows:
         boxes = clip(boxes, WIDTH, HEIGHT)
@@ -238,10 +238,10 @@ def _repaired_boxes(labels: Boxes, found: Sequence[Defect]) -> Boxes:
     return classes[kept], boxes[kept]
 
 
-def _as_in_set(labels: Boxes, key: PhotoKey, voters: Mapping[PhotoKey, Boxes], names: set[str]) -> Boxes:
-    """Boxes of the classes that have defects as most voters of the exposure bracket have them.
+def _as_modal(labels: Boxes, key: PhotoKey, voters: Mapping[PhotoKey, Boxes], names: set[str]) -> Boxes:
+    """Replace boxes of the defective classes by those of most voters of the exposure bracket.
 
-    A photo of a missing or empty file gets shadows where a shorter exposure shows some.
+    Missing and empty files only get shadows if a shorter or equal exposure has shadows.
     """
     classes, boxes = labels
     for number, of_set in _OF_SET.items():
@@ -258,11 +258,9 @@ def _as_in_set(labels: Boxes, key: PhotoKey, voters: Mapping[PhotoKey, Boxes], n
     return classes, boxes
 
 
-def _repaired_polygons(polygons: Polygons, found: Sequence[Defect]) -> Polygons:
-    """Outlines made valid and cut at the photo's border, small components left out, ground painted first and as
-    ground.
-    """
-    rows = {defect.name: set(defect.rows) for defect in found}
+def _repaired_polygons(polygons: Polygons, defects: Sequence[Defect]) -> Polygons:
+    """Make outlines valid, clip them at the image border, omit small components, and paint ground first."""
+    rows = {defect.name: set(defect.rows) for defect in defects}
     dropped = rows.get("tiny_polygon", set()) | rows.get("thin_polygon", set())
     reshaped = rows.get("invalid_ring", set()) | rows.get("out_of_photo", set())
     repaired: Polygons = []
@@ -278,10 +276,10 @@ def _repaired_polygons(polygons: Polygons, found: Sequence[Defect]) -> Polygons:
 
 
 def _valid(vertices: np.ndarray) -> np.ndarray | None:
-    """The largest valid part (n, 2) of an outline inside the photo; None where nothing is left."""
+    """Return the largest valid part (n, 2) of an outline inside the photo; None if nothing remains."""
     import shapely
 
-    whole = shapely.intersection(shapely.make_valid(shapely.Polygon(vertices)), shapely.box(0, 0, WIDTH, HEIGHT))
-    parts = [part for part in shapely.get_parts(whole) if part.geom_type == "Polygon"]
+    clipped = shapely.intersection(shapely.make_valid(shapely.Polygon(vertices)), shapely.box(0, 0, WIDTH, HEIGHT))
+    parts = [part for part in shapely.get_parts(clipped) if part.geom_type == "Polygon"]
     largest = max(parts, key=lambda part: part.area, default=None)
     return None if largest is None else np.array(largest.exterior.coords)[:-1]

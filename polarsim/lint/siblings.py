@@ -1,6 +1,6 @@
-"""What other photos show of the same scene: other exposures, azimuths and lights, and the other camera.
+"""Defects relative to other photos of the same scene: other exposures, azimuths and lights, and the other camera.
 
-Inside an exposure bracket only the exposure changes, so labels should not.
+Only the exposure changes within an exposure bracket, so that labels should be equal.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import iou, largest_iou, match_sum
-from polarsim.geometry.consensus import SAME_ROCK, rocks_called_shadows
+from polarsim.geometry.consensus import MIN_SAME_ROCK_IOU, rocks_called_shadows
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.photo import BOX_CLASSES, SUNS, Bracket, PhotoKey, by_bracket, exposures
 
-FOUND, UNMOVED = 0.1, 0.9  # IoU of a box with its like in another exposure, and of one that did not move
+MIN_SAME_IOU, MIN_UNMOVED_IOU = 0.1, 0.9  # minimum IoU of the same box in another exposure, and of an unmoved box
 Defects = Iterator[tuple[PhotoKey, Defect]]
 
 
 def set_defects(files: Mapping[PhotoKey, Boxes], voters: Mapping[PhotoKey, Boxes] | None = None) -> Defects:
-    """Defects of the files of one exposure bracket, against the content that most voters (default: all) share."""
+    """Yield defects of an exposure bracket, relative to the content of most voters (default: all)."""
     voters = files if voters is None else voters
     filled = {key: boxes for key, boxes in files.items() if len(boxes[0])}
     if filled:
@@ -30,55 +30,53 @@ def set_defects(files: Mapping[PhotoKey, Boxes], voters: Mapping[PhotoKey, Boxes
             yield key, Defect("empty_file", f"{len(filled)} other exposures have boxes")
     for number in (ROCK_CLASS, SHADOW_CLASS):
         yield from _against_modal(files, number, modal(of_class(voters, number)))
-    seen: PhotoKey | None = None
+    shortest_with_shadows: PhotoKey | None = None
     for key in sorted(files, key=lambda key: key.exposure_ms):
         shadows = int((files[key][0] == SHADOW_CLASS).sum())
-        if seen and not shadows:
-            yield key, Defect("shadows_off_late", f"no shadow, but some at {seen.exposure_ms} ms")
-        elif shadows and not seen:
-            seen = key
+        if shortest_with_shadows and not shadows:
+            yield key, Defect("shadows_off_late", f"no shadow, but some at {shortest_with_shadows.exposure_ms} ms")
+        elif shadows and not shortest_with_shadows:
+            shortest_with_shadows = key
 
 
-def missing_exposures(there: set[PhotoKey]) -> list[PhotoKey]:
-    """Photos that one Sun's nearly complete exposure bracket has no file of; a set of which most is missing is no
-    defect.
-    """
-    key = next(iter(there))
-    whole = {key.with_exposure(exposure) for exposure in exposures(key.terrain, key.azimuth)}
-    missing = whole - there
-    return sorted(missing) if key.azimuth != "no" and len(missing) < len(whole) / 2 else []
+def missing_exposures(existing: set[PhotoKey]) -> list[PhotoKey]:
+    """Return missing photos of a nearly complete exposure bracket with Sun; empty if most of the bracket is missing."""
+    key = next(iter(existing))
+    complete = {key.with_exposure(exposure) for exposure in exposures(key.terrain, key.azimuth)}
+    missing = complete - existing
+    return sorted(missing) if key.azimuth != "no" and len(missing) < len(complete) / 2 else []
 
 
 def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.ndarray]:
-    """(n, 4) boxes of a class in files with boxes; short exposures hide all shadows, so files without are left out."""
+    """Return boxes (n, 4) of a class in files with boxes; short exposures without any shadow are excluded."""
     boxes = {key: rows[classes == number] for key, (classes, rows) in files.items() if len(classes)}
-    return {key: found for key, found in boxes.items() if len(found) or number == ROCK_CLASS}
+    return {key: kept for key, kept in boxes.items() if len(kept) or number == ROCK_CLASS}
 
 
 def modal(boxes: Mapping[PhotoKey, np.ndarray]) -> np.ndarray:
-    """(n, 4) the content that most files share; of equally frequent ones that with fewest boxes, then the shortest."""
+    """Return the most frequent content (n, 4); of equally frequent, the one with fewest boxes and shortest exposure."""
     return np.array(_content(boxes[modal_file(boxes)])).reshape(-1, 4) if boxes else np.zeros((0, 4))
 
 
 def modal_file(boxes: Mapping[PhotoKey, np.ndarray]) -> PhotoKey:
-    """The shortest exposure among the files with the modal content; at least one file is needed."""
+    """Return the shortest exposure among the files with the modal content; there must be at least one file."""
     contents = {key: _content(boxes[key]) for key in sorted(boxes)}
     times = Counter(contents.values())
     return max(contents, key=lambda key: (times[contents[key]], -len(contents[key])))  # the first of equals
 
 
 def _content(boxes: np.ndarray) -> tuple[tuple[float, ...], ...]:
-    """Boxes (n, 4) to 0.1 px, in an order that does not depend on the file's."""
+    """Return boxes (n, 4) rounded to 0.1 px, in an order that is independent of the file."""
     return tuple(sorted(map(tuple, (np.round(boxes, 1) + 0.0).tolist())))
 
 
 def modals(boxes: Mapping[PhotoKey, np.ndarray]) -> dict[Bracket, np.ndarray]:
-    """(n, 4) the content that most files of each exposure bracket share."""
+    """Return the modal content (n, 4) of each exposure bracket."""
     return {name: modal({key: boxes[key] for key in keys}) for name, keys in by_bracket(boxes).items()}
 
 
 def _against_modal(files: Mapping[PhotoKey, Boxes], number: int, common: np.ndarray) -> Defects:
-    """Boxes of one class that are missing, additional or elsewhere than the common ones (n, 4)."""
+    """Yield defects of boxes of a class that are missing, additional or moved relative to the common ones (n, 4)."""
     of_kind, kind = of_class(files, number), BOX_CLASSES[number]
     for key, here in of_kind.items():
         change = changed(common, here)
@@ -96,7 +94,7 @@ def _against_modal(files: Mapping[PhotoKey, Boxes], number: int, common: np.ndar
 
 @dataclass(frozen=True)
 class Change:
-    """How boxes differ from others: boxes (k, 4) that are missing, new rows, moved rows and their boxes before."""
+    """Differences of boxes: missing boxes (k, 4), added rows, moved rows and their previous boxes."""
 
     missing: np.ndarray
     extra: np.ndarray
@@ -105,12 +103,12 @@ class Change:
 
 
 def changed(before: np.ndarray, after: np.ndarray) -> Change:
-    """What became of boxes `before` (n, 4) in boxes `after` (m, 4)."""
+    """Compare boxes `before` (n, 4) and `after` (m, 4)."""
     overlap = iou(before, after)
     rows, columns = match_sum(overlap)
-    found = overlap[rows, columns] > FOUND
-    rows, columns = rows[found], columns[found]
-    off = overlap[rows, columns] < UNMOVED
+    same = overlap[rows, columns] > MIN_SAME_IOU
+    rows, columns = rows[same], columns[same]
+    off = overlap[rows, columns] < MIN_UNMOVED_IOU
     return Change(
         np.delete(before, rows, axis=0),
         np.setdiff1d(np.arange(len(after)), columns),
@@ -120,7 +118,7 @@ def changed(before: np.ndarray, after: np.ndarray) -> Change:
 
 
 def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Defects of the files of one terrain, against files under other lamps."""
+    """Yield defects of the files of a terrain, relative to files under other lamps."""
     yield from _copied(files)
     yield from _without_right(files)
     for view in sorted({key.view for key in files}):
@@ -130,7 +128,7 @@ def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def _copied(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Files of one view with the same content under two Sun lamps."""
+    """Yield files of a view with the same content under two Sun lamps."""
     same: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key, (classes, boxes) in sorted(files.items()):
         if len(classes):
@@ -144,7 +142,7 @@ def _copied(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def _without_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Left photos without Sun that are labelled while their Right is not, though the Right set is there."""
+    """Yield labelled left photos without Sun and without labels of the right photo, if the right set has labels."""
     right = {key for key in files if key.camera == "R"}
     sets = {(key.position, key.light) for key in right if key.azimuth == "no"}
     for key in sorted(files):
@@ -154,16 +152,16 @@ def _without_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Rocks and classes of one view against the best files of the other azimuths, rover light off."""
+    """Yield defects of a view relative to the best files of the other azimuths, rover light off."""
     best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
     rocks = {azimuth: _rocks(files[key]) for azimuth, key in best.items()}
     for azimuth, key in best.items():
         others = [rocks[other] for other in rocks if other != azimuth]
         if len(others) < len(SUNS) - 1:
             continue
-        elsewhere = np.all([largest_iou(others[0], other) >= SAME_ROCK for other in others[1:]], axis=0)
-        absent = int((elsewhere & (largest_iou(others[0], rocks[azimuth]) < SAME_ROCK)).sum())
-        alone = int(np.all([largest_iou(rocks[azimuth], other) < SAME_ROCK for other in others], axis=0).sum())
+        elsewhere = np.all([largest_iou(others[0], other) >= MIN_SAME_ROCK_IOU for other in others[1:]], axis=0)
+        absent = int((elsewhere & (largest_iou(others[0], rocks[azimuth]) < MIN_SAME_ROCK_IOU)).sum())
+        alone = int(np.all([largest_iou(rocks[azimuth], other) < MIN_SAME_ROCK_IOU for other in others], axis=0).sum())
         if absent:
             yield key, Defect("rock_absent", f"{absent} rocks")
         if alone:
@@ -172,7 +170,7 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Shadows of the files of one view that are rocks in the best files of other azimuths, rover light off."""
+    """Yield shadows of a view that are rocks in the best files of other azimuths, rover light off."""
     best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
     rocks = {azimuth: _rocks(files[key]) for azimuth, key in best.items()}
     for key, (classes, boxes) in sorted(files.items()):
@@ -185,9 +183,7 @@ def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Exposure brackets of one view with the rover light on, against the same ones with it off; named by their best
-    file.
-    """
+    """Yield differences between rover light on and off, for the best file of each exposure bracket."""
     sets = {name: {key: files[key] for key in keys} for name, keys in by_bracket(files).items()}
     best = {key.bracket: key for key in _best(files)}
     for name, lit in sets.items():
@@ -207,7 +203,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def _best(files: Mapping[PhotoKey, Boxes]) -> list[PhotoKey]:
-    """The file with most boxes of each exposure bracket, the shortest exposure of equals."""
+    """Return the file with most boxes of each exposure bracket; of equal files the shortest exposure."""
     return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in by_bracket(files).values()]
 
 

@@ -1,4 +1,4 @@
-"""What geometry and light allow: boxes of another view, stereo pairs off their line, shadows on the Sun's side."""
+"""Defects relative to geometry and light: boxes of another view, epipolar violations, shadows on the Sun's side."""
 
 from __future__ import annotations
 
@@ -16,46 +16,46 @@ from polarsim.lint.rules import Defect
 from polarsim.lint.siblings import Defects, modals, of_class
 from polarsim.photo import CAMERAS, HEIGHT, SUNS, Bracket, PhotoKey
 
-LEAST_BOXES = 3  # fewer tell no view
-BETTER, GOOD = 0.25, 0.4  # mean IoU by which another view must fit better, and at least
-OFFSETS_PX = np.arange(-320, 1, 4)  # Left to Right at the photo's centre that are tried
-SLOPE, DROP_PX = -0.18, 15.5  # offset per row, and rows that Right lies below Left: the release's rig
-ROUNDS = 3  # of fitting the offset as a plane
-NEAR_PX = 40.0  # boxes further from where the plane has them are no pair
-LEAST_PAIRS = 6  # that a plane is fitted to
-ACROSS_PX, OFF_PX = 25.0, 15.0  # a rock off its line: near across, and so many rows off
-ALIKE = 0.4  # largest log ratio of the sides of one rock's boxes in Left and Right
-ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which a thing's centre meets the ground
-REACH = 0.12  # metres on the ground between a rock's box and its shadow's
-AWAY, TOWARDS = 0.0, -0.7  # cosine to the direction of light: from there on a shadow may be, and cannot be, a rock's
+MIN_BOXES_OF_A_VIEW = 3  # minimum number of boxes that identify a view
+MIN_VIEW_LEAD, MIN_VIEW_IOU = 0.25, 0.4  # minimum lead of another view in mean IoU, and minimum mean IoU
+OFFSETS_PX = np.arange(-320, 1, 4)  # tried offsets from left to right at the photo's centre
+SLOPE, DROP_PX = -0.18, 15.5  # change of the offset per row, and vertical offset, of the release's rig
+PLANE_FITS = 3  # of fitting the offset as a plane
+NEAR_PX = 40.0  # maximum distance of a pair from the plane
+MIN_PAIRS = 6  # minimum number of pairs for a plane
+ACROSS_PX, OFF_PX = 25.0, 15.0  # maximum horizontal and minimum vertical offset of a violation
+MAX_LOG_SIDES = 0.4  # maximum log ratio of the sides of a rock's boxes in left and right
+ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which its centre is on the ground
+REACH = 0.12  # maximum distance on the ground between the boxes of a rock and its shadow, metres
+AWAY, TOWARDS = 0.0, -0.7  # minimum cosine to the direction of light of a possible shadow, maximum of an impossible one
 
 
 def view_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Defects of the files of one terrain that need more than one view, or the positions of cameras and lamps."""
-    yield from _of_other_views(files)
-    yield from _of_other_azimuths(files)
+    """Yield defects of a terrain that need several views, or the positions of cameras and lamps."""
+    yield from _other_views(files)
+    yield from _other_azimuths(files)
     yield from _off_epipolar(files)
-    yield from _sunward(files)
+    yield from _sunward_shadows(files)
 
 
-def _of_other_views(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Rocks of a file against the exposure brackets of all views, its own set left out; the median over sets counts."""
+def _other_views(files: Mapping[PhotoKey, Boxes]) -> Defects:
+    """Yield files with rocks of another view, by the median fit over exposure brackets except that of the file."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
     fits: dict[tuple[object, ...], dict[tuple[int, str, str], float]] = {}
     for key, boxes in sorted(rocks.items()):
-        if len(boxes) < LEAST_BOXES:
+        if len(boxes) < MIN_BOXES_OF_A_VIEW:
             continue
         content = (key.bracket, boxes.tobytes())
-        if content not in fits:  # most exposures have the same
+        if content not in fits:  # most exposures have the same content
             fits[content] = _fits_of_views(
                 boxes, {name: annotated for name, annotated in sets.items() if name != key.bracket}
             )
-        found = fits[content]
-        best = max(found, key=lambda view: found[view], default=None)
-        own = found.get(key.view)
-        if best is not None and own is not None and found[best] >= max(GOOD, own + BETTER):
-            detail = f"rocks of {best[1]} {best[2]}: mean IoU {found[best]:.2f}, own {own:.2f}"
+        fit_of_view = fits[content]
+        best = max(fit_of_view, key=lambda view: fit_of_view[view], default=None)
+        own = fit_of_view.get(key.view)
+        if best is not None and own is not None and fit_of_view[best] >= max(MIN_VIEW_IOU, own + MIN_VIEW_LEAD):
+            detail = f"rocks of {best[1]} {best[2]}: mean IoU {fit_of_view[best]:.2f}, own {own:.2f}"
             yield key, Defect("other_view", detail)
 
 
@@ -66,12 +66,12 @@ def _fits_of_views(boxes: np.ndarray, sets: Mapping[Bracket, np.ndarray]) -> dic
     return {view: float(np.median(found)) for view, found in fits.items()}
 
 
-def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Shadows of an exposure bracket against those under the same lamp with the other light, and under other lamps."""
+def _other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
+    """Yield files with shadows of another azimuth, by the fit with brackets of the other light."""
     shadows = of_class(files, SHADOW_CLASS)
     sets = modals(shadows)
     for key, boxes in sorted(shadows.items()):
-        if key.azimuth not in SUNS or len(boxes) < LEAST_BOXES:
+        if key.azimuth not in SUNS or len(boxes) < MIN_BOXES_OF_A_VIEW:
             continue
         other = {
             name[3]: _fit(boxes, annotated)
@@ -80,7 +80,7 @@ def _of_other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
         }
         own = other.pop(key.azimuth, None)
         best = max(other, key=lambda azimuth: other[azimuth], default=None)
-        if own is not None and best is not None and other[best] >= max(GOOD, own + BETTER):
+        if own is not None and best is not None and other[best] >= max(MIN_VIEW_IOU, own + MIN_VIEW_LEAD):
             yield key, Defect("other_azimuth", f"shadows of azimuth {best}: mean IoU {other[best]:.2f}, own {own:.2f}")
 
 
@@ -90,21 +90,21 @@ def _view(bracket: Bracket) -> tuple[int, str, str]:
 
 
 def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
-    """Mean IoU of boxes (n, 4) with known ones."""
+    """Return the mean IoU of boxes (n, 4) with known boxes."""
     overlap = iou(boxes, known)
     return float(overlap[match_sum(overlap)].sum() / max(1, len(boxes)))
 
 
 def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Rocks of a Right file that lie above or below where all pairs of the station put the Left one."""
+    """Yield right files with rocks above or below their position predicted from the left file."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
     for station in sorted({key.station for key in rocks}):
-        seen = {
+        consensus = {
             camera: consensus_boxes([boxes for name, boxes in sets.items() if _view(name) == (*station, camera)])
             for camera in CAMERAS
         }
-        plane = _right_from_left(seen["L"], seen["R"])
+        plane = _right_from_left(consensus["L"], consensus["R"])
         if plane is None:
             continue
         for key in sorted(key for key in rocks if (key.station, key.camera) == (station, "R")):
@@ -115,18 +115,18 @@ def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def _right_from_left(left: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-    """(3, 2) offset of a box's centre as a plane over the Left photo; None where too few boxes pair."""
-    if min(len(left), len(right)) < LEAST_PAIRS:
+    """Fit the offset (3, 2) of a box's centre as a plane over the left photo; None with too few pairs."""
+    if min(len(left), len(right)) < MIN_PAIRS:
         return None
     starts = [np.array([[a - SLOPE * HEIGHT / 2, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
     plane = max(starts, key=lambda start: _fit(_moved(left, start), right))
-    for _ in range(ROUNDS):
+    for _ in range(PLANE_FITS):
         moved = _moved(left, plane)
         overlap = iou(moved, right)
         rows, columns = match_sum(overlap)
         near = np.linalg.norm(centres(moved[rows]) - centres(right[columns]), axis=1) < NEAR_PX
         rows, columns = rows[near], columns[near]
-        if len(rows) < LEAST_PAIRS:
+        if len(rows) < MIN_PAIRS:
             return None
         plane = np.linalg.lstsq(_terms(left[rows]), centres(right[columns]) - centres(left[rows]), rcond=None)[0]
     return plane
@@ -141,7 +141,7 @@ def _moved(boxes: np.ndarray, plane: np.ndarray) -> np.ndarray:
 
 
 def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
-    """Rows of Right boxes that fit no expected one, but the size and column of one that nothing fits."""
+    """Return rows of unmatched right boxes with the size and column of an unmatched expected box."""
     overlap = iou(expected, right)
     free = overlap.max(axis=1, initial=0.0) == 0
     rows = []
@@ -150,15 +150,17 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
         sides = np.log(
             np.maximum(right[row, 2:] - right[row, :2], 1) / np.maximum(expected[:, 2:] - expected[:, :2], 1)
         )
-        fits = free & (np.abs(across) < ACROSS_PX) & (np.abs(down) > OFF_PX) & (np.abs(sides) < ALIKE).all(axis=1)
+        fits = (
+            free & (np.abs(across) < ACROSS_PX) & (np.abs(down) > OFF_PX) & (np.abs(sides) < MAX_LOG_SIDES).all(axis=1)
+        )
         near = np.abs(down) < 4 * (expected[:, 3] - expected[:, 1])
         if (fits & near).any():
             rows.append(row)
     return rows
 
 
-def _sunward(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Shadows that touch a rock on the side of the Sun lamp, and no rock on the other side."""
+def _sunward_shadows(files: Mapping[PhotoKey, Boxes]) -> Defects:
+    """Yield shadows next to a rock on the side of the Sun lamp without a rock on the opposite side."""
     rig = stated_rig()
     for key, (classes, boxes) in sorted(files.items()):
         if key.azimuth not in SUNS or key.position not in survey.SURVEYED_LEFT:
@@ -173,9 +175,9 @@ def _sunward(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 
 def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.ndarray:
-    """(n, 3, 2) points on level ground, metres, of boxes' centres at a share of their height and of lower corners."""
+    """Return ground points (n, 3, 2), metres, of boxes' centres at a share of their height and of lower corners."""
     left = surveyed_pose(key.position)
-    assert left is not None  # positions of other terrains are left out before
+    assert left is not None  # positions without a survey were skipped
     pose = left if key.camera == "L" else left @ rig.left_from_right
     columns = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 0], boxes[:, 2]], axis=1)
     rows = np.stack([boxes[:, 1] + foot * (boxes[:, 3] - boxes[:, 1]), boxes[:, 3], boxes[:, 3]], axis=1)
@@ -186,9 +188,9 @@ def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.n
 
 
 def _on_sunny_side(rocks: np.ndarray, shadows: np.ndarray, lamp: np.ndarray) -> np.ndarray:
-    """(n,) bool of shadows (n, 3, 2) that lie towards the lamp at a rock (m, 3, 2) which has no other shadow.
+    """Return a mask (n,) of shadows (n, 3, 2) towards the lamp at a rock (m, 3, 2) without another shadow.
 
-    A shadow that a rock within reach may cast is that rock's; a rock with a shadow of its own may have any beside it.
+    Shadows that a nearby rock may cast are excluded, and rocks with such a shadow.
     """
     if not len(rocks) or not len(shadows):
         return np.zeros(len(shadows), bool)

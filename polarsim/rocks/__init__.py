@@ -1,4 +1,4 @@
-"""Stage 3, scans to rocks and ground: clouds, cuboids and meshes."""
+"""Stage 3, from scans to rocks and ground: clouds, cuboids and meshes."""
 
 from polarsim.public import offered
 

@@ -1,4 +1,4 @@
-"""Published rock meshes, cleaned, on the published ground, or on one fitted under them where none is published."""
+"""Adoption of published rock meshes, on the published ground or, if there is none, on a ground fitted under them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from polarsim.formats import obj, tables
 from polarsim.geometry.casters import caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
+from polarsim.geometry.topology import largest_island
 from polarsim.geometry.vectors import cross
 from polarsim.photo import NO_ROCK
 from polarsim.rocks import table
@@ -21,37 +22,38 @@ from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.rocks.heights import FloorGrid, filled
 from polarsim.rocks.overrides import Cuboid, write_cuboids
 from polarsim.rocks.scans import Extent
-from polarsim.rocks.solids import largest_island, merged_vertices
+from polarsim.rocks.solids import merged_vertices
 from polarsim.run_files import scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rock_translations import read_translations
 
 log = logging.getLogger("polarsim")
-HALF_WIDTH = 2.10  # metres: published frames are not centred on the box to better than a decimetre
-WIDEST = 20.0  # metres: the sandbox measures 4, a ground in other units far more
-LEAST_FOOT = 0.5  # of a rock's foot, by its points, that must have ground below or above it
-MOST_GAP = 0.05  # metres between a rock's foot and the ground, median over rocks: in one frame they meet
+HALF_WIDTH = 2.10  # metres: the origin of published frames may be a decimetre off the centre of the box
+MAX_GROUND_SIZE = 20.0  # maximum size of a ground, metres: the sandbox measures 4, a ground in other units much more
+MIN_FOOT_ON_GROUND = 0.5  # minimum share of the points of a rock's foot with ground below or above
+MAX_FOOT_GAP = 0.05  # maximum distance between rocks' feet and the ground, metres, median over rocks
 
 
 def read_ground(path: str | Path, feet: Mapping[int, np.ndarray]) -> Mesh:
-    """The mesh of a file, facing up, where it is the ground of these rocks.
+    """Read the mesh of the ground, oriented upwards, and check that it belongs to the rocks.
 
     Parameters
     ----------
     feet : rock id -> (n, 3)
-        Points of the rocks' rims as published, metres, sandbox frame.
+        Points of the rims of the published rocks, metres, sandbox frame.
 
     Raises
     ------
     FormatError
-        The mesh cannot be read, is no sandbox in metres, lacks ground at a rock or lies away from the rocks' feet.
+        The mesh is invalid, is not a sandbox in metres, has no ground at a rock or is too far from the rocks' feet.
     """
     ground = obj.read(path)
     with about(path):
         spans = np.ptp(ground.vertices[:, :2], axis=0)
-        if spans.max() > WIDEST:
+        if spans.max() > MAX_GROUND_SIZE:
             raise FormatError(
-                f"a ground of {spans[0]:.4g} by {spans[1]:.4g} m, the sandbox measures 4 m: not in metres?"
+                f"the ground measures {spans[0]:.4g} by {spans[1]:.4g} m, a sandbox about 4 m: check that the unit is "
+                "metres"
             )
         _check_feet(ground, feet)
     a, b, c = (ground.vertices[ground.faces[:, k]] for k in range(3))
@@ -60,7 +62,7 @@ def read_ground(path: str | Path, feet: Mapping[int, np.ndarray]) -> Mesh:
 
 
 def heights_on(grid: FloorGrid, ground: Mesh) -> np.ndarray:
-    """(rows, columns) heights of the mesh at the cells' centres, metres; carried on smoothly where it has none."""
+    """Return heights (rows, columns) of the mesh at the cells' centres, metres, continued smoothly outside the mesh."""
     nodes = grid.centres().reshape(-1, 2)
     heights = _heights_at(ground, nodes).reshape(grid.shape)
     return filled(np.nan_to_num(heights), np.isfinite(heights))
@@ -68,20 +70,22 @@ def heights_on(grid: FloorGrid, ground: Mesh) -> np.ndarray:
 
 def _check_feet(ground: Mesh, feet: Mapping[int, np.ndarray]) -> None:
     gaps = {rock: points[:, 2] - _heights_at(ground, points) for rock, points in feet.items()}
-    bare = [rock for rock, gap in gaps.items() if np.isfinite(gap).mean() < LEAST_FOOT]
+    bare = [rock for rock, gap in gaps.items() if np.isfinite(gap).mean() < MIN_FOOT_ON_GROUND]
     if bare:
-        raise FormatError(f"no ground at rock {', '.join(map(str, bare))} of {len(gaps)}: the ground covers all rocks")
+        raise FormatError(
+            f"no ground at rock {', '.join(map(str, bare))} of {len(gaps)}: the ground must extend under all rocks"
+        )
     if gaps:
         offs = np.array([np.nanmedian(gap) for gap in gaps.values()])
-        if np.median(np.abs(offs)) > MOST_GAP:
+        if np.median(np.abs(offs)) > MAX_FOOT_GAP:
             raise FormatError(
-                f"the rocks' feet lie {1000 * np.median(offs):+.0f} mm above this ground, median of {len(offs)} "
-                f"rocks, {1000 * MOST_GAP:.0f} mm allowed: ground and rocks are not in one frame"
+                f"the rocks' feet are {1000 * np.median(offs):+.0f} mm above this ground, median of {len(offs)} rocks, "
+                f"maximum {1000 * MAX_FOOT_GAP:.0f} mm: ground and rocks must be in the same frame"
             )
 
 
 def _heights_at(ground: Mesh, points: np.ndarray) -> np.ndarray:
-    """(n,) height of the mesh's upper side at points (n, 2 or 3); NaN beside it."""
+    """Return the height (n,) of the mesh's upper side at points (n, 2 or 3); NaN outside the mesh."""
     top = ground.vertices[:, 2].max() + 1.0
     origins = np.column_stack([points[:, :2], np.full(len(points), top)])
     distance, _ = caster(ground.vertices, ground.faces).nearest(
@@ -91,17 +95,15 @@ def _heights_at(ground: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cuboids: Path, meshes: Path) -> None:
-    """Take over a terrain's published rock meshes under their ids, and its ground; fit a ground where none is there.
+    """Copy a terrain's published rock meshes and its ground; fit a ground if none is published.
 
-    Rocks are moved as `cameras/rock_translations.csv` says, where there is one. `meshes.csv` tells where the ground is
-    from.
-
-    A terrain without meshes has an empty table and level ground at z = 0.
+    Rocks are translated as in `cameras/rock_translations.csv`, if that file exists. `meshes.csv` states the source of
+    the ground. A terrain without meshes has an empty table and level ground at z = 0.
 
     Raises
     ------
     FormatError
-        A mesh cannot be read, or the published ground does not belong to the rocks.
+        A mesh is invalid, or the published ground does not belong to the rocks.
     """
     published = read_inventory(inventory)
     with about(inventory):
@@ -128,25 +130,25 @@ def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cu
 
 
 def cleaned(mesh: Mesh) -> Mesh:
-    """The largest island; small components, doubled and unused vertices go."""
+    """Return the largest island without small components, doubled and unused vertices."""
     return largest_island(merged_vertices(mesh))
 
 
 def moved(mesh: Mesh, translation: np.ndarray) -> Mesh:
-    """The mesh translated by (3,) metres."""
+    """Translate a mesh by (3,) metres."""
     return Mesh(mesh.vertices + translation, mesh.faces)
 
 
 def cuboid_of(mesh: Mesh) -> Cuboid:
-    """The cuboid around a mesh, to the millimetre outwards."""
+    """Return the cuboid around a mesh, rounded outwards to the millimetre."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return Cuboid(np.floor(low * 1000) / 1000, np.ceil(high * 1000) / 1000)
 
 
 def volume_above(mesh: Mesh, grid: FloorGrid, ground: np.ndarray) -> float:
-    """Volume between the ground and a surface that may be open below it, m^3.
+    """Return the volume between the ground and a surface that may be open below the ground, m^3.
 
-    Every face adds the prism that it spans with the ground; faces that look down take theirs away.
+    Every face adds the prism between itself and the ground; faces with downward normals subtract theirs.
     """
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     area = np.cross(b - a, c - a)[:, 2] / 2

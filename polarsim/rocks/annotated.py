@@ -1,4 +1,4 @@
-"""Rocks too low and gentle to tell from sand by shape, found where boxes of two positions meet on the ground."""
+"""Detection of rocks that are too low and gentle for detection by shape, from boxes of two positions."""
 
 from __future__ import annotations
 
@@ -15,52 +15,55 @@ from polarsim.rocks.ground import Sand
 from polarsim.rocks.heights import filled
 from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, in_order, marked_region, surface_points
 
-FLANK = 3  # cells about a point that may be its flanks and do not tell the ground's height below
-ABOUT = 0.15  # metres about a point within which ground tells the ground's height below
-LOWEST = 0.005  # metres that such a rock must rise above the ground about it: ripples and scanner's noise do not
-RAISED = 0.001  # metres above the ground from which a cell is the rock's
+FLANK = 3  # cells around a point that may be its flanks and are excluded from the ground below
+GROUND_RADIUS = 0.15  # metres around a point within which ground determines the height of the ground below
+MIN_ANNOTATED_HEIGHT = 0.005  # minimum height above the surrounding ground, metres; excludes ripples and noise
+ANNOTATED_FOOT = 0.001  # minimum height above the ground of a rock's cells, metres
 
 
 def with_annotated(sand: Sand, regions: list[Region], limits: Limits, evidence: Evidence) -> tuple[Sand, list[Region]]:
-    """Sand and regions after boxes that no region explains were looked into, where two positions have such boxes.
+    """Return sand and regions after adding rocks at boxes of two positions that no region explains.
 
-    Two boxes of different rocks meet somewhere too. A point counts as a rock where it fills both boxes and is higher
-    than the ground about it.
+    Boxes of different rocks also intersect somewhere. Points are a rock if they fill both boxes and are higher than
+    the surrounding ground.
     """
-    left = evidence.unexplained([surface_points(sand, region.seen) for region in regions])
-    left = {position: boxes for position, boxes in left.items() if len(boxes)}
-    if len(left) < 2:
+    unexplained = evidence.unexplained([surface_points(sand, region.seen) for region in regions])
+    unexplained = {position: boxes for position, boxes in unexplained.items() if len(boxes)}
+    if len(unexplained) < 2:
         return sand, regions
     cells = np.flatnonzero(np.isfinite(sand.surface) & sand.is_ground)
     points = surface_points(sand, cells)
-    pixels = {position: evidence.localised[position].project("L", points) for position in left}
-    found: list[Region] = []
-    for one, other in combinations(sorted(left), 2):
-        for pair in product(left[one], left[other]):
-            shared = _shared([pixels[one], pixels[other]], pair, evidence.min_iou)
-            shared &= sand.is_ground.ravel()[cells]  # two boxes of one rock find it once
-            standing = raised(sand, cells[shared], RAISED, LOWEST)
+    pixels = {position: evidence.localised[position].project("L", points) for position in unexplained}
+    detected: list[Region] = []
+    for first, second in combinations(sorted(unexplained), 2):
+        for pair in product(unexplained[first], unexplained[second]):
+            shared = _shared([pixels[first], pixels[second]], pair, evidence.min_iou)
+            shared &= sand.is_ground.ravel()[cells]  # two boxes of the same rock add it once
+            standing = raised(sand, cells[shared], ANNOTATED_FOOT, MIN_ANNOTATED_HEIGHT)
             if standing is not None and standing[1].size >= limits.size:
                 sand = standing[0]
-                found.append(replace(standing[1], confirmed=(one, other)))
-    return sand, in_order([*regions, *found])
+                detected.append(replace(standing[1], confirmed=(first, second)))
+    return sand, in_order([*regions, *detected])
 
 
 def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: float) -> np.ndarray:
-    """(n,) bool: points, by their pixels (n, 2) in each photo, inside all boxes (4,); none unless they fill these."""
+    """Return a mask (n,) of points with pixels (n, 2) in all boxes (4,); empty if they do not fill the boxes."""
     inside = np.logical_and.reduce(
-        [((seen > box[:2]) & (seen < box[2:])).all(axis=1) for seen, box in zip(pixels, boxes, strict=True)]
+        [
+            ((projected > box[:2]) & (projected < box[2:])).all(axis=1)
+            for projected, box in zip(pixels, boxes, strict=True)
+        ]
     )
     fills = inside.any() and all(
-        iou(around(seen[inside])[None], box[None]) >= min_iou for seen, box in zip(pixels, boxes, strict=True)
+        iou(around(projected[inside])[None], box[None]) >= min_iou for projected, box in zip(pixels, boxes, strict=True)
     )
     return inside if fills else np.zeros_like(inside)
 
 
 def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[Sand, Region] | None:
-    """Sand with the ground under flat cells (n,) filled in from around them, and what stands out of it there.
+    """Interpolate the ground under flat cells (n,) from its surroundings, and return the region above it.
 
-    That is what lies higher than `foot` metres, if its highest part is `lowest` metres high; else None.
+    The region consists of cells higher than `foot` metres; None if its height is less than `lowest` metres.
     """
     if not len(cells):
         return None
@@ -68,7 +71,7 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     around.ravel()[cells] = True
     redrawn = ndimage.binary_dilation(around, iterations=FLANK)
     is_ground = sand.is_ground & ~redrawn
-    window = _grown(ndimage.find_objects(redrawn.astype(np.int8))[0], round(ABOUT / sand.grid.cell))
+    window = _enlarge(ndimage.find_objects(redrawn.astype(np.int8))[0], round(GROUND_RADIUS / sand.grid.cell))
     if not is_ground[window].any():
         return None
     ground = sand.ground.copy()
@@ -81,6 +84,6 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     return below, marked_region(below, standing)
 
 
-def _grown(window: tuple[slice, ...], margin: int) -> tuple[slice, ...]:
-    """A window of the grid with a margin; beyond the grid it ends at the border."""
+def _enlarge(window: tuple[slice, ...], margin: int) -> tuple[slice, ...]:
+    """Enlarge a window of the grid by a margin, clipped at the border."""
     return tuple(slice(max(0, part.start - margin), part.stop + margin) for part in window)

@@ -1,4 +1,4 @@
-"""Small rocks too low to stand out of the ground by slope, found as convex caps on even sand."""
+"""Detection of small rocks that are too low for detection by slope, as convex caps on even sand."""
 
 from __future__ import annotations
 
@@ -12,78 +12,78 @@ from polarsim.rocks.annotated import raised
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled
-from polarsim.rocks.regions import FLATTEST, WALL_CLEARANCE, Limits, Region, in_order, largest_piece, region_of
+from polarsim.rocks.regions import MIN_HEIGHT_SHARE, WALL_CLEARANCE, Limits, Region, in_order, largest_piece, region_of
 
-SMOOTHING = 0.012  # metres, sigma: scanner's noise makes no caps, and a rock of 4 cm still is one
-CURVATURE = 6.0  # 1 / m that a cap bends down at least in any direction; a ridge or a ripple's crest is straight in one
-REACH = 0.11  # metres about a cap that are looked at
+SMOOTHING = 0.012  # metres, sigma: removes caps of scanner noise, but not a rock of 4 cm
+CURVATURE = 6.0  # minimum downward curvature of a cap in all directions, 1 / m; ridges and crests are straight in one
+REACH = 0.11  # metres around a cap that are analysed
 FLANK = 0.015  # metres from the convex core to the end of the foot
-RING = 0.035  # metres of sand beyond, which tell how high the ground is and how even
-FOOT_SHARE, FOOT = 0.25, 0.003  # of the height, and metres at least, above which a cap is measured: noise lies below
-FITS = 4  # rounds of reweighted least squares: what else stands on the ring loses its weight
-NOISE = 1e-5  # metres: surfaces of no noise at all have residuals too
+RING = 0.035  # width of the ring of sand farther out, which determines height and evenness of the ground, metres
+FOOT_SHARE, FOOT = 0.25, 0.003  # share of the height, and minimum, metres, from which a cap is measured (noise below)
+FIT_ROUNDS = 4  # rounds of reweighted least squares: objects on the ring lose their weight
+NOISE = 1e-5  # metres: minimum residual of a surface without noise
 
-# Chosen on scenes of benchmarks/foreign.py, each left out in turn.
-STANDING_OUT = 5.0  # height over the standard deviation of the ring: among ripples and tracks a cap must be higher
-KNOWN_RING = 0.8  # of the ring that was seen and is no other rock's: beside rocks and shadows flanks look like caps
-ROUNDNESS = 0.4  # width over length: what is longer is a ripple, a track's rim
+# Selected on the scenes of benchmarks/foreign.py, each left out in turn.
+MIN_HEIGHT_SD = 5.0  # minimum height over the standard deviation of the ring, because of ripples and tracks
+MIN_KNOWN_RING = 0.8  # minimum share of the ring that is visible and not rock: flanks of rocks look like caps
+MIN_ROUNDNESS = 0.4  # minimum width over length; ripples and rims of tracks are longer
 
 
 @dataclass(frozen=True)
 class Bumps:
-    """Which caps of the sand are rocks, metres."""
+    """Limits of caps that are rocks, metres."""
 
-    height: float  # above the sand about it, of the lowest
-    largest: float  # longest side
+    height: float  # minimum height above the surrounding sand
+    largest: float  # maximum of the longest side
 
     def __contains__(self, cap: Cap) -> bool:
-        """Whether a cap is a rock."""
+        """Return whether a cap is a rock."""
         return (
-            cap.height >= max(self.height, FLATTEST * cap.size, STANDING_OUT * cap.unevenness)
+            cap.height >= max(self.height, MIN_HEIGHT_SHARE * cap.size, MIN_HEIGHT_SD * cap.unevenness)
             and cap.size <= self.largest
-            and cap.roundness >= ROUNDNESS
-            and cap.known >= KNOWN_RING
+            and cap.roundness >= MIN_ROUNDNESS
+            and cap.known >= MIN_KNOWN_RING
         )
 
 
 @dataclass(frozen=True)
 class Cap:
-    """A convex spot of the surface, measured above sand that a quadric continues from the ring about it."""
+    """Convex part of the surface, measured above a quadric through the surrounding ring of sand."""
 
-    cells: np.ndarray  # (n,) flat, out to the end of its foot
+    cells: np.ndarray  # (n,) flat, including its foot
     size: float  # longest horizontal side, metres
     height: float  # metres
     roundness: float  # width over length, 1 for a disc
     unevenness: float  # standard deviation of the ring about the quadric, metres
-    known: float  # share of the ring that was seen and is no rock
+    known: float  # share of the ring that is visible and not rock
 
 
 def with_bumps(
     sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evidence, bumps: Bumps
 ) -> tuple[Sand, list[Region]]:
-    """Sand and regions after small caps of the sand between the regions were made rocks, whoever drew them or not.
+    """Return sand and regions after adding small caps between the regions as rocks, with or without annotations.
 
-    A rock of 5 cm rises 1 cm or so, with flanks that the scanner's noise and the grid make as gentle as sand. What
-    tells it from sand is that it bends down in all directions, on sand that is much more even than it is high.
+    A rock of 5 cm rises about 1 cm, with flanks that scanner noise and the grid make as gentle as sand. It differs from
+    sand by downward curvature in all directions, on sand that is much more even than the cap is high.
     """
-    finds: list[Region] = []
-    smallest = limits.size + sand.grid.cell  # the grid widens all by its own cell
+    detected: list[Region] = []
+    smallest = limits.size + sand.grid.cell  # sizes on the grid are a cell larger
     for cap in caps(sand, regions):
         if cap.size < smallest - NOISE or cap not in bumps:
             continue
-        standing = raised(sand, np.setdiff1d(cap.cells, _cells(finds)), FOOT, bumps.height)
+        standing = raised(sand, np.setdiff1d(cap.cells, _cells(detected)), FOOT, bumps.height)
         if standing is None:
             continue
         below, region = standing
         region = region_of(below, largest_piece(below, region.seen), evidence)
         if region.size >= limits.size and len(np.setdiff1d(region.seen, cap.cells)) == 0:
             sand = below
-            finds.append(region)
-    return sand, in_order([*regions, *finds])
+            detected.append(region)
+    return sand, in_order([*regions, *detected])
 
 
 def caps(sand: Sand, regions: Sequence[Region]) -> Iterator[Cap]:
-    """Convex spots between the regions, those that bend most first."""
+    """Yield convex caps between the regions, largest curvature first."""
     taken = np.zeros(sand.surface.shape, bool)
     taken.ravel()[_cells(regions)] = True
     taken = ndimage.binary_dilation(taken, np.ones((3, 3), bool), iterations=FOOT_MARGIN)
@@ -95,15 +95,15 @@ def caps(sand: Sand, regions: Sequence[Region]) -> Iterator[Cap]:
     peaks[:margin] = peaks[-margin:] = peaks[:, :margin] = peaks[:, -margin:] = False
     nodes = np.argwhere(peaks)
     for node in nodes[np.argsort(-bend[peaks], kind="stable")]:
-        cap = _measured(height, known, taken, bend > 0, sand.grid.cell, node)
+        cap = _measure_cap(height, known, taken, bend > 0, sand.grid.cell, node)
         if cap is not None:
             yield cap
 
 
 def curvature(height: np.ndarray, cell: float, smoothing: float) -> np.ndarray:
-    """(rows, columns) by how much a smoothed surface bends down in the direction in which it does least, 1 / m.
+    """Return the minimum downward curvature (rows, columns) of a smoothed surface over all directions, 1 / m.
 
-    That is minus the larger eigenvalue of the matrix of second derivatives.
+    This is minus the larger eigenvalue of the matrix of second derivatives.
     """
     across, mixed, along = (
         ndimage.gaussian_filter(height.astype(np.float32), smoothing / cell, order=order) / cell**2
@@ -112,23 +112,23 @@ def curvature(height: np.ndarray, cell: float, smoothing: float) -> np.ndarray:
     return np.asarray(-(across + along) / 2 - np.hypot((across - along) / 2, mixed))
 
 
-def _measured(
+def _measure_cap(
     height: np.ndarray, known: np.ndarray, taken: np.ndarray, convex: np.ndarray, cell: float, node: np.ndarray
 ) -> Cap | None:
-    """The cap at a position (2,) of the grid; None where the sand about it or the cap itself cannot be told."""
+    """Measure the cap at a position (2,) of the grid; None if the ring or the cap cannot be measured."""
     reach = round(REACH / cell)
     window = tuple(slice(max(0, at - reach), at + reach + 1) for at in node.tolist())
     peak = tuple(at - part.start for at, part in zip(node.tolist(), window, strict=True))
-    away = ndimage.distance_transform_edt(~_piece(convex[window], peak)) * cell
+    away = ndimage.distance_transform_edt(~_part_at(convex[window], peak)) * cell
     ring = (away > FLANK) & (away < FLANK + RING)
     sand = ring & known[window]
-    if sand.sum() < 0.5 * KNOWN_RING * ring.sum() or not ring.any():
+    if sand.sum() < 0.5 * MIN_KNOWN_RING * ring.sum() or not ring.any():
         return None
     level, unevenness = _quadric(height[window], sand, cell)
     above = height[window] - level
     foot = max(FOOT, FOOT_SHARE * np.quantile(above[away == 0], 0.95))
     near = (away < FLANK) & ~taken[window]
-    cap = _piece((above > foot) & near, peak)
+    cap = _part_at((above > foot) & near, peak)
     if not cap.any():
         return None
     rows, columns = np.nonzero(near & (above > 0))
@@ -143,27 +143,27 @@ def _measured(
     )
 
 
-def _piece(mask: np.ndarray, node: tuple[int, ...]) -> np.ndarray:
-    """The connected piece of a mask at a point; empty where the point is not in it."""
+def _part_at(mask: np.ndarray, node: tuple[int, ...]) -> np.ndarray:
+    """Return the connected part of a mask at a point; empty if the point is not in the mask."""
     pieces, _ = ndimage.label(mask)
     return np.asarray((pieces == pieces[node]) & mask)
 
 
 def _quadric(height: np.ndarray, sand: np.ndarray, cell: float) -> tuple[np.ndarray, float]:
-    """Heights (h, w) of the quadric through the marked cells, and their standard deviation about it, metres."""
+    """Return heights (h, w) of the quadric through the marked cells, and their standard deviation from it, metres."""
     y, x = (np.indices(height.shape) - np.array(height.shape)[:, None, None] / 2) * cell
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    weights, left = np.ones(int(sand.sum())), np.zeros(0)
-    for _ in range(FITS):
+    weights, residuals = np.ones(int(sand.sum())), np.zeros(0)
+    for _ in range(FIT_ROUNDS):
         factors = np.linalg.lstsq(terms[sand] * weights[:, None], height[sand] * weights, rcond=None)[0]
-        left = height[sand] - terms[sand] @ factors
-        spread = 1.4826 * np.median(np.abs(left)) + NOISE
-        weights = 1 / np.sqrt(1 + (left / (2 * spread)) ** 2)  # Cauchy's
-    return terms @ factors, float(left.std())
+        residuals = height[sand] - terms[sand] @ factors
+        spread = 1.4826 * np.median(np.abs(residuals)) + NOISE
+        weights = 1 / np.sqrt(1 + (residuals / (2 * spread)) ** 2)  # Cauchy weights
+    return terms @ factors, float(residuals.std())
 
 
 def _roundness(mask: np.ndarray) -> float:
-    """Width over length of a mask, from its second moments; that of each cell is part of it."""
+    """Return width over length of a mask, from its second moments, including the second moment of a cell."""
     short, long = np.linalg.eigvalsh(np.cov(np.nonzero(mask), ddof=0) + np.eye(2) / 12)
     return float(np.sqrt(short / long))
 

@@ -1,6 +1,6 @@
-"""Clouds of single rocks: several scans laid on each other, merged in voxels, freed of the scanner's noise.
+"""Clouds of single rocks: several aligned scans, merged in voxels and smoothed.
 
-One motion of a scan may not fit all rocks: scans settle on each other once more rock by rock, by small translations.
+A single motion of a scan may not fit all rocks: scans are aligned again for each rock, by small translations.
 """
 
 from __future__ import annotations
@@ -14,34 +14,34 @@ from scipy.spatial import KDTree
 from polarsim.formats.ply import Cloud
 from polarsim.rocks.scans import ScanPoints
 
-NEIGHBOURS = 128  # points that tell the surface about one
-NEIGHBOUR_SCALE = 0.007  # metres: Gaussian weight of neighbours; 2 mm noise of single points falls below 0.3 mm
-NORMAL_SCALE = 0.35  # of |n_i - n_j|: across an edge of a rock neighbours do not count (bilateral weight)
-PASSES = 2  # the second one knows better normals, so it keeps edges
-# On slopes and second-order terms in neighbour scales: a rim with neighbours on one side stays plane, a lone point put.
+NEIGHBOURS = 128  # points that determine the surface at a point
+NEIGHBOUR_SCALE = 0.007  # metres: Gaussian weight of neighbours; reduces 2 mm noise of points below 0.3 mm
+NORMAL_SCALE = 0.35  # of |n_i - n_j|: bilateral weight that excludes neighbours across an edge of a rock
+PASSES = 2  # the second pass starts with better normals, so that it preserves edges
+# Of slopes and second-order terms in neighbour scales: keeps a rim with neighbours on one side plane.
 RIDGE = np.diag([0, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3])
-BLOCK = 4096  # points that are worked on at once: memory stays small
-LEAST_POINTS = 50  # of a thinned scan on a rock: fewer tell nothing
-VOXEL = 0.006  # metres to which scans are thinned
-REACH = 0.009  # metres to a partner on the other scan
-ALIKE = 0.9  # least cosine between partners' normals
-LIMITS = (0.004, 0.003, 0.002, 0.002)  # metres from the partner's plane from which points have no say, one a round
-TRANSLATION_SD = 0.001  # metres: how far a scan may lie off at a rock
-LARGEST_SD = 0.0003  # metres: standard deviation of a translation, where points tell it least, that still is believed
-LEAST_TOLD = 0.03  # of all pairs that must tell the direction told least: noise of normals is no slope
-EXPLAINED = 0.5  # share of the distances' variance that must go: shape alone feigns a millimetre
-_FREE = 3  # directions along which all scans together may move
+BLOCK = 4096  # points per block, to limit memory
+MIN_SCAN_POINTS = 50  # minimum number of points of a thinned scan on a rock
+VOXEL = 0.006  # metres: grid of the thinned scans
+REACH = 0.009  # metres: maximum distance to a partner in the other scan
+MIN_NORMAL_COSINE = 0.9  # minimum cosine between the normals of partners
+LIMITS = (0.004, 0.003, 0.002, 0.002)  # metres: distance from the partner's plane with zero weight, one per round
+TRANSLATION_SD = 0.001  # metres: prior of the offset of a scan at a rock
+LARGEST_SD = 0.0003  # maximum standard deviation of a translation in its least certain direction, metres
+MIN_DETERMINED = 0.03  # minimum share of all pairs that determine the least certain direction: noise is not a slope
+EXPLAINED = 0.5  # minimum share of the explained variance of the distances: shape alone can suggest a millimetre
+_FREE = 3  # degrees of freedom of a common translation of all scans
 
 
 def voxel_means(scan: ScanPoints, voxel: float) -> ScanPoints:
-    """One point per voxel (side in metres), weighted by range; in the order of voxels, whatever the points' order."""
+    """Return one point per voxel (side in metres), weighted by range, in the order of voxels."""
     if not len(scan):
         return scan
     cells = np.floor(scan.points / voxel).astype(np.int64)
     cells -= cells.min(axis=0)
     spans = cells.max(axis=0) + 1
     number = (cells[:, 0] * spans[1] + cells[:, 1]) * spans[2] + cells[:, 2]
-    order = np.lexsort((*scan.points.T, number))  # sums do not depend on the order of equal voxels' points
+    order = np.lexsort((*scan.points.T, number))  # makes sums independent of the order of points
     starts = np.flatnonzero(np.diff(number[order], prepend=-1))
     weights = np.add.reduceat(scan.weights[order], starts)
     weighted = scan.weights[order][:, None]
@@ -51,10 +51,10 @@ def voxel_means(scan: ScanPoints, voxel: float) -> ScanPoints:
 
 
 def surface_cloud(scan: ScanPoints) -> Cloud:
-    """Points moved on the quadrics through their neighbours, with the quadrics' normals towards the scanner.
+    """Project points onto quadrics through their neighbours, with the quadrics' normals towards the scanner.
 
-    Moving least squares (Levin, 2003) of second order: planes would shrink a rock by the neighbours' variance over its
-    radius, half a millimetre where that is 50 mm.
+    Moving least squares (Levin, 2003) of second order: planes would shrink a rock by the variance of the neighbours
+    divided by its radius, which is half a millimetre for a radius of 50 mm.
     """
     if len(scan) < 4:
         return Cloud(np.zeros((0, 3)), np.zeros((0, 3)))
@@ -70,7 +70,7 @@ def surface_cloud(scan: ScanPoints) -> Cloud:
 
 
 def _plane_normals(scan: ScanPoints, near: np.ndarray, weights: np.ndarray, rows: slice) -> np.ndarray:
-    """(n, 3) normals, towards the scanner, of the planes through neighbours (n, k) with weights (n, k)."""
+    """Return normals (n, 3), towards the scanner, of the planes through neighbours (n, k) with weights (n, k)."""
     shares = weights / weights.sum(axis=1, keepdims=True)
     neighbours = scan.points[near]
     offsets = neighbours - np.einsum("nk,nkc->nc", shares, neighbours)[:, None]
@@ -83,27 +83,27 @@ def _plane_normals(scan: ScanPoints, near: np.ndarray, weights: np.ndarray, rows
 def _on_quadrics(
     points: np.ndarray, normals: np.ndarray, near: np.ndarray, weights: np.ndarray, rows: slice
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points and normals (n, 3) of points on the height quadrics over their tangent planes."""
-    own = normals[rows]
-    unlike = np.linalg.norm(normals[near] - own[:, None], axis=-1)
-    weights = weights * np.exp(-0.5 * (unlike / NORMAL_SCALE) ** 2)
+    """Return points and normals (n, 3) on the height quadrics over the tangent planes of points."""
+    normal = normals[rows]
+    difference = np.linalg.norm(normals[near] - normal[:, None], axis=-1)
+    weights = weights * np.exp(-0.5 * (difference / NORMAL_SCALE) ** 2)
     weights = weights / weights.sum(axis=1, keepdims=True)
-    across, along = tangents(own)
+    across, along = tangents(normal)
     offsets = (points[near] - points[rows, None]) / NEIGHBOUR_SCALE
-    x, y, z = np.moveaxis(offsets @ np.stack([across, along, own], axis=-1), -1, 0)
+    x, y, z = np.moveaxis(offsets @ np.stack([across, along, normal], axis=-1), -1, 0)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
     weighted = (terms * weights[..., None]).swapaxes(1, 2)
     normal_matrix = weighted @ terms + RIDGE
     heights = np.linalg.solve(normal_matrix, weighted @ z[..., None])[..., 0]
-    tilted = own - heights[:, [1]] * across - heights[:, [2]] * along
+    tilted = normal - heights[:, [1]] * across - heights[:, [2]] * along
     return (
-        points[rows] + NEIGHBOUR_SCALE * heights[:, [0]] * own,
+        points[rows] + NEIGHBOUR_SCALE * heights[:, [0]] * normal,
         tilted / np.linalg.norm(tilted, axis=1, keepdims=True),
     )
 
 
 def tangents(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors (n, 3) each, at right angles to one another and to unit normals (n, 3)."""
+    """Return two arrays of unit vectors (n, 3), perpendicular to each other and to unit normals (n, 3)."""
     upright = np.abs(normals[:, [2]]) < 0.9
     across = np.cross(normals, np.where(upright, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -111,20 +111,19 @@ def tangents(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def settling_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
-    """(s, 3) translations, metres, that bring a rock's scans together; zero where they lie together as well as can be
-    told.
+    """Return translations (s, 3), metres, that align a rock's scans; zero if a translation does not improve them.
 
-    Distances are those between the scans' smooth surfaces, along normals, so a rock needs faces towards three sides
-    that two scans share: None where points leave some direction open. The mean translation, weighted as the points are,
-    is nil, so the rock stays where it is.
+    Distances are measured between the smooth surfaces of scans, along normals. Therefore a rock needs faces towards
+    three sides that two scans share; None if the points leave a direction undetermined. The weighted mean translation
+    is zero, so that the rock keeps its position.
 
     Parameters
     ----------
     scans : sequence of ScanPoints
-        The points of each scan on the rock; scans with few points stay where they are.
+        The points of each scan on the rock; scans with few points are not translated.
     """
     thinned = [voxel_means(scan, VOXEL) for scan in scans]
-    usable = [number for number, scan in enumerate(thinned) if len(scan) >= LEAST_POINTS]
+    usable = [number for number, scan in enumerate(thinned) if len(scan) >= MIN_SCAN_POINTS]
     if len(usable) < 2:
         return None
     parts = [surface_cloud(thinned[number]) for number in usable]
@@ -135,7 +134,7 @@ def settling_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
         normal, right, variance = _equations(parts, trees, moved, limit)
         variances.append(variance)
         pairs, least_eigenvalue = np.trace(normal) / 2, np.linalg.eigvalsh(normal)[_FREE]
-        if least_eigenvalue < LEAST_TOLD * pairs or variance > LARGEST_SD**2 * least_eigenvalue:
+        if least_eigenvalue < MIN_DETERMINED * pairs or variance > LARGEST_SD**2 * least_eigenvalue:
             return None
         moved = np.linalg.solve(normal / variance + np.eye(len(normal)) / TRANSLATION_SD**2, right / variance).reshape(
             -1, 3
@@ -145,29 +144,29 @@ def settling_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
         return translations
     weights = np.array([scans[number].weights.sum() for number in usable])
     translations[usable] = moved - weights @ moved / weights.sum()
-    return np.round(translations, 7)  # the last bits of a solver never reach a file
+    return np.round(translations, 7)  # removes the rounding errors of the solver
 
 
 def _equations(
     parts: list[Cloud], trees: Sequence[KDTree], moved: np.ndarray, limit: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Normal matrix (3 s, 3 s) and right side of all translations, and a distance's variance, of all ordered pairs."""
+    """Return normal matrix (3 s, 3 s) and right side of all translations, and the variance of all distances."""
     size = 3 * len(parts)
     normal, right, squares, total = np.zeros((size, size)), np.zeros(size), 0.0, 0.0
-    for one, other in permutations(range(len(parts)), 2):
-        between = moved[one] - moved[other]
-        gap, nearest = trees[other].query(parts[one].points + between, distance_upper_bound=REACH)
+    for moving, fixed in permutations(range(len(parts)), 2):
+        between = moved[moving] - moved[fixed]
+        gap, nearest = trees[fixed].query(parts[moving].points + between, distance_upper_bound=REACH)
         rows = np.flatnonzero(np.isfinite(gap))
         partner = np.asarray(nearest)[rows]
-        direction = parts[other].normals[partner]
-        facing = (parts[one].normals[rows] * direction).sum(axis=1) > ALIKE
-        unmoved = ((parts[one].points[rows] - parts[other].points[partner]) * direction).sum(axis=1)
-        left = unmoved + direction @ between
-        weights = np.clip(1 - (left / limit) ** 2, 0, 1) ** 2 * facing
+        direction = parts[fixed].normals[partner]
+        facing = (parts[moving].normals[rows] * direction).sum(axis=1) > MIN_NORMAL_COSINE
+        unmoved = ((parts[moving].points[rows] - parts[fixed].points[partner]) * direction).sum(axis=1)
+        distance = unmoved + direction @ between
+        weights = np.clip(1 - (distance / limit) ** 2, 0, 1) ** 2 * facing
         slopes = np.zeros((len(rows), size))
-        slopes[:, 3 * one : 3 * one + 3] = direction
-        slopes[:, 3 * other : 3 * other + 3] = -direction
+        slopes[:, 3 * moving : 3 * moving + 3] = direction
+        slopes[:, 3 * fixed : 3 * fixed + 3] = -direction
         normal += (slopes * weights[:, None]).T @ slopes
         right -= slopes.T @ (weights * unmoved)
-        squares, total = squares + float(weights @ left**2), total + float(weights.sum())
+        squares, total = squares + float(weights @ distance**2), total + float(weights.sum())
     return normal, right, squares / max(total, 1.0) + 1e-12

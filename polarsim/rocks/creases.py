@@ -1,7 +1,7 @@
-"""Touching rocks told apart: a surface cut along its creases, and pieces joined as long as they look like one body.
+"""Separation of touching rocks: a surface is cut along its creases, and pieces are joined while they form one body.
 
-Two bodies that touch meet in a concave crease, and together fill no convex hull; the facets of one rock meet in shallow
-or short creases. So pieces are joined two by two, first those most surely of one rock (supervoxels joined by convexity:
+Two bodies that touch meet in a concave crease, and do not fill their common convex hull; the facets of a single rock
+meet in shallow or short creases. Pieces are joined pairwise, most certain pairs first (supervoxels joined by convexity:
 Stein et al., CVPR 2014; learned agglomeration: Nunez-Iglesias et al., PLoS ONE 8 (2013) e71715).
 """
 
@@ -17,30 +17,30 @@ from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.rocks.heights import hull_mask
 
-SMOOTHING = 0.0075  # metres, sigma of heights whose curvature is taken
-NORMAL_SMOOTHING = 0.005  # metres, sigma of heights whose normals are taken
-BESIDE = 0.0125  # metres, sigma about a border's cell within which a piece's normal counts
-DEPTH = 15.0  # 1 / m of curvature that a crease must lie above the centre of both pieces that it parts
-CURVATURES = (-60.0, 120.0)  # 1 / m between which curvatures differ
-SMALLEST = 12  # cells of a piece that is looked at on its own
-FOLD = 0.25  # radians from which a border counts as folded
-BASE = 0.02  # metres below the lowest point down to which a body is continued
+SMOOTHING = 0.0075  # metres, sigma of the heights for curvatures
+NORMAL_SMOOTHING = 0.005  # metres, sigma of the heights for normals
+BESIDE = 0.0125  # metres, sigma of the weights of normals near a border's cell
+DEPTH = 15.0  # minimum curvature of a crease above the centres of both pieces, 1 / m
+CURVATURES = (-60.0, 120.0)  # 1 / m: curvatures are clipped to this range
+SMALLEST = 12  # minimum number of cells of a piece
+FOLD = 0.25  # radians: minimum angle of a folded border
+BASE = 0.02  # metres below the lowest point to which a body is extended
 
 TERMS = (
     "folded",  # share of the border along which the two pieces meet in a fold
-    "hidden",  # share of the border that no scan saw
-    "opened",  # mean depth of the surface below the hull of both, less that below each one's own, over their height
-    "notched",  # share of its plan's hull that each fills, less that which both fill together
-    "area",  # logarithm of the smaller one's, of 25 cm^2
-    "ratio",  # logarithm of the larger one's area over it
+    "hidden",  # share of the border that was not scanned
+    "opened",  # mean depth of the surface below the hull of both, minus that below their separate hulls, over height
+    "notched",  # mean share of the plan's hull that each fills, minus the share that both fill together
+    "area",  # logarithm of the area of the smaller piece, of 25 cm^2
+    "ratio",  # logarithm of the ratio of both areas
 )
-# Of the logarithm of the odds of two rocks: a constant, and one a term. Fitted by `benchmarks/touching.py --fit`.
+# Coefficients of the log odds of two rocks: a constant, and one per term. Fitted by `benchmarks/touching.py --fit`.
 COEFFICIENTS = (-6.2752, 2.6718, 2.9554, 48.7345, 6.1915, 0.8593, 0.9491)
 
 
 @dataclass(frozen=True)
 class Relief:
-    """What stands out of the ground; arrays are (rows, columns)."""
+    """Surface above the ground; arrays are (rows, columns)."""
 
     above: np.ndarray  # heights above the ground, metres, hidden cells filled
     seen: np.ndarray  # cells with a measured surface
@@ -48,20 +48,20 @@ class Relief:
 
     @cached_property
     def points(self) -> np.ndarray:
-        """(rows, columns, 3) metres."""
+        """Points (rows, columns, 3), metres."""
         rows, columns = np.indices(self.above.shape) * self.cell
         return np.stack([columns, rows, self.above], axis=-1)
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """(rows, columns, 3) unit normals, upwards."""
+        """Unit normals (rows, columns, 3), upwards."""
         along_y, along_x = np.gradient(ndimage.gaussian_filter(self.above, NORMAL_SMOOTHING / self.cell), self.cell)
         normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
         return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
 
     @cached_property
     def bend(self) -> np.ndarray:
-        """Larger principal curvature of the surface, 1 / m: positive where it is concave in some direction."""
+        """Larger principal curvature of the surface, 1 / m: positive if it is concave in some direction."""
 
         def slope(*order: int) -> np.ndarray:
             return ndimage.gaussian_filter(self.above, SMOOTHING / self.cell, order=order) / self.cell ** sum(order)
@@ -74,7 +74,7 @@ class Relief:
 
 
 def cut_along_creases(relief: Relief, labels: np.ndarray) -> np.ndarray:
-    """Numbers (rows, columns) from 1 of pieces between creases, 0 outside of connected regions `labels`."""
+    """Return numbers (rows, columns) from 1 of the pieces between creases, 0 outside of connected regions `labels`."""
     pieces = basins(relief.bend, labels, DEPTH)
     while True:
         sizes = np.bincount(pieces.ravel())
@@ -92,12 +92,12 @@ def cut_along_creases(relief: Relief, labels: np.ndarray) -> np.ndarray:
 
 
 def basins(values: np.ndarray, labels: np.ndarray, depth: float) -> np.ndarray:
-    """Numbers (rows, columns) from 1 of the basins of `values` inside `labels`, 0 outside.
+    """Return numbers (rows, columns) from 1 of the basins of `values` inside `labels`, 0 outside.
 
-    Cells are visited from the lowest up; a cell joins the basins that it touches. Where it touches two, it is the pass
-    between them: both become one if either is less than `depth` deep below it (the merge tree of a field).
+    Cells are visited from the lowest to the highest and join adjacent basins. A cell between two basins is the pass
+    between them: both are merged if one is less than `depth` deep below the pass (merge tree of a field).
     """
-    padded = np.pad(values, 1)  # so that no cell's neighbour is out of the grid
+    padded = np.pad(values, 1)  # every cell has neighbours
     cells = np.flatnonzero(np.pad(labels, 1))
     cells = cells[np.argsort(padded.ravel()[cells], kind="stable")]
     levels, width = padded.ravel().tolist(), padded.shape[1]
@@ -125,7 +125,7 @@ def _root(parent: dict[int, int], basin: int) -> int:
 
 
 def neighbours(parts: np.ndarray) -> set[tuple[int, int]]:
-    """Pairs of parts (lower number first) with cells side by side."""
+    """Return pairs of adjacent parts, lower number first."""
     sides = [(parts[:, :-1], parts[:, 1:]), (parts[:-1], parts[1:])]
     pairs = np.concatenate(
         [np.stack([a[meet], b[meet]], axis=1) for a, b in sides for meet in [(a != b) & (a * b > 0)]]
@@ -138,11 +138,11 @@ class _Body:
     cells: np.ndarray  # (n,) flat
     peak: float  # metres
     hollow: float  # mean depth of the surface below its hull, metres
-    solidity: float  # share of its plan's hull that it fills
+    solidity: float  # share of the hull of its plan that the body fills
 
 
 class Joining:
-    """Pieces that become fewer and larger, two by two."""
+    """Agglomeration of pieces into bodies, pair by pair."""
 
     def __init__(self, relief: Relief, pieces: np.ndarray):
         self.relief, self.parts = relief, pieces.copy()
@@ -153,11 +153,11 @@ class Joining:
             for number, cells in zip(numbers, np.split(order, starts[1:]), strict=True)
             if number > 0
         }
-        self._joint: dict[tuple[int, int], _Body] = {}  # what each pair would be as one
+        self._joint: dict[tuple[int, int], _Body] = {}  # body of each pair after joining
         self.pairs = {pair: self._terms(*pair) for pair in sorted(neighbours(pieces))}
 
     def join(self, one: int, other: int) -> None:
-        """Make two neighbours one, by the lower number."""
+        """Join two neighbours under the lower number."""
         one, other = min(one, other), max(one, other)
         del self.bodies[other]
         self.bodies[one] = self._joint[one, other]
@@ -168,7 +168,7 @@ class Joining:
         self.pairs |= {(min(one, n), max(one, n)): self._terms(one, n) for n in sorted(about)}
 
     def join_below(self, chance: float, of_two: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Join the likeliest first while some pair's chance of being two rocks is below `chance`; the parts then."""
+        """Join the most certain pair while a pair's chance of being two rocks is below `chance`; return the parts."""
         while self.pairs:
             chances = of_two(np.array(list(self.pairs.values())))
             if chances.min() >= chance:
@@ -186,7 +186,7 @@ class Joining:
         )
 
     def _terms(self, one: int, other: int) -> np.ndarray:
-        """(len(TERMS),) what tells whether two neighbours are two rocks."""
+        """Return (len(TERMS),) features that indicate whether two neighbours are two rocks."""
         large, small = sorted((one, other), key=lambda number: (-len(self.bodies[number].cells), number))
         bodies = [self.bodies[large], self.bodies[small]]
         window, of_small = _window(bodies[1].cells, self.parts.shape, 5)
@@ -209,7 +209,7 @@ class Joining:
         )
 
     def _fold(self, window: tuple[slice, slice], one: np.ndarray, other: np.ndarray, border: np.ndarray) -> np.ndarray:
-        """(n,) angles between the normals of two parts about each cell of their border; negative for a convex edge."""
+        """Return angles (n,) between the normals of two parts near each border cell; negative for a convex edge."""
         normals, points = self.relief.normals[window], self.relief.points[window]
         sides = []
         for mask in (one, other):
@@ -226,17 +226,17 @@ class Joining:
 
 
 def chance_of_two(terms: np.ndarray, coefficients: tuple[float, ...] = COEFFICIENTS) -> np.ndarray:
-    """(n,) chances that neighbours of terms (n, len(TERMS)) are two rocks."""
+    """Return the chances (n,) that neighbours with terms (n, len(TERMS)) are two rocks."""
     return np.asarray(1 / (1 + np.exp(-(coefficients[0] + terms @ np.array(coefficients[1:])))))
 
 
 def depths_below_hull(points: np.ndarray) -> np.ndarray:
-    """(n,) how far points (n, 3) of a surface lie below the convex hull of the body under it, metres."""
+    """Return depths (n,) of points (n, 3) of a surface below the convex hull of the body under it, metres."""
     base = points.copy()
     base[:, 2] = points[:, 2].min() - BASE
     try:
         planes = ConvexHull(np.concatenate([points, base])).equations
-    except QhullError:  # one line of cells
+    except QhullError:  # cells on one line
         return np.zeros(len(points))
     planes = np.unique(np.round(planes[planes[:, 2] > 1e-3], 9), axis=0)
     top = np.full(len(points), np.inf)
@@ -252,7 +252,7 @@ def _blocks(planes: np.ndarray, size: int = 400) -> Iterator[np.ndarray]:
 
 
 def _window(cells: np.ndarray, shape: tuple[int, ...], margin: int) -> tuple[tuple[slice, slice], np.ndarray]:
-    """The window of a grid about flat cells (n,), as far as it reaches, and the mask of these in it."""
+    """Return the window of a grid around flat cells (n,), clipped at the border, and the mask of the cells in it."""
     rows, columns = np.unravel_index(cells, shape)
     top, left = max(0, rows.min() - margin), max(0, columns.min() - margin)
     window = slice(top, min(shape[0], rows.max() + margin + 1)), slice(left, min(shape[1], columns.max() + margin + 1))

@@ -1,4 +1,4 @@
-"""Finds, cuboids and ids typed by hand, brought together; which points belong to which rock."""
+"""Combination of detected regions with cuboids and ids of the override file, and assignment of points to rocks."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from polarsim.rocks.scans import ScanPoints
 from polarsim.rocks.splitting import is_upright
 
 log = logging.getLogger("polarsim")
-CUBOID_BELOW = 0.010  # metres that a cuboid reaches below the lowest ground at its rock
-CUBOID_ABOVE = 0.005  # and above the rock's highest point
-LEANING_HEIGHT = 0.03  # metres above the ground from which what reaches the border is no sand
-POSITION_REACH = 0.03  # metres between a find and the position at which it keeps an id
-LOWEST_POINT = 0.001  # metres above ground from which points near a rock are the rock's
+CUBOID_BELOW = 0.010  # metres from the lowest ground at a rock down to the bottom of its cuboid
+CUBOID_ABOVE = 0.005  # metres from the highest point of a rock up to the top of its cuboid
+LEANING_HEIGHT = 0.03  # minimum height above the ground of objects that lean on the border, metres
+POSITION_REACH = 0.03  # maximum distance between a region and the position at which it keeps an id, metres
+LOWEST_POINT = 0.001  # minimum height above the ground of a rock's points, metres
 
 
 @dataclass(frozen=True)
 class Rock:
-    """A rock of a terrain: its region, the cuboid that crops it, and `scan` or `override`."""
+    """Rock of a terrain: region, cropping cuboid, and source (`scan` or `override`)."""
 
     region: Region
     cuboid: Cuboid
@@ -37,34 +37,34 @@ class Rock:
 def crop_rocks(
     sand: Sand, regions: Sequence[Region], overrides: Overrides, foot: float
 ) -> tuple[Sand, dict[int, Rock]]:
-    """Rocks by id after the overrides, and the sand with all that is no rock as ground."""
-    finds = _keeping_ids(sand, regions, overrides.positions)
+    """Return rocks by id after the overrides, and the sand with everything else as ground."""
+    finds = _keep_ids(sand, regions, overrides.positions)
     for rock in overrides.drop:
         if finds.pop(rock, None) is None:
-            log.warning("rock %d is to be dropped, but no find has this id", rock)
+            log.warning("rock %d cannot be dropped: no detected rock has this id", rock)
     sand = _without_ground(sand, overrides.cuboids)
     rocks: dict[int, Rock] = {}
     for rock, cuboid in overrides.cuboids.items():
         region = _cropped(sand, cuboid, foot)
         if region is None:
-            log.warning("rock %d: nothing stands out of the ground in its cuboid", rock)
+            log.warning("rock %d: its cuboid contains nothing above the ground", rock)
         else:
             rocks[rock] = Rock(region, cuboid, "override")
-    finds = {n: r for n, r in finds.items() if not any(_inside(r, c) for c in overrides.cuboids.values())}
-    for number, region in _renumbered(finds, overrides.cuboids).items():
+    finds = {n: r for n, r in finds.items() if not any(_is_inside(r, c) for c in overrides.cuboids.values())}
+    for number, region in _renumber(finds, overrides.cuboids).items():
         rocks[number] = Rock(region, _around(sand, region), "scan")
     return _with_rest_as_ground(sand, [rock.region for rock in rocks.values()]), dict(sorted(rocks.items()))
 
 
 def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: float) -> np.ndarray:
-    """(n,) id of the rock of each point; 0 for all others.
+    """Return the id (n,) of the rock of each point; 0 for all other points.
 
-    Points in cells beside a rock's are its own from the foot height on: its flank leans out over them. Lower ones
-    there are sand that lies against it.
+    Points in cells next to a rock belong to it if they are higher than the foot height, because its flank overhangs
+    these cells. Lower points are sand.
     """
     owner = np.zeros(sand.surface.size, np.int64)
-    for rock, found in rocks.items():
-        owner[found.region.seen] = rock
+    for rock, crop in rocks.items():
+        owner[crop.region.seen] = rock
     distance, nearest = ndimage.distance_transform_edt((owner == 0).reshape(sand.surface.shape), return_indices=True)
     owner = owner.reshape(sand.surface.shape)[tuple(nearest)]
     owner[(distance > FOOT_MARGIN) | sand.is_ground] = 0
@@ -73,15 +73,15 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: 
     above = scans.points[:, 2] - sand.grid.sample(sand.ground, scans.points)
     beside = (distance > 0).ravel()[cells]
     rock_of_point[above < np.where(beside, foot, LOWEST_POINT)] = 0
-    for rock, found in rocks.items():
-        if found.source == "override":
-            outside = ((scans.points < found.cuboid.low) | (scans.points > found.cuboid.high)).any(axis=1)
+    for rock, crop in rocks.items():
+        if crop.source == "override":
+            outside = ((scans.points < crop.cuboid.low) | (scans.points > crop.cuboid.high)).any(axis=1)
             rock_of_point[outside & (rock_of_point == rock)] = 0
     return rock_of_point
 
 
-def _keeping_ids(sand: Sand, regions: Sequence[Region], positions: Mapping[int, np.ndarray]) -> dict[int, Region]:
-    """Regions by id: those at positions (2,) have the ids that belong there, all others as `_renumbered` has them."""
+def _keep_ids(sand: Sand, regions: Sequence[Region], positions: Mapping[int, np.ndarray]) -> dict[int, Region]:
+    """Return regions by id: regions at the given positions (2,) keep the given ids, the rest is renumbered."""
     finds, kept, cells = by_id(regions), {}, sand.grid.centres().reshape(-1, 2)
     for rock, position in positions.items():
         gaps = {
@@ -89,24 +89,24 @@ def _keeping_ids(sand: Sand, regions: Sequence[Region], positions: Mapping[int, 
         }
         nearest = min(gaps, key=lambda number: (gaps[number], number), default=None)
         if nearest is None or gaps[nearest] > POSITION_REACH:
-            log.warning("rock %d: there is no find at %.3f, %.3f", rock, *position)
+            log.warning("rock %d: no detected rock at %.3f, %.3f", rock, *position)
         else:
             kept[rock] = finds.pop(nearest)
-    return dict(sorted((kept | _renumbered(finds, positions)).items()))
+    return dict(sorted((kept | _renumber(finds, positions)).items()))
 
 
-def _renumbered(finds: Mapping[int, Region], taken: Collection[int]) -> dict[int, Region]:
-    """Finds by ids of their own: one whose id is taken gets the next free number."""
+def _renumber(finds: Mapping[int, Region], taken: Collection[int]) -> dict[int, Region]:
+    """Return regions by unique id: a region with an id in `taken` gets the next free number."""
     free = count(max([*finds, *taken, 0]) + 1)
     return {next(free) if number in taken else number: region for number, region in finds.items()}
 
 
-def _inside(region: Region, cuboid: Cuboid) -> bool:
+def _is_inside(region: Region, cuboid: Cuboid) -> bool:
     return bool((region.centre > cuboid.low[:2]).all() and (region.centre < cuboid.high[:2]).all())
 
 
 def _cells_of(sand: Sand, cuboid: Cuboid) -> np.ndarray:
-    """(rows, columns) bool: cells whose surface lies in a cuboid."""
+    """Return a mask (rows, columns) of the cells with a surface in a cuboid."""
     nodes = sand.grid.centres()
     inside = ((nodes > cuboid.low[:2]) & (nodes < cuboid.high[:2])).all(axis=-1)
     heights = np.nan_to_num(sand.surface, nan=np.inf)
@@ -114,7 +114,7 @@ def _cells_of(sand: Sand, cuboid: Cuboid) -> np.ndarray:
 
 
 def _without_ground(sand: Sand, cuboids: dict[int, Cuboid]) -> Sand:
-    """Sand that takes nothing in a cuboid for ground."""
+    """Return the sand without ground inside cuboids."""
     if not cuboids:
         return sand
     is_ground = sand.is_ground.copy()
@@ -131,7 +131,7 @@ def _cropped(sand: Sand, cuboid: Cuboid, foot: float) -> Region | None:
 
 
 def _around(sand: Sand, region: Region) -> Cuboid:
-    """The cuboid of a find, to the millimetre outwards."""
+    """Return the cuboid of a region, rounded outwards to the millimetre."""
     nodes = sand.grid.centres().reshape(-1, 2)[region.footprint]
     margin = sand.grid.cell * (0.5 + FOOT_MARGIN)
     bottom = sand.ground.ravel()[region.footprint].min() - CUBOID_BELOW
@@ -141,8 +141,8 @@ def _around(sand: Sand, region: Region) -> Cuboid:
     return Cuboid(np.floor(low * 1000) / 1000, np.ceil(high * 1000) / 1000)
 
 
-def _leaning(sand: Sand) -> np.ndarray:
-    """(rows, columns) bool: what stands out of the sand and reaches the border: cloth that hangs in, a board."""
+def _leaning_objects(sand: Sand) -> np.ndarray:
+    """Return a mask (rows, columns) of objects above the sand that reach the border, such as cloth or a board."""
     standing, _ = ndimage.label(sand.above > LEANING_HEIGHT, np.ones((3, 3)))
     inner = np.zeros(standing.shape, bool)
     margin = round(WALL_CLEARANCE / sand.grid.cell)
@@ -150,8 +150,8 @@ def _leaning(sand: Sand) -> np.ndarray:
     return np.isin(standing, np.setdiff1d(standing[~inner], 0))
 
 
-def _upright(sand: Sand, taken: np.ndarray) -> np.ndarray:
-    """(rows, columns) bool: what stands upright outside the cells that are taken."""
+def _upright_objects(sand: Sand, taken: np.ndarray) -> np.ndarray:
+    """Return a mask (rows, columns) of upright objects outside the cells that are taken."""
     above = np.where(taken | sand.is_ground, 0.0, sand.above)
     parts, _ = ndimage.label(above > LEANING_HEIGHT / 2, np.ones((3, 3)))
     upright = [
@@ -163,11 +163,11 @@ def _upright(sand: Sand, taken: np.ndarray) -> np.ndarray:
 
 
 def _with_rest_as_ground(sand: Sand, regions: list[Region]) -> Sand:
-    """Pebbles, ripples and steep sand are ground: all seen that is no rock, leans on no wall, is not upright."""
+    """Mark pebbles, ripples and steep sand as ground: all scanned cells without rocks, leaning and upright objects."""
     taken = np.zeros(sand.surface.shape, bool)
     for region in regions:
         taken.ravel()[region.footprint] = True
-    taken |= _leaning(sand) | _upright(sand, taken)
+    taken |= _leaning_objects(sand) | _upright_objects(sand, taken)
     taken = ndimage.binary_dilation(taken, np.ones((3, 3), bool), iterations=FOOT_MARGIN)
     is_ground = np.isfinite(sand.surface) & ~taken | sand.is_ground
     return replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))

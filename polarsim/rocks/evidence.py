@@ -1,4 +1,4 @@
-"""Seed boxes as evidence: which positions' labels show a rock, how well it fits them, which boxes no rock explains."""
+"""Seed boxes as evidence: positions that confirm a rock, fit of rocks and boxes, and boxes that no rock explains."""
 
 from __future__ import annotations
 
@@ -12,25 +12,29 @@ from polarsim.geometry.boxes import iou
 from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
 from polarsim.run_files.rigs import LocalisedRig
 
-PEN_IOU = 0.05  # of IoU a position: smaller differences between two explanations of a box are the pen's
+ANNOTATION_IOU = 0.05  # IoU per position: smaller differences between two explanations are within the annotation error
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What people drew in the left photos of a terrain's positions."""
+    """Annotated boxes in the left photos of a terrain's positions."""
 
     localised: Mapping[str, LocalisedRig]
-    annotated: Mapping[str, Sequence[np.ndarray]]  # position -> rock boxes (n, 4) in pixels, one array a seed file
-    min_iou: float  # of an annotated box and a rock's own that belong together
+    annotated: Mapping[str, Sequence[np.ndarray]]  # position -> rock boxes (n, 4) in pixels, one array per seed file
+    min_iou: float  # minimum IoU of a rock's box and a matching annotation
 
     @cached_property
     def agreed(self) -> dict[str, np.ndarray]:
-        """(n, 4) one box a rock by position, where there are any."""
+        """Return consensus boxes (n, 4), one per rock, by position with boxes."""
         boxes = {position: consensus_boxes(annotated) for position, annotated in sorted(self.annotated.items())}
-        return {position: found for position, found in boxes.items() if position in self.localised and len(found)}
+        return {
+            position: consensus
+            for position, consensus in boxes.items()
+            if position in self.localised and len(consensus)
+        }
 
     def of_their_position(self, rocks: Sequence[np.ndarray]) -> Evidence:
-        """The same without positions whose boxes are another one's, by rocks (n, 3) that shape alone tells; warns."""
+        """Exclude positions with boxes of another position, by rocks (n, 3) from shape only; log a warning."""
         cameras = {position: rig.camera("L") for position, rig in self.localised.items() if not rig.unproven}
         names = positions_of_strangers(self.agreed, cameras, rocks)
         return replace(
@@ -38,18 +42,18 @@ class Evidence:
         )
 
     def confirming(self, points: np.ndarray) -> list[str]:
-        """Positions of which some seed shows a rock, by its points (n, 3) in the sandbox, metres."""
-        found = []
+        """Return positions with a seed box that matches a rock, by its points (n, 3) in the sandbox, metres."""
+        positions = []
         for position, annotated in sorted(self.annotated.items()):
             if position not in self.localised or not len(annotated):
                 continue
             box = self._box(position, points)
             if box is not None and iou(box[None], np.concatenate(annotated)).max(initial=0) >= self.min_iou:
-                found.append(position)
-        return found
+                positions.append(position)
+        return positions
 
     def boxes(self, parts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-        """(p, 4) around parts, given by points (n, 3), in every photo with agreed boxes; NaN where it shows none."""
+        """Return boxes (p, 4) around parts, given by points (n, 3), in every photo with agreed boxes; NaN outside."""
         cameras = {position: self.localised[position].camera("L") for position in self.agreed}
         return {
             position: np.array([camera.box_around(points) for points in parts]).reshape(-1, 4)
@@ -57,20 +61,20 @@ class Evidence:
         }
 
     def fit(self, position: str, points: np.ndarray, boxes: np.ndarray) -> float:
-        """Largest IoU of the box around points (n, 3) with boxes (m, 4) of a position; 0 where no point is seen."""
+        """Return the maximum IoU of the box around points (n, 3) with boxes (m, 4) of a position; 0 without a point."""
         box = self._box(position, points)
         return 0.0 if box is None else float(iou(box[None], boxes).max(initial=0))
 
     def unexplained(self, rocks: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-        """(n, 4) agreed boxes by position on which none of the rocks, given by points (n, 3), lies."""
-        left = {}
+        """Return the agreed boxes (n, 4) by position that match none of the rocks, given by points (n, 3)."""
+        unmatched = {}
         for position, annotated in self.agreed.items():
             boxes = [box for box in (self._box(position, points) for points in rocks) if box is not None]
             overlap = iou(annotated, np.array(boxes).reshape(-1, 4)).max(axis=1, initial=0)
-            left[position] = annotated[overlap < self.min_iou]
-        return left
+            unmatched[position] = annotated[overlap < self.min_iou]
+        return unmatched
 
     def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:
-        """(4,) around points in a position's left photo, as far as the photo shows them; None where it shows none."""
+        """Return the box (4,) around the visible points in a position's left photo; None without a visible point."""
         box = self.localised[position].camera("L").box_around(points)
         return None if np.isnan(box).any() else box

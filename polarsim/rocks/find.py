@@ -1,4 +1,4 @@
-"""Scans to rocks and ground: clouds, cuboids and a table of a terrain's rocks."""
+"""Detection of rocks and ground in scans: clouds, cuboids and a table of a terrain's rocks."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from polarsim.run_files.scans import read_scan
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
-FOOT_HEIGHT = 0.006  # metres above ground at which a rock begins
-CONFIRMED_HEIGHT = 0.010  # metres: of the lowest rock that seed boxes confirm
-CONFIRMING_IOU = 0.3  # of a seed box and a rock that confirms it
-BUMP_HEIGHT = 0.005  # metres above the sand about it: of the lowest small rock found as a convex bump
-NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # of the box and its walls: nothing further out is looked at
+FOOT_HEIGHT = 0.006  # height above the ground at which a rock begins, metres
+CONFIRMED_HEIGHT = 0.010  # minimum height of a rock that seed boxes confirm, metres
+CONFIRMING_IOU = 0.3  # minimum IoU of a seed box and the rock that it confirms
+BUMP_HEIGHT = 0.005  # minimum height of a small convex rock above the surrounding sand, metres
+NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # box and walls; points outside are ignored
 
 
 def find_rocks(
@@ -56,17 +56,17 @@ def find_rocks(
     clouds: Path,
     options: RocksOptions,
 ) -> None:
-    """Read a terrain's scans, tell rocks from ground, write the table, the cuboids, the ids' positions and the clouds.
+    """Separate rocks and ground in a terrain's scans; write the table, cuboids, positions by id, and clouds.
 
-    A position without a scan, or with a scan but no pose, is a warning. A terrain without any scan has no rock and an
-    empty ground cloud. Seeds that lie under another position's name are left out with a warning.
+    Positions without a scan, or with a scan but without a pose, cause a warning. A terrain without scans has no rock
+    and an empty ground cloud. Seeds with the name of another position are excluded with a warning.
     """
     localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
     evidence = Evidence(localised, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
     scans = read_scans(read_inventory(inventory), localised)
     if not len(scans):
-        log.warning("%s: no scan of terrain %02d, so no rock and no ground", inventory, terrain)
+        log.warning("%s: terrain %02d has no scan, so that it gets no rocks and no ground", inventory, terrain)
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
         return
     extent = sand_extent(scans, half_width(terrain))
@@ -84,22 +84,22 @@ def find_rocks(
     sand, regions = with_annotated(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = carved(sand, regions, limits, evidence)
     sand, regions = with_bumps(sand, regions, limits, evidence, bumps)
-    sand, found = crop_rocks(sand, regions, typed, limits.foot)
-    rock_of_point = rock_of_points(sand, found, scans, limits.foot)
-    points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in found}
+    sand, cropped = crop_rocks(sand, regions, typed, limits.foot)
+    rock_of_point = rock_of_points(sand, cropped, scans, limits.foot)
+    points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in cropped}
     translations = {rock: settling_translations(list(parts.values())) for rock, parts in points.items()}
-    unlabelled = [rock for rock, one in found.items() if not one.region.confirmed]
-    log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(found), unlabelled or "none")
-    rows = [_row(rock, one, points[rock], translations[rock]) for rock, one in found.items()]
+    unlabelled = [rock for rock, crop in cropped.items() if not crop.region.confirmed]
+    log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(cropped), unlabelled or "none")
+    rows = [_row(rock, crop, points[rock], translations[rock]) for rock, crop in cropped.items()]
     rock_clouds = {
         rock: surface_cloud(voxel_means(_settled(points[rock], translations[rock]), options.rock_cell_mm / 1000))
-        for rock in found
+        for rock in cropped
     }
-    _write(rocks, cuboids, ids, clouds, rows, found, rock_clouds, ground_cloud(sand), localised)
+    _write(rocks, cuboids, ids, clouds, rows, cropped, rock_clouds, ground_cloud(sand), localised)
 
 
 def _of_their_position(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
-    """Evidence without seeds under another position's name; what stands out by shape alone tells."""
+    """Exclude seeds with the name of another position, by rocks that were detected by shape only."""
     if not evidence.agreed or len(evidence.localised) < 2:
         return evidence
     by_shape = find_regions(sand, limits, replace(evidence, annotated={}), cut)
@@ -107,21 +107,21 @@ def _of_their_position(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut)
 
 
 def ground_cloud(sand: Sand) -> Cloud:
-    """A point a cell of seen ground, with the surface's normal."""
+    """Return a point for each cell of visible ground, with the normal of the surface."""
     normals = upward_normals(sand.grid, sand.ground)
     points = np.concatenate([sand.grid.centres(), sand.ground[..., None]], axis=-1)
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 
 
 def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> ScanPoints:
-    """All scans of a terrain in the sandbox, as the cameras stage localised them."""
+    """Return all scans of a terrain in the sandbox frame, by the poses of the cameras stage."""
     scans = []
     for position in inventory.scanned:
         if position not in localised:
-            log.warning("terrain %02d: the scan at %s has no pose and is left out", inventory.terrain, position)
+            log.warning("terrain %02d: the scan at %s has no pose and is excluded", inventory.terrain, position)
             continue
         if localised[position].unproven:
-            log.warning("terrain %02d: the scan at %s localises no camera and is left out", inventory.terrain, position)
+            log.warning("terrain %02d: the scan at %s has no confirmed pose, excluded", inventory.terrain, position)
             continue
         points_left = read_scan(inventory, position, localised[position].rig)
         scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)
@@ -130,16 +130,16 @@ def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> S
 
 
 def _by_scan(points: ScanPoints, localised: Mapping[str, LocalisedRig]) -> dict[str, ScanPoints]:
-    """The points of each position's scan; positions that saw none are left out."""
+    """Return the points of each position's scan, without positions that have none."""
     positions = sorted(localised)
-    eyes = np.array([localised[position].sandbox_from_left.translation for position in positions])  # those of the maps
+    eyes = np.array([localised[position].sandbox_from_left.translation for position in positions])
     scanner = points.scanner(eyes)
     parts = {position: points.select(scanner == number) for number, position in enumerate(positions)}
     return {position: part for position, part in parts.items() if len(part)}
 
 
 def _settled(parts: Mapping[str, ScanPoints], translations: np.ndarray | None) -> ScanPoints:
-    """The points of all scans of a rock, moved where translations (s, 3) are known."""
+    """Return the points of all scans of a rock, translated if translations (s, 3) are given."""
     if translations is None:
         return merged(list(parts.values()))
     return merged(
@@ -151,19 +151,19 @@ def _settled(parts: Mapping[str, ScanPoints], translations: np.ndarray | None) -
 
 
 def _row(
-    rock: int, found: Rock, points: Mapping[str, ScanPoints], translations: np.ndarray | None
+    rock: int, cropped: Rock, points: Mapping[str, ScanPoints], translations: np.ndarray | None
 ) -> dict[str, object]:
-    region = found.region
+    region = cropped.region
     return table.row(
         rock,
-        found.cuboid,
+        cropped.cuboid,
         size=region.size,
         height=region.height,
         volume=region.volume,
         points={position: len(part) for position, part in points.items()},
         visible_share=len(region.seen) / len(region.footprint),
         scan_translation=math.nan if translations is None else float(np.linalg.norm(translations, axis=1).max()),
-        source=found.source,
+        source=cropped.source,
         confirmed=region.confirmed,
     )
 
@@ -174,7 +174,7 @@ def _write(
     ids: Path,
     clouds: Path,
     rows: list[dict[str, object]],
-    found: Mapping[int, Rock],
+    cropped: Mapping[int, Rock],
     rock_clouds: Mapping[int, Cloud],
     ground: Cloud,
     localised: Mapping[str, LocalisedRig],
@@ -185,6 +185,6 @@ def _write(
         for rock, cloud in rock_clouds.items():
             ply.write(folder / f"rock{rock}.ply", cloud)
         tables.write_csv(folder / "scanners.csv", pd.DataFrame(tripods, columns=["position", "x", "y", "z"]))
-    write_cuboids(cuboids, {rock: one.cuboid for rock, one in found.items()})
-    write_positions(ids, {rock: one.region.centre for rock, one in found.items()})
+    write_cuboids(cuboids, {rock: crop.cuboid for rock, crop in cropped.items()})
+    write_positions(ids, {rock: crop.region.centre for rock, crop in cropped.items()})
     tables.write_parquet(rocks, table.rock_table(rows))

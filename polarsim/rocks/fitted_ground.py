@@ -1,9 +1,9 @@
-"""Ground under published rock meshes: a thin plate on the rocks' feet, nowhere steeper than sand rests.
+"""Ground under published rock meshes: a thin plate through the rocks' feet, with slopes up to the angle of repose.
 
 The plate is the deviation from a robust plane or quadric. It minimises three energies: bending, distance from the base
 surface, and squared distance from the feet. The gradient is bounded by the alternating direction method of multipliers
-(Boyd et al., Foundations and Trends in Machine Learning 3 (2011) 1), which converges without ever guaranteeing the
-bound; one factor for the whole plate then does.
+(Boyd et al., Foundations and Trends in Machine Learning 3 (2011) 1), which converges without guaranteeing the bound
+exactly; a single factor for the entire plate guarantees it.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ from scipy.sparse.linalg import splu
 from polarsim.randomness import unsigned_zeros
 from polarsim.rocks.heights import FloorGrid
 
-FITTED_GROUND_CELL = 0.01  # metres: of a ground that is fitted under published meshes
+FITTED_GROUND_CELL = 0.01  # cell of a ground that is fitted under published meshes, metres
 MAX_SLOPE_DEG = 35.0  # angle of repose of dry sand
-# Of a left-out rock on six published terrains: 13.4 mm in the mean, 14.4 by inverse distances, 17.3 on the base alone.
-FOOT_SD = 0.020  # metres: of a rock's foot about the ground
-RELIEF_SD = 0.05  # metres: of the ground about the base surface, far from feet
+# Error for a left-out rock on six published terrains: mean 13.4 mm; 14.4 by inverse distances, 17.3 by the base only.
+FOOT_SD = 0.020  # metres: of a rock's foot from the ground
+RELIEF_SD = 0.05  # metres: of the ground from the base surface, at a distance from feet
 RELIEF_LENGTH = 0.25  # metres over which the ground returns to the base surface
-QUADRIC_FROM = 20  # rocks: fewer fit a quadric closer and predict worse (left-out errors of five terrains)
-TUKEY_SCALE = 0.010  # metres: feet off the base surface by several times this do not count for it
-LEAST_SUPPORT = 0.1  # of all feet, by weight, that must count for the base surface
+QUADRIC_FROM = 20  # minimum number of rocks for a quadric, by left-out errors of five terrains
+TUKEY_SCALE = 0.010  # metres: feet that are several times as far off the base surface have no weight
+MIN_SUPPORT = 0.1  # minimum share of the feet, by weight, that support the base surface
 ITERATIONS = 30
-_PLATE_CELL = 0.04  # metres: the plate is solved on these cells, for it is smooth over 0.25 m
+_PLATE_CELL = 0.04  # metres: cell of the solution, because the plate is smooth over 0.25 m
 _STEEPEST = np.tan(np.radians(MAX_SLOPE_DEG)) - 5e-4  # mesh files round heights to 1e-6 m, over cells of 1 cm
-_STEEPEST_PLATE = 0.98 * _STEEPEST  # splines between coarse cells are a little steeper than these
-_PENALTY, _ROUNDS = 20.0, 100  # of the alternating direction method; the slope is then within 0.2 degrees of the bound
+_STEEPEST_PLATE = 0.98 * _STEEPEST  # splines between coarse cells are slightly steeper
+_PENALTY, _ROUNDS = 20.0, 100  # of the alternating direction method; slopes are then within 0.2 degrees of the bound
 
 
 def fit_ground(rims: Sequence[np.ndarray], grid: FloorGrid) -> np.ndarray:
-    """Heights (rows, columns) of a ground on the feet of rocks; level z = 0 without rocks.
+    """Return heights (rows, columns) of a ground through the feet of rocks; level z = 0 without rocks.
 
-    Feet on one plane give this plane. Neither the order of rocks and points nor copies of a rock change the result. No
+    Feet on a plane return this plane. Neither the order of rocks and points nor copies of a rock change the result. No
     triangle between neighbouring cells is steeper than `MAX_SLOPE_DEG`.
 
     Parameters
     ----------
     rims : sequence of (n, 3) float
-        Points of each rock's foot, metres. All rocks have the same weight, whatever their number of points.
+        Points of each rock's foot, metres. All rocks have the same weight, independent of their number of points.
     """
     feet = _distinct(rims)
     if not feet:
@@ -56,25 +56,25 @@ def fit_ground(rims: Sequence[np.ndarray], grid: FloorGrid) -> np.ndarray:
 
 
 def _distinct(rims: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Rims with sorted points, each once, in an order that depends on their points alone."""
-    found = [np.unique(unsigned_zeros(np.asarray(foot, float)).reshape(-1, 3), axis=0) for foot in rims]
-    by_content = {foot.tobytes(): foot for foot in found if len(foot)}
+    """Return distinct rims with sorted, distinct points, in an order that depends only on their points."""
+    distinct = [np.unique(unsigned_zeros(np.asarray(foot, float)).reshape(-1, 3), axis=0) for foot in rims]
+    by_content = {foot.tobytes(): foot for foot in distinct if len(foot)}
     return [by_content[content] for content in sorted(by_content)]
 
 
 def _terms(points: np.ndarray) -> np.ndarray:
-    """(n, 6) monomials of x and y up to degree 2, those of a plane first."""
+    """Return monomials (n, 6) of x and y up to degree 2; the first three define a plane."""
     x, y = points[:, 0], points[:, 1]
     return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
 
 
 def _base(points: np.ndarray, shares: np.ndarray, grid: FloorGrid, *, quadric: bool) -> np.ndarray:
-    """(6,) coefficients of a robust plane, or quadric, that is nowhere in the grid steeper than allowed."""
+    """Return coefficients (6,) of a robust plane, or quadric, that is nowhere in the grid steeper than allowed."""
     if quadric:
-        found = _robust_fit(_terms(points), points[:, 2], shares)
+        quadric_fit = _robust_fit(_terms(points), points[:, 2], shares)
         corners = np.array(np.meshgrid(*_sides(grid))).reshape(2, -1).T
-        if _gradient(found, corners).max() <= _STEEPEST:  # linear over the grid: largest at a corner
-            return found
+        if _gradient(quadric_fit, corners).max() <= _STEEPEST:  # linear over the grid: largest at a corner
+            return quadric_fit
     plane = np.zeros(6)
     plane[:3] = _robust_fit(_terms(points)[:, :3], points[:, 2], shares)
     slope = float(np.hypot(*plane[1:3]))
@@ -91,34 +91,34 @@ def _sides(grid: FloorGrid) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def _gradient(base: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n,) tangent of the slope of a base surface at points (n, 2)."""
+    """Return tangents (n,) of the slope of a base surface at points (n, 2)."""
     x, y = points.T
     return np.hypot(base[1] + 2 * base[3] * x + base[4] * y, base[2] + base[4] * x + 2 * base[5] * y)
 
 
 def _robust_fit(terms: np.ndarray, heights: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Least squares reweighted by Tukey's biweight; its scale shrinks from the spread of the first fit.
+    """Fit by least squares, reweighted by Tukey's biweight; its scale shrinks from the spread of the first fit.
 
-    Of feet that agree on no surface the last fit is taken that enough of them support.
+    If the feet agree on no surface, return the last fit with enough support.
     """
     weights = shares
     scale = np.inf
     coefficients = np.zeros(terms.shape[1])
     for _ in range(ITERATIONS):
-        if weights.sum() < LEAST_SUPPORT * shares.sum():
+        if weights.sum() < MIN_SUPPORT * shares.sum():
             break
         root = np.sqrt(weights)[:, None]
         coefficients = np.linalg.lstsq(terms * root, heights * root[:, 0], rcond=None)[0]
-        left = heights - terms @ coefficients
-        scale = max(TUKEY_SCALE, min(scale * 0.8, 1.4826 * float(np.median(np.abs(left)))))
-        weights = shares * np.clip(1 - (left / (4.685 * scale)) ** 2, 0, 1) ** 2
+        residuals = heights - terms @ coefficients
+        scale = max(TUKEY_SCALE, min(scale * 0.8, 1.4826 * float(np.median(np.abs(residuals)))))
+        weights = shares * np.clip(1 - (residuals / (4.685 * scale)) ** 2, 0, 1) ** 2
     return coefficients
 
 
 def _plate(
     points: np.ndarray, above_base: np.ndarray, shares: np.ndarray, base: np.ndarray, grid: FloorGrid
 ) -> np.ndarray:
-    """(rows, columns) deviation from the base surface, whose slope exceeds the bound by little.
+    """Return the deviation (rows, columns) from the base surface; its slope may exceed the bound slightly.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def _plate(
 
 
 def _interpolation(grid: FloorGrid, points: np.ndarray) -> sparse.csr_array:
-    """(n, cells) weights of the four cells around each point (n, 3): bilinear, the border's value outside."""
+    """Return weights (n, cells) of the four cells around each point (n, 3): bilinear, the border's value outside."""
     rows, columns = grid.shape
     column = np.clip((points[:, 0] - grid.extent.x0) / grid.cell - 0.5, 0, columns - 1)
     row = np.clip((points[:, 1] - grid.extent.y0) / grid.cell - 0.5, 0, rows - 1)
@@ -164,9 +164,9 @@ def _differences(count: int, *coefficients: float) -> sparse.csr_array:
 
 
 def _stiffness(grid: FloorGrid) -> sparse.csr_array:
-    """(cells, cells) Hessian of the energy of a thin plate on an elastic foundation.
+    """Return the Hessian (cells, cells) of the energy of a thin plate on an elastic foundation.
 
-    The scale makes `RELIEF_SD` the standard deviation of the infinite plate: under a unit load it yields by
+    The scale makes `RELIEF_SD` the standard deviation of the infinite plate: its deflection under a unit load is
     1 / (8 sqrt(k D)) (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells, 1959, section 57).
     """
     rows, columns = grid.shape
@@ -180,7 +180,7 @@ def _stiffness(grid: FloorGrid) -> sparse.csr_array:
 
 
 def _gradients(grid: FloorGrid) -> sparse.csr_array:
-    """(4 n, cells) slopes along x and y at the lower left corners of the n squares between cells, then upper right."""
+    """Return an operator (4 n, cells): slopes along x and y at lower left corners of n squares, then upper right."""
     rows, columns = grid.shape
     along_x, along_y = _differences(columns, -1.0, 1.0) / grid.cell, _differences(rows, -1.0, 1.0) / grid.cell
     lower, upper = sparse.eye_array(rows, format="csr")[:-1], sparse.eye_array(rows, format="csr")[1:]
@@ -190,7 +190,7 @@ def _gradients(grid: FloorGrid) -> sparse.csr_array:
 
 
 def _slopes(gradients: np.ndarray) -> np.ndarray:
-    """(2, 1, n) tangents of slopes, of gradients as `_gradients` orders them."""
+    """Return tangents (2, 1, n) of slopes from gradients in the order of `_gradients`."""
     pairs = gradients.reshape(2, 2, -1)
     return np.hypot(pairs[:, :1], pairs[:, 1:])
 
@@ -198,7 +198,7 @@ def _slopes(gradients: np.ndarray) -> np.ndarray:
 def _bounded(
     stiffness: sparse.csc_array, load: np.ndarray, plate: np.ndarray, gradients: sparse.csr_array, level: np.ndarray
 ) -> np.ndarray:
-    """The plate of least energy whose gradients, those of the base surface (`level`) added, are bounded."""
+    """Return the plate of minimum energy with bounded gradients, including those of the base surface (`level`)."""
     solved = splu((stiffness + _PENALTY * (gradients.T @ gradients)).tocsc())
     multiplier = np.zeros(len(level))
     for _ in range(_ROUNDS):
@@ -211,10 +211,10 @@ def _bounded(
 
 
 def _largest_factor(level: np.ndarray, plate: np.ndarray, cell: float) -> float:
-    """The largest factor, up to 1, of a plate (rows, columns) on a base surface that keeps all slopes within the bound.
+    """Return the largest factor, up to 1, of a plate (rows, columns) on a base surface that bounds all slopes.
 
-    A triangle of neighbouring cells has a difference along x and one along y that meet in a corner of a square. So all
-    four corners of each square are checked; the base surface alone is within the bound.
+    The slope of a triangle of neighbouring cells is a difference along x and a difference along y at a corner of a
+    square. Therefore all four corners of each square are checked; the base surface without plate is within the bound.
     """
     factor = 1.0
     (x0, y0), (x1, y1) = (
@@ -226,7 +226,7 @@ def _largest_factor(level: np.ndarray, plate: np.ndarray, cell: float) -> float:
             square = second[0] ** 2 + second[1] ** 2
             across = first[0] * second[0] + first[1] * second[1]
             room = np.maximum(_STEEPEST**2 - first[0] ** 2 - first[1] ** 2, 0)
-            steep = square + 2 * across > room  # with the factor 1
+            steep = square + 2 * across > room  # for factor 1
             if steep.any():
                 square, across, room = square[steep], across[steep], room[steep]
                 factor = min(factor, float(((np.sqrt(across**2 + square * room) - across) / square).min()))

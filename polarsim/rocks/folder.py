@@ -1,4 +1,4 @@
-"""The folder of a terrain's meshes: names, decimated copies, figures, and how well scans support each vertex."""
+"""Output folder of a terrain's meshes: names, decimated copies, mesh table, and support of each vertex by scans."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from polarsim.rocks.solids import decimated, thinned, volume
 from polarsim.run_files.scene import MESH_TABLE
 from polarsim.schemas.stages import MESHES
 
-MOST_SHOWN = 250_000  # vertices of the ground in the file for viewers
-DECIMATED_SHARE = 0.05  # of the vertices that decimated copies keep, as the release's do
+MAX_VIEWER_VERTICES = 250_000  # maximum number of ground vertices in the file for viewers
+DECIMATED_SHARE = 0.05  # share of the vertices in decimated copies, as in the release
 SUPPORT_FILE = "support.parquet"
-NEAR, FAR = 1.5, 5.0  # spacings to the next scanned point: full support up to the first, none from the second on
+FULL_SUPPORT, NO_SUPPORT = 1.5, 5.0  # maximum and minimum distance to the next scanned point, spacings
 
 
 class Scanned(NamedTuple):
-    """Scanned points (n, 3) of one surface, metres, and how far apart they lie where nothing is missing."""
+    """Scanned points (n, 3) of a surface, metres, and their spacing in densely scanned parts."""
 
     points: np.ndarray
     spacing: float
 
 
 def support(vertices: np.ndarray, scanned: Scanned) -> np.ndarray:
-    """(v,) 1 where a scanned point lies beside a vertex (v, 3), falling to 0 at `FAR` spacings.
+    """Return the support (v,) of vertices (v, 3): 1 next to a scanned point, decreasing to 0 at `NO_SUPPORT` spacings.
 
-    So what was filled in does not pass for measured.
+    The support distinguishes measured surfaces from filled holes.
     """
     if not len(scanned.points):
         return np.zeros(len(vertices))
-    reach = FAR * scanned.spacing
+    reach = NO_SUPPORT * scanned.spacing
     distance = np.asarray(KDTree(scanned.points).query(vertices, distance_upper_bound=reach)[0])
-    return np.clip((FAR - np.minimum(distance, reach) / scanned.spacing) / (FAR - NEAR), 0.0, 1.0)
+    return np.clip((NO_SUPPORT - np.minimum(distance, reach) / scanned.spacing) / (NO_SUPPORT - FULL_SUPPORT), 0.0, 1.0)
 
 
 def support_table(support_of_mesh: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """A row a vertex: the mesh's file name, the vertex's number from 0, its support to a hundredth."""
+    """Return a row for each vertex: file name of the mesh, index of the vertex, support rounded to 0.01."""
     names = pd.Categorical(np.repeat(list(support_of_mesh), [len(values) for values in support_of_mesh.values()]))
     vertices = [np.arange(len(values), dtype=np.int32) for values in support_of_mesh.values()]
     values = np.concatenate(list(support_of_mesh.values()))
@@ -56,7 +56,7 @@ def support_table(support_of_mesh: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 
 def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
-    """Two triangles a cell between the centres of the grid's cells, facing up; the shorter diagonal cuts each cell."""
+    """Return two triangles per cell between the centres of the grid's cells, facing up, cut by the shorter diagonal."""
     rows, columns = grid.shape
     vertices = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
     number = np.arange(rows * columns).reshape(rows, columns)
@@ -76,10 +76,10 @@ def write_meshes(
     sources: Mapping[int, str],
     scanned: Mapping[int, Scanned] | None = None,
 ) -> None:
-    """Write a terrain's meshes under the release's names, a table of their figures, and a glTF file for viewers.
+    """Write a terrain's meshes under the release's names, a table of them, and a glTF file for viewers.
 
-    `sources` says what each rock, and the ground under `NO_ROCK`, was made from. With what was `scanned` of each rock
-    (of the ground under `NO_ROCK`) goes a table of the vertices' support.
+    `sources` is the source of each rock, and of the ground under `NO_ROCK`. If the points in `scanned` are given for
+    rocks (and for the ground under `NO_ROCK`), a table of the vertices' support is written.
     """
     scanned = scanned or {}
     with writing_folder(meshes) as folder:
@@ -95,7 +95,7 @@ def write_meshes(
         if scanned:
             table = support_table({names[rock]: values for rock, values in known.items()})
             tables.write_parquet(folder / SUPPORT_FILE, table)
-        parts[NO_ROCK] = thinned(ground, MOST_SHOWN)
+        parts[NO_ROCK] = thinned(ground, MAX_VIEWER_VERTICES)
         if scanned and parts[NO_ROCK] is not ground:
             known[NO_ROCK] = support(parts[NO_ROCK].vertices, scanned[NO_ROCK])
         nodes = {rock: gltf.GROUND if rock == NO_ROCK else f"rock{rock}" for rock in parts}
@@ -107,15 +107,15 @@ def write_meshes(
 
 
 def write_named(folder: Path, named: Mapping[str, Mesh], made_from: Mapping[str, str]) -> None:
-    """Write meshes by file name, and `meshes.csv` with their figures and what each was made from."""
+    """Write meshes by file name, and `meshes.csv` with their properties and sources."""
     for name, mesh in named.items():
         obj.write(folder / name, mesh, Path(name).stem)
-    rows = [{**figures(name, mesh), "made_from": made_from[name]} for name, mesh in named.items()]
+    rows = [{**mesh_row(name, mesh), "made_from": made_from[name]} for name, mesh in named.items()]
     tables.write_csv(folder / MESH_TABLE, pd.DataFrame(rows, columns=list(MESHES.columns)))
 
 
-def figures(name: str, mesh: Mesh) -> dict[str, object]:
-    """What `meshes.csv` says of a mesh; an open mesh has no volume."""
+def mesh_row(name: str, mesh: Mesh) -> dict[str, object]:
+    """Return a row of `meshes.csv`; an open mesh has no volume."""
     closed = is_watertight(mesh.faces)
     return {
         "mesh": name,

@@ -1,4 +1,4 @@
-"""Ground and what stands on it: the box of sand, the sand's surface, and heights above it."""
+"""Ground and heights above it: the box of sand, the sand's surface, and separation of sand and rock by slope."""
 
 from __future__ import annotations
 
@@ -8,59 +8,59 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed, top_heights
-from polarsim.rocks.scans import LEAST_WALL_HEIGHT, Extent, ScanPoints
+from polarsim.rocks.scans import MIN_WALL_HEIGHT, Extent, ScanPoints
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
-GROUND_CELL = 0.005  # metres: cell of the grid on which heights are taken from scans
-WALL_MARGIN = 0.03  # metres of sand along a wall that are left out: the wall's foot is not sand
-WALL_SLACK = 0.4  # metres by which a wall can stand off its stated line
-LEVEL_TOLERANCE = 0.010  # metres above its surroundings up to which an area within steep edges still is ground
+GROUND_CELL = 0.005  # cell of the grid of scanned heights, metres
+WALL_MARGIN = 0.03  # width of the excluded sand along a wall, metres
+WALL_SLACK = 0.4  # maximum distance of a wall from its nominal line, metres
+LEVEL_TOLERANCE = 0.010  # maximum height of an area of ground within steep edges above its surroundings, metres
 _SQUARE = np.ones((3, 3), bool)
-EDGE_SHARE = 0.65  # of the steepest sand's slope: from there on an edge can outline a low rock
-OUTLINE_SIDES = (0.025, 0.60)  # metres: shorter steep edges are pebbles, longer ones are no single rock's
-RAISED_SHARE = 0.15  # of an outlined area that must lie above the level tolerance: flanks and foot need not
-FOOT_MARGIN = 2  # cells around rock that do not tell the ground's height
+EDGE_SHARE = 0.65  # minimum slope of an edge that outlines a low rock, share of the sand's maximum slope
+OUTLINE_SIDES = (0.025, 0.60)  # metres: shorter steep edges are pebbles, longer edges do not outline a single rock
+RAISED_SHARE = 0.15  # minimum share of an outlined area above the level tolerance
+FOOT_MARGIN = 2  # cells around rocks that are excluded from the heights of the ground
 
 
 @dataclass(frozen=True)
 class Sand:
-    """The sand's surface on a grid; arrays are (rows, columns)."""
+    """Surface of the sand on a grid; arrays are (rows, columns)."""
 
     grid: FloorGrid
-    surface: np.ndarray  # heights of the scanned surface, rocks included, smoothed; NaN where nothing was seen
-    mean: np.ndarray  # the same as each cell's own points have it; NaN in cells without any
-    top: np.ndarray  # the surface again, without what scans saw under an overhang
-    ground: np.ndarray  # heights of the ground, everywhere
-    is_ground: np.ndarray  # cells whose surface was seen and is ground
+    surface: np.ndarray  # heights of the scanned surface, rocks included, smoothed; NaN in hidden cells
+    mean: np.ndarray  # mean heights of the points of each cell; NaN in cells without points
+    top: np.ndarray  # heights of the surface without points under overhangs
+    ground: np.ndarray  # heights of the ground in all cells
+    is_ground: np.ndarray  # visible cells that are ground
 
     @property
     def above(self) -> np.ndarray:
-        """Heights of the surface above the ground; 0 where nothing was seen."""
+        """Heights of the surface above the ground; 0 in hidden cells."""
         return np.nan_to_num(self.surface - self.ground)
 
     @property
     def top_above(self) -> np.ndarray:
-        """Heights of the top above the ground; 0 where nothing was seen."""
+        """Heights of the top above the ground; 0 in hidden cells."""
         return np.nan_to_num(self.top - self.ground)
 
     @property
     def standing(self) -> np.ndarray:
-        """Heights above the ground that no neighbour lends: those of each cell's own points where it has some."""
+        """Heights above the ground that do not depend on smoothing: means of the points of each cell if it has any."""
         return np.nan_to_num(np.fmin(self.mean, self.surface) - self.ground)
 
 
 def sand_extent(scans: ScanPoints, half: float = SANDBOX_HALF_WIDTH, cell: float = 0.02) -> Extent:
-    """The rectangle of sand between the walls: where the surface rises by a wall's height, else as stated.
+    """Return the rectangle of sand between the walls: where the surface rises by a wall's height, else the nominal one.
 
-    On each side the wall stands at the median over strips of the first distance from the centre at which points lie
-    high above the sand's median height. `half`: stated half width of the sand, metres.
+    On each side, points higher than a wall above the median height of the sand are collected in strips. The wall is at
+    the median over strips of their minimum distance from the centre. `half`: nominal half width of the sand, metres.
     """
     area = scans.points[(np.abs(scans.points[:, :2]) < half + WALL_SLACK).all(axis=1)]
     if not len(area):
         return Extent(-half, -half, half, half)
     central = (np.abs(area[:, :2]) < half / 2).all(axis=1)
     level = np.median(area[central, 2]) if central.any() else np.median(area[:, 2])
-    high = area[area[:, 2] > level + LEAST_WALL_HEIGHT]
+    high = area[area[:, 2] > level + MIN_WALL_HEIGHT]
     sides = {}
     for axis in (0, 1):
         for sign in (-1, 1):
@@ -69,30 +69,30 @@ def sand_extent(scans: ScanPoints, half: float = SANDBOX_HALF_WIDTH, cell: float
 
 
 def _wall_distance(outward: np.ndarray, along: np.ndarray, half: float, cell: float) -> float:
-    """Distance of a wall from the origin, from its high points: outward and along coordinates (n,)."""
+    """Return the distance of a wall from the origin, from outward and along coordinates (n,) of its high points."""
     beyond = (outward > half - WALL_SLACK) & (np.abs(along) < half)
     strip = np.round(along[beyond] / cell).astype(int)
     if not len(strip):
         return half
     order = np.lexsort((outward[beyond], strip))
     first = np.unique(strip[order], return_index=True)[1]
-    if len(first) < 0.3 * 2 * half / cell:  # a wall is seen along much of its side
+    if len(first) < 0.3 * 2 * half / cell:  # a wall is visible along much of its side
         return half
     return float(np.median(outward[beyond][order][first]))
 
 
 def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float) -> Sand:
-    """Tell sand from rock by slope: loose sand cannot be steeper than its angle of repose, a rock's flanks are.
+    """Separate sand and rock by slope: loose sand is not steeper than its angle of repose, flanks of rocks are.
 
-    Cells of gentle slope make areas; the largest is ground, others are ground unless they lie above their
-    surroundings (a rock's top). So craters, mounds and pits stay ground whatever their size.
+    Cells of gentle slope form areas; the largest is ground. Other areas are ground unless they are higher than their
+    surroundings (a rock's top). Therefore craters, mounds and pits of any size are ground.
 
     Parameters
     ----------
     cell : float
         Side of a grid cell, metres.
     max_slope : float
-        Steepest slope of sand, radians.
+        Maximum slope of sand, radians.
     """
     grid = FloorGrid(extent.snapped(cell), cell)
     mean, weights = mean_heights(grid, scans.points, scans.weights)
@@ -108,14 +108,14 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
 
 
 def _slope(heights: np.ndarray, cell: float) -> np.ndarray:
-    """Tangent of the slope, from differences over two cells."""
+    """Return the tangent of the slope, from differences over two cells."""
     along_y, along_x = np.gradient(heights, cell)
     return np.hypot(along_y, along_x)
 
 
 def _level_areas(surface: np.ndarray, gentle: np.ndarray) -> np.ndarray:
-    """Gentle cells that are ground, without a margin at the foot of what is not."""
-    core = ndimage.binary_erosion(gentle, _SQUARE)  # cuts bridges that noise builds up a flank
+    """Return the gentle cells that are ground, without a margin at the foot of other objects."""
+    core = ndimage.binary_erosion(gentle, _SQUARE)  # cuts narrow connections that noise creates along a flank
     areas, count = ndimage.label(core)
     if not count:
         return np.zeros_like(gentle)
@@ -130,10 +130,10 @@ def _level_areas(surface: np.ndarray, gentle: np.ndarray) -> np.ndarray:
 
 
 def _without_outlined(surface: np.ndarray, steep: np.ndarray, is_ground: np.ndarray, cell: float) -> np.ndarray:
-    """Ground without rocks that have a gentle side, up which the ground's area grew.
+    """Exclude rocks with a gentle side from the ground.
 
-    Steep edges that hang together outline a rock where the area within their hull is raised. Long edges are crater
-    walls and tracks.
+    Connected steep edges outline a rock if the area within their hull is raised. Long edges are walls of craters and
+    tracks.
     """
     edges, _ = ndimage.label(ndimage.binary_dilation(steep, _SQUARE), _SQUARE)
     outlined = np.zeros_like(edges)

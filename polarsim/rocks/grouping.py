@@ -1,4 +1,4 @@
-"""Pieces of what stands out of the sand made rocks: as shape has it, unless people drew them otherwise."""
+"""Grouping of pieces into rocks: by shape, unless annotated boxes contradict."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from polarsim.geometry.boxes import iou
-from polarsim.rocks.evidence import PEN_IOU
+from polarsim.rocks.evidence import ANNOTATION_IOU
 
-PRICE = 0.06  # of IoU a position that a rock costs: two are not taken where one explains the boxes as well
-TIE = 1e-9  # of IoU: rounding
-MOST_PIECES = 12  # of a rock that is looked at in all ways to cut it in two; from larger ones single pieces are cut
+ROCK_COST = 0.06  # IoU per position that each rock costs: two rocks must explain the boxes better than one
+TIE = 1e-9  # IoU: rounding errors
+MAX_EXHAUSTIVE_PIECES = 12  # larger rocks are only cut by single pieces, not in all ways
 Group = frozenset[int]  # numbers of pieces
 Grouping = frozenset[Group]
 
@@ -28,28 +28,28 @@ def grouped(
     annotated: Mapping[str, np.ndarray],
     min_iou: float,
 ) -> np.ndarray:
-    """(n,) number of the rock of each of n pieces, after the boxes that people drew were looked at.
+    """Return the rock number (n,) of each of n pieces, corrected by annotated boxes.
 
-    Rocks that touch are joined, cut in two, or exchange a piece, the best change first, as long as their boxes fit the
-    annotated ones clearly better by it.
+    Rocks that touch are joined, cut in two, or exchange a piece, the best change first, while their boxes fit the
+    annotated boxes clearly better.
 
     Parameters
     ----------
     rock : (n,) int
-        The same by shape.
+        Rock numbers by shape.
     touching : pairs of pieces
     boxes : position -> (n, 4) float
-        Around the pieces, in pixels; NaN for one that the photo does not show.
+        Boxes around the pieces, pixels; NaN for pieces that the photo does not show.
     annotated : position -> (m, 4) float
-        One box a rock.
+        One box per rock.
     min_iou : float
-        Least overlap of a rock's box with an annotated one that is its own.
+        Minimum IoU of matching boxes.
     """
     result, free = rock.copy(), int(rock.max(initial=0)) + 1
     for pieces, pairs in _clusters(rock, touching) if annotated else ():
         numbers = np.unique(rock[pieces])
         by_shape = frozenset(frozenset(pieces[rock[pieces] == number].tolist()) for number in numbers)
-        by_boxes = _Cluster(pairs, boxes, annotated, min_iou).improved(by_shape)
+        by_boxes = _Cluster(pairs, boxes, annotated, min_iou).improve(by_shape)
         for group in sorted(by_boxes - by_shape, key=min):
             result[list(group)] = free
             free += 1
@@ -59,7 +59,7 @@ def grouped(
 def _clusters(
     rock: np.ndarray, touching: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[np.ndarray, set[tuple[int, int]]]]:
-    """Pieces that hang together, by touch or as one rock, and those pairs of them that touch; none of single pieces."""
+    """Yield connected pieces, by touch or as parts of one rock, and their touching pairs; no single pieces."""
     order = np.argsort(rock, kind="stable")
     following = np.stack([order[:-1], order[1:]], axis=1)
     same_rock = following[rock[following[:, 0]] == rock[following[:, 1]]]
@@ -74,7 +74,7 @@ def _clusters(
 
 @dataclass(frozen=True)
 class _Cluster:
-    """Pieces that hang together, and how well groups of them fit the annotated boxes."""
+    """Connected pieces, and the fit of groups of them with the annotated boxes."""
 
     touching: set[tuple[int, int]]
     boxes: Mapping[str, np.ndarray]
@@ -82,24 +82,24 @@ class _Cluster:
     min_iou: float
     overlaps: dict[Group, dict[str, np.ndarray]] = field(default_factory=dict)
 
-    def improved(self, grouping: Grouping) -> Grouping:
-        """The grouping after all changes that make it fit clearly better."""
-        worth = self._worth(grouping)
+    def improve(self, grouping: Grouping) -> Grouping:
+        """Return the grouping after all changes that improve its fit clearly."""
+        score = self._score(grouping)
         while True:
-            tried = [(self._worth(other), other) for other in self._changed(grouping)]
-            best = max((one for one, _ in tried), default=worth)
-            if best < worth + PEN_IOU * len(self.annotated):
+            tried = [(self._score(other), other) for other in self._changes(grouping)]
+            best = max((one for one, _ in tried), default=score)
+            if best < score + ANNOTATION_IOU * len(self.annotated):
                 return grouping
-            worth, grouping = best, min((other for one, other in tried if one > best - TIE), key=self._outline)
+            score, grouping = best, min((other for one, other in tried if one > best - TIE), key=self._outline)
 
     def _outline(self, grouping: Grouping) -> list[list[list[float]]]:
-        """What tells groupings that fit alike apart, whatever numbers their pieces have: where these lie in photos."""
+        """Return a sort key of equally good groupings that does not depend on the numbers of pieces: their boxes."""
         pieces = np.nan_to_num(np.concatenate([self.boxes[position] for position in sorted(self.boxes)], axis=1))
         return sorted(sorted(pieces[piece].tolist() for piece in group) for group in grouping)
 
-    def _worth(self, grouping: Grouping) -> float:
-        """Sum over positions of the IoU of groups with the boxes that are theirs, less what the groups cost."""
-        total = -PRICE * len(self.annotated) * len(grouping)
+    def _score(self, grouping: Grouping) -> float:
+        """Return the sum over positions of the IoU of groups with their boxes, minus the cost of the groups."""
+        total = -ROCK_COST * len(self.annotated) * len(grouping)
         groups = _ordered(grouping)
         for position in self.annotated:
             overlap = np.array([self._overlap(group)[position] for group in groups])
@@ -108,7 +108,7 @@ class _Cluster:
         return total
 
     def _overlap(self, group: Group) -> dict[str, np.ndarray]:
-        """(m,) IoU of a group's box with the annotated boxes of each position; 0 where they do not belong together."""
+        """Return IoU (m,) of a group's box with the annotated boxes of each position; 0 below the minimum."""
         if group not in self.overlaps:
             numbers = sorted(group)
             self.overlaps[group] = {
@@ -120,8 +120,8 @@ class _Cluster:
     def _is_annotated(self, group: Group) -> bool:
         return any(overlap.any() for overlap in self._overlap(group).values())
 
-    def _changed(self, grouping: Grouping) -> Iterator[Grouping]:
-        """Groupings one step away, in an order that is always the same."""
+    def _changes(self, grouping: Grouping) -> Iterator[Grouping]:
+        """Yield groupings one step away, in a fixed order."""
         groups = _ordered(grouping)
         for one, other in combinations(groups, 2):
             if not self._touch(one, other):
@@ -138,9 +138,9 @@ class _Cluster:
                     yield grouping - {group} | {half, group - half}
 
     def _halves(self, group: Group) -> Iterator[Group]:
-        """One half of every way to cut a group into two that each hang together."""
+        """Yield one half of every division of a group into two connected halves."""
         others = sorted(group)[1:]
-        for size in range(1, len(group)) if len(group) <= MOST_PIECES else (1,):
+        for size in range(1, len(group)) if len(group) <= MAX_EXHAUSTIVE_PIECES else (1,):
             for chosen in combinations(others, size):
                 half = frozenset(chosen)
                 if self._hangs_together(half) and self._hangs_together(group - half):
@@ -164,7 +164,7 @@ def _ordered(grouping: Grouping) -> list[Group]:
 
 
 def _overlap(boxes: np.ndarray, annotated: np.ndarray, min_iou: float) -> np.ndarray:
-    """(m,) IoU of the box around boxes (k, 4) with annotated boxes (m, 4), 0 below `min_iou`."""
+    """Return IoU (m,) of the box around boxes (k, 4) with annotated boxes (m, 4), 0 below `min_iou`."""
     shown = boxes[np.isfinite(boxes).all(axis=1)]
     if not len(shown):
         return np.zeros(len(annotated))

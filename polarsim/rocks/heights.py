@@ -1,4 +1,4 @@
-"""Heights over a regular grid of the sandbox's floor: from points, without holes, smoothed, and back at any point."""
+"""Heights on a regular grid of the sandbox's floor: gridding of points, filling, smoothing, and interpolation."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.rocks.scans import Extent
 
-LAYERED = 0.010  # metres of standard deviation above which a cell holds several surfaces; one of 80 degrees has 8 mm
-STRAY_POINTS, STRAY_SHARE = 2, 0.2  # fewer points of a cell, or less of them, are no surface over the rest
-_SPLITS = 4  # of a cell's points, after which some of one surface are left
-_RELAXATIONS = 60  # steps of Jacobi's method a pyramid level; the start from the coarser level is already close
+LAYERED = 0.010  # metres of standard deviation above which a cell has several surfaces; a slope of 80 degrees has 8 mm
+STRAY_POINTS, STRAY_SHARE = 2, 0.2  # minimum number and share of a cell's points that form an upper surface
+_SPLITS = 4  # maximum number of times that a cell's points are split
+_RELAXATIONS = 60  # steps of Jacobi's method per pyramid level, starting from the coarser level
 
 
 @dataclass(frozen=True)
@@ -25,19 +25,19 @@ class FloorGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns: the last ones may stand out of the extent by a part of a cell."""
+        """Rows and columns; the last cells may extend beyond the extent."""
         height, width = self.extent.y1 - self.extent.y0, self.extent.x1 - self.extent.x0
         return int(np.ceil(height / self.cell - 1e-9)), int(np.ceil(width / self.cell - 1e-9))
 
     def centres(self) -> np.ndarray:
-        """(rows, columns, 2) x and y of the cells' centres."""
+        """Return x and y (rows, columns, 2) of the cells' centres."""
         rows, columns = self.shape
         x = self.extent.x0 + (np.arange(columns) + 0.5) * self.cell
         y = self.extent.y0 + (np.arange(rows) + 0.5) * self.cell
         return np.stack(np.meshgrid(x, y), axis=-1)
 
     def cell_of(self, points: np.ndarray) -> np.ndarray:
-        """(n,) flat cell numbers of points (n, 2 or 3); -1 outside."""
+        """Return flat cell numbers (n,) of points (n, 2 or 3); -1 outside."""
         rows, columns = self.shape
         column = np.floor((points[:, 0] - self.extent.x0) / self.cell).astype(np.int64)
         row = np.floor((points[:, 1] - self.extent.y0) / self.cell).astype(np.int64)
@@ -45,14 +45,14 @@ class FloorGrid:
         return np.where(inside, row * columns + column, -1)
 
     def sample(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(n,) values (rows, columns) at points (n, 2 or 3), bilinear; the border's value outside."""
+        """Interpolate values (rows, columns) at points (n, 2 or 3), bilinear; the border's value outside."""
         column = (points[:, 0] - self.extent.x0) / self.cell - 0.5
         row = (points[:, 1] - self.extent.y0) / self.cell - 0.5
         return ndimage.map_coordinates(values, [row, column], order=1, mode="nearest")
 
 
 def mean_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted mean height and sum of weights of every cell; mean NaN and sum 0 where no point (n, 3) fell."""
+    """Return weighted mean height and sum of weights of points (n, 3) in every cell; NaN and 0 in empty cells."""
     cells = grid.cell_of(points)
     inside = cells >= 0
     size = grid.shape[0] * grid.shape[1]
@@ -63,21 +63,21 @@ def mean_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tu
 
 
 def top_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`mean_heights` of the upper surface, where cells hold one over another.
+    """Return `mean_heights` of the upper surface in cells with several surfaces.
 
-    One scan sees the top of an overhang, another one what lies beneath it; their mean is no surface at all. Points of
-    such cells are split at their mean height, and the upper ones stay, unless they are so few that they are stray.
+    A scan shows the top of an overhang, another scan the surface below; their mean is not a surface. Points of such
+    cells are split at their mean height, and the upper points are kept, unless they are few and therefore stray.
     """
     cells, size = grid.cell_of(points), grid.shape[0] * grid.shape[1]
     rows = np.flatnonzero(cells >= 0)
     for _ in range(_SPLITS):
-        own, heights = cells[rows], points[rows, 2]
-        count = np.maximum(np.bincount(own, minlength=size), 1)
-        offset = heights - (np.bincount(own, heights, size) / count)[own]
-        layered = np.bincount(own, offset**2, size) > count * LAYERED**2
-        upper = np.bincount(own, offset > 0, size)
+        cell, heights = cells[rows], points[rows, 2]
+        count = np.maximum(np.bincount(cell, minlength=size), 1)
+        offset = heights - (np.bincount(cell, heights, size) / count)[cell]
+        layered = np.bincount(cell, offset**2, size) > count * LAYERED**2
+        upper = np.bincount(cell, offset > 0, size)
         stray = (upper < STRAY_POINTS) | (upper < STRAY_SHARE * count)
-        keep = ~layered[own] | ((offset > 0) != stray[own])
+        keep = ~layered[cell] | ((offset > 0) != stray[cell])
         if keep.all():
             break
         rows = rows[keep]
@@ -85,7 +85,7 @@ def top_heights(grid: FloorGrid, points: np.ndarray, weights: np.ndarray) -> tup
 
 
 def smoothed(values: np.ndarray, weights: np.ndarray, sigma_cells: float) -> np.ndarray:
-    """Normalised convolution with a Gaussian: values without weight neither count nor matter; NaN far from all."""
+    """Smooth by normalised convolution with a Gaussian: values without weight are ignored; NaN far from all values."""
     known = np.where(weights > 0, np.nan_to_num(values), 0.0)
     total = ndimage.gaussian_filter(weights.astype(float), sigma_cells, mode="nearest", truncate=3)
     summed = ndimage.gaussian_filter(known * weights, sigma_cells, mode="nearest", truncate=3)
@@ -93,9 +93,9 @@ def smoothed(values: np.ndarray, weights: np.ndarray, sigma_cells: float) -> np.
 
 
 def filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Holes closed by a membrane: known values stay, the others solve Laplace's equation between them.
+    """Fill holes by a membrane: known values are kept, the rest is the solution of Laplace's equation between them.
 
-    Solved from coarse to fine, so a hole of any size is smooth; a border without values continues level.
+    The solution is computed from coarse to fine, so that large holes are smooth; borders without values are level.
     """
     if not known.any():
         return np.zeros_like(values)
@@ -111,7 +111,7 @@ def filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def _from_coarser(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The same problem on cells of twice the size, brought back to this one's."""
+    """Solve the problem on cells of twice the size, and interpolate to these cells."""
     rows, columns = values.shape
     even = [(0, rows % 2), (0, columns % 2)]
     counts = np.pad(known.astype(float), even)
@@ -124,18 +124,18 @@ def _from_coarser(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def upward_normals(grid: FloorGrid, heights: np.ndarray) -> np.ndarray:
-    """(rows, columns, 3) unit normals of a height field."""
+    """Return unit normals (rows, columns, 3) of a height field."""
     along_y, along_x = np.gradient(heights, grid.cell)
     normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
     return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 
 
 def hull_mask(mask: np.ndarray) -> np.ndarray:
-    """Cells of a window inside the convex hull of the marked ones."""
+    """Return a mask of the cells of a window inside the convex hull of the marked cells."""
     points = np.argwhere(mask)
     try:
         hull = ConvexHull(points)
-    except QhullError:  # one line of cells
+    except QhullError:  # cells on one line
         return mask
     cells = np.indices(mask.shape).reshape(2, -1)
     inside = np.all(hull.equations[:, :2] @ cells + hull.equations[:, 2:] <= 1e-9, axis=0)

@@ -1,4 +1,4 @@
-"""Clouds to meshes: every rock closed, the ground without holes."""
+"""Meshes from clouds: closed rocks, and ground without holes."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from polarsim.run_files.scene import SCANNED
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
-WALL_REACH = 0.05  # metres that the ground's mesh reaches beyond the surveyed sand, under the walls
+WALL_REACH = 0.05  # width of the ground's mesh outside the surveyed sand, under the walls, metres
 
 
 def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions) -> None:
     """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies, tables, glTF.
 
-    A rock whose points make no surface is a warning and a gap.
+    If the points of a rock define no surface, the rock is skipped with a warning.
     """
     table = tables.read_parquet(rocks, ["rock"])
     points = ply.read(Path(clouds) / "ground.ply")
@@ -53,7 +53,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
 
 
 def ground_heights(cloud: Cloud, cell: float, half: float) -> tuple[FloorGrid, np.ndarray]:
-    """Heights of the ground over the whole sand and a little under the walls; level z = 0 where no point is.
+    """Return heights of the ground over all sand and slightly under the walls; level z = 0 without points.
 
     `half`: half width of the sand, metres.
     """

@@ -1,4 +1,4 @@
-"""The override file: rocks as a person cropped them, ids that finds keep, and finds to be left out."""
+"""Override file: rocks with cuboids from a person, ids that rocks keep, and ids to drop."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from polarsim.photo import FIRST_UNMESHED_ROCK
 
 @dataclass(frozen=True)
 class Cuboid:
-    """An upright box of the sandbox, metres."""
+    """Axis-aligned box in the sandbox frame, metres."""
 
     low: np.ndarray  # (3,)
     high: np.ndarray  # (3,)
@@ -26,7 +26,7 @@ class Cuboid:
 
 @dataclass(frozen=True)
 class Overrides:
-    """Cuboids by rock id, positions (2,) of finds by the id that they keep, and ids of finds to leave out."""
+    """Cuboids by rock id, positions (2,) of rocks by the id that they keep, and ids to drop."""
 
     cuboids: dict[int, Cuboid] = field(default_factory=dict)
     positions: dict[int, np.ndarray] = field(default_factory=dict)
@@ -39,7 +39,7 @@ def read_overrides(path: str | Path) -> Overrides:
     Raises
     ------
     FormatError
-        No YAML list, an entry of another form, an id twice, or a cuboid without volume.
+        The file is not a YAML list, or an entry has another form, a repeated id, or a cuboid without volume.
     """
     with reading("YAML", path):
         entries = parse_yaml(text_of(path))
@@ -57,7 +57,7 @@ def read_overrides(path: str | Path) -> Overrides:
                 raise FormatError(f"entry {number}: expected the keys rock, min, max, or rock, at, or the key drop")
             rock = _id(number, entry["rock"])
             if rock in read.cuboids or rock in read.positions:
-                raise FormatError(f"entry {number}: rock {rock} is there twice")
+                raise FormatError(f"entry {number}: rock {rock} occurs twice")
             if "at" in keys:
                 read.positions[rock] = _numbers(number, entry, "at", 2)
             else:
@@ -85,18 +85,18 @@ def _cuboid(number: int, entry: Any) -> Cuboid:
 
 
 def _numbers(number: int, entry: Any, key: str, n: int) -> np.ndarray:
-    """(n,) finite numbers under a key of an entry."""
+    """Return finite numbers (n,) under a key of an entry."""
     try:
         values = np.array(entry[key], float)
     except (TypeError, ValueError) as error:
-        raise FormatError(f"entry {number}: {key} is no list of numbers, {error}") from error
+        raise FormatError(f"entry {number}: {key} is not a list of numbers, {error}") from error
     if values.shape != (n,) or not np.isfinite(values).all():
         raise FormatError(f"entry {number}: {key} is {entry[key]!r}, expected {', '.join('xyz'[:n])}")
     return values
 
 
 def write_cuboids(path: str | Path, cuboids: Mapping[int, Cuboid]) -> None:
-    """Write cuboids in the form of the override file, to the millimetre."""
+    """Write cuboids in the format of the override file, rounded to the millimetre."""
     entries = [
         f"{{rock: {rock}, min: {_listed(cuboid.low)}, max: {_listed(cuboid.high)}}}"
         for rock, cuboid in sorted(cuboids.items())
@@ -105,7 +105,7 @@ def write_cuboids(path: str | Path, cuboids: Mapping[int, Cuboid]) -> None:
 
 
 def write_positions(path: str | Path, positions: Mapping[int, np.ndarray]) -> None:
-    """Write where rocks lie, (2,) metres, in the form of the override file, to the millimetre."""
+    """Write positions of rocks, (2,) metres, in the format of the override file, rounded to the millimetre."""
     entries = [f"{{rock: {rock}, at: {_listed(position)}}}" for rock, position in sorted(positions.items())]
     _write_entries(path, "these ids and leaves the crops to the pipeline", entries)
 

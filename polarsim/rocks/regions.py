@@ -1,4 +1,4 @@
-"""Rocks as regions of the floor grid: what stands out of the ground, touching rocks told apart, with stable ids."""
+"""Rocks as regions of the floor grid: surfaces above the ground, separated where rocks touch, with stable ids."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.grouping import grouped
 from polarsim.rocks.heights import hull_mask
-from polarsim.rocks.splitting import Pieces, cut_apart, is_upright, slivers_joined
+from polarsim.rocks.splitting import Pieces, cut_apart, is_upright, join_slivers
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
-PEAK_SHARE = 0.99  # quantile of heights that counts as a region's height: one stray cell does not decide
-WALL_CLEARANCE = 0.05  # metres from the sand's border within which only confirmed finds are rocks
-FLATTEST = 0.16  # height over size of a rock that nobody drew: ripples, rims and heaps are flatter, scanned rocks > 0.3
-SEEN_WIDTH = 0.8  # least share of a rock's width that must be seen for it to be told from what stands upright
-SWEEP = np.array([0.83, 0.56])  # order along this oblique line: rocks laid in rows along a wall do not tie
-ID_SIDE = 0.25  # metres of the squares that ids count
-ID_LAYERS = 3  # rocks in one square that have ids of their own
-ID_SQUARES = round(2 * SANDBOX_HALF_WIDTH / ID_SIDE)  # along each side of the sandbox
+PEAK_SHARE = 0.99  # quantile of heights that defines a region's height, to ignore stray cells
+WALL_CLEARANCE = 0.05  # distance from the sand's border within which only confirmed regions are rocks, metres
+MIN_HEIGHT_SHARE = 0.16  # minimum height over size of an unconfirmed rock: ripples and heaps are flatter, rocks > 0.3
+MIN_VISIBLE_WIDTH = 0.8  # minimum visible share of a rock's width, for the test whether it is upright
+SWEEP = np.array([0.83, 0.56])  # direction of the order; oblique, so that rocks in rows along a wall do not tie
+ID_SIDE = 0.25  # side of the squares that define ids, metres
+ID_LAYERS = 3  # number of rocks with stable ids in a square
+ID_SQUARES = round(2 * SANDBOX_HALF_WIDTH / ID_SIDE)  # number along each side of the sandbox
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What counts as a rock, metres."""
+    """Minimum heights and size of rocks, metres."""
 
     foot: float
     height: float
@@ -39,20 +39,20 @@ class Limits:
 
 @dataclass(frozen=True)
 class Region:
-    """One rock on the floor grid."""
+    """Rock on the floor grid."""
 
-    seen: np.ndarray  # (n,) flat cells where its surface was seen
-    footprint: np.ndarray  # (m,) these and the hidden cells between them
+    seen: np.ndarray  # (n,) flat cells with a scanned surface
+    footprint: np.ndarray  # (m,) these cells and the hidden cells between them
     centre: np.ndarray  # (2,) of the footprint
     size: float  # longest horizontal side, metres
     height: float  # above the ground, metres
     volume: float  # above the ground, m^3
-    confirmed: tuple[str, ...] = ()  # positions whose seed boxes show it
+    confirmed: tuple[str, ...] = ()  # positions with a matching seed box
 
 
 @dataclass(frozen=True)
 class Cut:
-    """What stands out of a sand box, cut into pieces by shape alone; arrays are (rows, columns)."""
+    """Surfaces above the ground, cut into pieces by shape only; arrays are (rows, columns)."""
 
     above: np.ndarray  # heights above the ground, metres
     seen: np.ndarray  # cells with a measured surface
@@ -60,17 +60,17 @@ class Cut:
 
 
 def cut_by_shape(sand: Sand, limits: Limits) -> Cut:
-    """The pieces of which `find_regions` makes rocks; boxes have no part in it."""
+    """Cut the surface above the ground into pieces for `find_regions`, without boxes."""
     above, labels, seen = standing(sand, limits.foot)
     return Cut(above, seen, cut_apart(above, labels, seen, sand.grid.cell))
 
 
 def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None = None) -> list[Region]:
-    """Every rock of a sand box; `cut` is its `cut_by_shape`, for those who look more than once.
+    """Return all rocks of a sand box; `cut` is the output of `cut_by_shape`, to avoid repeating it.
 
-    A region is what stands higher than the foot height and somewhere higher than the rock height, and is shaped like a
-    rock; where seed boxes confirm it a lower height is enough, and any shape. Touching rocks are told apart by shape,
-    and by boxes where these say otherwise.
+    A region is higher than the foot height everywhere and higher than the rock height somewhere, and has the shape of a
+    rock. Regions that seed boxes confirm may be lower and have any shape. Touching rocks are separated by shape, and by
+    boxes if these contradict.
     """
     cut = cut or cut_by_shape(sand, limits)
     above, seen, pieces = cut.above, cut.seen, cut.pieces
@@ -82,7 +82,7 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None
     touching = [(one - 1, other - 1) for one, other in neighbours(pieces.numbers)]
     rock = grouped(pieces.rock, touching, boxes, evidence.agreed, evidence.min_iou)
     labels = np.concatenate([[0], rock])[pieces.numbers] * seen
-    labels = slivers_joined(above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming(points_of(mask))))
+    labels = join_slivers(above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming(points_of(mask))))
     regions: list[Region] = []
     for number, box in enumerate(ndimage.find_objects(labels), 1):
         if box is None:
@@ -91,29 +91,29 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None
         if region.size < limits.size or region.height < limits.confirmed_height:
             continue
         confirmed = tuple(evidence.confirming(surface_points(sand, region.seen)))
-        if confirmed or (_looks_like_rock(region, limits) and not _at_wall(sand, box)):
+        if confirmed or (_has_rock_shape(region, limits) and not _at_wall(sand, box)):
             regions.append(replace(region, confirmed=confirmed))
     return in_order(regions)
 
 
 def standing(sand: Sand, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights above the ground, numbers from 1 of what hangs together above the foot, and cells that were seen."""
+    """Return heights above the ground, numbers from 1 of connected regions above the foot, and scanned cells."""
     above = np.where(sand.is_ground, 0.0, sand.top_above)
     stands = ndimage.binary_opening((above > foot) & (sand.standing > foot), np.ones((2, 2), bool))
     return above, ndimage.label(stands, np.ones((3, 3)))[0], np.isfinite(sand.surface)
 
 
-def _looks_like_rock(region: Region, limits: Limits) -> bool:
-    """By shape alone: high enough, no swell of the sand, and nothing that stands upright.
+def _has_rock_shape(region: Region, limits: Limits) -> bool:
+    """Return whether a region is a rock by shape: high enough, not a swell of the sand, and not upright.
 
-    Of a rock that is as tall as wide scans hide some of the width.
+    Scans hide part of the width of a rock that is as high as wide.
     """
-    upright = is_upright(region.height, region.size / SEEN_WIDTH)
-    return region.height >= max(limits.height, FLATTEST * region.size) and not upright
+    upright = is_upright(region.height, region.size / MIN_VISIBLE_WIDTH)
+    return region.height >= max(limits.height, MIN_HEIGHT_SHARE * region.size) and not upright
 
 
 def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
-    """Whether a window of the grid comes near its border: what leans on a wall is a wall's or was put there."""
+    """Return whether a window of the grid is near the border: objects that lean on a wall are not rocks."""
     margin = round(WALL_CLEARANCE / sand.grid.cell)
     return any(
         part.start < margin or part.stop > size - margin for part, size in zip(box, sand.grid.shape, strict=True)
@@ -121,16 +121,16 @@ def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
 
 
 def in_order(regions: Sequence[Region]) -> list[Region]:
-    """Regions along an oblique sweep."""
+    """Return regions in the order of an oblique sweep."""
     return sorted(regions, key=lambda region: float(region.centre @ SWEEP))
 
 
 def by_id(regions: Sequence[Region]) -> dict[int, Region]:
-    """Regions by the number of the square of the sandbox in which their centre lies, from 1, along x, then along y.
+    """Return regions by the number of the sandbox square that contains their centre, from 1, along x, then along y.
 
-    Of several in one square the largest has this number, the next one 256 more, the third one 512 more; any others
-    count on from there. So a rock that comes, goes or moves by millimetres changes its own id at most, or one in its
-    own square: with ranks along a sweep it changed all after it.
+    Of several regions in a square, the largest has this number, the next 256 more, the third 512 more; further regions
+    get subsequent numbers. Therefore a rock that is added, removed or moved by millimetres changes at most ids in the
+    same square; ranks along a sweep would change all ids after it.
     """
     ids: dict[int, Region] = {}
     for region in sorted(regions, key=lambda region: (-region.size, float(region.centre @ SWEEP))):
@@ -142,28 +142,28 @@ def by_id(regions: Sequence[Region]) -> dict[int, Region]:
 
 
 def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:
-    """(n, 3) points on the scanned surface of flat cells (n,)."""
+    """Return points (n, 3) on the scanned surface of flat cells (n,)."""
     nodes = sand.grid.centres().reshape(-1, 2)[cells]
     return np.column_stack([nodes, sand.surface.ravel()[cells]])
 
 
 def marked_region(sand: Sand, mask: np.ndarray) -> Region:
-    """Measure the region that `mask` (rows, columns) marks on the whole grid; it marks something."""
+    """Measure the region that the non-empty `mask` (rows, columns) marks on the entire grid."""
     box = ndimage.find_objects(mask.astype(np.int8))[0]
     return measured_region(sand, box, mask[box])
 
 
 def region_of(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
-    """Measure the region of flat cells (n,), and ask who drew it."""
+    """Measure the region of flat cells (n,), and add the positions that confirm it."""
     region = marked_region(sand, _mask(sand, cells))
     return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))
 
 
 def largest_piece(sand: Sand, cells: np.ndarray) -> np.ndarray:
-    """Those of flat cells (n,) that make the largest connected piece."""
+    """Return the cells of the largest connected part of flat cells (n,)."""
     pieces, _ = ndimage.label(_mask(sand, cells), np.ones((3, 3)))
-    own = pieces.ravel()[cells]
-    return cells[own == np.bincount(own).argmax()]
+    piece = pieces.ravel()[cells]
+    return cells[piece == np.bincount(piece).argmax()]
 
 
 def _mask(sand: Sand, cells: np.ndarray) -> np.ndarray:

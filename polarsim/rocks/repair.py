@@ -1,4 +1,4 @@
-"""What is wrong with published rock meshes, and copies without it: closed underground, no skirt, no small parts."""
+"""Defects of published rock meshes, and repaired copies: closed underground, without skirt and small parts."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.rims import rim
-from polarsim.geometry.topology import is_watertight, open_edges, part_of_face, part_of_vertex
+from polarsim.geometry.topology import is_watertight, largest_island, open_edges, part_of_face, part_of_vertex
 from polarsim.progress import track
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL
 from polarsim.rocks.folder import write_named
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.solids import largest_island, merged_vertices
+from polarsim.rocks.solids import merged_vertices
 from polarsim.rocks.surfaces import closed_rock
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_all_localised
@@ -33,20 +33,20 @@ from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 FILE = "defects.csv"
-SKIRT = 0.004  # metres above the plane through a rock's rim: what lies lower is sand that was cut out with the rock
-SKIRT_SHARE = 0.35  # of a rock's height: flat rocks are no skirts
-RIM_SCALE = 0.003  # metres: rim points further off their plane count less
+SKIRT = 0.004  # metres above the plane through a rock's rim: lower parts are sand that was cut out with the rock
+SKIRT_SHARE = 0.35  # maximum share of a rock's height that the skirt has
+RIM_SCALE = 0.003  # scale of the robust plane through the rim, metres
 
 
 def defect_table(published: Mapping[int, Mesh]) -> pd.DataFrame:
-    """A row a rock as it was published, see `docs/formats.md`."""
+    """Return a row for each published rock, see `docs/formats.md`."""
     return pd.DataFrame(
         [{"rock": rock, **defects(mesh)} for rock, mesh in published.items()], columns=list(DEFECTS.columns)
     )
 
 
 def defects(mesh: Mesh) -> dict[str, object]:
-    """Counts of what a solid does not have; lengths in metres."""
+    """Count the defects of a mesh; lengths in metres."""
     used = np.unique(mesh.faces)
     joined = merged_vertices(mesh)
     part = part_of_face(joined.faces)
@@ -71,24 +71,24 @@ def defects(mesh: Mesh) -> dict[str, object]:
 
 
 def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:
-    """A closed copy: the surface above the skirt, the unseen back and an underside below the ground.
+    """Return a closed copy: the surface above the skirt, the hidden back, and an underside below the ground.
 
     Parameters
     ----------
     ground : (rows, columns) float
         Heights of the ground on `grid`, also under the rock.
     scanners : (s, 3) float
-        Where the scanners stood: tells seen sides from unseen ones.
+        Positions of the scanners, which distinguish scanned and hidden sides.
     cell : float
         Cell of the reconstruction, metres.
 
     Raises
     ------
     ReconstructionError
-        The surface spans no volume.
+        The surface encloses no volume.
     """
     normals = mesh.normals()
-    directed = np.linalg.norm(normals, axis=1) > 0.5  # vertices of faces without area have none
+    directed = np.linalg.norm(normals, axis=1) > 0.5  # vertices of faces without area have no normal
     rock = directed & (mesh.vertices[:, 2] > _skirt_height(mesh, mesh.vertices))
     return closed_rock(
         Cloud(mesh.vertices[rock], normals[rock]), grid, ground, np.zeros(grid.shape, bool), scanners, cell
@@ -96,7 +96,7 @@ def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarr
 
 
 def _skirt_share(mesh: Mesh) -> float:
-    """Share of a surface's area that lies in its skirt."""
+    """Return the share of a surface's area in its skirt."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     centre = (a + b + c) / 3
@@ -104,7 +104,7 @@ def _skirt_share(mesh: Mesh) -> float:
 
 
 def _skirt_height(mesh: Mesh, points: np.ndarray) -> np.ndarray:
-    """(n,) height of the skirt's upper end at points (n, 3)."""
+    """Return the height (n,) of the upper end of the skirt at points (n, 3)."""
     slope_x, slope_y, level = robust_plane(rim(mesh), RIM_SCALE)
     bottom, top = mesh.vertices[:, 2].min(), mesh.vertices[:, 2].max()
     over_rim = slope_x * points[:, 0] + slope_y * points[:, 1] + level + SKIRT
@@ -114,14 +114,14 @@ def _skirt_height(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 def repair_rocks(
     *, terrain: int, inventory: Path, cameras: Path, meshes: Path, copies: Path, options: RocksOptions
 ) -> None:
-    """Write `copies`: a watertight OBJ file a rock, `meshes.csv`, and `defects.csv` of the rocks as published.
+    """Write `copies`: a watertight OBJ file per rock, `meshes.csv`, and `defects.csv` of the published rocks.
+
+    A rock with a surface that encloses no volume is skipped with a warning.
 
     Parameters
     ----------
     meshes : Path
         Folder of the terrain's adopted rocks and their ground.
-
-    A rock whose surface spans no volume is a warning and a gap.
     """
     with about(inventory):
         published = {rock: obj.read(path) for rock, path in read_inventory(inventory).rock_meshes().items()}

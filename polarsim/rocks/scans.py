@@ -1,4 +1,4 @@
-"""Points of scans in the sandbox, and extents of its floor."""
+"""Points of scans in the sandbox frame, and extents of its floor."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ import numpy as np
 
 from polarsim.geometry.poses import Pose
 
-LEAST_WALL_HEIGHT = 0.12  # metres above the sand: what stands higher at the rim of the box is wall
+MIN_WALL_HEIGHT = 0.12  # metres above the sand: higher objects at the rim of the box are walls
 
 
 @dataclass(frozen=True)
 class ScanPoints:
-    """Points of one or several scans: in the sandbox, metres."""
+    """Points of one or several scans in the sandbox frame, metres."""
 
     points: np.ndarray  # (n, 3)
-    to_scanner: np.ndarray  # (n, 3) unit vectors towards the scanner that saw the point
-    weights: np.ndarray  # (n,) 1 / range^2: near scans are denser and suffer less from pose errors
+    to_scanner: np.ndarray  # (n, 3) unit vectors towards the scanner of each point
+    weights: np.ndarray  # (n,) 1 / range^2: near scans are denser and less affected by errors of poses
 
     def __len__(self) -> int:
         return len(self.points)
 
     def select(self, chosen: np.ndarray) -> ScanPoints:
-        """The points of a mask or index array (n,)."""
+        """Select points by a mask or an index array (n,)."""
         return ScanPoints(self.points[chosen], self.to_scanner[chosen], self.weights[chosen])
 
     def scanner(self, points: np.ndarray) -> np.ndarray:
-        """(n,) number of the scanner that saw each point, of scanners at positions (s, 3), metres."""
+        """Return the index (n,) of the scanner of each point, given the positions (s, 3) of scanners, metres."""
         away = points[:, None] - self.points  # (s, n, 3)
         along = np.einsum("snk,nk->sn", away, self.to_scanner) / np.linalg.norm(away, axis=-1)
         return np.asarray(along.argmax(axis=0))
 
     def moved(self, pose: Pose) -> ScanPoints:
-        """The same points after a motion."""
+        """Apply a rigid motion to the points."""
         return ScanPoints(pose.apply(self.points), pose.rotate(self.to_scanner), self.weights)
 
 
 @dataclass(frozen=True)
 class Extent:
-    """A rectangle of the sandbox's floor, metres."""
+    """Rectangle of the sandbox's floor, metres."""
 
     x0: float
     y0: float
@@ -50,7 +50,7 @@ class Extent:
         return Extent(self.x0 - margin, self.y0 - margin, self.x1 + margin, self.y1 + margin)
 
     def snapped(self, cell: float) -> Extent:
-        """The largest extent inside that begins and ends at multiples of `cell`: grids of one cell then coincide."""
+        """Return the largest extent inside with multiples of `cell` as limits: grids with the same cell coincide."""
         low, high = (
             np.ceil(np.array([self.x0, self.y0]) / cell - 1e-6),
             np.floor(np.array([self.x1, self.y1]) / cell + 1e-6),
@@ -58,20 +58,20 @@ class Extent:
         return Extent(*(low * cell).tolist(), *(high * cell).tolist())
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """(n,) whether points (n, 2 or 3) lie inside."""
+        """Return whether points (n, 2 or 3) are inside, (n,)."""
         x, y = points[:, 0], points[:, 1]
         return (x >= self.x0) & (x <= self.x1) & (y >= self.y0) & (y <= self.y1)
 
 
 def scan_in_sandbox(points_left: np.ndarray, sandbox_from_left: Pose) -> ScanPoints:
-    """A scan's points (n, 3), in the frame of the camera beside the scanner, in the sandbox."""
+    """Transform a scan's points (n, 3) from the frame of the scanner's camera to the sandbox frame."""
     distance = np.linalg.norm(points_left, axis=1)
     to_scanner = sandbox_from_left.rotate(-points_left / distance[:, None])
     return ScanPoints(sandbox_from_left.apply(points_left), to_scanner, distance**-2)
 
 
 def merged(scans: list[ScanPoints]) -> ScanPoints:
-    """All points of several scans."""
+    """Concatenate the points of several scans."""
     return ScanPoints(
         np.concatenate([scan.points for scan in scans] or [np.zeros((0, 3))]),
         np.concatenate([scan.to_scanner for scan in scans] or [np.zeros((0, 3))]),

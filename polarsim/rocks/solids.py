@@ -1,4 +1,4 @@
-"""What makes a mesh a solid: islands, volume, edges of two faces each; and copies with fewer vertices."""
+"""Solid meshes: volume, manifold edges, and copies with fewer vertices."""
 
 from __future__ import annotations
 
@@ -10,32 +10,18 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import is_watertight, numbered_edges, part_of_face
+from polarsim.geometry.topology import compacted, is_watertight, largest_island, numbered_edges
 
-FLAT = 1e-6  # radians: sheets that lie on each other have nothing between them, not a full turn
-PARTING = 1e-5  # metres that touching sheets of a surface are set apart
-
-
-def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
-    """The mesh without vertices that no face uses."""
-    used, numbers = np.unique(faces, return_inverse=True)
-    return Mesh(vertices[used], numbers.reshape(-1, 3))
+FLAT = 1e-6  # radians: coincident faces enclose an angle of zero, not a full turn
+PARTING = 1e-5  # metres: displacement that separates touching parts of a surface
 
 
 def merged_vertices(mesh: Mesh) -> Mesh:
-    """Vertices at one point become one; faces that lose a corner by it go."""
+    """Merge vertices at equal positions, and remove faces that become degenerate."""
     vertices, numbers = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = numbers.reshape(-1)[mesh.faces]
     sound = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     return compacted(vertices, faces[sound])
-
-
-def largest_island(mesh: Mesh) -> Mesh:
-    """The connected part with most faces."""
-    part = part_of_face(mesh.faces)
-    if not len(part):
-        return mesh
-    return compacted(mesh.vertices, mesh.faces[part == np.argmax(np.bincount(part))])
 
 
 def volume(mesh: Mesh) -> float:
@@ -46,11 +32,11 @@ def volume(mesh: Mesh) -> float:
 
 
 def decimated(mesh: Mesh, share: float) -> Mesh:
-    """About `share` of the vertices, by quadric edge collapse; watertight where the mesh was.
+    """Reduce a mesh to about `share` of its vertices by quadric edge collapse; watertight if the mesh is.
 
-    Raising the share finds a sound copy where a collapse folded the surface; the mesh itself is one at last.
+    If a collapse folds the surface, a larger share is tried, and finally the mesh itself is returned.
     """
-    source = _in_open3d(mesh)
+    source = _to_open3d(mesh)
     closed = is_watertight(mesh.faces)
     while share < 1:
         faces = max(12, round(share * len(mesh.faces)))
@@ -62,15 +48,15 @@ def decimated(mesh: Mesh, share: float) -> Mesh:
     return mesh
 
 
-def thinned(mesh: Mesh, most: int) -> Mesh:
-    """About `most` vertices for looking at, by clusters on a grid; the mesh itself where it has no more."""
-    if len(mesh.vertices) <= most:
+def thinned(mesh: Mesh, max_vertices: int) -> Mesh:
+    """Reduce a mesh to about `most` vertices for display, by clusters on a grid, if it has more."""
+    if len(mesh.vertices) <= max_vertices:
         return mesh
-    cell = np.sqrt(np.ptp(mesh.vertices[:, 0]) * np.ptp(mesh.vertices[:, 1]) / most)
-    return _from_open3d(_in_open3d(mesh).simplify_vertex_clustering(cell))
+    cell = np.sqrt(np.ptp(mesh.vertices[:, 0]) * np.ptp(mesh.vertices[:, 1]) / max_vertices)
+    return _from_open3d(_to_open3d(mesh).simplify_vertex_clustering(cell))
 
 
-def _in_open3d(mesh: Mesh) -> Any:
+def _to_open3d(mesh: Mesh) -> Any:
     import open3d
 
     return open3d.geometry.TriangleMesh(
@@ -79,28 +65,33 @@ def _in_open3d(mesh: Mesh) -> Any:
 
 
 def _from_open3d(mesh: Any) -> Mesh:
-    """The mesh without vertices that no face uses."""
+    """Convert a mesh, without vertices that no face uses."""
     return compacted(np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64))
 
 
 def split_non_manifold(mesh: Mesh) -> Mesh:
-    """Sheets of a closed surface that touch along an edge or in a vertex, set a little apart: each edge has two faces.
+    """Separate parts of a closed surface that touch along an edge or in a vertex, so that each edge has two faces.
 
-    Octrees leave edges of four faces where a surface meets itself: such an edge is halved, and those two faces go
-    together that have solid between them. Corners of faces that hang together over edges then are one vertex; vertices
-    that become several move inward.
+    Octrees create edges of four faces where a surface touches itself. Such an edge is halved, and faces with solid
+    between them are paired. Corners of faces that are connected by edges are the same vertex; vertices that are split
+    into several are moved inwards.
     """
-    edges, order, first, count = _grouped_edges(mesh.faces)
+    edges, order, first, count = _group_edges(mesh.faces)
     if (count > 2).any():
-        mesh = _halved(mesh, np.sort(edges[order[first[count > 2]]], axis=1))
-        edges, order, first, count = _grouped_edges(mesh.faces)
+        mesh = _halve_edges(mesh, np.sort(edges[order[first[count > 2]]], axis=1))
+        edges, order, first, count = _group_edges(mesh.faces)
     starts, size = edges[:, 0], len(mesh.vertices)
     pairs = [np.stack([order[first[count == 2]], order[first[count == 2] + 1]], axis=1)]
     for at, number in zip(first[count > 2], count[count > 2], strict=True):
         pairs.append(_solid_pairs(mesh, order[at : at + number], edges))
-    one, other = np.concatenate(pairs).T
+    first_corner, second_corner = np.concatenate(pairs).T
     following = np.arange(len(starts)).reshape(-1, 3)[:, [1, 2, 0]].ravel()  # corner at the end of each edge
-    links = np.concatenate([np.stack([one, following[other]], axis=1), np.stack([following[one], other], axis=1)])
+    links = np.concatenate(
+        [
+            np.stack([first_corner, following[second_corner]], axis=1),
+            np.stack([following[first_corner], second_corner], axis=1),
+        ]
+    )
     graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(len(starts), len(starts)))
     number, vertex = connected_components(graph, directed=False)
     if number == len(np.unique(starts)):
@@ -112,8 +103,8 @@ def split_non_manifold(mesh: Mesh) -> Mesh:
     return Mesh(apart.vertices - np.where(several[:, None], PARTING * apart.normals(), 0.0), apart.faces)
 
 
-def _grouped_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """All faces' edges, their rows in the order of their ends, where each edge begins, and how many faces it has.
+def _group_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return edges of all faces, their order by ends, the start of each edge in this order, and its number of faces.
 
     Row 3 f + k is edge k of face f.
     """
@@ -124,8 +115,8 @@ def _grouped_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return edges, order, first, np.diff(np.append(first, len(order)))
 
 
-def _halved(mesh: Mesh, edges: np.ndarray) -> Mesh:
-    """The mesh with a vertex in the centre of some edges (n, 2), and their faces cut there."""
+def _halve_edges(mesh: Mesh, edges: np.ndarray) -> Mesh:
+    """Insert a vertex in the centre of given edges (n, 2), and cut their faces there."""
     centres = mesh.vertices[edges].mean(axis=1)
     centre = {(int(a), int(b)): len(mesh.vertices) + k for k, (a, b) in enumerate(edges)}
 
@@ -143,9 +134,9 @@ def _halved(mesh: Mesh, edges: np.ndarray) -> Mesh:
 
 
 def _solid_pairs(mesh: Mesh, rows: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(n, 2) of the rows (2 n,) of `edges` about one line, those together whose faces have least solid between them.
+    """Return pairs (n, 2) of the rows (2 n,) of `edges` on a line, with the least solid between their faces.
 
-    Seen along the line, solid lies before a face that runs along it and behind one that runs against it.
+    Viewed along the line, solid is on one side of faces that run along it and on the opposite side of other faces.
     """
     low, high = np.sort(edges[rows[0]])
     line = mesh.vertices[high] - mesh.vertices[low]
@@ -155,5 +146,5 @@ def _solid_pairs(mesh: Mesh, rows: np.ndarray, edges: np.ndarray) -> np.ndarray:
     angle = np.arctan2(apex @ across * np.linalg.norm(line), apex @ along)
     forward = edges[rows, 0] == low
     solid = np.mod(angle[forward][:, None] - angle[~forward][None] + FLAT, 2 * np.pi)
-    along_it, against_it = linear_sum_assignment(np.sqrt(solid))  # of like sums, the one with the thinnest part
+    along_it, against_it = linear_sum_assignment(np.sqrt(solid))  # of equal sums, the pairing with the thinnest part
     return np.stack([rows[forward][along_it], rows[~forward][against_it]], axis=1)

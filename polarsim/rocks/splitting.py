@@ -1,4 +1,4 @@
-"""What stands out of the ground cut into pieces, and pieces made rocks by shape alone."""
+"""Division of surfaces above the ground into pieces, and grouping of pieces into rocks by shape only."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from scipy import ndimage
 from polarsim.rocks.creases import Joining, Relief, chance_of_two, cut_along_creases
 from polarsim.rocks.heights import filled, hull_mask
 
-PIECE_CHANCE = 0.10  # of two rocks below which neighbours are not even two pieces
-ROCK_CHANCE = 0.40  # ... and below which they are one rock
-ABSORBED_SHARE = 0.5  # of a region's cells in the hull of a larger one that make it a part of that one
-UPRIGHT_HEIGHT = 0.03  # metres: lower things may be pebbles
-SLIVER_REACH = 0.12  # metres from a sliver to the rock that it belongs to
+PIECE_CHANCE = 0.10  # minimum chance of two rocks for two pieces
+ROCK_CHANCE = 0.40  # minimum chance of two rocks for two rocks
+ABSORBED_SHARE = 0.5  # minimum share of a region's cells in the hull of a larger region that absorbs it
+UPRIGHT_HEIGHT = 0.03  # minimum height of upright objects, metres: lower objects may be pebbles
+SLIVER_REACH = 0.12  # maximum distance from a sliver to its rock, metres
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """What stands out of the ground, cut along creases, and which pieces are one rock by shape."""
+    """Surfaces above the ground, cut along creases, and the rock of each piece by shape."""
 
-    numbers: np.ndarray  # (rows, columns) from 1; 0 outside; cells that a rock hides from the scanners are its own
+    numbers: np.ndarray  # (rows, columns) from 1; 0 outside; cells that a rock hides from the scanners belong to it
     rock: np.ndarray  # (n,) number from 1 of each piece's rock
 
 
 def cut_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, cell: float) -> Pieces:
-    """Cut regions into pieces, and say which pieces make a rock.
+    """Cut regions into pieces, and group pieces into rocks.
 
     Parameters
     ----------
     above : (rows, columns) float
-        Heights above the ground, metres; of any value where nothing was seen.
+        Heights above the ground, metres; arbitrary in hidden cells.
     labels : (rows, columns) int
-        Connected regions of what stands out of the ground, 0 outside.
+        Connected regions above the ground, 0 outside.
     seen : (rows, columns) bool
         Cells with a measured surface.
     cell : float
@@ -53,12 +53,12 @@ def cut_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, cell: flo
 def relief_and_regions(
     above: np.ndarray, labels: np.ndarray, seen: np.ndarray, cell: float
 ) -> tuple[Relief, np.ndarray]:
-    """The surface that is cut, and the regions (rows, columns) with what overhangs and shadows cut off and hide."""
-    return Relief(np.where(seen, above, filled(above, seen)), seen, cell), _bridged(_absorbed(labels), seen)
+    """Return the surface, and the regions (rows, columns) joined across overhangs and shadows."""
+    return Relief(np.where(seen, above, filled(above, seen)), seen, cell), _bridge(_absorb(labels), seen)
 
 
-def _absorbed(labels: np.ndarray) -> np.ndarray:
-    """Regions that lie mostly in the hull of a larger one joined to it: an overhang hides what joins them."""
+def _absorb(labels: np.ndarray) -> np.ndarray:
+    """Join regions that are mostly in the hull of a larger region: an overhang hides the connection."""
     labels = labels.copy()
     boxes = ndimage.find_objects(labels)
     sizes = np.bincount(labels.ravel())
@@ -71,8 +71,8 @@ def _absorbed(labels: np.ndarray) -> np.ndarray:
     return labels
 
 
-def _bridged(labels: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Regions with the hidden cells inside their hulls: a rock's own shadow does not cut it in two."""
+def _bridge(labels: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Add hidden cells inside the hulls of regions, so that a rock's shadow does not cut it in two."""
     labels = labels.copy()
     for number, box in enumerate(ndimage.find_objects(labels), 1):
         if box is None:  # absorbed by another region
@@ -82,10 +82,10 @@ def _bridged(labels: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return labels
 
 
-def slivers_joined(
+def join_slivers(
     above: np.ndarray, parts: np.ndarray, cell: float, annotated: Callable[[np.ndarray], bool]
 ) -> np.ndarray:
-    """Upright parts that nobody drew made one with a larger one beside: what hides lies between.
+    """Join unannotated upright parts with a larger part nearby: the connection is hidden.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def slivers_joined(
     cell : float
         Side of a cell, metres.
     annotated : mask (rows, columns) -> bool
-        Whether people drew a part as a rock.
+        Whether a part is annotated as a rock.
     """
     parts = parts.copy()
     reach = round(SLIVER_REACH / cell)
@@ -117,5 +117,5 @@ def slivers_joined(
 
 
 def is_upright(height: float, width: float) -> bool:
-    """Whether something is taller than wide, metres: no rock stands so on sand, edges of hidden ones and cloth do."""
+    """Return whether an object is higher than wide, metres, unlike rocks on sand: edges of hidden rocks, or cloth."""
     return height > max(UPRIGHT_HEIGHT, width)

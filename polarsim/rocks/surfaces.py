@@ -1,6 +1,6 @@
 """Closed surfaces through clouds: screened Poisson reconstruction (Kazhdan and Hoppe, ACM ToG 32:29, 2013).
 
-What no scanner saw of a rock, its back and its underside, is closed by points on the convex hull of what was seen.
+The hidden back and the underside of a rock are closed by points on the convex hull of its scanned surface.
 """
 
 from __future__ import annotations
@@ -17,90 +17,90 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 from polarsim.errors import ReconstructionError
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import hull_faces, is_watertight
+from polarsim.geometry.topology import compacted, hull_faces, is_watertight, largest_island
 from polarsim.rocks.clouds import tangents
 from polarsim.rocks.heights import FloorGrid, upward_normals
-from polarsim.rocks.solids import compacted, largest_island, split_non_manifold
+from polarsim.rocks.solids import split_non_manifold
 
 log = logging.getLogger("polarsim")
 
-CELL_SHARES = (1.0, 0.97, 0.94)  # of the cell asked for, tried in turn: now and then a grid leaves a hole
+CELL_SHARES = (1.0, 0.97, 0.94)  # of the configured cell, tried in turn, because some grids leave a hole
 DENSE_STEP = 0.35  # of the points' spacing
-ROOM, GROUND_ROOM = 1.2, 1.02  # least side of the solver's cube over the cloud's; the ground's border is cut off
-NO_AREA = 1e-12  # square metres of a parallelogram below which a face has no normal
+ROOM, GROUND_ROOM = 1.2, 1.02  # minimum side of the solver's cube over the cloud's; the ground's border is cut off
+NO_AREA = 1e-12  # area of a parallelogram below which a face has no normal, square metres
 MIN_DEPTH, MAX_DEPTH = 4, 11  # of the octree
-SINK = 0.015  # metres that a rock's closed underside lies below the ground
-UNSEEN_COSINE = 0.05  # a facet whose normal points away further than this from every scanner was not seen
-GAP = 0.0075  # metres from the seen surface from which the unseen one begins
-BARE = 0.03  # metres along a facet to the nearest seen point from which on nothing was seen below it, no hollow either
-BULGE = 0.25  # rocks bulge beyond the hull of their seen side: metres outward per metre from what was seen
+SINK = 0.015  # depth of a rock's closed underside below the ground, metres
+UNSEEN_COSINE = 0.05  # minimum cosine between a facet's normal and a scanner for a visible facet
+GAP = 0.0075  # minimum distance of the hidden surface from the scanned surface, metres
+BARE = 0.03  # minimum distance along a facet to the nearest scanned point for a hidden facet, metres
+BULGE = 0.25  # outward bulge of the hidden surface beyond the hull, metres per metre from the scanned surface
 
 
 def closing_points(
     cloud: Cloud, grid: FloorGrid, ground: np.ndarray, bare: np.ndarray, scanners: np.ndarray, spacing: float
 ) -> Cloud:
-    """Points that close a rock: on its back, at its foot and on a floor below the ground.
+    """Return points that close a rock: on its back, at its foot and on a floor below the ground.
 
-    The convex hull of the seen points and of their outline sunk below the ground has facets below the ground, and
-    facets that face away from every scanner or that nothing was seen of; points on these close the rock, the latter
-    ones bulging outward. Where bare ground was seen there is no rock, whatever its hull.
+    The convex hull of the scanned points, and of their outline sunk below the ground, has facets below the ground, and
+    facets that face away from every scanner or have no scanned points. Points on these facets close the rock, with an
+    outward bulge on the hidden facets. There are no points above visible bare ground.
 
     Parameters
     ----------
     bare : (rows, columns) bool
-        Cells of `grid` whose ground was seen.
+        Cells of `grid` with visible ground.
 
     Raises
     ------
     ReconstructionError
-        The points span no volume.
+        The points enclose no volume.
     """
-    floor = _sunk(_outline(cloud.points), grid, ground)
+    floor = _sink(_outline(cloud.points), grid, ground)
     hull = hull_points(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
     points, normals = hull.points, hull.normals
     above = points[:, 2] - grid.sample(ground, points)
     gap, nearest = KDTree(cloud.points).query(points)
     offset = cloud.points[nearest] - points
-    beside = np.linalg.norm(offset - (offset * normals).sum(axis=1, keepdims=True) * normals, axis=1)
+    distance_along_facet = np.linalg.norm(offset - (offset * normals).sum(axis=1, keepdims=True) * normals, axis=1)
     to_scanners = scanners[None] - points[:, None]
     cosine = (to_scanners * normals[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
-    buried = above < -spacing  # ends below the ground: no plinth is seen
+    buried = above < -spacing  # ends below the ground, so that no plinth is visible
     facing_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
-    back = (above >= -spacing) & (gap > GAP) & (facing_away | (beside > BARE))
+    back = (above >= -spacing) & (gap > GAP) & (facing_away | (distance_along_facet > BARE))
     points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
     kept = (buried | back) & ~bare.ravel()[np.maximum(grid.cell_of(points), 0)]
     return Cloud(points[kept], normals[kept])
 
 
 def hull_mesh(points: np.ndarray) -> Mesh:
-    """The convex hull of points (n, 3), faces outward.
+    """Return the convex hull of points (n, 3), faces outward.
 
     Raises
     ------
     ReconstructionError
-        The points span no volume.
+        The points enclose no volume.
     """
     try:
         return compacted(points, hull_faces(points))
     except (QhullError, ValueError) as error:
-        raise ReconstructionError(f"{len(points)} points span no volume") from error
+        raise ReconstructionError(f"{len(points)} points enclose no volume") from error
 
 
 def _outline(points: np.ndarray) -> np.ndarray:
-    """(n, 2) corners of the plan's convex hull."""
+    """Return the corners (n, 2) of the convex hull of the plan."""
     try:
         return points[ConvexHull(points[:, :2]).vertices, :2]
     except (QhullError, ValueError) as error:
-        raise ReconstructionError(f"{len(points)} points lie on one line or are too few") from error
+        raise ReconstructionError(f"{len(points)} points are collinear or too few") from error
 
 
-def _sunk(points: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
-    """(n, 3) points below (n, 2) ones of the ground."""
+def _sink(points: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
+    """Return points (n, 3) below the ground at points (n, 2)."""
     return np.column_stack([points, grid.sample(ground, points) - SINK])
 
 
 def hull_points(mesh: Mesh, spacing: float) -> Cloud:
-    """Points about `spacing` apart on every face, with the faces' normals."""
+    """Return points with a spacing of about `spacing` on every face, with the faces' normals."""
     corners = mesh.vertices[mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(across, axis=1)
@@ -116,16 +116,16 @@ def hull_points(mesh: Mesh, spacing: float) -> Cloud:
 
 
 def _barycentric(steps: int) -> np.ndarray:
-    """(2, n) weights of two corners, at the middles of a triangle's cells where each side has so many."""
+    """Return weights (2, n) of two corners at the centres of a triangle's cells, with `steps` cells along each side."""
     u, v = (grid.ravel() + 1 / 3 for grid in np.meshgrid(np.arange(steps), np.arange(steps)))
     return np.stack([u, v])[:, u + v < steps] / steps
 
 
 def poisson(cloud: Cloud, cell: float, room: float = ROOM) -> Mesh:
-    """Poisson surface whose finest cells measure `cell` metres (larger ones at the octree's greatest depth).
+    """Return the Poisson surface with a finest cell of `cell` metres (larger at the octree's maximum depth).
 
-    The cube is grown to a power of two of cells, so the surface is as fine as asked for and no finer. One thread: with
-    more, the same cloud gives other meshes from run to run.
+    The cube is enlarged to a power of two of cells, so that the resolution is exactly `cell`. The solver uses a single
+    thread, because several threads give different meshes from run to run.
     """
     import open3d
 
@@ -142,10 +142,10 @@ def poisson(cloud: Cloud, cell: float, room: float = ROOM) -> Mesh:
 
 @contextmanager
 def _one_core() -> Iterator[None]:
-    """Keep the calling thread, and threads that it starts, on the core where it is.
+    """Pin the calling thread, and threads that it starts, to the current core.
 
-    The solver starts a thread for every loop and waits for it. Woken on another core each time, it waits two thirds of
-    its time, on one core not at all.
+    The solver starts a thread for every loop and waits for it. If the thread starts on another core, waiting takes two
+    thirds of the time.
     """
     if not hasattr(os, "sched_setaffinity"):  # macOS, Windows
         yield
@@ -160,12 +160,12 @@ def _one_core() -> Iterator[None]:
 
 
 def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
-    """The Poisson surface through a ground without holes, cut at the grid's border.
+    """Return the Poisson surface through a ground without holes, cut at the grid's border.
 
     Parameters
     ----------
     heights : (rows, columns) float
-        Heights on the grid, everywhere.
+        Heights in all cells of the grid.
     cell : float
         Cell of the reconstruction, metres.
     """
@@ -176,10 +176,10 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
 
 
 def densified(cloud: Cloud) -> Cloud:
-    """The cloud with points about each point on its tangent plane.
+    """Add points around each point on its tangent plane.
 
-    Where cells hold few points the solver smooths over several of them, and a ball comes out too large: one of 80 mm
-    by 0.8 mm with points 2.5 mm apart, by 0.03 mm with these.
+    In cells with few points the solver smooths over several cells, and a ball becomes too large: a ball of 80 mm by
+    0.8 mm with points 2.5 mm apart, by 0.03 mm with the additional points.
     """
     if len(cloud) < 2:
         return cloud
@@ -193,39 +193,41 @@ def densified(cloud: Cloud) -> Cloud:
 def closed_rock(
     cloud: Cloud, grid: FloorGrid, ground: np.ndarray, bare: np.ndarray, scanners: np.ndarray, cell: float
 ) -> Mesh:
-    """A watertight rock: the seen surface, its unseen back and its underside below the ground closed smoothly.
+    """Return a watertight rock: scanned surface, hidden back, and underside below the ground, closed smoothly.
 
     Parameters
     ----------
     cloud : Cloud
-        The rock's seen surface, normals outward, metres.
+        Scanned surface of the rock, normals outward, metres.
     ground : (rows, columns) float
         Heights of the ground on `grid`, also under the rock.
     bare : (rows, columns) bool
-        Cells whose ground was seen.
+        Cells with visible ground.
     scanners : (s, 3) float
-        Where the scanners stood.
+        Positions of the scanners.
     cell : float
         Cell of the reconstruction, metres.
 
     Raises
     ------
     ReconstructionError
-        The points span no volume.
+        The points enclose no volume.
     """
     closing = closing_points(cloud, grid, ground, bare, scanners, cell)
-    seen = densified(cloud)
-    whole = Cloud(np.concatenate([seen.points, closing.points]), np.concatenate([seen.normals, closing.normals]))
-    closed = _closed(whole, cell)
+    scanned = densified(cloud)
+    complete = Cloud(
+        np.concatenate([scanned.points, closing.points]), np.concatenate([scanned.normals, closing.normals])
+    )
+    closed = _close(complete, cell)
     if closed is not None:
         return closed
-    log.warning("no closed surface through %d points: their convex hull stands for the rock", len(cloud))
-    hull = hull_mesh(whole.points)
-    return _closed(hull_points(hull, cell), cell) or hull  # as fine as other rocks
+    log.warning("no closed surface through %d points: their convex hull is used instead", len(cloud))
+    hull = hull_mesh(complete.points)
+    return _close(hull_points(hull, cell), cell) or hull  # as fine as the meshes of other rocks
 
 
-def _closed(cloud: Cloud, cell: float) -> Mesh | None:
-    """The largest part of the surface through a cloud, where some cell gives one without holes."""
+def _close(cloud: Cloud, cell: float) -> Mesh | None:
+    """Return the largest part of the surface through a cloud, with the first cell without holes; None without any."""
     for share in CELL_SHARES:
         mesh = largest_island(split_non_manifold(poisson(cloud, share * cell)))
         if is_watertight(mesh.faces):

@@ -1,4 +1,4 @@
-"""`rocks.parquet`: a row a rock, the same from scans and from published meshes."""
+"""Table `rocks.parquet` with a row per rock, for scanned and for published meshes."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def row(
     scan_translation: float = math.nan,
     confirmed: Sequence[str] = (),
 ) -> dict[str, object]:
-    """One rock.
+    """Return the row of a rock.
 
     Parameters
     ----------
     cuboid : Cuboid
-        Its centre is that of the rock.
+        Its centre is the centre of the rock.
     points : position -> int
-        Points of each scan; none for published meshes.
+        Points of each scan; empty for published meshes.
     visible_share : float
-        Part of its plan that some scan saw.
+        Share of its plan that was scanned.
     scan_translation : float
-        How far the scan that moved most was translated to meet the others on this rock, metres; NaN where it was not.
+        Maximum translation of a scan in the alignment on this rock, metres; NaN without alignment.
     confirmed : sequence of str
-        Positions whose seed boxes show the rock.
+        Positions with a seed box that matches the rock.
     """
     x, y, z = (cuboid.low + cuboid.high) / 2
     points = points or {}

@@ -11,7 +11,7 @@ from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.fitted_ground import FOOT_SD, fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
-from polarsim.rocks.solids import compacted
+from polarsim.geometry.topology import compacted
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.scene import made_from
 

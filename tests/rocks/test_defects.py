@@ -14,7 +14,7 @@ from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.repair import defect_table, defects, repaired
 from polarsim.rocks.scans import Extent
-from polarsim.rocks.solids import compacted
+from polarsim.geometry.topology import compacted
 from polarsim.schemas.stages import DEFECTS
 
 RADIUS = 0.08

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rocks.grouping import MOST_PIECES, grouped
+from polarsim.rocks.grouping import MAX_EXHAUSTIVE_PIECES, grouped
 
 
 def span(first, last, top=0.0):
@@ -77,7 +77,7 @@ def test_pieces_that_no_photo_shows_stay_with_their_rock():
     }
 
 
-@pytest.mark.parametrize("n", [MOST_PIECES, MOST_PIECES + 3])
+@pytest.mark.parametrize("n", [MAX_EXHAUSTIVE_PIECES, MAX_EXHAUSTIVE_PIECES + 3])
 def test_rocks_of_many_pieces_are_cut_too(n):
     assert groups([1] * n, [span(0, n - 2), span(n - 1, n - 1)]) == {frozenset(range(n - 1)), frozenset({n - 1})}
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rocks.regions import Limits, Region, _looks_like_rock
+from polarsim.rocks.regions import Limits, Region, _has_rock_shape
 
 LIMITS = Limits(foot=0.008, height=0.015, confirmed_height=0.01, size=0.035)
 
@@ -20,4 +20,4 @@ LIMITS = Limits(foot=0.008, height=0.015, confirmed_height=0.01, size=0.035)
 )
 def test_a_rock_is_neither_flat_nor_upright(size, height, rock):
     region = Region(np.zeros(1, int), np.zeros(1, int), np.zeros(2), size, height, 0.0)
-    assert _looks_like_rock(region, LIMITS) == rock
+    assert _has_rock_shape(region, LIMITS) == rock

@@ -6,12 +6,12 @@ from scipy.spatial import KDTree
 from polarsim.errors import ReconstructionError
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import is_watertight
+from polarsim.geometry.topology import is_watertight, largest_island
 from polarsim.rocks import surfaces
 from polarsim.rocks.adopt import volume_above
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
-from polarsim.rocks.solids import decimated, largest_island, merged_vertices, volume
+from polarsim.rocks.solids import decimated, merged_vertices, volume
 from polarsim.rocks.surfaces import closed_rock, closing_points, ground_surface, hull_mesh, hull_points
 
 GRID = FloorGrid(Extent(-0.3, -0.3, 0.3, 0.3), 0.005)

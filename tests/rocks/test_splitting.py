@@ -1,7 +1,7 @@
 import numpy as np
 from scipy import ndimage
 
-from polarsim.rocks.splitting import cut_apart, is_upright, slivers_joined
+from polarsim.rocks.splitting import cut_apart, is_upright, join_slivers
 
 Y, X = np.mgrid[0:80, 0:120]
 CELL = 0.005  # metres
@@ -62,7 +62,7 @@ def sliver_beside(distance_cells, annotated=False):
     parts[20:60, 30:70] = 1
     parts[30:36, 70 + distance_cells : 73 + distance_cells] = 2
     above = np.where(parts > 0, 0.10, 0.0)
-    return slivers_joined(above, parts, 0.005, lambda mask: annotated)
+    return join_slivers(above, parts, 0.005, lambda mask: annotated)
 
 
 def test_an_upright_strip_beside_a_rock_is_its_edge():

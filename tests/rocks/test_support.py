@@ -2,13 +2,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rocks.folder import FAR, NEAR, Scanned, support, support_table
+from polarsim.rocks.folder import FULL_SUPPORT, NO_SUPPORT, Scanned, support, support_table
 
 PATCH = Scanned(np.stack([*np.mgrid[0:20, 0:20], np.zeros((20, 20))], axis=-1).reshape(-1, 3) * 0.003, 0.003)
 
 
 def test_vertices_beside_scanned_points_are_supported_and_far_ones_are_not():
-    vertices = np.array([[0.03, 0.03, 0.0], [0.03, 0.03, FAR * 0.003], [1.0, 1.0, 0.0]])
+    vertices = np.array([[0.03, 0.03, 0.0], [0.03, 0.03, NO_SUPPORT * 0.003], [1.0, 1.0, 0.0]])
     assert support(vertices, PATCH).tolist() == [1, 0, 0]
 
 
@@ -17,7 +17,7 @@ def test_support_never_grows_with_distance(first, second):
     near, far = sorted([first, second])
     values = support(np.array([[0.03, 0.03, near], [0.03, 0.03, far]]), PATCH)
     assert values[0] >= values[1]
-    assert (near > NEAR * 0.003) or values[0] == 1
+    assert (near > FULL_SUPPORT * 0.003) or values[0] == 1
 
 
 def test_nothing_scanned_supports_nothing():
