@@ -1,7 +1,7 @@
-"""What arguments of the command must be, checked before any work: finite numbers, places to write, runs that are there.
+"""Checks of command-line arguments before any work: finite numbers, writable paths, existing runs.
 
-Everything here ends a call in one line: `typer.BadParameter` (exit code 2) where the call itself cannot be,
-`PolarsimError` (exit code 1) where a file or folder is not what it should be.
+Each check ends the call with one line: `typer.BadParameter` (exit code 2) for a usage error, `PolarsimError` (exit
+code 1) for an invalid or missing file or folder.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from polarsim.errors import PolarsimError
 
 Check = Callable[[Path | None], Path | None]
 PLOTS = (".eps", ".jpg", ".jpeg", ".pdf", ".pgf", ".png", ".ps", ".svg", ".tif", ".tiff", ".webp")  # of matplotlib
-STOPPED = 130  # as a shell has it: 128 and the number of SIGINT
+STOPPED = 130  # exit code of a shell: 128 + number of SIGINT
 _SHOWN_RUNS = 10
-_EXTRAS = {  # what brings a module that polarsim does without
+_EXTRAS = {  # extra of each optional module
     **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
     **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rasterio", "rosbags"), "rover"),
 }
 
 
 class Checked(TyperCommand):
-    """A command whose numbers are finite: `nan` and `inf` are floats to a parser, and nobody's exposure."""
+    """A command that rejects `nan` and `inf`, which the parser accepts as floats."""
 
     def invoke(self, ctx: Any) -> Any:
         for name, value in ctx.params.items():
             for number in value if isinstance(value, tuple | list) else (value,):
                 if isinstance(number, float) and not math.isfinite(number):
-                    raise typer.BadParameter(f"{number} is no finite number", ctx, param_hint=_hint(ctx, name))
+                    raise typer.BadParameter(f"{number} is not a finite number", ctx, param_hint=_hint(ctx, name))
         return super().invoke(ctx)
 
 
@@ -46,15 +46,15 @@ def _hint(ctx: Any, name: str) -> str:
 
 
 def writes_file(*suffixes: str) -> Check:
-    """A check that a file of one of these endings (any when none is named) can be written there."""
+    """Return a check that a file can be written and has one of these extensions (default: any)."""
 
     def check(path: Path | None) -> Path | None:
         if path is None:
             return None
         if _is_dir(path):
-            raise typer.BadParameter(f"{path} is a folder, expected the name of a file to write")
+            raise typer.BadParameter(f"{path} is a folder, expected a file name")
         if suffixes and path.suffix.lower() not in suffixes:
-            raise typer.BadParameter(f"{path} ends in {path.suffix or 'nothing'!r}, expected {' or '.join(suffixes)}")
+            raise typer.BadParameter(f"{path} has the extension {path.suffix!r}, expected {' or '.join(suffixes)}")
         _refuse_unwritable(path.parent)
         return path
 
@@ -62,24 +62,24 @@ def writes_file(*suffixes: str) -> Check:
 
 
 def writes_folder(path: Path | None) -> Path | None:
-    """Check that a folder can be written there."""
+    """Check that a folder can be written."""
     if path is not None:
         _refuse_unwritable(path)
     return path
 
 
 def refuse_existing_folder(path: Path) -> None:
-    """End where a file that goes with another one cannot be written."""
+    """Raise `BadParameter` if the path of an accompanying file is a folder."""
     if _is_dir(path):
-        raise typer.BadParameter(f"{path} is a folder, and a file of that name is to be written")
+        raise typer.BadParameter(f"{path} is a folder, expected a file name")
 
 
 def _refuse_unwritable(folder: Path) -> None:
-    """End where a folder is a file, lies below one, or may not be written."""
+    """Raise `BadParameter` if a folder or a parent of it is a file or is not writable."""
     for level in (folder, *folder.parents):
         if _is_dir(level):
             if not os.access(level, os.W_OK | os.X_OK):
-                raise typer.BadParameter(f"{level} may not be written")
+                raise typer.BadParameter(f"{level} is not writable")
             return
         if level.exists():
             raise typer.BadParameter(f"{level} is a file, expected a folder")
@@ -100,18 +100,21 @@ def sun_above_horizon(sun: tuple[float, float] | None) -> tuple[float, float] | 
 
 
 def run_folder(results: Path, run: str) -> Path:
-    """The folder of a run.
+    """Return the folder of a run.
 
     Raises
     ------
     PolarsimError
-        There is none of that name; the message lists those that are there.
+        No run has this name; the message lists existing runs.
     """
     folder = results / run
     if run and run == Path(run).name and _is_dir(folder):
         return folder
     if not _is_dir(results):
-        raise PolarsimError("no such folder of results; --results names it, or start where `results/` is", path=results)
+        raise PolarsimError(
+            "no such folder of results; set it with --results, or start in the folder that contains `results/`",
+            path=results,
+        )
     raise PolarsimError(f"no run {run!r}; {_listed(run, runs_in(results))}", path=results)
 
 
@@ -120,19 +123,19 @@ def runs_in(results: Path) -> list[str]:
 
 
 def _listed(name: str, runs: Iterable[str]) -> str:
-    """The runs that are there, those with a name like this first."""
+    """Return a list of existing runs for a message, similar names first."""
     runs = list(runs)
     if not runs:
-        return "there are no runs yet: polarsim run makes them"
+        return "no run exists yet: create it with polarsim run"
     near = get_close_matches(name, runs)
     ordered = [*near, *(run for run in runs if run not in near)]
-    return f"there are {', '.join(ordered[:_SHOWN_RUNS])}{', ...' if len(ordered) > _SHOWN_RUNS else ''}"
+    return f"existing runs: {', '.join(ordered[:_SHOWN_RUNS])}{', ...' if len(ordered) > _SHOWN_RUNS else ''}"
 
 
 def call(app: typer.Typer) -> int:
-    """Run the command and return its exit code; a call that cannot be is one line on the terminal."""
+    """Run the command and return the exit code; print a usage error as one line."""
     try:
-        code = app(prog_name="polarsim", standalone_mode=False)  # which ends with 130 where Ctrl-C was pressed
+        code = app(prog_name="polarsim", standalone_mode=False)  # returns 130 after Ctrl-C
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         hint = f" ({context.command_path} --help)" if context else ""
@@ -144,7 +147,7 @@ def call(app: typer.Typer) -> int:
         if (extra := _EXTRAS.get((error.name or "").partition(".")[0])) is None:
             raise
         raise PolarsimError(f"{error.name} is not installed: pip install 'polarsim[{extra}]'") from error
-    except OSError as error:  # of a file that the user named: no permission, no space, a name that is too long
+    except OSError as error:  # of a user's file: no permission, no space, file name too long
         if error.filename is None:
             raise
         raise PolarsimError(error.strerror or str(error), path=str(error.filename)[:200]) from error

@@ -118,7 +118,7 @@ def test_render_takes_a_file_of_views(polarsim, tmp_path):
 def test_render_refuses_options_of_its_other_form(polarsim, tmp_path, source, option):
     done = polarsim("render", tmp_path / source, tmp_path / "out", option, 3)
     assert done.returncode == 2
-    assert f"{option} is no option with" in done.stderr
+    assert option in done.stderr
 
 
 def test_the_schema_of_views_is_that_in_the_configuration_folder(polarsim):

@@ -1,6 +1,6 @@
-"""The `polarsim` command, a module for each panel of its help.
+"""The `polarsim` command, one module per panel of `--help`.
 
-Heavy modules are imported by the commands that need them, so that --help is quick.
+Heavy modules are imported inside the commands that need them, so that `--help` is fast.
 """
 
 from polarsim.cli import runs, labels, rendering, detectors, rover, sharing  # isort: skip  # panels in this order

@@ -1,4 +1,4 @@
-"""The application that all commands belong to, what several of them share, and how a call ends."""
+"""The typer application, options that several commands share, and the entry point."""
 
 from __future__ import annotations
 
@@ -18,43 +18,43 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, detectors and tables. "
-    "`run` runs the pipeline, by snakemake; the other commands look at its parts.",
+    "`run` runs the pipeline with Snakemake; the other commands run single steps or read the results.",
 )
 
 JsonFile = Annotated[
-    Path | None, typer.Option("--json", callback=writes_file(), help="Write the whole report to this JSON file.")
+    Path | None, typer.Option("--json", callback=writes_file(), help="JSON file for the complete report.")
 ]
 CONFIG_HELP = (
-    "Configuration file or overlay; may be repeated: later files win, and without a `source` they are applied to "
-    "config/config.yaml."
+    "Configuration file or overlay; may be repeated. Later files override earlier files. Files without `source` are "
+    "applied to config/config.yaml."
 )
 ConfigFiles = Annotated[list[Path] | None, typer.Option("--configfile", help=CONFIG_HELP)]
 Results = Annotated[Path, typer.Option(help="Folder of results.")]
 
 
 def main() -> None:
-    """Entry point: bad input ends in one line and exit code 1, a call that cannot be in one line and exit code 2."""
+    """Run the command line. Invalid input ends with exit code 1, a usage error with exit code 2, each with one line."""
     with reporting():
         sys.exit(call(app))
 
 
 def commands_of(panel: str) -> Callable[..., Any]:
-    """What makes functions commands of the application, listed by `--help` in a panel of this name."""
+    """Return a decorator that adds a command to a panel of `--help`."""
     return partial(app.command, cls=Checked, rich_help_panel=panel)
 
 
 def listed(text: str) -> list[str]:
-    """What an option names with commas between."""
+    """Return the parts of a comma-separated option."""
     return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def core_count(text: str | int) -> int:
-    """Read a number of processor cores; `all`: those that this process may use.
+    """Parse a number of processor cores; `all` is the number that this process may use.
 
     Raises
     ------
     typer.BadParameter
-        Neither.
+        The text is neither a positive integer nor `all`.
     """
     if text == "all":
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -74,7 +74,7 @@ def _print_version(asked: bool) -> None:
 @app.callback(invoke_without_command=True)
 def _start(
     context: typer.Context,
-    version: Annotated[  # noqa: ARG001  its callback does all
+    version: Annotated[  # noqa: ARG001  the callback prints it
         bool,
         typer.Option("--version", "-V", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,

@@ -1,4 +1,4 @@
-"""Commands that run a detector on pictures, and compare it between two domains."""
+"""Commands that run a detector on images and compare detections between two domains."""
 
 from __future__ import annotations
 
@@ -11,45 +11,46 @@ from polarsim.arguments import writes_folder
 from polarsim.cli.application import JsonFile, commands_of, listed
 
 command = commands_of("Detectors")
-Treatment = Literal["zero", "left_out"]  # what becomes of a rock
+Treatment = Literal["zero", "left_out"]  # IoU 0, or excluded
 
 
 @command()
 def detect(
     pictures: Annotated[
-        list[Path], typer.Argument(help="Pictures, or folders of them; any size, 8 or 16 bits, grey or colour.")
+        list[Path], typer.Argument(help="Images or folders of images; any size, 8 or 16 bits, grey or colour.")
     ],
-    out: Annotated[Path, typer.Option(callback=writes_folder, help="New folder to write.")],
+    out: Annotated[Path, typer.Option(callback=writes_folder, help="New folder for the output.")],
     weights: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Detector (.pt) that a run trained; default: the one that comes with polarsim. Of several, each named "
-            "by its own --weights, what they find is merged; a box that one of two finds alone has half its confidence."
+            help="Detector (.pt) trained by a run; default: the packaged detector. May be repeated: detections are "
+            "merged, and a box of only one of two detectors has half the confidence."
         ),
     ] = None,
-    confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Least confidence of a box.")] = 0.25,
+    confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Confidence threshold.")] = 0.25,
     widths: Annotated[
-        str, typer.Option(help="Widths at which a picture is looked at, px, comma between; default: the detector's.")
+        str, typer.Option(help="Inference widths, px, comma-separated; default: stored in the detector.")
     ] = "",
     gates: Annotated[
-        str, typer.Option(help="Between each two widths the box side where the wider one takes over, px of 1936.")
+        str,
+        typer.Option(help="Box side at which the next larger width is used, px of a 1936 px image, comma-separated."),
     ] = "",
     mirrored: Annotated[
-        bool, typer.Option("--mirrored", help="Look at every picture mirrored too: finds more, takes twice as long.")
+        bool, typer.Option("--mirrored", help="Also run on mirrored images: higher recall, twice the time.")
     ] = False,
-    draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write the pictures with the boxes drawn.")] = True,
+    draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write images with the detected boxes.")] = True,
     masks: Annotated[
         bool,
-        typer.Option("--masks", help="Write what every pixel shows too; for a detector that was trained with masks."),
+        typer.Option("--masks", help="Also write class masks; requires a detector that was trained with masks."),
     ] = False,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "auto",
     precision: Annotated[
         Literal["float32", "bfloat16"],
-        typer.Option(help="Precision of the convolutions. bfloat16 needs a processor with instructions for it."),
+        typer.Option(help="Precision of convolutions. bfloat16 requires a processor that supports it."),
     ] = "float32",
-    threads: Annotated[int, typer.Option(min=1, help="Pictures looked at at a time, each by one thread.")] = 2,
+    threads: Annotated[int, typer.Option(min=1, help="Number of images processed in parallel.")] = 2,
 ) -> None:
-    """Find rocks and shadows in anyone's pictures of ground under low light; boxes as CSV, YOLO and COCO."""
+    """Detect rocks and shadows in images. Writes boxes as CSV, YOLO and COCO."""
     from polarsim.detect.detect_pictures import find_in_pictures, prediction_options
     from polarsim.detect.detectors import choose_device
     from polarsim.detect.options import PACKAGED
@@ -71,34 +72,35 @@ def ipd(
     ],
     predictions_a: Annotated[
         Path,
-        typer.Argument(help="What a detector sees there; YOLO files with the confidence as sixth field, or a table."),
+        typer.Argument(help="Detections in the first domain: YOLO files with confidence as sixth field, or a table."),
     ],
-    labels_b: Annotated[Path, typer.Argument(help="Labels of the second domain, files of the same names.")],
-    predictions_b: Annotated[Path, typer.Argument(help="What the same detector sees there.")],
-    confidence: Annotated[float, typer.Option(min=0, max=1, help="Least confidence of a prediction.")] = 0.25,
+    labels_b: Annotated[Path, typer.Argument(help="Labels of the second domain, files with the same names.")],
+    predictions_b: Annotated[Path, typer.Argument(help="Detections of the same detector in the second domain.")],
+    confidence: Annotated[float, typer.Option(min=0, max=1, help="Confidence threshold of predictions.")] = 0.25,
     undetected: Annotated[
-        Treatment, typer.Option(help="A labelled rock that no prediction overlaps: IoU 0, or left out.")
+        Treatment, typer.Option(help="Labelled rock without overlapping prediction: IoU 0, or excluded.")
     ] = "zero",
     unpaired: Annotated[
-        Treatment, typer.Option(help="A rock labelled in one domain only: IoU 0 in the other, or left out.")
+        Treatment, typer.Option(help="Rock labelled in only one domain: IoU 0 in the other, or excluded.")
     ] = "left_out",
     missing: Annotated[
-        Treatment, typer.Option(help="A labelled picture without predictions: nothing was found there, or left out.")
+        Treatment, typer.Option(help="Labelled image without predictions: no detections, or excluded.")
     ] = "left_out",
     pair_iou: Annotated[
-        float, typer.Option(min=0.01, max=1, help="Without rock ids: least IoU of labels of the same rock.")
+        float,
+        typer.Option(min=0.01, max=1, help="Minimum IoU that pairs labels of the same rock when rock ids are missing."),
     ] = 0.5,
     unit: Annotated[
         Literal["view", "photo"] | None,
-        typer.Option(help="What intervals draw; default: views where all names are photo keys, else photos."),
+        typer.Option(help="Resampling unit of intervals; default: view if all names are photo keys, else photo."),
     ] = None,
-    resamples: Annotated[int, typer.Option(min=100, help="Bootstrap samples.")] = 1000,
-    seed: Annotated[int, typer.Option(min=0, help="Of the bootstrap.")] = 0,
+    resamples: Annotated[int, typer.Option(min=100, help="Number of bootstrap replicates.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")] = 0,
     json: JsonFile = None,
 ) -> None:
-    """Instance performance difference of a detector between two domains, with 95 % intervals.
+    """Compute the instance performance difference (IPD) of a detector between two domains, with 95 % intervals.
 
-    ipd: absolute value of the mean difference of IoU, as the paper's table; ipd_abs: mean of the absolute differences.
+    ipd: absolute value of the mean IoU difference, as in the paper; ipd_abs: mean of the absolute differences.
     """
     from polarsim.detect.external_sets import compare_sets
     from polarsim.detect.ipd import Rules
@@ -139,13 +141,13 @@ def _print_ipd(report: dict[str, Any]) -> None:
         for name, row in report["classes"].items()
     )
     typer.echo(
-        "IOU_mean is over all ground truth boxes of a domain, ipd over the common pairs of both domains, so ipd may "
+        "IOU_mean is over all ground truth boxes of a domain, ipd over the pairs of both domains, so ipd may "
         f"differ from the difference of the IOU_means: {boxes}"
     )
     for name in ("a", "b"):
         if unseen := report[f"without_predictions_{name}"]:
             some = ", ".join(unseen[:3]) + (", ..." if len(unseen) > 3 else "")
-            how = "left out (--missing zero counts them)" if report["missing"] == "left_out" else "counted as IoU 0"
+            how = "excluded (included with --missing zero)" if report["missing"] == "left_out" else "counted as IoU 0"
             typer.echo(f"{len(unseen)} labelled pictures have no predictions {name.upper()}, {how}: {some}")
     typer.echo(
         f"{report['pictures']} pictures; paired by {report['paired_by']}; confidence from {report['confidence']:g}; "

@@ -1,4 +1,4 @@
-"""Commands about labels: check, score, draw, hand to people and take back."""
+"""Commands for labels: validate, score, show, export and import."""
 
 from __future__ import annotations
 
@@ -20,28 +20,30 @@ def validate(
     root: Annotated[
         Path,
         typer.Argument(
-            help="Folder in the published release's layout (Labels/, SegmentationLabels/, TerrainMeshes/), labels of a "
-            "run, KEY.txt files, or pictures with label files (images/ and labels/, or together)."
+            help="Folder in the layout of the published release, labels of a run, KEY.txt files, or images with label "
+            "files (in images/ and labels/, or in one folder)."
         ),
     ],
     select: Annotated[
-        str, typer.Option(help="Only these rules: names, codes or their beginnings, severities; comma between them.")
+        str, typer.Option(help="Apply only these rules: names, code prefixes or severities, comma-separated.")
     ] = "",
-    ignore: Annotated[str, typer.Option(help="Not these rules, named in the same way.")] = "",
-    form: Annotated[Literal["text", "json", "sarif"], typer.Option("--format", help="What is printed.")] = "text",
+    ignore: Annotated[
+        str, typer.Option(help="Skip these rules: names, code prefixes or severities, comma-separated.")
+    ] = "",
+    form: Annotated[Literal["text", "json", "sarif"], typer.Option("--format", help="Output format.")] = "text",
     json: JsonFile = None,
     fix: Annotated[
         Path | None,
         typer.Option(
             callback=writes_folder,
-            help="Write repaired label files to this new folder, with changes.csv; ROOT stays as it is.",
+            help="New folder for repaired label files and changes.csv. ROOT is not modified.",
         ),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Processes that share the terrains.")] = 2,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes, one terrain each.")] = 2,
 ) -> None:
-    """Look for defects in labels: names, boxes, polygons, siblings, geometry, light.
+    """Check labels for defects: names, boxes, polygons, consistency between photos, geometry, light.
 
-    Exit code 0: nothing but notes; 1: errors or warnings, or a folder that cannot be read; 2: a call that cannot be.
+    Exit code 0: no errors or warnings; 1: errors or warnings, or an unreadable folder; 2: usage error.
     """
     from polarsim.formats.files import write_json
     from polarsim.lint.folders import lint
@@ -67,7 +69,7 @@ def validate(
 
 @command()
 def rules() -> None:
-    """Print the rules of `validate`: code, severity, name, meaning, and what --fix does."""
+    """List the rules of `validate`: code, severity, name, meaning and repair by --fix."""
     from polarsim.lint.folders import rule_lines
 
     typer.echo("\n".join(rule_lines()))
@@ -75,14 +77,12 @@ def rules() -> None:
 
 @command()
 def score(
-    truth: Annotated[
-        Path, typer.Argument(help="Folder of YOLO box files that people drew, flat or with TerrainNN folders.")
-    ],
-    labels: Annotated[Path, typer.Argument(help="Folder of YOLO box files to score, of either form.")],
-    threshold: Annotated[float, typer.Option(min=0.01, max=1, help="Least IoU of a pair.")] = 0.5,
+    truth: Annotated[Path, typer.Argument(help="Folder of annotated YOLO box files, flat or in TerrainNN folders.")],
+    labels: Annotated[Path, typer.Argument(help="Folder of YOLO box files to score, flat or in TerrainNN folders.")],
+    threshold: Annotated[float, typer.Option(min=0.01, max=1, help="Minimum IoU of matched boxes.")] = 0.5,
     json: JsonFile = None,
 ) -> None:
-    """Score box files: precision, recall, F1 and mean IoU of rocks and shadows, matched one to one in each file."""
+    """Compute precision, recall, F1 and mean IoU of boxes of rocks and shadows, matched one-to-one per file."""
     from polarsim.formats.files import write_json
     from polarsim.scoring.score import score_folders
 
@@ -94,18 +94,20 @@ def score(
 
 @command()
 def show(
-    key: Annotated[str, typer.Argument(help="Photo key, such as 01_A_off_180_L_0256.")],
+    key: Annotated[str, typer.Argument(help="Photo key, for example 01_A_off_180_L_0256.")],
     run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",
-    domain: Annotated[str, typer.Option(help="photo, or a model that the run rendered (principled, hapke).")] = "photo",
+    domain: Annotated[
+        str, typer.Option(help="photo, or the reflectance model of a twin (principled, hapke).")
+    ] = "photo",
     results: Results = Path("results"),
     out: Annotated[
-        Path | None, typer.Option(callback=writes_file(".png"), help="PNG to write; default <key>_<domain>.png here.")
+        Path | None, typer.Option(callback=writes_file(".png"), help="PNG to write; default: <key>_<domain>.png.")
     ] = None,
-    masks: Annotated[bool, typer.Option("--masks", help="Fill rocks and shadows with their colour.")] = False,
-    kinds: Annotated[str, typer.Option(help="What is drawn: rock, shadow, or both with a comma.")] = "rock,shadow",
-    scale: Annotated[float, typer.Option(min=0.04, max=8, help="Size of the picture over that of the photo.")] = 1.0,
+    masks: Annotated[bool, typer.Option("--masks", help="Fill rocks and shadows with colour.")] = False,
+    kinds: Annotated[str, typer.Option(help="Classes to draw, comma-separated: rock, shadow.")] = "rock,shadow",
+    scale: Annotated[float, typer.Option(min=0.04, max=8, help="Image size relative to the photo.")] = 1.0,
 ) -> None:
-    """Draw a photo or a twin with its labels to PNG: boxes, rock ids, confidences, lines from shadows to rocks."""
+    """Draw a photo or twin with labels: boxes, rock ids, confidence, lines from shadows to rocks. Writes a PNG."""
     from polarsim.annotate.show import show_of_run
     from polarsim.photo import PhotoKey
     from polarsim.run_files.run import Run
@@ -120,20 +122,20 @@ def show(
 def export(
     folder: Annotated[
         Path,
-        typer.Argument(callback=writes_folder, help="New folder to write; one that holds something is refused."),
+        typer.Argument(callback=writes_folder, help="New folder for the output; must be empty or missing."),
     ],
     run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",
-    terrain: Annotated[
-        list[int] | None, typer.Option(min=1, max=13, help="Only this terrain; may be repeated.")
-    ] = None,
-    keys: Annotated[str, typer.Option(help="Only photos with keys like this, such as '01_A_off_*_L_0256'.")] = "*",
+    terrain: Annotated[list[int] | None, typer.Option(min=1, max=13, help="Select a terrain; may be repeated.")] = None,
+    keys: Annotated[str, typer.Option(help="Select photos by key, for example '01_A_off_*_L_0256'.")] = "*",
     tool: Annotated[
-        Literal["labelimg", "cvat", "label-studio"], typer.Option(help="What is to open the folder.")
+        Literal["labelimg", "cvat", "label-studio"], typer.Option(help="Labelling tool that opens the folder.")
     ] = "labelimg",
-    domain: Annotated[str, typer.Option(help="photo, or a model whose twins stand in for photos.")] = "photo",
+    domain: Annotated[
+        str, typer.Option(help="photo, or a reflectance model whose twins replace the photos.")
+    ] = "photo",
     results: Results = Path("results"),
 ) -> None:
-    """Write a run's photos, tone-mapped, with their labels to a folder in which people correct them."""
+    """Export tone-mapped photos and labels of a run for correction in a labelling tool."""
     from polarsim.annotate.export import export as write
     from polarsim.annotate.export import opening
 
@@ -149,28 +151,26 @@ def import_(
     ],
     folder: Annotated[
         Path,
-        typer.Argument(
-            callback=writes_folder, help="New folder of label files KEY.txt; one that holds something is refused."
-        ),
+        typer.Argument(callback=writes_folder, help="New folder for label files KEY.txt; must be empty or missing."),
     ],
     form: Annotated[
         Literal["auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"],
-        typer.Option("--format", help="What wrote it; auto: told by what it holds."),
+        typer.Option("--format", help="Format of the source; auto: detected from the content."),
     ] = "auto",
     use: Annotated[
-        Literal["seeds", "corrections"], typer.Option("--as", help="What the labels shall be to a run.")
+        Literal["seeds", "corrections"], typer.Option("--as", help="Role of the labels in a run.")
     ] = "corrections",
     name: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="CALLED=KIND", help="Another name of rock or shadow; CALLED= leaves it out; may be repeated."
+            metavar="CALLED=KIND", help="Map a class name to rock or shadow; CALLED= skips it; may be repeated."
         ),
     ] = None,
     keep_empty: Annotated[
-        bool, typer.Option("--keep-empty", help="A photo without a box was looked at, and nothing is in it.")
+        bool, typer.Option("--keep-empty", help="Import photos without boxes as annotated photos without objects.")
     ] = False,
 ) -> None:
-    """Take labels that others drew in COCO, YOLO, CVAT, Label Studio or FiftyOne as seeds or corrections of a run."""
+    """Import annotations from COCO, YOLO, CVAT, Label Studio or FiftyOne as seeds or corrections."""
     from polarsim.annotate.import_labels import import_labels
     from polarsim.photo import BOX_CLASSES
 
@@ -184,7 +184,7 @@ def import_(
     *notes, counts = done.report()
     typer.echo("\n".join([f"{done.boxes} boxes in {done.photos} photos in {folder}", *notes]))
     key = {"seeds": f"{{seeds: {{root: {folder}}}}}", "corrections": f"{{corrections: {folder}}}"}[use]
-    typer.echo(f"in the run's configuration:  labels: {key}\n{counts}")
+    typer.echo(f"configuration of the run:  labels: {key}\n{counts}")
 
 
 @command()
@@ -193,35 +193,37 @@ def masks(
         Path,
         typer.Argument(
             help="Folder of YOLO polygon files (0 background, 1 ground, 2 rock, 3 shadow), labels of a run, or a "
-            "published folder."
+            "published release."
         ),
     ],
     out: Annotated[
         Path,
         typer.Argument(
             callback=writes_folder,
-            help="Folder for the 8-bit grey maps: rock 128, ground 86, shadow 43, background 0.",
+            help="Folder for 8-bit class masks: rock 128, ground 86, shadow 43, background 0.",
         ),
     ],
 ) -> None:
-    """Paint polygon files as grey maps of 1936 x 1216 pixels; rocks last, so that nothing erases them."""
+    """Convert polygons to class masks (grey levels) of 1936 x 1216 pixels. Rocks overwrite other classes."""
     from polarsim.formats import png, release, yolo
     from polarsim.geometry.polygons import paint
     from polarsim.progress import track
 
     files = release.polygon_sources(polygons)
-    for path in track(files, "grey maps"):
+    for path in track(files, "class masks"):
         png.write(out / f"{path.stem}.png", paint(yolo.read_polygons(path)))
-    typer.echo(f"{len(files)} grey maps in {out}")
+    typer.echo(f"{len(files)} class masks in {out}")
 
 
 @command()
 def outline(
     source: Annotated[Path, typer.Argument(help="COCO file of labels, results/<run>/labels/coco/TerrainNN.json.")],
     out: Annotated[Path, typer.Argument(callback=writes_file(), help="COCO file to write.")],
-    simplify_px: Annotated[float, typer.Option(min=0, max=10, help="Farthest a dropped point may lie off, px.")] = 0.6,
+    simplify_px: Annotated[
+        float, typer.Option(min=0, max=10, help="Maximum distance of removed points from the polygon, px.")
+    ] = 0.6,
 ) -> None:
-    """Turn the masks of a COCO file into polygons: Label Studio's converter reads no others."""
+    """Convert masks of a COCO file to polygons, for tools that do not read masks."""
     from polarsim.formats.coco import read_coco, write_coco
 
     photos = read_coco(source)

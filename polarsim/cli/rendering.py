@@ -1,4 +1,4 @@
-"""Commands that render one scene or many, and print reflectances."""
+"""Commands that render scenes and compute reflectance."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def render(
         Path,
         typer.Argument(
             metavar="MESHES|VIEWS.yaml",
-            help="Folder of a terrain's meshes, results/<run>/meshes/TerrainNN; or a file of views such as "
-            "config/views.yaml, for many pictures.",
+            help="Folder of terrain meshes, results/<run>/meshes/TerrainNN; or a file of views for many images, for "
+            "example config/views.yaml.",
         ),
     ],
     out: Annotated[
-        Path, typer.Argument(help="16-bit PNG to write: 12-bit values, black level 16; of views: a folder.")
+        Path, typer.Argument(help="16-bit PNG to write (12-bit values, black level 16); for a file of views: a folder.")
     ],
     terrain: Annotated[
-        int | None, typer.Option(min=1, max=13, help="Number of the terrain; default: that of the meshes.")
+        int | None, typer.Option(min=1, max=13, help="Terrain number; default: from the meshes.")
     ] = None,
     camera: Annotated[tuple[float, float, float], typer.Option(help="Camera centre x y z, m, sandbox frame.")] = (
         3.6,
@@ -40,37 +40,36 @@ def render(
         1.55,
     ),
     yaw: Annotated[float, typer.Option(help="Heading of the optical axis, deg from +X towards +Y.")] = 180.0,
-    pitch: Annotated[float, typer.Option(min=-90, max=90, help="Downwards, deg.")] = 25.0,
-    roll: Annotated[float, typer.Option(help="Right side down, deg.")] = 0.0,
+    pitch: Annotated[float, typer.Option(min=-90, max=90, help="Downward angle of the optical axis, deg.")] = 25.0,
+    roll: Annotated[float, typer.Option(help="Rotation about the optical axis, right side down, deg.")] = 0.0,
     lamp: Annotated[tuple[float, float, float], typer.Option(help="Sun lamp x y z, m, sandbox frame.")] = (
         3.594,
         1.422,
         0.783,
     ),
-    intensity: Annotated[
-        float, typer.Option(min=0, help="Radiant intensity of the lamp over that of POLAR's Sun lamp.")
-    ] = 1.0,
-    lamp_radius: Annotated[float, typer.Option(min=0, help="Radius of the lamp's disc, m; 0: a point.")] = 0.0,
+    intensity: Annotated[float, typer.Option(min=0, help="Radiant intensity relative to the Sun lamp of POLAR.")] = 1.0,
+    lamp_radius: Annotated[float, typer.Option(min=0, help="Radius of the lamp disc, m; 0: point light.")] = 0.0,
     sun: Annotated[
         tuple[float, float] | None,
         typer.Option(
             callback=sun_above_horizon,
-            help="The Sun instead of the lamp: azimuth, deg from +X towards +Y, and elevation, deg above 0 up to 90.",
+            help="Directional light instead of the lamp: azimuth from +X towards +Y and elevation, deg.",
         ),
     ] = None,
     exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = USUAL_EXPOSURE_MS,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
     engine: Annotated[
-        Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default is the configuration's.")
+        Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default: from the configuration.")
     ] = None,
     option: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="KEY=VALUE", help="Any key of the configuration's `render`, as samples=4; may be repeated."
+            metavar="KEY=VALUE",
+            help="Key of the configuration section `render`, for example samples=4; may be repeated.",
         ),
     ] = None,
     cameras: Annotated[
-        Path | None, typer.Option(help="PosX.json whose left lens is used; default is the real rig's stated one.")
+        Path | None, typer.Option(help="PosX.json with the left lens; default: nominal lens of the rig.")
     ] = None,
     preview: Annotated[bool, typer.Option("--preview", help="Write an 8-bit tone-mapped PNG instead.")] = False,
     maps: Annotated[
@@ -80,14 +79,15 @@ def render(
             help="Folder for 16-bit PNGs: depth (mm), normal, ids, angles (0.01 deg), shading, lit.",
         ),
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads; they change no byte.")] = 1,
-    limit: Annotated[int | None, typer.Option(min=1, help="Of views: only the first pictures.")] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Number of threads. Does not affect the output.")] = 1,
+    limit: Annotated[int | None, typer.Option(min=1, help="For a file of views: maximum number of images.")] = None,
     scale: Annotated[
-        float, typer.Option(min=0.01, max=4, help="Of views: size of the pictures over that of the lens.")
+        float, typer.Option(min=0.01, max=4, help="For a file of views: image size relative to the lens.")
     ] = 1.0,
 ) -> None:
-    """Render one scene: any camera pose, lamp position, exposure and reflectance model; or many, with labels, by a
-    file of views. A JSON file beside each picture says what made it.
+    """Render one image of a terrain, or the labelled images of a file of views.
+
+    Writes a JSON file with the parameters next to each image.
     """
     if meshes.suffix in (".yaml", ".yml"):
         _refuse_others(context, {"meshes", "out", "limit", "scale", "threads", "preview"})
@@ -134,23 +134,26 @@ def render(
 @command()
 def brdf(
     model: Annotated[Model, typer.Argument(help="Reflectance model.")],
-    incidence: Annotated[float, typer.Option(min=0, max=90, help="Of the light, deg from the normal.")] = 30.0,
-    emergence: Annotated[float, typer.Option(min=0, max=90, help="Of the view, deg from the normal.")] = 0.0,
+    incidence: Annotated[float, typer.Option(min=0, max=90, help="Incidence angle, deg from the normal.")] = 30.0,
+    emergence: Annotated[float, typer.Option(min=0, max=90, help="Emergence angle, deg from the normal.")] = 0.0,
     azimuth: Annotated[
-        float, typer.Option(min=0, max=180, help="Between both, deg; 0: viewer on the lamp's side, 180: opposite.")
+        float,
+        typer.Option(
+            min=0, max=180, help="Relative azimuth of light and viewer, deg; 0: same side, 180: opposite sides."
+        ),
     ] = 0.0,
     soil: Annotated[
-        str | None, typer.Option("--set", help="Parameter set of Hapke's models; default: chrono_lunar.")
+        str | None, typer.Option("--set", help="Parameter set of the Hapke models; default: chrono_lunar.")
     ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(
             callback=writes_file(*PLOTS),
-            help="Draw it over the phase angle into this picture, for every set unless --set.",
+            help="Figure of the reflectance over the phase angle, for every parameter set unless --set is given.",
         ),
     ] = None,
 ) -> None:
-    """Print a reflectance, f_r in 1/sr, and the reflectance factor pi f_r (1: a perfectly white matt surface)."""
+    """Print the BRDF value f_r in 1/sr and the reflectance factor pi f_r (1: ideal white Lambertian surface)."""
     import numpy as np
 
     from polarsim.render.goniometer import panels_of, parameters_of, phase_deg, reflectance_at
@@ -176,18 +179,20 @@ def _render_views(file: Path, out: Path, limit: int | None, scale: float, previe
     from polarsim.render.views.run import render_views
     from polarsim.tone import to_8bit
 
-    tone = partial(to_8bit, white=WHITE_LEVEL - BLACK_LEVEL)  # one white for all: exposures stay apart
+    tone = partial(
+        to_8bit, white=WHITE_LEVEL - BLACK_LEVEL
+    )  # the same white level for all images keeps exposures comparable
     with reporting():  # typer keeps Ctrl-C to itself
         count, new = render_views(
             read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads
         )
-    typer.echo(f"{count} labelled pictures in {out}, {new} of them new; {out / 'contact.jpg'} shows them")
+    typer.echo(f"{count} labelled pictures in {out}, {new} of them new; overview: {out / 'contact.jpg'}")
 
 
 def _refuse_others(context: typer.Context, known: set[str]) -> None:
-    """End where the call names an option that its form of the command does not have."""
+    """Raise `BadParameter` for an option that does not apply to a single image or to a file of views."""
     for name in context.params:
         source = context.get_parameter_source(name)
         if name not in known and source is not None and source.name == "COMMANDLINE":
             form = "one picture" if "limit" not in known else "a file of views"
-            raise typer.BadParameter(f"--{name.replace('_', '-')} is no option with {form}")
+            raise typer.BadParameter(f"--{name.replace('_', '-')} does not apply to {form}")

@@ -1,4 +1,4 @@
-"""The command that drives a rover over a run's terrains."""
+"""Command that drives a rover over the terrains of a run."""
 
 from __future__ import annotations
 
@@ -20,20 +20,23 @@ def drive(
         str | None, typer.Argument(help="Name of the run, below results/; default: that of --configfile, else demo.")
     ] = None,
     configfile: Annotated[list[Path] | None, typer.Option("--configfile", "--config", help=CONFIG_HELP)] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Which drive; default is the configuration's first.")] = None,
-    pictures: Annotated[bool, typer.Option(help="Take pictures, and run a detector on them on board.")] = True,
-    results: Annotated[Path, typer.Option(help="Folder of results, with the run's meshes.")] = Path("results"),
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the drive; default: the first of the configuration.")
+    ] = None,
+    pictures: Annotated[bool, typer.Option(help="Render images and run the detector on board.")] = True,
+    results: Annotated[Path, typer.Option(help="Folder of results, which contains the meshes of the run.")] = Path(
+        "results"
+    ),
     out: Annotated[
         Path | None,
-        typer.Option(callback=writes_folder, help="Folder to write; default results/<run>/rover/seed<N>."),
+        typer.Option(callback=writes_folder, help="Output folder; default: results/<run>/rover/seed<N>."),
     ] = None,
     threads: Annotated[int, typer.Option(min=1, help="Threads of the renderer. Does not affect the output.")] = 1,
 ) -> None:
-    """Drive over a run's terrains once, without Snakemake: physics, pictures, what a detector sees, an MCAP bag, a
-    URDF.
+    """Simulate one drive over the terrains of a run: physics, images, detections, an MCAP bag and a URDF.
 
-    The configuration is the run's stored one, unless --configfile names another, such as config/overlays/rover.yaml.
-    A stopped drive goes on from its last saved state, pictures from the last one that was written.
+    The default configuration is stored in the run; --configfile replaces it, for example config/overlays/rover.yaml.
+    An interrupted drive resumes with the same command.
     """
     from polarsim.errors import ConfigError, PolarsimError
     from polarsim.progress import share_bar
@@ -48,13 +51,13 @@ def drive(
     rover, number = chosen.rover, chosen.rover.seeds[0] if seed is None else seed
     if not configfile and not rover.run:
         raise ConfigError(
-            "this run drives no rover (rover.run): add --configfile config/overlays/rover.yaml",
+            "rover.run is false in this run: add --configfile config/overlays/rover.yaml",
             path=run_folder / STORED,
         )
     meshes = run_folder / "meshes"
     for terrain in rover.world.terrains if rover.world.dem is None else ():
         if not (there := meshes / f"Terrain{terrain:02d}").is_dir():
-            raise PolarsimError("no such folder of meshes; polarsim run makes the meshes of a run", path=there)
+            raise PolarsimError("no such folder of meshes; create the meshes with polarsim run", path=there)
     folder = out or run_folder / f"rover/seed{number}"
     with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
         figures = run_all(

@@ -1,4 +1,4 @@
-"""Commands about runs of the pipeline: make one, look at it, compare it with others."""
+"""Commands for runs of the pipeline: run, report, compare, explore, undo."""
 
 from __future__ import annotations
 
@@ -22,25 +22,27 @@ def run(
         list[str] | None,
         typer.Argument(
             help="Stages (acquire, cameras, rocks, labels, render, detect, tables, geometry, gap, cover_photos, rover, "
-            "rover_autonomy, publish) or files; default: all. Options that are not listed here go to snakemake."
+            "rover_autonomy, publish) or files; default: all. Unlisted options are passed to Snakemake."
         ),
     ] = None,
     configfile: ConfigFiles = None,
     config: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=VALUE", help="A key of the configuration, the value as in YAML; may be repeated."),
+        typer.Option(metavar="KEY=VALUE", help="Key of the configuration, value in YAML; may be repeated."),
     ] = None,
     cores: Annotated[
         int | None,
-        typer.Option(parser=core_count, metavar="N|all", help="Processor cores; default: 2, or those of --profile."),
+        typer.Option(
+            parser=core_count, metavar="N|all", help="Number of processor cores; default: 2, or from --profile."
+        ),
     ] = None,
     min_free: Annotated[
-        float | None, typer.Option(min=0, help="Free space to start with, GB; default: an estimate of the run.")
+        float | None, typer.Option(min=0, help="Minimum free disk space, GB; default: estimated size of the run.")
     ] = None,
 ) -> None:
-    """Run the workflow in this folder. The same command goes on where a run was stopped, killed, or out of disk.
+    """Run the workflow in this folder. An interrupted run resumes with the same command.
 
-    Exit code 0: all is there; 1: a job failed, or the run cannot start; 2: usage error; 130: stopped.
+    Exit code 0: complete; 1: a job failed, or the run cannot start; 2: usage error; 130: stopped by the user.
     """
     from polarsim.running.run import Call
     from polarsim.running.run import run as supervise
@@ -62,13 +64,12 @@ def report(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
     configfile: ConfigFiles = None,
     cores: Annotated[
-        int, typer.Option(parser=core_count, metavar="N|all", help="Processor cores.", show_default="1")
+        int, typer.Option(parser=core_count, metavar="N|all", help="Number of processor cores.", show_default="1")
     ] = 1,
 ) -> None:
-    """Make results/<run>/report.html, Snakemake's own, where a table or figure is newer than it, and print where
-    everything lies: the tables, that report, and last results.html, the page to open first.
+    """Update Snakemake's report results/<run>/report.html and list the paths of tables, report and results.html.
 
-    The configuration is that of the run's last call, results/<run>/config.yaml, unless --configfile names another.
+    The default configuration is stored in results/<run>/config.yaml; --configfile replaces it.
     """
     from polarsim.formats.files import writing
     from polarsim.running.configuration import STORED, config_of_run
@@ -77,10 +78,10 @@ def report(
     folder = run_folder(Path("results"), run)
     parts = sorted([*folder.glob("tables/*.*"), *folder.glob("figures/*.png")])
     if not parts:
-        raise PolarsimError("no tables; polarsim run makes them", path=folder)
+        raise PolarsimError("no tables; create the tables with polarsim run", path=folder)
     page = folder / "report.html"
     if not Path("Snakefile").exists():
-        raise PolarsimError("no Snakefile here: start in the clone that made the run", path=Path.cwd())
+        raise PolarsimError("no Snakefile in this folder: start in the clone that created the run", path=Path.cwd())
     config = config_of_run(folder, configfile or ())
     warn_of_other_configurations([path for path in parts if path.suffix == ".csv"], config.digest())
     sources = [*parts, *([stored] if (stored := folder / STORED).exists() else [])]
@@ -97,15 +98,15 @@ def report(
 @command()
 def compare(
     runs: Annotated[list[str], typer.Argument(help="Names of runs, below results/.")],
-    out: Annotated[Path, typer.Option(callback=writes_file(), help="Table to write, without its ending.")] = Path(
+    out: Annotated[Path, typer.Option(callback=writes_file(), help="Table to write, without file extension.")] = Path(
         "comparison"
     ),
     common: Annotated[
-        bool, typer.Option("--common/--all", help="Only metrics of a terrain that all runs have measured, or all.")
+        bool, typer.Option("--common/--all", help="Only metrics that all runs contain, or all metrics.")
     ] = True,
     results: Results = Path("results"),
 ) -> None:
-    """Put the evaluation of runs side by side, with differences to the first run: CSV, Markdown, LaTeX and Parquet."""
+    """Compare the metrics of several runs. Writes CSV, Markdown, LaTeX and Parquet."""
     from polarsim.report.evaluation_table import compare_runs, compared
 
     for form in (".csv", ".md", ".tex", ".parquet"):
@@ -115,7 +116,7 @@ def compare(
         runs=[run_folder(results, run) for run in runs], stem=out, common=common and several, differences=several
     )
     if several:
-        typer.echo(f"{' / '.join(runs)}, medians over the terrains that these runs have in common:")
+        typer.echo(f"{' / '.join(runs)}, medians over the terrains of all these runs:")
         typer.echo("\n".join(compared(table, runs)))
     typer.echo(f"{out}.md")
 
@@ -127,18 +128,18 @@ def explore(
         Path | None,
         typer.Option(
             callback=writes_folder,
-            help="Write the page to this new folder, for any static host, instead of serving it.",
+            help="New folder for a static copy of the page; the page is not served.",
         ),
     ] = None,
-    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Width of the pictures, px.")] = WIDTH // 2,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
+    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Image width, px.")] = WIDTH // 2,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0: any free port.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     results: Results = Path("results"),
 ) -> None:
-    """Look at a run in the browser: photos, twins, labels, rocks in 3-D, detectors, drives; correct boxes.
+    """Open an interactive view of a run in the browser: photos, twins, labels, 3-D rocks, detections, drives.
 
-    The page is served on this machine alone until Ctrl-C. It saves corrections in results/<run>/corrections, which
-    `labels.corrections` reads.
+    Boxes can be corrected; corrections are stored in results/<run>/corrections for the option `labels.corrections`.
+    The page is available only on this machine, until Ctrl-C.
     """
     from polarsim.explore.site import site, write_site
     from polarsim.run_files.run import Run
@@ -146,7 +147,7 @@ def explore(
     chosen = Run.at(run_folder(results, run))
     if out:
         count = write_site(chosen, out, width)
-        typer.echo(f"{count} files in {out}; any static host shows them: python -m http.server -d {out} -b 127.0.0.1")
+        typer.echo(f"{count} files in {out}; view: python -m http.server -d {out} -b 127.0.0.1")
         return
     import os
     import webbrowser
@@ -156,29 +157,29 @@ def explore(
 
     with server(site(chosen, width), port, Corrections(chosen)) as served:
         address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
-        typer.echo(f"{address}   Ctrl-C ends it")
+        typer.echo(f"{address}   stop with Ctrl-C")
         if browser:
             webbrowser.open(address)
         try:
             served.serve_until_stopped()
         except KeyboardInterrupt:
-            typer.echo("ended")
-    if served.busy:  # a picture on a disk that does not answer: no thread may outlive the interpreter
+            typer.echo("stopped")
+    if served.busy:  # a thread waits for a disk that does not respond: end the process with all threads
         sys.stdout.flush()
         os._exit(STOPPED)
 
 
 @command()
 def undo(
-    drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo of a seed or of a correction.")],
+    drawing: Annotated[str, typer.Argument(metavar="KEY", help="Photo key of a seed or correction.")],
     configfile: ConfigFiles = None,
-    run: Annotated[str | None, typer.Option(help="Name of the run; default: that of --configfile, else demo.")] = None,
+    run: Annotated[str | None, typer.Option(help="Name of the run; default: from --configfile, else demo.")] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Show what followed from one drawing, a seed or a correction, and how it is taken back.
+    """List the labels derived from a seed or correction and how to exclude it.
 
-    Labels of its terrain are propagated with and without it; results/<run>/labels/undone/KEY.parquet has what differs,
-    which `polarsim explore` shows. The configuration is the run's stored one, unless --configfile names another.
+    The labels of the terrain are propagated with and without this photo; differences are stored in
+    results/<run>/labels/undone/KEY.parquet. The default configuration is stored in the run.
     """
     from polarsim.errors import LabelError
     from polarsim.grid import selected_grid
@@ -215,16 +216,18 @@ def undo(
     for row in changes.reset_index().to_dict("records"):
         typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
     typer.echo(
-        f"{found['key'].nunique()} photos follow from {key}. To exclude it, put this key into the configuration of the "
-        f"run and repeat `polarsim run`:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
+        f"{found['key'].nunique()} photos follow from {key}. To exclude it, add this key to the run's configuration "
+        f"and repeat `polarsim run`:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
     )
 
 
 @command()
 def schema(
-    views: Annotated[bool, typer.Option("--views", help="Of files of views, such as config/views.yaml.")] = False,
+    views: Annotated[
+        bool, typer.Option("--views", help="Schema of files of views, for example config/views.yaml.")
+    ] = False,
 ) -> None:
-    """Print the configuration's JSON schema, with the meaning and unit of every key."""
+    """Print the JSON schema of the configuration, with description and unit of every key."""
     from polarsim.config import schema as of_configuration
     from polarsim.render.views.options import schema as of_views
 

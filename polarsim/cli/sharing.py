@@ -1,4 +1,4 @@
-"""Commands that write a run as other people's tools read it."""
+"""Commands that export a run to formats of other tools."""
 
 from __future__ import annotations
 
@@ -20,29 +20,33 @@ def publish(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
     out: Annotated[
         Path,
-        typer.Argument(callback=writes_folder, help="Folder to write; every form gets a folder of its name in it."),
+        typer.Argument(callback=writes_folder, help="Output folder, with a subfolder per format."),
     ],
     form: Annotated[
-        list[str], typer.Option("--format", help="croissant, hf, parquet ...; may be repeated, or with commas; all.")
+        list[str],
+        typer.Option("--format", help="croissant, hf, parquet ..., or all; may be repeated or comma-separated."),
     ],
     subset: Annotated[
-        str, typer.Option(help="Only pictures with these fields of their keys, such as terrain=1+3,exposure=256.")
+        str, typer.Option(help="Select images by fields of the photo key, for example terrain=1+3,exposure=256.")
     ] = "",
     max_size: Annotated[
-        str, typer.Option(help="Largest size of each form, such as 2GB; whole scenes are left out until it fits.")
+        str, typer.Option(help="Maximum size per format, for example 2GB; exceeding scenes are excluded.")
     ] = "",
     photos: Annotated[
-        bool, typer.Option("--photos", help="NASA's photos too, on NASA's terms; those of the analog always go.")
+        bool,
+        typer.Option(
+            "--photos", help="Include NASA's photos, under NASA's terms. Photos of the analog are always included."
+        ),
     ] = False,
     replace: Annotated[
-        bool, typer.Option("--replace", help="What another call published in the folder of a form goes.")
+        bool, typer.Option("--replace", help="Delete existing content of the output folders of these formats.")
     ] = False,
     split: Annotated[
-        str, typer.Option(help="Split whose parts become train, val and test; default: the run's first one.")
+        str, typer.Option(help="Split that defines train, val and test; default: the first split of the run.")
     ] = "",
     results: Results = Path("results"),
 ) -> None:
-    """Write a run in forms that other people's tools read, each with its data card; a stopped call goes on."""
+    """Publish a run as data sets in common formats, each with a data card. An interrupted call resumes."""
     from polarsim.publish.run import publish as write
     from polarsim.publish.run import summary
 
@@ -56,16 +60,16 @@ def publish(
 @command()
 def rerun(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
-    station: Annotated[str, typer.Argument(help="Terrain and position, such as 03_A.")],
+    station: Annotated[str, typer.Argument(help="Terrain and position, for example 03_A.")],
     out: Annotated[
         Path | None,
-        typer.Option(callback=writes_file(".rrd"), help="Recording to write; default <run>_<station>.rrd here."),
+        typer.Option(callback=writes_file(".rrd"), help="Recording to write; default: <run>_<station>.rrd."),
     ] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Write a station as a Rerun recording: terrain, cameras, lamps, photos and twins with labels.
+    """Export a station as a Rerun recording: terrain, cameras, lamps, photos and twins with labels.
 
-    Needs the extra `rerun`.
+    Requires the extra `rerun`.
     """
     from polarsim.errors import ConfigError
     from polarsim.explore.recording import write_recording
@@ -73,7 +77,7 @@ def rerun(
 
     terrain, _, position = station.partition("_")
     if not terrain.isdigit() or not position:
-        raise ConfigError(f"station {station!r}, expected terrain and position such as 03_A")
+        raise ConfigError(f"station {station!r}: expected terrain and position, for example 03_A")
     target = out or Path(f"{run}_{station}.rrd")
     count = write_recording(Run.at(run_folder(results, run)), int(terrain), position, target)
     typer.echo(f"{count} pictures in {target}; open it with: rerun {target}")
@@ -82,15 +86,15 @@ def rerun(
 @command()
 def fiftyone(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
-    folder: Annotated[Path, typer.Argument(callback=writes_folder, help="New folder to write.")],
-    keys: Annotated[str, typer.Option(help="Only photos with keys like this, such as '01_A_off_*_L_0256'.")] = "*",
+    folder: Annotated[Path, typer.Argument(callback=writes_folder, help="New folder for the output.")],
+    keys: Annotated[str, typer.Option(help="Select photos by key, for example '01_A_off_*_L_0256'.")] = "*",
     domain: Annotated[
-        list[str] | None, typer.Option(help="Only photo, or a model's twins; may be repeated. Default: all.")
+        list[str] | None, typer.Option(help="photo, or the reflectance model of twins; may be repeated. Default: all.")
     ] = None,
-    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Width of the pictures, px.")] = WIDTH,
+    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Image width, px.")] = WIDTH,
     results: Results = Path("results"),
 ) -> None:
-    """Write a run as a FiftyOne data set: photos and twins with labels and predictions."""
+    """Export a run as a FiftyOne data set: photos and twins with labels and predictions."""
     from polarsim.explore.fiftyone import FORM, write_fiftyone
     from polarsim.run_files.run import Run
 

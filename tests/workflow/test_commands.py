@@ -272,7 +272,7 @@ def test_labels_of_the_run_are_imported_and_outlined(call, here, labels, tmp_pat
 @pytest.mark.parametrize("below", ["", "/Terrain01"])
 def test_polygons_of_the_run_are_painted_as_its_masks(call, here, tmp_path, below):
     said = call("masks", f"{here}/labels/polygons{below}", tmp_path / "masks")
-    assert said.startswith("16 grey maps")
+    assert said.startswith("16 class masks")
     painted = {path.stem: path for path in (tmp_path / "masks").rglob("*.png")}
     wanted = sorted((here / "labels/masks/Terrain01").glob("*.png"))
     assert len(wanted) == len(painted) == 16
