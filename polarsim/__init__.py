@@ -1,3 +1,3 @@
-"""polarsim: digital twins of NASA's POLAR photos, and the labels, detectors and tables that come with them."""
+"""polarsim: digital twins of NASA's POLAR photos, with labels, detectors and tables."""
 
 __version__ = "0.1.0"

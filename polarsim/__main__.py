@@ -1,4 +1,4 @@
-"""`python -m polarsim`: the command where its script is not on the path."""
+"""Entry point of `python -m polarsim`."""
 
 from polarsim.cli import main
 

@@ -1,4 +1,4 @@
-"""The configuration of a run: every key with its unit, checked before anything runs."""
+"""Configuration of a run: all keys with their units, and their validation."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ _FOLDERS = {"corrections", "views"}  # options that name a folder of data
 
 
 class LabelsSection(LabelsOptions):
-    """These options are those of the labels stage, and say which label files propagation starts from."""
+    """Options of the labels stage, and the selection of seed labels."""
 
     seeds: SeedChoice = Field(
         SeedOptions(),
-        description="These label files, which a person drew, are propagated; 'none': no file is read, rocks "
-        "and shadows are labelled from scans, light and photos alone.",
+        description="Selection of the annotated label files to propagate; 'none': rocks and shadows are labelled from "
+        "scans, light and photos only.",
     )
 
     @field_validator("seeds", mode="before")
@@ -55,60 +55,43 @@ class LabelsSection(LabelsOptions):
         return seed_choice(value)
 
     def stage_options(self) -> dict[str, Any]:
-        """What the labels stage itself is given: the seeds are chosen when raw data are taken in."""
+        """Return the options of the labels stage, without the seeds, which the acquire stage selects."""
         return self.model_dump(mode="json", exclude={"seeds"})
 
 
 class Config(BaseModel, extra="forbid", frozen=True):
-    """A configuration describes one run."""
+    """Configuration of one run."""
 
     run: str = Field(
         "demo",
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
-        description="The run has this name, and its results go to results/<run>/.",
+        description="Name of the run. Results are written to results/<run>/.",
     )
     terrains: tuple[int, ...] = Field(
-        (1, 3, 6, 11), min_length=1, description="The run works on the terrains with these numbers, 1 to 13."
+        (1, 3, 6, 11), min_length=1, description="Numbers of the terrains to process, 1 to 13."
     )
     positions: tuple[str, ...] = Field(
-        ("A", "B", "C"), min_length=1, description="The run works on photos from these tripod positions, A to G."
+        ("A", "B", "C"), min_length=1, description="Tripod positions whose photos are processed, A to G."
     )
-    source: SourceOptions = Field(description="This section says where raw data come from.")
-    grid: GridOptions = Field(
-        GridOptions(), description="This section names the part of NASA's photo grid that a run works on."
-    )
-    analog: AnalogOptions = Field(
-        AnalogOptions(), description="This section describes the sandbox that is generated with source.kind analog."
-    )
-    cameras: CamerasOptions = Field(CamerasOptions(), description="This section says how the rigs are localised.")
-    rocks: RocksOptions = Field(
-        RocksOptions(), description="This section says how scans become rocks, ground and meshes."
-    )
-    labels: LabelsSection = Field(
-        LabelsSection(), description="This section says how seed labels are propagated to every photo."
-    )
-    render: RenderOptions = Field(
-        RenderOptions(), description="This section says how a twin of every photo is rendered."
-    )
-    detect: DetectOptions = Field(
-        DetectOptions(), description="This section says how detectors are trained and compared."
-    )
+    source: SourceOptions = Field(description="Source of the raw data.")
+    grid: GridOptions = Field(GridOptions(), description="Part of NASA's photo grid to process.")
+    analog: AnalogOptions = Field(AnalogOptions(), description="Simulated sandbox, generated with source.kind analog.")
+    cameras: CamerasOptions = Field(CamerasOptions(), description="Localisation and refinement of the stereo rigs.")
+    rocks: RocksOptions = Field(RocksOptions(), description="Segmentation of scans into rocks and ground, and meshing.")
+    labels: LabelsSection = Field(LabelsSection(), description="Propagation of seed labels to every photo.")
+    render: RenderOptions = Field(RenderOptions(), description="Rendering of a twin of every photo.")
+    detect: DetectOptions = Field(DetectOptions(), description="Training and comparison of detectors.")
     gap: GapOptions = Field(
         GapOptions(),
-        description="This section names the components of the twin that are replaced, one at a time, to find "
-        "which one causes the gap.",
+        description="Components of the twin that are replaced one by one to measure their contribution to the gap.",
     )
     covers: CoversOptions = Field(
         CoversOptions(),
-        description="This section says how detectors are trained on strewn scenes and tested on real cover photos.",
+        description="Detectors that are trained on randomised scenes and tested on real cover photos.",
     )
-    rover: RoverOptions = Field(
-        RoverOptions(), description="This section says how a rover drives over the digitised terrains."
-    )
-    scoring: ScoringOptions = Field(ScoringOptions(), description="This section says how results are scored.")
-    publish: PublishOptions = Field(
-        PublishOptions(), description="This section names the forms in which the run is published."
-    )
+    rover: RoverOptions = Field(RoverOptions(), description="Rover drives over the digitised terrains.")
+    scoring: ScoringOptions = Field(ScoringOptions(), description="Scoring of the results.")
+    publish: PublishOptions = Field(PublishOptions(), description="Formats in which the run is published.")
 
     @field_validator("terrains")
     @classmethod
@@ -117,7 +100,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             if value not in TERRAINS:
                 raise ValueError(f"terrain {value}, expected 1 to 13")
         if len(set(values)) < len(values):
-            raise ValueError("a terrain is named twice")
+            raise ValueError("a terrain is listed twice")
         return values
 
     @field_validator("positions")
@@ -132,15 +115,15 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def _positions_of_terrains(self) -> Config:
         for terrain in self.terrains:
             if not set(self.positions) & set(positions(terrain)):
-                raise ValueError(f"positions: terrain {terrain} has none of {', '.join(self.positions)}")
+                raise ValueError(f"positions: terrain {terrain} has no position {' or '.join(self.positions)}")
         return self
 
     @model_validator(mode="after")
     def _scans_without_seeds(self) -> Config:
         if self.labels.seeds == NO_SEEDS and not self.data_source.has_scans:
             raise ValueError(
-                f"labels.seeds: {NO_SEEDS} needs scans to localise the cameras, and the source "
-                f"{self.source.kind!r} has none"
+                f"labels.seeds: {NO_SEEDS} requires scans for the localisation of cameras; source "
+                f"{self.source.kind!r} has no scans"
             )
         return self
 
@@ -150,7 +133,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             return self
         for terrain in self.rover.world.terrains:
             if terrain not in self.terrains:
-                raise ValueError(f"rover.world.terrains: {terrain} is none of the run's {self.terrains}")
+                raise ValueError(f"rover.world.terrains: {terrain}, expected terrains of the run {self.terrains}")
         if self.rover.detector is not None and self.rover.detector not in self.training_domains:
             known = ", ".join(self.training_domains) or "none: no detector is trained"
             raise ValueError(f"rover.detector: domain {self.rover.detector!r}, expected {known}")
@@ -167,12 +150,12 @@ class Config(BaseModel, extra="forbid", frozen=True):
             return self
         for fold in self.cover_folds:
             if unknown := sorted(set(fold) - set(self.terrains)):
-                raise ValueError(f"covers.folds: {unknown[0]} is none of the run's {self.terrains}")
+                raise ValueError(f"covers.folds: {unknown[0]}, expected terrains of the run {self.terrains}")
             if not set(self.terrains) - set(fold):
-                raise ValueError(f"covers.folds: {fold} leaves no terrain to train on")
+                raise ValueError(f"covers.folds: {fold} contains all terrains, no terrain remains for training")
         for key in self.covers.keys:
             if PhotoKey.parse(key).terrain not in self.terrains:
-                raise ValueError(f"covers.keys: {key} is of none of the run's terrains {self.terrains}")
+                raise ValueError(f"covers.keys: {key}, expected terrains of the run {self.terrains}")
         return self
 
     @model_validator(mode="after")
@@ -182,7 +165,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
         single = {*self.domains, *([VIEWS] if self.detect.views else [])}
         for name, weights in self.detect.mixes.items():
             if name in single | {VIEWS}:
-                raise ValueError(f"detect.mixes: {name} is a domain, a mix needs a name of its own")
+                raise ValueError(f"detect.mixes: {name} is the name of a domain, expected another name")
             if unknown := sorted(set(weights) - single):
                 raise ValueError(f"detect.mixes.{name}: domain {unknown[0]!r}, expected {', '.join(sorted(single))}")
         return self
@@ -202,13 +185,13 @@ class Config(BaseModel, extra="forbid", frozen=True):
         if not self.gap.components:
             return self
         if not self.domains:
-            raise ValueError("gap.components: there are no twins to compare with photos")
+            raise ValueError("gap.components: the run has no twins to compare with photos")
         for name, component in self.gap.components.items():
             if component.needs_truth and not self.data_source.is_generated:
                 raise ValueError(f"gap.components.{name}: the source {self.source.kind!r} has no ground truth")
             as_run = component.materials == "run" and self.render.materials_from_photos
             if (as_run or component.materials == "fitted") and component.meshes != "run":
-                raise ValueError(f"gap.components.{name}: materials are fitted to the run's meshes, not to others")
+                raise ValueError(f"gap.components.{name}: fitted materials require the meshes of the run (meshes: run)")
             try:
                 self.render_options_of(name)
             except ValidationError as error:
@@ -216,26 +199,26 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return self
 
     def render_options_of(self, component: str) -> RenderOptions:
-        """Options of a twin of the ablation: the run's, one model, what the component changes."""
+        """Return the render options of the run with the changes of a component of the ablation."""
         changed = self.gap.components[component].render
         fixed = {"models": (self.ablation_model,), "maps": ()}
         return RenderOptions.model_validate(self.render.model_dump() | changed | fixed)
 
     @property
     def annotated_root(self) -> Path:
-        """Folder of the labels that people drew, which scores are measured against: the seeds' where there are some."""
+        """Folder of the annotated labels for scoring; default: the folder of the seeds, else of the source."""
         seeds = self.labels.seeds
         own = seeds.root if isinstance(seeds, SeedOptions) else None
         return self.scoring.annotated_root or own or self.source.root
 
     @property
     def ablation_model(self) -> Model:
-        """Return the reflectance model of the twins whose components are replaced: the run's last one."""
+        """Reflectance model of the ablation: the last model of the run."""
         return self.render.models[-1]
 
     @property
     def ablation_detectors(self) -> tuple[str, ...]:
-        """Return the training domains of the detectors that the ablation evaluates."""
+        """Training domains of the detectors that the ablation evaluates."""
         return self.photo_domain, self.ablation_model
 
     @property
@@ -250,20 +233,20 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def domains(self) -> tuple[str, ...]:
-        """Domains that detectors are compared over; none without photos, which the release has not, or detectors."""
+        """Domains of the comparison of detectors; empty without photos or detectors."""
         compared = self.detect.run and self.data_source.has_photos
         return (self.photo_domain, *self.render.models) if compared else ()
 
     @property
     def training_domains(self) -> tuple[str, ...]:
-        """Domains that detectors are trained on: those, then novel views, then mixes."""
+        """Training domains of detectors: the domains of the comparison, novel views and mixes."""
         views = [VIEWS] if self.domains and self.detect.views else []
         return (*self.domains, *views, *(self.detect.mixes if self.domains else ()))
 
     def detector_before_drives(self, run: Path) -> OnboardDetector | None:
-        """Return the detector on board before `rover.fine_tuning`: one of the run, or another that is named, or none.
+        """Return the detector on board before `rover.fine_tuning`; None without a detector.
 
-        Detectors of the run are applied as `detect` says, others with the defaults on the same device.
+        A detector of the run uses the options of `detect.prediction`; other detectors use the defaults and its device.
         """
         if self.rover.detector is not None:
             return self._own_detector(run, self.rover.detector, self.detect.seeds[0])
@@ -271,17 +254,16 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return None if weights is None else self._other_detector(weights)
 
     def detector_on_board(self, run: Path) -> OnboardDetector | None:
-        """Return the detector on board, after `rover.fine_tuning` if there is one."""
+        """Return the detector on board, after `rover.fine_tuning` if configured; None without a detector."""
         before = self.detector_before_drives(run)
         if before is None or not self.rover.fine_tuning.drives:
             return before
         return before.model_copy(update={"weights": run / f"rover/{FINE_TUNED}.pt"})
 
     def deciding_detectors(self, run: Path) -> dict[str, OnboardDetector | None]:
-        """Return the detectors by which the rover finds its way, by name.
+        """Return the detectors of autonomous drives by name; default: the detector on board.
 
-        Those that come with polarsim; `<domain>-seed<N>` of a run; `fine_tuned`. Where none is named that is the one on
-        board, or none.
+        Names are those of packaged detectors, `<domain>-seed<N>` of a run, and `fine_tuned`.
         """
         names, weights, seeds = self.rover.autonomy.detectors, self.rover.cameras.onboard.weights, self.detect.seeds
         on_board = self.detector_on_board(run)
@@ -312,14 +294,13 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def cover_folds(self) -> tuple[tuple[int, ...], ...]:
-        """Terrains whose cover photos each detector is tested on: those that are named, or each of the run's."""
+        """Test terrains of each fold of cover photos; default: one fold per terrain."""
         return self.covers.folds or tuple((terrain,) for terrain in self.terrains)
 
     def digest(self) -> str:
-        """Return a short name of all options that can change a result, for tables.
+        """Return a digest of all options that can change a result, for tables.
 
-        Equal data give equal digests wherever they are stored: the digest depends neither on the name of the run, on
-        the folders of its data and the downloads that fill them, nor on sections that the run does not use.
+        The digest does not depend on the name of the run, on folders and downloads of data, or on unused sections.
         """
         content = json.dumps(_without_places(self.model_dump(exclude=self._without_effect())), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
@@ -344,14 +325,14 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
 
 def _without_places(value: Any, key: str = "") -> Any:
-    """Return options as JSON values in which files count by their name and folders by being given."""
+    """Return options as JSON values in which a file is replaced by its name and a folder by `given`."""
     if isinstance(value, Mapping):
         return {name: _without_places(part, name) for name, part in value.items()}
     if isinstance(value, list | tuple):
         return [_without_places(part, key) for part in value]
     if isinstance(value, Path):
         return "given" if key in _FOLDERS else value.name
-    # A default may be an integer where a file gives a float, and -0.0 is 0.0.
+    # The default may be an integer and the file contain a float; -0.0 equals 0.0.
     return float(value) + 0.0 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
@@ -361,7 +342,7 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     Raises
     ------
     ConfigError
-        Unknown keys, missing keys or impossible values: one line that names each key.
+        Unknown keys, missing keys or invalid values: one line that names each key.
     """
     if endless := [f"{key}: should be a finite number, found {value}" for key, value in _not_finite(content, "")]:
         raise ConfigError("; ".join(endless))
@@ -377,34 +358,34 @@ def read_config(path: str | Path) -> Config:
     Raises
     ------
     ConfigError
-        No YAML file, or as `parse_config`.
+        The file is not YAML, or as `parse_config`.
     """
     content = read_yaml(path)
     if not isinstance(content, Mapping):
-        raise ConfigError("no keys, a configuration was expected", path=path)
+        raise ConfigError("no keys, expected a configuration", path=path)
     with about(path):
         return parse_config(content)
 
 
 def render_options(assignments: Sequence[str]) -> RenderOptions:
-    """Return render options from `key=value`, such as `materials.default.principled.roughness=0.5`; the last wins.
+    """Return render options from `key=value`, such as `materials.default.principled.roughness=0.5`.
 
-    Values are YAML, so `gain={hapke: 150}` is possible.
+    Values are YAML, for example `gain={hapke: 150}`. Later assignments override earlier ones.
 
     Raises
     ------
     ConfigError
-        No `=` or no YAML; unknown keys or impossible values: one line that names each key.
+        No `=`, invalid YAML, unknown keys or invalid values: one line that names each key.
     """
     content: dict[str, Any] = {}
     for assignment in assignments:
         key, equals, text = assignment.partition("=")
         if not key or not equals:
-            raise ConfigError(f"{assignment!r} is no option: expected KEY=VALUE")
+            raise ConfigError(f"{assignment!r}: expected KEY=VALUE")
         try:
             value = parse_yaml(text)
         except yaml.YAMLError as error:
-            raise ConfigError(f"{key}: {text!r} is no YAML value") from error
+            raise ConfigError(f"{key}: {text!r} is not a YAML value") from error
         *sections, last = key.split(".")
         part = content
         for section in sections:
@@ -418,12 +399,12 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
 
 
 def schema() -> str:
-    """JSON schema of the configuration; `config/schema.json` holds it for editors."""
+    """Return the JSON schema of the configuration; editors use the copy in `config/schema.json`."""
     return json.dumps(Config.model_json_schema(), indent=1, sort_keys=True) + "\n"
 
 
 def _not_finite(content: Any, key: str) -> Iterator[tuple[str, float]]:
-    """Yield key and value of every number that is infinite or no number."""
+    """Yield key and value of every infinite or NaN number."""
     if isinstance(content, float) and not math.isfinite(content):
         yield key, content
     elif isinstance(content, Mapping):

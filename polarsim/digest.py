@@ -1,9 +1,9 @@
-"""A digest of the code that a rule really uses, so that a change of code is a change of input.
+"""Digests of the code that a rule uses, so that a change of code is a change of input.
 
-Snakemake watches the scripts of its rules, not the library behind them. Whatever finds its own files of an earlier
-call, such as kernels, drives, views and trainings, keeps it beside them.
+Snakemake tracks the scripts of rules, but not the modules that they import. Steps that resume from files of earlier
+calls (kernels, drives, views, trainings) store the digest next to these files.
 
-To parse all files takes two seconds, so what is found in a file is kept beside its bytecode, until the file is edited.
+Parsing all files takes two seconds, so the result of each file is cached next to the bytecode until the file changes.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from pathlib import Path
 
 _PACKAGE = Path(__file__).parent
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
-_Names = list[tuple[str, list[str]]]  # a module that a file imports, and the names that it imports from it
+_Names = list[tuple[str, list[str]]]  # (imported module, names imported from it)
 
 
 def code_digest(*modules: str) -> str:
-    """Digest of modules, such as `polarsim.cameras.locate`, and of all of polarsim that they import, at any depth.
+    """Return the digest of modules, such as `polarsim.cameras.locate`, and of all modules of polarsim that they import.
 
-    Comments, docstrings and layout do not count.
+    Imports are followed at any depth. Comments, docstrings and layout are ignored.
     """
     return _digest({name: _module(name)[0] for name in _reached(modules)})
 
 
 def script_digest(path: str | Path) -> str:
-    """Digest of a script and of all of polarsim that it imports, at any depth; as `code_digest`."""
+    """Return the digest of a script and of all modules of polarsim that it imports, as `code_digest`."""
     own, imported = _parsed(Path(path))
     return _digest({"": own} | {name: _module(name)[0] for name in _reached(imported)})
 
 
 def imported_modules(name: str) -> tuple[str, ...]:
-    """The modules of polarsim that a module imports.
+    """Return the modules of polarsim that a module imports.
 
-    Imports inside functions count too: engines are imported where a configuration asks for them, and which one that is
-    the code alone does not say. So an edit of one engine re-runs what may use it, rather than too little. A package
-    counts where a name that is no module of it is imported from it: packages hold nothing but names of their modules.
+    Imports inside functions are included: the configuration selects the engine, so the code does not show which engine
+    is used, and an edit of an engine must repeat every job that may use it. A package is included if a name that is not
+    one of its modules is imported from it.
     """
     return _module(name)[1]
 
@@ -71,47 +71,47 @@ def _module(name: str) -> tuple[str, tuple[str, ...]]:
     if path is None:
         raise ModuleNotFoundError(name)
     code, imported = _parsed(path)
-    data = path.with_suffix(".json")  # coefficients of a module are a file of its name
+    data = path.with_suffix(".json")  # data file of the module, with the same name
     if data.is_file():
         code += hashlib.sha256(data.read_bytes()).hexdigest()
     return code, imported
 
 
 def _parsed(path: Path) -> tuple[str, tuple[str, ...]]:
-    """Digest of a file's code, and the modules of polarsim that it imports."""
+    """Return the digest of the code of a file, and the modules of polarsim that it imports."""
     source = path.read_bytes()
-    whose = hashlib.sha256(_own_source() + source).hexdigest()
-    kept = Path(cache_from_source(str(path))).with_suffix(".digest")
-    found = _read_kept(kept, whose)
-    if found is None:
+    version = hashlib.sha256(_source_of_this_module() + source).hexdigest()
+    cached = Path(cache_from_source(str(path))).with_suffix(".digest")
+    result = _read_cached(cached, version)
+    if result is None:
         tree = ast.parse(source)
         names = _names_imported(tree)
-        found = hashlib.sha256(ast.dump(_without_docstrings(tree)).encode()).hexdigest(), names
-        _keep(kept, whose, *found)
-    return found[0], _imports(found[1])
+        result = hashlib.sha256(ast.dump(_without_docstrings(tree)).encode()).hexdigest(), names
+        _write_cached(cached, version, *result)
+    return result[0], _imports(result[1])
 
 
 @cache
-def _own_source() -> bytes:
+def _source_of_this_module() -> bytes:
     return Path(__file__).read_bytes()
 
 
-def _read_kept(kept: Path, whose: str) -> tuple[str, _Names] | None:
-    """What was found in a file before; None where it was another file's content, or nothing whole is kept."""
+def _read_cached(path: Path, version: str) -> tuple[str, _Names] | None:
+    """Return the cached result of a file; None if it is missing, incomplete or of another version."""
     try:
-        found = json.loads(kept.read_bytes())
-        return (found["code"], found["imports"]) if found["whose"] == whose else None
+        content = json.loads(path.read_bytes())
+        return (content["code"], content["imports"]) if content["version"] == version else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def _keep(kept: Path, whose: str, code: str, imports: _Names) -> None:
-    """Keep what was found in a file, where that can be written, in one step for whoever reads it now."""
-    part = kept.with_suffix(f".{os.getpid()}.part")
+def _write_cached(path: Path, version: str, code: str, imports: _Names) -> None:
+    """Cache the result of a file with an atomic write; a read-only folder is ignored."""
+    part = path.with_suffix(f".{os.getpid()}.part")
     with contextlib.suppress(OSError):
-        kept.parent.mkdir(exist_ok=True)
-        part.write_text(json.dumps({"whose": whose, "code": code, "imports": imports}), encoding="utf-8")
-        part.replace(kept)
+        path.parent.mkdir(exist_ok=True)
+        part.write_text(json.dumps({"version": version, "code": code, "imports": imports}), encoding="utf-8")
+        part.replace(path)
 
 
 def _names_imported(tree: ast.Module) -> _Names:
@@ -125,7 +125,7 @@ def _names_imported(tree: ast.Module) -> _Names:
 
 
 def _imports(imported: _Names) -> tuple[str, ...]:
-    """The modules among what is imported: which names are modules is seen in the folder, as it is now."""
+    """Return the imported modules: an imported name is a module if a file of this name exists."""
     found: set[str] = set()
     for module, names in imported:
         below = {f"{module}.{name}" for name in names}
@@ -141,7 +141,7 @@ def _without_docstrings(tree: ast.Module) -> ast.Module:
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.AST]:
-    """The module and every statement in it, at any depth; not expressions, which are most of a tree's nodes."""
+    """Yield a module and every statement in it at any depth, without expressions, which are most of the nodes."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()

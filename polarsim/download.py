@@ -1,7 +1,7 @@
-"""Files by http: the one retry policy of all downloads, each of which goes on where it ended.
+"""Downloads by HTTP, with retries and resumption.
 
-What an interrupted download brought stays in a hidden file beside its target. The next try, also of a later run, asks
-for the rest as long as the server still has the same file. Proxies are those of `http_proxy` and `https_proxy`.
+An interrupted download remains in a hidden file next to the target. The next attempt, also of a later run, requests
+only the missing bytes if the file on the server is unchanged. Proxies are set by `http_proxy` and `https_proxy`.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from polarsim.errors import FetchError
 from polarsim.formats.files import write_text
 from polarsim.progress import share_bar
 
-CHUNK = 1 << 20  # most bytes at once
-SLOWEST = 1000  # bytes a second that a server must give on the average of `timeout_s`
-_FOR_GOOD = (301, 302, 303, 307, 308, 400, 401, 403, 404, 405, 407, 410)  # answers that another try does not change
+CHUNK = 1 << 20  # maximum number of bytes per read
+SLOWEST = 1000  # minimum bytes per second, averaged over `timeout_s`
+_FOR_GOOD = (301, 302, 303, 307, 308, 400, 401, 403, 404, 405, 407, 410)  # status codes that are final: no retry
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG)
 
 log = logging.getLogger("polarsim")
 
 
 class _TransferError(Exception):
-    """A try failed in a way that another one may not."""
+    """An attempt failed, and a further attempt may succeed."""
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
-    """To any host, for checksums tell what comes from there; but never from https to http."""
+    """Allow redirects to any host, because checksums are verified, but not from https to http."""
 
     def redirect_request(
         self, req: urllib.request.Request, fp: IO[bytes], code: int, msg: str, headers: HTTPMessage, newurl: str
@@ -50,23 +50,23 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
 
 @contextmanager
 def downloaded(url: str, path: Path, tries: int = 5, backoff_s: float = 2.0, timeout_s: float = 60.0) -> Iterator[Path]:
-    """What an address gives, in a hidden file that takes the name `path` at the end, or vanishes on an error.
+    """Download a URL to a hidden file; rename the file to `path` at the end of the block, or remove it on an error.
 
-    Check it inside. Only one process at a time may be inside for a path, see `alone`.
+    The block verifies the file. Only one process at a time may download to a path, see `alone`.
 
     Parameters
     ----------
     tries
-        Tries before it fails.
+        Maximum number of attempts.
     backoff_s
-        Pause before the second try; it doubles with every further one.
+        Pause before the second attempt, seconds; doubles with every further attempt.
     timeout_s
-        Longest silence of a server, and the time in which it must give `SLOWEST` bytes a second.
+        Maximum time without data, and averaging time of the minimum rate `SLOWEST`, seconds.
 
     Raises
     ------
     FetchError
-        The server does not give the file, or the disk does not take it.
+        The download failed, or the file cannot be written.
     """
     partial = path.with_name(f".{path.name}.part")
     _download(url, partial, 1 if url.startswith("file:") else tries, backoff_s, timeout_s)
@@ -98,7 +98,7 @@ def _download(url: str, partial: Path, tries: int, backoff_s: float, timeout_s: 
 
 
 def _transfer(url: str, partial: Path, timeout_s: float) -> None:
-    """One try: append what is missing of the file, or begin anew where the server has another one now."""
+    """Append the missing bytes of a file, or download the entire file if it has changed on the server."""
     request = urllib.request.Request(url)  # noqa: S310 (options allow http, https and, of weights, file only)
     start = partial.stat().st_size if partial.exists() else 0
     validator = _validator_of(partial)
@@ -110,17 +110,17 @@ def _transfer(url: str, partial: Path, timeout_s: float) -> None:
     try:
         response = urllib.request.build_opener(_Redirects).open(request, timeout=timeout_s)
     except urllib.error.HTTPError as error:
-        if error.code != 416:  # no byte beyond those that are here
+        if error.code != 416:  # range not satisfiable: the file is complete or has changed
             raise
         if error.headers.get("Content-Range") == f"bytes */{start}":
             return
         partial.unlink()
-        raise _TransferError("the server has another file than the one that was begun") from error
+        raise _TransferError("the file on the server has changed") from error
     with response:
         if response.status != 206:
             start = 0
         elif not response.headers.get("Content-Range", "").startswith(f"bytes {start}-"):
-            raise _TransferError("the server gives another part of the file than was asked for")
+            raise _TransferError("the server sent another part of the file than requested")
         _keep_validator(response, validator)
         stated = response.headers.get("Content-Length")
         length = int(stated) if stated else None
@@ -140,14 +140,14 @@ def _check_room(partial: Path, needed: int) -> None:
 
 
 def _chunks(response: Any, length: int | None, name: str, timeout_s: float) -> Iterator[bytes]:
-    """What comes, as it comes: a server that sends a byte a minute is never silent, and never ends."""
+    """Yield the received bytes; raise an error if the average rate is below `SLOWEST`."""
     received, counted, started = 0, 0, time.monotonic()
-    with share_bar(f"fetching {name.removeprefix('.').removesuffix('.part')}") as tell:
+    with share_bar(f"fetching {name.removeprefix('.').removesuffix('.part')}") as report:
         while chunk := response.read1(CHUNK):
             yield chunk
             received += len(chunk)
             if length:
-                tell(received / length)
+                report(received / length)
             if (passed := time.monotonic() - started) > timeout_s:
                 if received - counted < SLOWEST * passed:
                     raise _TransferError(f"the server sends {(received - counted) / passed:.0f} bytes a second")
@@ -155,12 +155,12 @@ def _chunks(response: Any, length: int | None, name: str, timeout_s: float) -> I
 
 
 def _validator_of(partial: Path) -> Path:
-    """The file that remembers which version of its file a server gave."""
+    """Return the path of the file with the version (ETag or date) of a partial download."""
     return partial.with_suffix(".version")
 
 
 def _keep_validator(response: Any, path: Path) -> None:
-    """A weak tag does not promise equal bytes (RFC 9110, 13.1.5), so it is not kept."""
+    """Store the version of a file. A weak ETag does not guarantee equal bytes (RFC 9110, 13.1.5), so it is ignored."""
     tag = response.headers.get("ETag", "")
     value = tag if tag and not tag.startswith("W/") else response.headers.get("Last-Modified")
     if value:
@@ -171,7 +171,7 @@ def _keep_validator(response: Any, path: Path) -> None:
 
 @contextmanager
 def alone(root: Path) -> Iterator[None]:
-    """One process at a time in a folder, for several jobs share a download; the lock ends with the process."""
+    """Lock a folder for one process, because several jobs share a download; the lock ends with the process."""
     try:
         root.mkdir(parents=True, exist_ok=True)
         folder = os.open(root, os.O_RDONLY)

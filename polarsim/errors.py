@@ -1,4 +1,4 @@
-"""Every error that a user can put right: one line with the position, what was found, and what was expected."""
+"""Errors that a user can correct: one line with the position, the problem and the expected input."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from pathlib import Path
 
 
 class PolarsimError(Exception):
-    """Bad input. One line: where, what was found, what was expected. Anything else that is raised is a bug of ours.
+    """Invalid input, reported as one line. Every other exception is a bug.
 
-    Code that needs the position asks the fields; the message is for people and may be worded anew.
+    Code reads the position from the fields, because the wording of the message may change.
 
     Parameters
     ----------
     reason
-        What was found and what was expected, without the position.
+        The problem and the expected input, without the position.
     path
-        The file or folder that is wrong; None where only the caller knows it, which says so with `about`.
+        The invalid file or folder; None if only the caller knows the path and adds it with `about`.
     line
         Line of the file, from 1.
     """
@@ -35,15 +35,15 @@ class PolarsimError(Exception):
 
 
 class ConfigError(PolarsimError):
-    """A configuration that no run can have."""
+    """Invalid configuration."""
 
 
 class FormatError(PolarsimError):
-    """A file is not what its format promises."""
+    """A file violates its format."""
 
 
 class FetchError(PolarsimError):
-    """A download failed, or brought something else than what was pinned."""
+    """A download failed, or the file does not match the pinned checksum."""
 
 
 class RegistrationError(PolarsimError):
@@ -55,7 +55,7 @@ class ReconstructionError(PolarsimError):
 
 
 class LabelError(PolarsimError):
-    """Labels that contradict each other or the photo grid."""
+    """Labels that are inconsistent with each other or with the photo grid."""
 
 
 class RenderError(PolarsimError):
@@ -67,12 +67,12 @@ class DetectError(PolarsimError):
 
 
 class RoverError(PolarsimError):
-    """A soil, wheel or drive that the rover's physics cannot have."""
+    """A soil, wheel or drive that the rover physics does not support."""
 
 
 @contextmanager
 def about(path: str | Path) -> Iterator[None]:
-    """Name the file of a `PolarsimError` that the core raised, which knows arrays only. A file that is there stays."""
+    """Add a path to a `PolarsimError` without path, for example of a function that processes arrays only."""
     try:
         yield
     except PolarsimError as error:
@@ -83,7 +83,7 @@ def about(path: str | Path) -> Iterator[None]:
 
 @contextmanager
 def within(part: str) -> Iterator[None]:
-    """Put what is no file, such as a position or a photo, in front of a `PolarsimError`'s reason."""
+    """Add the name of a part, such as a position or a photo, to the reason of a `PolarsimError`."""
     try:
         yield
     except PolarsimError as error:

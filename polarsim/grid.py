@@ -1,4 +1,4 @@
-"""The part of NASA's photo grid that a run works on."""
+"""Selection of photos of NASA's photo grid."""
 
 from __future__ import annotations
 
@@ -10,33 +10,31 @@ from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, CameraSide, Light
 
 
 def as_text(value: object) -> object:
-    """Words of the photo grid as YAML hands them over, for a validator: numbers become text, booleans are refused."""
+    """Convert values of the photo grid from YAML to text; raise ValueError for booleans."""
     if isinstance(value, bool):
         raise ValueError("YAML reads on, off, no as booleans: put them in quotes")
     if isinstance(value, (list, tuple)):
-        return [as_text(one) for one in value]
+        return [as_text(part) for part in value]
     return str(value) if isinstance(value, int) else value
 
 
 class GridOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say which photos of the grid are labelled, rendered and evaluated; the default is all of them."""
+    """Selection of the photos to label, render and evaluate; default: all photos of the grid."""
 
     lights: tuple[Light, ...] = Field(
         default=LIGHTS,
-        description="Photos with the rover light 'on' or 'off' are used (quote them: YAML reads on as true).",
+        description="States of the rover light: 'on', 'off' (in quotes, because YAML reads on as true).",
     )
     azimuths: tuple[Azimuth, ...] = Field(
         default=AZIMUTHS,
-        description="Photos under these Sun lamps are used: 'no', '30', '180', '270', '350' (quote them).",
+        description="Azimuths of the Sun lamp: 'no', '30', '180', '270', '350' (in quotes).",
     )
-    cameras: tuple[CameraSide, ...] = Field(
-        default=CAMERAS, description="Photos of these cameras are used: 'L' (left), 'R' (right)."
-    )
+    cameras: tuple[CameraSide, ...] = Field(default=CAMERAS, description="Cameras: 'L' (left), 'R' (right).")
     exposures_ms: tuple[int, ...] | None = Field(
-        default=None, description="Photos under a Sun lamp with these exposures are used, ms; null takes all."
+        default=None, description="Exposures of photos with a Sun lamp, ms; null: all."
     )
     exposures_no_sun_ms: tuple[int, ...] | None = Field(
-        default=None, description="Photos without a Sun lamp with these exposures are used, ms; null takes all."
+        default=None, description="Exposures of photos without a Sun lamp, ms; null: all."
     )
 
     @field_validator("lights", "azimuths", mode="before")
@@ -54,7 +52,7 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
 
 
 def selected_grid(terrain: int, positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
-    """The photos of a terrain that a run works on, in the grid's order."""
+    """Return the selected photos of a terrain in the order of the grid."""
 
     def wanted(key: PhotoKey) -> bool:
         exposures = grid.exposures_no_sun_ms if key.azimuth == "no" else grid.exposures_ms
@@ -70,5 +68,5 @@ def selected_grid(terrain: int, positions: Sequence[str], grid: GridOptions) -> 
 
 
 def selected_grids(terrains: Sequence[int], positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
-    """The photos of all terrains that a run works on."""
+    """Return the selected photos of all terrains."""
     return [key for terrain in terrains for key in selected_grid(terrain, positions, grid)]

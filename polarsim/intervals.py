@@ -1,8 +1,8 @@
 """95 % intervals: the bootstrap over independent units (Efron, Ann. Statist. 7 (1979) 1), and Student's.
 
-Units are what is independent: views or photos of detectors, seeds or rides of the rover. A bootstrap serves statistics
-of any distribution, such as average precision, medians and shares. Means of a drive's physics over its seeds have
-Student's interval: of three to ten nearly normal values a bootstrap comes out too narrow.
+Units are independent samples: views or photos of detectors, seeds or drives of the rover. The bootstrap applies to
+statistics of any distribution, such as average precision, medians and shares. Means of drive metrics over seeds have
+Student's interval, because the bootstrap interval of three to ten nearly normal values is too narrow.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ LEVELS = (0.025, 0.975)
 
 
 def draws(units: int, resamples: int, seed: int = 0, *purpose: object) -> np.ndarray:
-    """Return (resamples, units) float: how often each unit is drawn with replacement.
+    """Return (resamples, units) float: number of draws of each unit with replacement.
 
-    The same for all metrics of a purpose, so their differences are paired.
+    All metrics of a purpose use the same draws, so differences between metrics are paired.
     """
     random = generator(seed, *(purpose or ("detect", "bootstrap", units)))
     return random.multinomial(units, np.full(units, 1 / units), size=resamples).astype(float)
 
 
 def interval(values: np.ndarray, units: int) -> tuple[float, float]:
-    """Return the bounds of the central 95 % of resampled values; NaN for fewer than two units, which show no spread.
+    """Return the bounds of the central 95 % of resampled values; NaN for fewer than two units.
 
-    Resamples without a value are left out.
+    NaN values are ignored.
     """
     values = values[~np.isnan(values)]
     if units < 2 or not len(values):
@@ -56,7 +56,7 @@ def interval_of(
     random: np.random.Generator,
     resamples: int = RESAMPLES,
 ) -> tuple[float, float]:
-    """Return the interval of a statistic that is no mean over units with values `groups`, each (n, ...)."""
+    """Return the bootstrap interval of any statistic over units with values `groups`, each (n, ...)."""
     if len(groups) < 2:
         return math.nan, math.nan
     drawn = random.integers(len(groups), size=(resamples, len(groups)))

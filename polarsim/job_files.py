@@ -1,4 +1,4 @@
-"""Paths from the files that Snakemake gives to a script: a string for one file, a list where the rule has a list."""
+"""Paths of the input and output files of a script: Snakemake passes a file as string and several files as list."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ def paths(files: Iterable[str]) -> list[Path]:
     Raises
     ------
     TypeError
-        One file instead of a list: its characters are no files.
+        A single file instead of a list.
     """
     if isinstance(files, str | Path):
-        raise TypeError(f"{str(files)!r} is one file, expected a list of files")
+        raise TypeError(f"{str(files)!r} is a single file, expected a list of files")
     return [Path(file) for file in files]
 
 
 def optional_path(file: str | Iterable[str] | None) -> Path | None:
-    """Return the path of a file that a rule may lack; None for None and for an empty list.
+    """Return the path of an optional file; None for None and for an empty list.
 
     Raises
     ------
@@ -30,5 +30,5 @@ def optional_path(file: str | Iterable[str] | None) -> Path | None:
     if isinstance(file, str):
         return Path(file)
     if file is not None and list(file):
-        raise TypeError(f"{list(file)} is a list of files, expected one file or none")
+        raise TypeError(f"{list(file)} is a list of files, expected a single file or none")
     return None

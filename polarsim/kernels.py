@@ -1,8 +1,8 @@
-"""Compiled kernels: Numba's `njit`, with a cache that sees edits of every kernel that one is made of.
+"""Compiled kernels: Numba's `njit` with a cache that depends on the code of all inlined kernels.
 
-Numba keeps compiled code for as long as the function's own file stays as it is. But kernels of other files are
-compiled into it, and after an edit of these it would go on running the old ones. So each state of the code has a
-cache of its own: a folder named by the digest of the function's module and all of polarsim that this imports.
+Numba reuses compiled code until the file of the function changes. Kernels of other files are compiled into it, so after
+an edit of these files Numba would run outdated code. Therefore each version of the code has a separate cache folder,
+named by the digest of the module of the function and of all modules of polarsim that it imports.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _BESIDE_THE_CODE = Path(__file__).parent / "__pycache__"
 
 
 def njit(*signatures: str, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """A decorator like Numba's, always cached; NUMBA_CACHE_DIR names another folder than the library's own."""
+    """Return a decorator like `numba.njit` with cache; NUMBA_CACHE_DIR sets the folder of the cache."""
 
     def compiled(function: Callable[..., Any]) -> Any:
         former = config.CACHE_DIR

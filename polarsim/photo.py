@@ -1,4 +1,4 @@
-"""The photo key and the grid of photos that NASA took (facts of the data set, stated once)."""
+"""Photo keys, NASA's photo grid, and constants of the data set."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Light = Literal["on", "off"]
 Azimuth = Literal["no", "30", "180", "270", "350"]
 CameraSide = Literal["L", "R"]
 PositionCamera = tuple[str, str]  # position and camera of one terrain
-Bracket = tuple[int, str, Light, Azimuth, CameraSide]  # all of a key but the exposure
+Bracket = tuple[int, str, Light, Azimuth, CameraSide]  # fields of a key except the exposure
 
 TERRAINS = tuple(range(1, 14))
 LIGHTS: tuple[Light, ...] = ("off", "on")
@@ -24,27 +24,27 @@ SUNS: tuple[Azimuth, ...] = ("30", "180", "270", "350")
 CAMERAS: tuple[CameraSide, ...] = ("L", "R")
 
 WIDTH, HEIGHT = 1936, 1216  # pixels of every photo
-BLACK_LEVEL = 16  # DN of a pixel that saw no light
+BLACK_LEVEL = 16  # DN of an unlit pixel
 WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
-ELECTRONS_PER_DN = 8  # nobody published it: that of a sensor like Sony's IMX249, whose 33,000 electrons fill 12 bits
-READ_NOISE_ELECTRONS = 7  # standard deviation, of such a sensor
-USUAL_EXPOSURE_MS = 256  # the middle of NASA's exposures under a Sun lamp, at which most labels were drawn
-CENTRE_GREY_PER_MS = 3.0  # of level sand at the centre under the Sun lamp 30: then the usual exposure serves best
+ELECTRONS_PER_DN = 8  # not published; value of similar sensors (Sony IMX249: 33,000 electrons at 12 bits)
+READ_NOISE_ELECTRONS = 7  # standard deviation, of similar sensors
+USUAL_EXPOSURE_MS = 256  # median exposure with a Sun lamp, at which most labels were annotated
+CENTRE_GREY_PER_MS = 3.0  # DN per ms of level sand at the centre under Sun lamp 30; makes the usual exposure optimal
 
 ROCK, SHADOW = "rock", "shadow"
-BOX_CLASSES = (ROCK, SHADOW)  # the class number of a box is its index here
-COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}  # RGB, apart for colour-blind eyes too, and from any grey
+BOX_CLASSES = (ROCK, SHADOW)  # index: class number of a box
+COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}  # RGB; distinguishable by colour-blind people and from grey
 HEX_COLOURS = {kind: "#{:02x}{:02x}{:02x}".format(*colour) for kind, colour in COLOURS.items()}
-POLYGON_CLASSES = ("background", "ground", ROCK, SHADOW)  # and that of a polygon here: they differ
-SHADOWS_ANNOTATED_FROM_MS = 128  # exposure from which people draw shadows; another annotator did at every one
-GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the release's grey maps
+POLYGON_CLASSES = ("background", "ground", ROCK, SHADOW)  # index: class number of a polygon; differs from boxes
+SHADOWS_ANNOTATED_FROM_MS = 128  # minimum exposure of annotated shadows; a second annotator has no minimum
+GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the class masks of the release
 
-NO_ROCK = -1  # a label or pixel that belongs to no known rock
-FIRST_UNMESHED_ROCK = 901  # rocks that labels know and no mesh shows are numbered from here: meshed ones lie below
+NO_ROCK = -1  # label or pixel without known rock
+FIRST_UNMESHED_ROCK = 901  # first id of labelled rocks without mesh; ids of meshed rocks are smaller
 
 _QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
 _ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
-# Fields of a photo key in their order: name -> the texts that it can have, and how a message names them.
+# Fields of a photo key in order: name -> valid texts, and their description in messages.
 _FIELDS: dict[str, tuple[frozenset[str], str]] = {
     "terrain": (frozenset(f"{terrain:02d}" for terrain in TERRAINS), "01 to 13"),
     "position": (frozenset("ABCDEFG"), "A to G"),
@@ -71,19 +71,19 @@ class PhotoKey:
 
     @classmethod
     def parse(cls, text: str) -> PhotoKey:
-        """Read a key; the whole text must be one, so that copies such as `..._0256 copy` are refused.
+        """Parse a key. The text must not contain anything else: `..._0256 copy` is rejected.
 
         Raises
         ------
         LabelError
-            The text is no photo key, or the terrain has no such position or exposure; each wrong field is named.
+            The text is not a photo key, or the terrain does not have this position or exposure.
         """
         fields = text.split("_")
         if len(fields) != len(_FIELDS):
-            raise LabelError(f"{text!r} is no photo key such as 01_A_off_180_L_0256")
+            raise LabelError(f"{text!r} is not a photo key, for example 01_A_off_180_L_0256")
         wrong = [_wrong_field(name, field) for name, field in zip(_FIELDS, fields, strict=True)]
         if any(wrong):
-            raise LabelError(f"{text!r} is no photo key: {'; '.join(filter(None, wrong))}")
+            raise LabelError(f"{text!r} is not a photo key: {'; '.join(filter(None, wrong))}")
         terrain, position, light, azimuth, camera, exposure = fields
         key = cls(int(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
         if position not in (there := positions(key.terrain)):
@@ -95,12 +95,12 @@ class PhotoKey:
 
     @classmethod
     def of_picture(cls, name: str) -> PhotoKey:
-        """Read the key in the name of a picture, as tools store names: with folders, a suffix, a prefix and a dash.
+        """Parse the key in the name of an image, which may have folders, a suffix, and a prefix with a dash.
 
         Raises
         ------
         LabelError
-            The name has no photo key, or something else before or behind the key.
+            The name contains no photo key, or other text before or after the key.
         """
         base = re.split(r"[/\\=]", _QUERY.sub("", name))[-1]
         try:
@@ -110,27 +110,27 @@ class PhotoKey:
 
     @property
     def station(self) -> tuple[int, str]:
-        """Terrain and position: one stand of the tripod."""
+        """Terrain and position."""
         return self.terrain, self.position
 
     @property
     def view(self) -> tuple[int, str, CameraSide]:
-        """Terrain, position and camera: one fixed camera looking at one fixed scene."""
+        """Terrain, position and camera."""
         return self.terrain, self.position, self.camera
 
     @property
     def bracket(self) -> Bracket:
-        """All but the exposure."""
+        """All fields except the exposure."""
         return self.terrain, self.position, self.light, self.azimuth, self.camera
 
     @property
     def stops_off_usual(self) -> float:
-        """How often the exposure time was doubled or halved from the usual one."""
+        """Absolute difference to the usual exposure, in stops (factors of two)."""
         return abs(log2(self.exposure_ms / USUAL_EXPOSURE_MS))
 
     @property
     def other_camera(self) -> PhotoKey:
-        """The same photo by the other camera of the rig."""
+        """Key of the same photo with the other camera of the rig."""
         return replace(self, camera="R" if self.camera == "L" else "L")
 
     def with_exposure(self, exposure_ms: int) -> PhotoKey:
@@ -138,13 +138,13 @@ class PhotoKey:
 
 
 def _wrong_field(name: str, text: str) -> str | None:
-    """Return what is wrong with a field of a photo key; None where it can be."""
+    """Return a description of an invalid field of a photo key; None for a valid field."""
     possible, expected = _FIELDS[name]
     return None if text in possible else f"{name} {text!r}, expected {expected}"
 
 
 def by_bracket(keys: Iterable[PhotoKey]) -> dict[Bracket, list[PhotoKey]]:
-    """Keys by exposure bracket, both in order."""
+    """Return sorted keys by exposure bracket."""
     found: dict[Bracket, list[PhotoKey]] = {}
     for key in sorted(keys):
         found.setdefault(key.bracket, []).append(key)
@@ -152,26 +152,26 @@ def by_bracket(keys: Iterable[PhotoKey]) -> dict[Bracket, list[PhotoKey]]:
 
 
 def is_exposure(exposure_ms: int) -> bool:
-    """NASA's exposures double from 16 to 8192 ms."""
+    """Return whether an exposure is one of NASA's: powers of two from 16 to 8192 ms."""
     return 16 <= exposure_ms <= 8192 and exposure_ms & (exposure_ms - 1) == 0
 
 
 @cache
 def positions(terrain: int) -> tuple[str, ...]:
-    """Tripod positions of a terrain."""
+    """Return the tripod positions of a terrain."""
     return tuple("ABCDEFG") if terrain == 13 else tuple("ABC")
 
 
 @cache
 def exposures(terrain: int, azimuth: Azimuth) -> tuple[int, ...]:
-    """Exposure times in ms of a terrain under one lamp."""
+    """Return the exposure times of a terrain and azimuth, ms."""
     if azimuth == "no":
         return tuple(2**n for n in range(5, 14))
     return tuple(2**n for n in (range(4, 11) if terrain == 1 else range(5, 12)))
 
 
 def photo_grid(terrain: int) -> Iterator[PhotoKey]:
-    """Every photo that NASA took of a terrain: 5,190 over the 13 terrains."""
+    """Yield the keys of all photos of a terrain; 5,190 for the 13 terrains."""
     for position in positions(terrain):
         for light in LIGHTS:
             for azimuth in AZIMUTHS:

@@ -1,4 +1,4 @@
-"""Progress where a person waits: a bar on a terminal, a log line now and then elsewhere."""
+"""Progress of long loops: a bar on a terminal, otherwise log lines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ log = logging.getLogger("polarsim")
 
 
 def track(items: Collection[Item], text: str) -> Iterator[Item]:
-    """Yield the items and show how far one is."""
+    """Yield the items and show the progress."""
     if sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import track as rich_track
@@ -29,7 +29,7 @@ def track(items: Collection[Item], text: str) -> Iterator[Item]:
 
 @contextmanager
 def share_bar(text: str) -> Iterator[Callable[[float], None]]:
-    """Something to tell a share to, 0 to 1, where work has no items to count."""
+    """Yield a function that shows the completed share, 0 to 1, of work without countable items."""
     if sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import Progress
@@ -40,10 +40,10 @@ def share_bar(text: str) -> Iterator[Callable[[float], None]]:
         return
     tenths = 0
 
-    def tell(share: float) -> None:
+    def report(share: float) -> None:
         nonlocal tenths
         if int(10 * share) > tenths:
             tenths = int(10 * share)
             log.info("%s: %d %%", text, 10 * tenths)
 
-    yield tell
+    yield report

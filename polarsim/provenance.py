@@ -1,7 +1,7 @@
-"""Identity notes: a hidden file next to an output with the digest of all that the output was made of.
+"""Identity notes: a hidden file next to an output with the digest of all inputs of the output.
 
-A repeated call makes an output again only if its identity changed: inputs, options, or the code that makes it. Single
-files that are written all at once, such as a drive's saved state, hold their identity themselves.
+A repeated call writes an output again only if its identity has changed: input files, options or code. Files that are
+written in a single step, such as the saved state of a drive, contain their identity.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def digest(files: Iterable[Path], *words: str) -> str:
 
 
 def identity(module: str, files: Iterable[Path], *words: str) -> str:
-    """Return the identity of an output that a module makes of files and options."""
+    """Return the identity of an output that a module computes from files and options."""
     return digest(files, code_digest(module), *words)
 
 
@@ -37,7 +37,7 @@ def is_current(output: Path, wanted: str) -> bool:
 
 @contextmanager
 def noting(output: Path, made_with: str) -> Iterator[None]:
-    """Note the identity of the output that the body writes; a body that fails leaves no note."""
+    """Store the identity of the output that the block writes; after an error no identity is stored."""
     _note(output).unlink(missing_ok=True)
     yield
     write_text(_note(output), made_with)

@@ -1,7 +1,7 @@
-"""Names that a package offers, imported when they are asked for: `from polarsim.render import Scene`.
+"""Lazy imports of the public names of a package, for example `from polarsim.render import Scene`.
 
-Modules import each other by their own names, so that a digest of code reaches what it needs and no more, and so that
-reading a configuration does not start a renderer. Notebooks and scripts take the short way.
+Modules of polarsim import each other by full module names, so that a digest of code contains only the required modules
+and reading a configuration does not import a renderer. The short form is for notebooks and scripts.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ Offer = tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]
 
 
 def offered(package: str, **modules: str) -> Offer:
-    """`__all__`, `__getattr__`, `__dir__` of a package that offers names of its modules, given as `Name="module"`."""
+    """Return `__all__`, `__getattr__` and `__dir__` of a package with public names given as `Name="module"`."""
 
     def get(name: str) -> Any:
         if name not in modules:

@@ -1,4 +1,4 @@
-"""How a process speaks: log lines to a file or the terminal, and bad input as one line with exit code 1."""
+"""Logging of a process to a file or the terminal, and one-line error messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from polarsim.errors import PolarsimError
 
 @contextmanager
 def reporting(log: str | Path | None = None) -> Iterator[None]:
-    """Log to a file where one is named; end a `PolarsimError` as one line on the terminal and exit code 1."""
+    """Log to an optional file; print a `PolarsimError` as one line on the terminal and exit with code 1."""
     handlers: list[logging.Handler] = [logging.StreamHandler()]
     handlers[0].setLevel(logging.WARNING)
     if log:
@@ -27,5 +27,5 @@ def reporting(log: str | Path | None = None) -> Iterator[None]:
         sys.stderr.write(f"error: {error}\n")
         sys.exit(1)
     except KeyboardInterrupt:
-        sys.stderr.write("stopped by the user; the same command goes on from here\n")
+        sys.stderr.write("stopped by the user; the same command resumes\n")
         sys.exit(130)

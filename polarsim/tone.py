@@ -1,7 +1,7 @@
-"""From linear light to eight bits: linear above black up to a white level, then gamma.
+"""Tone curve from linear light to 8 bits: linear between black and white level, then gamma.
 
-Displayed pictures (figures, previews, exports to labelling tools) have the white level of `white_of`; the pictures that
-detectors are trained on, published ones included, that of `detect.tone`.
+The white level of displayed images (figures, previews, exports to labelling tools) is computed by `white_of`; the white
+level of training and published images by `detect.tone`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 GAMMA = 2.2
-WHITE_PERCENTILE = 99.7  # of displayed pixels; brighter ones are shown white
-DARKEST_WHITE = 40  # DN above black: a photo of nothing stays black instead of becoming noise
+WHITE_PERCENTILE = 99.7  # of displayed pixels; brighter pixels are white
+DARKEST_WHITE = 40  # minimum white level, DN above black: keeps a dark photo black instead of amplifying noise
 
 
 def encoded(light: np.ndarray, white: float, gamma: float = GAMMA) -> np.ndarray:
@@ -36,12 +36,12 @@ def white_of(pixels: np.ndarray) -> float:
 
 
 def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
-    """(h, w, 3) uint8 of a photo or twin (h, w) uint16; pictures of eight bits are passed through.
+    """Return (h, w, 3) uint8 of a photo or twin (h, w) uint16; 8-bit images are not changed.
 
     Parameters
     ----------
     white
-        DN above black that becomes 255: give one to several pictures to compare their brightness. Its own when None.
+        DN above black that becomes 255; a common value makes the brightness of images comparable. None: `white_of`.
     """
     shown = pixels
     if pixels.dtype != np.uint8:
@@ -51,5 +51,5 @@ def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _curve(white: float) -> np.ndarray:
-    """uint8 of every uint16 value."""
+    """Return a table with the uint8 value of every uint16 value."""
     return encoded(np.arange(np.iinfo(np.uint16).max + 1, dtype=float) - BLACK_LEVEL, white)

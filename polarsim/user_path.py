@@ -1,4 +1,4 @@
-"""Paths that people write into a configuration."""
+"""Type of paths in a configuration."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def _expanded(value: object) -> object:
     """Replace a leading `~` or `~user` of a path by the home folder, as a shell does."""
     text = os.fspath(value) if isinstance(value, str | Path) else ""
     if not isinstance(value, str | Path):
-        return value  # pydantic refuses other types
+        return value  # rejected by pydantic
     if not text.strip() or "\0" in text:
         raise ValueError("an empty path")
     expanded = os.path.expanduser(text)  # noqa: PTH111, the type of the value must stay: unions of pydantic depend on it

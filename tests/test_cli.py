@@ -206,5 +206,5 @@ def test_ipd_of_names_that_have_no_view_ends_in_one_line_where_views_are_asked_f
         (tmp_path / folder / "one.txt").write_text(text)
     done = polarsim("ipd", *[tmp_path / name for name in ("labels", "found")] * 2, "--unit", "view")
     assert done.returncode == 1
-    assert done.stderr.startswith("error: 'one' is no photo key")
+    assert done.stderr.startswith("error: 'one' is not a photo key")
     assert len(done.stderr.splitlines()) == 1

@@ -211,7 +211,7 @@ def test_what_is_kept_beside_a_file_says_what_parsing_it_says(tmp_path):
     whole = json.loads(kept.read_bytes())
     kept.write_text(json.dumps(whole | {"code": "of what is kept"}))
     assert digest._parsed(script)[0] == "of what is kept"
-    for broken in ("", "[]", json.dumps({"whose": whole["whose"]})):
+    for broken in ("", "[]", json.dumps({"version": whole["version"]})):
         kept.write_text(broken)
         assert digest._parsed(script) == parsed
     script.write_text("import numpy\n")

@@ -54,7 +54,7 @@ def test_a_key_is_written_as_in_the_release():
     ],
 )
 def test_names_that_are_no_key_are_refused_by_name(name):
-    with pytest.raises(LabelError, match=r"is no photo key|expected") as caught:
+    with pytest.raises(LabelError, match=r"is not a photo key|expected") as caught:
         PhotoKey.parse(name)
     assert repr(name) in str(caught.value)
 

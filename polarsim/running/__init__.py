@@ -1,1 +1,1 @@
-"""One command that starts the workflow, and goes on where a run was stopped: `polarsim run`."""
+"""Execution of the workflow by `polarsim run`: checks, start, interruption, resumption and reports."""

@@ -1,4 +1,4 @@
-"""Jobs of SLURM that a killed run of a folder has submitted: they run on other machines, or wait."""
+"""SLURM jobs that were submitted by a killed run of a folder, pending or running on other machines."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pathlib import Path
 from polarsim.errors import PolarsimError
 from polarsim.running.jobs import LOGS, logs_in
 
-# As Snakemake's executors for SLURM and for any scheduler say it in the log of a call.
+# Messages in the log of Snakemake's executors for SLURM and for generic schedulers.
 _SUBMITTED = re.compile(r"(?:with SLURM jobid |with external jobid ')(\d+)")
-_GONE_S = 120.0  # SLURM kills what does not end by itself 30 s after it was told to, unless it is set otherwise
+_GONE_S = 120.0  # by default, SLURM kills a cancelled job after 30 s
 
 
 def end_submitted(folder: Path) -> int:
@@ -22,15 +22,15 @@ def end_submitted(folder: Path) -> int:
     Raises
     ------
     PolarsimError
-        They are still running minutes later: two jobs would write the same files.
+        Jobs are still running after two minutes; a new run would write the same files.
     """
     found = submitted(folder)
     if found:
         subprocess.run(["scancel", *found], capture_output=True, check=False)
     until = time.monotonic() + _GONE_S
-    while left := submitted(folder) if found else []:
+    while remaining := submitted(folder) if found else []:
         if time.monotonic() > until:
-            raise PolarsimError(f"SLURM does not end jobs of an earlier run: {' '.join(left)}", path=folder)
+            raise PolarsimError(f"SLURM jobs of an earlier run do not end: {' '.join(remaining)}", path=folder)
         time.sleep(1)
     return len(found)
 

@@ -1,4 +1,4 @@
-"""Configuration files: overlays merged into one configuration, and the configuration that each run stores."""
+"""Configuration files: overlays merged into one configuration, and the stored configuration of a run."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from polarsim.formats.yaml_files import parse_yaml, read_yaml
 BASE = Path("config/config.yaml")  # the configuration that overlays are applied to
 DEFAULT_RUN = "demo"
 STORED = "config.yaml"  # in the folder of a run
-_HEADER = "# The configuration of this run's last call, with all overlays and --config. Written by the workflow.\n"
+_HEADER = "# Configuration of the last call of this run, with all overlays and --config. Written by the workflow.\n"
 _SETTINGS = "--config"
 
 
 def base_of(files: Iterable[Path]) -> list[Path]:
-    """Return the file that these files are applied to: `BASE`, or none where one of the files defines `source`.
+    """Return `BASE` if the files are overlays; an empty list if a file defines `source`.
 
     Raises
     ------
     ConfigError
-        A file is no configuration.
+        A file is not a configuration.
     """
     return [] if any("source" in _mapping(path) for path in files) else [BASE]
 
 
 def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
-    """Read the configuration that files and settings make together; later ones win.
+    """Merge configuration files and settings; later values override earlier values.
 
     Parameters
     ----------
@@ -61,12 +61,12 @@ def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
 def check_config(
     content: Mapping[str, Any], files: Iterable[Path], settings: Mapping[str, Any] | None = None
 ) -> Config:
-    """Check the configuration that was merged of files and of the settings of `--config`.
+    """Validate a merged configuration.
 
     Raises
     ------
     ConfigError
-        As `parse_config`; names the files that hold the wrong keys, or all files where no single key is wrong.
+        As `parse_config`; names the files of the invalid keys, or all files if the error has no key.
     """
     try:
         return parse_config(content)
@@ -81,7 +81,7 @@ def check_config(
 
 
 def store_config(config: Config, run: Path) -> None:
-    """Store the configuration of a run in its folder; an equal file stays as it is."""
+    """Store the configuration of a run in the folder of the run; an equal file is not written again."""
     content = config.model_dump(mode="json", exclude_unset=True)
     text = _HEADER + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000)
     path = run / STORED
@@ -90,21 +90,21 @@ def store_config(config: Config, run: Path) -> None:
 
 
 def config_of_run(run: Path, files: Sequence[Path] = ()) -> Config:
-    """Return the configuration of a run: that of these files, else the stored one.
+    """Return the configuration of a run: from files if given, else the stored configuration.
 
-    Paths of a stored configuration are found from any working folder.
+    Relative paths of a stored configuration are valid in every working folder.
 
     Parameters
     ----------
     run
-        Folder of the run; its name is the run's.
+        Folder with the name of the run.
     files
         Configuration files that replace the stored configuration.
 
     Raises
     ------
     ConfigError
-        The configuration is of another run, or none is stored, or it is broken.
+        The configuration belongs to another run, is not stored, or is invalid.
     """
     stored = run / STORED
     if files:
@@ -113,13 +113,13 @@ def config_of_run(run: Path, files: Sequence[Path] = ()) -> Config:
         config = _located(check_config(_mapping(stored), [stored]), run.absolute().parent.parent)
     else:
         raise ConfigError(
-            "this run has no stored configuration: name its files with --configfile, or repeat its `polarsim run`, "
-            "which stores it",
+            "the run has no stored configuration: add --configfile, or repeat `polarsim run`, which stores the "
+            "configuration",
             path=stored,
         )
     if config.run != run.absolute().name:
         names = ", ".join(map(_shown, files or [stored]))
-        raise ConfigError(f"{names}: the configuration of run {config.run!r}, expected that of run {run.name!r}")
+        raise ConfigError(f"{names}: configuration of run {config.run!r}, expected run {run.name!r}")
     return config
 
 
@@ -131,14 +131,14 @@ def run_and_config(results: Path, run: str | None, files: Sequence[Path] = ()) -
     results
         Folder of results.
     run
-        Name of the run; None: that of the files, else `demo`.
+        Name of the run; None: from the files, else `demo`.
     files
         Configuration files that replace the stored configuration.
 
     Raises
     ------
     PolarsimError
-        There is no such run, or as `config_of_run`.
+        The run does not exist, or as `config_of_run`.
     """
     name = run if run is not None else read_configs(files).run if files else DEFAULT_RUN
     folder = run_folder(results, name)
@@ -146,7 +146,7 @@ def run_and_config(results: Path, run: str | None, files: Sequence[Path] = ()) -
 
 
 def _located(part: Any, folder: Path) -> Any:
-    """Return options whose relative paths, which count from a folder, are found from the working folder."""
+    """Convert paths relative to a folder to paths that are valid in the working folder."""
     if isinstance(part, BaseModel):
         found = {name: _located(getattr(part, name), folder) for name in type(part).model_fields}
         return part.model_copy(update={name: value for name, value in found.items() if value != getattr(part, name)})
@@ -160,14 +160,14 @@ def _located(part: Any, folder: Path) -> Any:
 
 
 def _shown(path: Path) -> str:
-    """Return a path as a message names it: from the working folder where it is below it."""
+    """Return a path for messages: relative if it is below the working folder."""
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
 def _mapping(path: Path) -> Mapping[str, Any]:
     content = read_yaml(packaged(path))
     if not isinstance(content, Mapping):
-        raise ConfigError("no keys, a configuration was expected", path=path)
+        raise ConfigError("no keys, expected a configuration", path=path)
     return content
 
 
@@ -178,7 +178,7 @@ def _parsed_setting(setting: str) -> dict[str, Any]:
     try:
         return {key: parse_yaml(text)}
     except yaml.YAMLError as error:
-        raise ConfigError(f"{_SETTINGS} {key}: {text!r} is no YAML value") from error
+        raise ConfigError(f"{_SETTINGS} {key}: {text!r} is not a YAML value") from error
 
 
 def _merge(content: dict[str, Any], other: Mapping[str, Any]) -> None:
@@ -192,7 +192,7 @@ def _merge(content: dict[str, Any], other: Mapping[str, Any]) -> None:
 
 
 def _holders(error: ConfigError, parts: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
-    """Return the names of the parts that hold the keys of an error; all where an error has no key."""
+    """Return the names of the parts with the keys of an error; all parts if the error has no key."""
     cause = error.__cause__
     problems = cause.errors() if isinstance(cause, ValidationError) else []
     found = set()
@@ -205,7 +205,7 @@ def _holders(error: ConfigError, parts: Sequence[tuple[str, Mapping[str, Any]]])
 
 
 def _depth(content: Any, key: Sequence[int | str]) -> int:
-    """Return how many parts of a key lead to a value."""
+    """Return the number of leading parts of a key that exist in the content."""
     for number, part in enumerate(key):
         try:
             content = content[part]

@@ -16,9 +16,9 @@ from polarsim.config import Config
 from polarsim.errors import PolarsimError
 from polarsim.grid import selected_grid
 
-_LEFTOVER = re.compile(r"\..+\.(\d+)(\.\w+)?")  # as `polarsim.formats.files.writing` names what is not yet whole
-NEARLY_FULL_BYTES = 20_000_000  # less than some files of a run have
-_MIN_BYTES = 500_000_000  # of a part of a run, whose size is unknown
+_LEFTOVER = re.compile(r"\..+\.(\d+)(\.\w+)?")  # names of incomplete files, see `polarsim.formats.files.writing`
+NEARLY_FULL_BYTES = 20_000_000  # smaller than some files of a run
+_MIN_BYTES = 500_000_000  # for a part of a run, whose size is not estimated
 # Measured on `make demo` (4 terrains, 432 photos, 2 models: 1.4 GB of data, 1.2 GB of results), rounded up; meshes at
 # their default cells have four times the demo's triangles.
 _DATA_OF_TERRAIN, _DATA_OF_PHOTO = 200_000_000, 1_500_000
@@ -26,7 +26,7 @@ _RESULTS_OF_TERRAIN, _RESULTS_OF_PHOTO, _TWIN = 350_000_000, 250_000, 900_000
 
 
 def expected_bytes(config: Config) -> int:
-    """Return the approximate size of a whole run and of generated data, bytes, without drives and novel views."""
+    """Return the approximate size of a complete run with generated data, bytes, without drives and novel views."""
     photos = sum(len(selected_grid(terrain, config.positions, config.grid)) for terrain in config.terrains)
     found = len(config.terrains) * _RESULTS_OF_TERRAIN
     found += photos * (_RESULTS_OF_PHOTO + _TWIN * len(config.render.models))
@@ -35,13 +35,13 @@ def expected_bytes(config: Config) -> int:
     return found
 
 
-def needed_bytes(config: Config, whole: bool, places: Sequence[Path]) -> int:
-    """Return the bytes that must be free: the estimate less existing files; of a part of a run a fixed amount."""
-    if not whole:
+def needed_bytes(config: Config, complete: bool, places: Sequence[Path]) -> int:
+    """Return the required free space, bytes: estimate minus existing files; for a part of a run a constant."""
+    if not complete:
         return _MIN_BYTES
     found = (entry.stat(follow_symlinks=False) for place in places for entry in _entries(place))
-    there = {(one.st_dev, one.st_ino): one.st_size for one in found}  # a file of several names once
-    return max(_MIN_BYTES, expected_bytes(config) - sum(there.values()))
+    existing = {(entry.st_dev, entry.st_ino): entry.st_size for entry in found}  # hard links are counted once
+    return max(_MIN_BYTES, expected_bytes(config) - sum(existing.values()))
 
 
 def free_bytes(place: Path) -> int:
@@ -52,8 +52,8 @@ def refuse_full(place: Path, needed: int) -> None:
     """Raise a PolarsimError if fewer bytes are free than a run needs."""
     free = free_bytes(place)
     if free < needed:
-        wanted = f"{free / 1e9:.2f} GB free, about {needed / 1e9:.2f} GB are needed"
-        raise PolarsimError(f"{wanted}; free some space, or set --min-free", path=place)
+        wanted = f"{free / 1e9:.2f} GB free, about {needed / 1e9:.2f} GB required"
+        raise PolarsimError(f"{wanted}; free disk space, or set --min-free", path=place)
 
 
 def refuse_unwritable(place: Path) -> None:
@@ -69,7 +69,7 @@ def refuse_unwritable(place: Path) -> None:
 def remove_leftovers(place: Path) -> int:
     """Remove the unfinished files of killed jobs; return the number of files and folders.
 
-    No job may be active there. Files of other commands that are running on this machine stay.
+    No job may be active in the folder. Files of other running commands are not removed.
     """
     found = [
         Path(entry.path)

@@ -1,7 +1,7 @@
 """Check that the paths of a configuration lead to usable data, before any job starts.
 
-Snakemake removes the outputs of a job before it runs the job. A path that only a job finds wrong would therefore cost
-the results of an earlier run.
+Snakemake removes the outputs of a job before it runs the job. An invalid path that is detected by a
+job would therefore delete the results of an earlier run.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ def check_paths(config: Config) -> None:
     Raises
     ------
     ConfigError
-        A path that is missing, a file in place of a folder or the reverse, or a folder without usable content; a
-        correction of no photo of the run; an excluded photo that is neither seed nor correction.
+        A path is missing, a file instead of a folder or vice versa, or a folder without usable content; a corrected
+        photo is not part of the run; an excluded photo is neither seed nor correction.
     FormatError, LabelError
-        A label file that cannot be read, or a terrain without seeds.
+        A label file is invalid, or a terrain has no seeds.
     """
     for key, path in _used_paths(config):
         _check_kind(key, path)
@@ -81,7 +81,7 @@ def _check_kind(key: str, path: Path) -> None:
 
 
 def _is_local(config: Config) -> bool:
-    """Return whether raw data are used as they are, neither generated nor downloaded."""
+    """Return whether raw data are local: neither generated nor downloaded."""
     return not config.data_source.is_generated and not config.source.urls
 
 
@@ -124,15 +124,15 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
     found = set(read_all_corrections(folder))
     if not found:
         raise ConfigError(
-            "labels.corrections: no KEY.txt or COCO file with labels; leave the key out to run without corrections",
+            "labels.corrections: no KEY.txt or COCO file with labels; omit the key to run without corrections",
             path=folder,
         )
     for key in sorted(found):
         if key.terrain not in config.terrains:
-            raise ConfigError(f"labels.corrections: {key} is of none of the run's terrains {config.terrains}", folder)
+            raise ConfigError(f"labels.corrections: {key}, expected terrains of the run {config.terrains}", folder)
         here = [position for position in config.positions if position in positions(key.terrain)]
         if key not in selected_grid(key.terrain, here, config.grid):
-            raise ConfigError(f"labels.corrections: {key} is no photo of the run's `positions` and `grid`", folder)
+            raise ConfigError(f"labels.corrections: {key} is not in the run's `positions` and `grid`", folder)
     return found
 
 
@@ -141,11 +141,11 @@ def _check_excluded(config: Config, corrections: set[PhotoKey]) -> None:
     seeds = config.labels.seeds
     for key in map(PhotoKey.parse, config.labels.taken_back):
         if key.terrain not in config.terrains:
-            raise ConfigError(f"labels.taken_back: {key} is of none of the run's terrains {config.terrains}")
+            raise ConfigError(f"labels.taken_back: {key}, expected terrains of the run {config.terrains}")
         if key in corrections:
             continue
         if not isinstance(seeds, SeedOptions):
-            raise ConfigError(f"labels.taken_back: {key} is no correction, and labels.seeds is {NO_SEEDS!r}")
+            raise ConfigError(f"labels.taken_back: {key} is not a correction, and labels.seeds is {NO_SEEDS!r}")
         root = seeds.root or config.source.root
         files, folder = find_labels(root, key.terrain) if root.is_dir() else ({}, root)
         if files and key not in dict(choose_seeds(files, config.positions, seeds)):

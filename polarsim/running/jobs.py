@@ -1,4 +1,4 @@
-"""What became of a run's jobs, from the log that Snakemake writes of each call."""
+"""States of the jobs of a run, parsed from the logs of Snakemake."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 LOGS = ".snakemake/log"
-# Jobs of one submission to a cluster (a group) stand four spaces to the right, in the report of a failed one eight.
+# Jobs of a group (a single submission to a cluster) are indented by 4 spaces, in the report of a failed group by 8.
 _BLOCK = re.compile(r"^( *)(?:(?:local)?(?:rule|checkpoint)|(Error in rule)) (\w+):$")
 _FIELD = re.compile(r"^( +)(\w+): (.*)$")
 _IN_FAILED_GROUP = 8
-_STOPPED = "INFO stopped: "  # as `reporting` writes an error into the log of a job
+_STOPPED = "INFO stopped: "  # prefix of an error in the log of a job, written by `reporting`
 _FINISHED = re.compile(r"^Finished jobid: (\d+)")
 
 
@@ -30,19 +30,19 @@ class Job:
 
     @property
     def terrain(self) -> str:
-        """`Terrain03`; empty where the job belongs to none."""
+        """`Terrain03`; empty for a job without terrain."""
         found = re.search(r"terrain=(\d\d)", self.wildcards) or re.search(r"Terrain(\d\d)", " ".join(self.outputs))
         return f"Terrain{found[1]}" if found else ""
 
     def error(self, folder: Path) -> str | None:
-        """Return the error in the job's log; None where the job did not end by itself."""
+        """Return the error in the log of the job; None if the job was killed."""
         found = [line.removeprefix(_STOPPED) for line in self._lines(folder) if line.startswith(_STOPPED)]
         return found[-1] if found else None
 
     def reason(self, folder: Path) -> str:
-        """Return the error in the job's log, or the last line that the job wrote."""
-        said = self._lines(folder)
-        return self.error(folder) or f"it was killed or broke off{f' after: {said[-1]}' if said else ''}"
+        """Return the error in the log of the job, else the last line of the log."""
+        lines = self._lines(folder)
+        return self.error(folder) or f"killed or crashed{f' after: {lines[-1]}' if lines else ''}"
 
     def _lines(self, folder: Path) -> list[str]:
         try:
@@ -53,7 +53,7 @@ class Job:
 
 
 def read_jobs(lines: Iterable[str]) -> list[Job]:
-    """All jobs that a log tells of; a job that was tried again counts by its last try."""
+    """Return the jobs in a log, each with the state of the last attempt."""
     jobs: dict[int, Job] = {}
     rule, failed, indent = "", False, 0
     fields: dict[str, str] = {}
@@ -83,7 +83,7 @@ def read_jobs(lines: Iterable[str]) -> list[Job]:
 
 
 def jobs_of(folder: Path, log: str) -> list[Job]:
-    """Jobs of the call that wrote a log; none where it is gone."""
+    """Return the jobs in a log file; empty if the file is missing."""
     try:
         return read_jobs((folder / LOGS / log).read_text(encoding="utf-8", errors="replace").splitlines())
     except OSError:
@@ -95,7 +95,7 @@ def logs_in(folder: Path) -> set[str]:
 
 
 def latest_log(folder: Path) -> list[str]:
-    """The log of the last call; none where there was none."""
+    """Return a list with the name of the last log, or an empty list."""
     return [
         path.name
         for path in sorted((folder / LOGS).glob("*.snakemake.log"), key=lambda path: path.stat().st_mtime)[-1:]

@@ -1,4 +1,4 @@
-"""Processes of a run: the lock of its folder, and jobs that outlived a run that was killed."""
+"""Processes of a run: lock of the folder, and remaining jobs of a killed run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import psutil
 
 from polarsim.errors import PolarsimError
 
-MARK = "POLARSIM_RUN"  # environment variable of all processes of a run, with the folder as value
+MARK = "POLARSIM_RUN"  # environment variable of all processes of a run; the value is the folder
 OWNER = ".snakemake/polarsim_run.pid"  # contains a pid while a run is active, and after it was killed
 _LOCKS = ".snakemake/locks"  # of Snakemake
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
@@ -28,7 +28,7 @@ def owned(folder: Path) -> Iterator[bool]:
     Raises
     ------
     PolarsimError
-        Another run has locked the folder, or a Snakemake that was not started by `polarsim run`.
+        The folder is locked by another run, or by a Snakemake that was not started by `polarsim run`.
     """
     path = folder / OWNER
     with path.open("a+") as file:
@@ -36,7 +36,9 @@ def owned(folder: Path) -> Iterator[bool]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             file.seek(0)
-            raise PolarsimError(f"polarsim run is active here (pid {file.read().strip()})", path=folder) from error
+            raise PolarsimError(
+                f"polarsim run is active in this folder (pid {file.read().strip()})", path=folder
+            ) from error
         file.seek(0)
         killed = bool(file.read().strip())
         if is_locked(folder) and not killed:
@@ -51,25 +53,25 @@ def owned(folder: Path) -> Iterator[bool]:
 
 
 def is_locked(folder: Path) -> bool:
-    """Return whether a Snakemake has locked a folder, or was killed there."""
+    """Return whether a folder has locks of Snakemake, active or killed."""
     return any((folder / _LOCKS).glob("*.lock"))
 
 
 def die_with_parent() -> None:
-    """Have Linux kill this process when its parent ends; on other systems, the next run ends it."""
+    """Let Linux kill this process when the parent ends; on other systems, the next run ends this process."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def marked(folder: Path) -> list[psutil.Process]:
-    """Return the processes on this machine that work for the run of a folder, without this one and its parents."""
-    own = {process.pid for process in (psutil.Process(), *psutil.Process().parents())}
-    found = [process for process in psutil.process_iter(["environ"]) if process.pid not in own]
+    """Return the processes of the run of a folder on this machine, without this process and its parents."""
+    excluded = {process.pid for process in (psutil.Process(), *psutil.Process().parents())}
+    found = [process for process in psutil.process_iter(["environ"]) if process.pid not in excluded]
     return [process for process in found if (process.info["environ"] or {}).get(MARK) == str(folder)]
 
 
 def end(folder: Path) -> int:
-    """End all processes that work for the run of a folder; return their number."""
+    """End all processes of the run of a folder; return their number."""
     found = marked(folder)
     for process in found:
         with suppress(psutil.NoSuchProcess):

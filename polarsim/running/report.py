@@ -1,4 +1,4 @@
-"""Snakemake's own report of a run, of the files that the run has."""
+"""Snakemake's report of the existing files of a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def write_report(run: Path, files: Sequence[Path], page: Path, cores: int) -> None:
-    """Write Snakemake's report of the tables and figures that a run has.
+    """Write Snakemake's report of the existing tables and figures of a run.
 
     Parameters
     ----------
@@ -32,20 +32,20 @@ def write_report(run: Path, files: Sequence[Path], page: Path, cores: int) -> No
     Raises
     ------
     PolarsimError
-        Snakemake fails: one line with its reason.
+        Snakemake failed.
     """
     configured = ["--configfile", *map(str, files)]
     rows = [line.split("\t") for line in _snakemake(run, "--summary", *configured).splitlines()[1:]]
     made = [row[0] for row in rows if len(row) == 6 and row[4] != "missing"]
     shown = [path for path in made if Path(path).parent in (run, run / "tables", run / "figures")]
     # Without targets Snakemake's report needs every file of a complete run.
-    whole = len(made) == sum(len(row) == 6 for row in rows)
-    targets = [] if whole else [path for path in shown if Path(path).suffix in (".csv", ".png", ".html")]
+    is_complete = len(made) == sum(len(row) == 6 for row in rows)
+    targets = [] if is_complete else [path for path in shown if Path(path).suffix in (".csv", ".png", ".html")]
     _snakemake(run, *targets, "--cores", str(cores), *configured, "--report", str(page))
 
 
 def warn_of_other_configurations(tables: Sequence[Path], digest: str) -> None:
-    """Log a warning of tables that were made with another configuration than the one with this digest."""
+    """Log a warning about tables of other configurations than the configuration with this digest."""
     others = []
     for path in tables:
         with path.open(encoding="utf-8", newline="") as file:
@@ -53,7 +53,7 @@ def warn_of_other_configurations(tables: Sequence[Path], digest: str) -> None:
         others += [] if made_with == digest else [path.name]
     if others:
         _LOG.warning(
-            "%d tables were made with another configuration than this one, polarsim run makes them anew: %s",
+            "%d tables belong to another configuration; repeat polarsim run to update: %s",
             len(others),
             ", ".join(others),
         )

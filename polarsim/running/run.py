@@ -1,9 +1,8 @@
 """Run the workflow: checks, Snakemake, a summary. The same command resumes a run that was stopped.
 
-Snakemake schedules, retries and resumes jobs. This module adds checks before the start, an end that leaves no process
-behind, and one thing that Snakemake does not remember: a job that was repeated with another option and was stopped has
-lost its output. If only intermediate files depend on that output, Snakemake considers the run complete, with files of
-the former option.
+Snakemake schedules, retries and resumes jobs. This module adds checks before the start, terminates all processes at the
+end, and stores lost outputs: a job that is repeated with another option and stopped has lost its output. If later files
+still exist, Snakemake considers the run complete, although these files belong to the former option.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
 from polarsim.running.targets import refuse_unknown, targets_of
 
 STOPPED = 130
-UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of jobs that were started and did not end
-MISSING = "missing.md"  # in the run's folder, while something of it is missing
+UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of unfinished jobs
+MISSING = "missing.md"  # in the folder of an incomplete run
 _STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
 _LATENCY = ("--latency-wait", "10")
-_REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # two at work in one folder, half-written files
+_REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # concurrent runs of a folder, incomplete files
 _DRY = {"-n", "--dry-run", "--dryrun"}
 _GRACE_S = 30.0  # for Snakemake to cancel the jobs that it submitted to a cluster
 _POLL_S = 0.2  # between checks for a signal
@@ -42,18 +41,18 @@ _POLL_S = 0.2  # between checks for a signal
 
 @dataclass(frozen=True)
 class Call:
-    """What a user asks for: targets, files and settings of the configuration, cores, words for Snakemake itself."""
+    """Arguments of `polarsim run`: targets, configuration files and settings, cores, options of Snakemake."""
 
     targets: tuple[str, ...]
     configfiles: tuple[Path, ...]
     settings: tuple[str, ...]
-    cores: int | None = None  # None: two, or what a profile says
+    cores: int | None = None  # None: two, or from the profile
     rest: tuple[str, ...] = ()
 
     def words(self) -> list[str]:
-        """The call of Snakemake. Targets come first: options of many values swallow what follows them.
+        """Return the arguments of Snakemake. Targets are first, because options with several values consume targets.
 
-        A profile's own wait for files stands: nodes of a cluster see each other's later than one machine does.
+        The latency of a profile is not replaced, because files of other nodes of a cluster appear later.
         """
         profiled = any(word.partition("=")[0] == "--profile" for word in self.rest)
         cores = [] if profiled and self.cores is None else ["--cores", str(self.cores or 2)]
@@ -61,12 +60,12 @@ class Call:
         return [*self.targets, *cores, *_FIXED, *latency, *self.configured(), *self.rest]
 
     def configured(self) -> list[str]:
-        """Return the words that name the configuration."""
+        """Return the arguments that define the configuration."""
         files = ["--configfile", *map(str, self.configfiles)] if self.configfiles else []
         return [*files, *(["--config", *self.settings] if self.settings else [])]
 
     def config(self) -> Config:
-        """Return the configuration as Snakemake puts it together."""
+        """Return the merged configuration."""
         return read_configs(self.configfiles, self.settings)
 
 
@@ -81,15 +80,15 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
     Raises
     ------
     CallError
-        Snakemake does not accept the words, or no rule makes a target.
+        Snakemake does not accept the arguments, or a target is not the output of a rule.
     PolarsimError
         The run cannot start: too little space, no permission, another run in this folder, an invalid configuration.
     """
     folder = Path.cwd().resolve()
     if not (folder / "Snakefile").exists():
-        raise PolarsimError("no Snakefile here: start in the clone", path=folder)
+        raise PolarsimError("no Snakefile in this folder: start in the clone", path=folder)
     if refused := _REFUSED.intersection(call.rest):
-        raise ConfigError(f"{sorted(refused)[0]}: polarsim run never does that")
+        raise ConfigError(f"{sorted(refused)[0]}: not allowed with polarsim run")
     targets = targets_of(call.targets, call.rest)
     config = call.config()
     check_paths(config)
@@ -108,7 +107,7 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
         for place in made:
             disk.refuse_full(place, needed)
         code = _run_owned(folder, call, results)
-    if code == 0:  # the workflow stores it when it starts jobs: here for a run that was complete before
+    if code == 0:  # without jobs, the workflow does not store the configuration
         store_config(config, results)
     return code
 
@@ -116,15 +115,15 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
 def _tidy(folder: Path, results: Path) -> None:
     """End the jobs of a run that was killed, and remove their unfinished files."""
     if count := cluster.end_submitted(folder):
-        _say(f"{count} jobs of an earlier run were still with SLURM: cancelled")
+        _say(f"{count} SLURM jobs of an earlier run cancelled")
     if count := processes.end(folder):
-        _say(f"{count} processes of an earlier run were still active: ended")
+        _say(f"{count} processes of an earlier run ended")
     disk.remove_leftovers(results)
 
 
 def _run_owned(folder: Path, call: Call, results: Path) -> int:
     lost = _lost_outputs(folder, call)
-    if processes.is_locked(folder):  # by a run that was killed: `owned` raises otherwise
+    if processes.is_locked(folder):  # by a killed run: `owned` raises for an active run
         subprocess.run(_snakemake(*call.words(), "--unlock"), capture_output=True, check=False)
     before = logs_in(folder)
     code, stopped = _supervise(folder, _snakemake(*call.words(), *(["--forcerun", *lost] if lost else [])))
@@ -138,7 +137,7 @@ def _run_owned(folder: Path, call: Call, results: Path) -> int:
 def _supervise(folder: Path, words: Sequence[str]) -> tuple[int, bool]:
     """Run Snakemake in its own process group; return its exit code and whether a signal stopped it.
 
-    Any of `_STOPS` becomes SIGINT for the group, as Ctrl-C in a terminal. At the end the whole group is killed.
+    Each of `_STOPS` sends SIGINT to the group, like Ctrl-C in a terminal. At the end the group is killed.
     """
     caught: list[int] = []
     before = {number: signal.signal(number, lambda number, _: caught.append(number)) for number in _STOPS}
@@ -166,17 +165,17 @@ def _snakemake(*words: str) -> list[str]:
 
 
 def _lost_outputs(folder: Path, call: Call) -> list[str]:
-    """Return the requested outputs that jobs were repeating when they were stopped, and that are missing since."""
+    """Return the requested outputs that are missing because a repeated job was stopped."""
     started = [job for log in latest_log(folder) for job in jobs_of(folder, log) if not job.finished]
-    gone = sorted(path for path in {*_remembered(folder), *_outputs(started)} if not (folder / path).exists())
-    if not gone:
+    missing = sorted(path for path in {*_remembered(folder), *_outputs(started)} if not (folder / path).exists())
+    if not missing:
         return []
-    asked_for = {name for name, _, _ in _summary(call)}
-    return [path for path in gone if path in asked_for]
+    requested = {name for name, _, _ in _summary(call)}
+    return [path for path in missing if path in requested]
 
 
 def _summary(call: Call) -> list[tuple[str, str, bool]]:
-    """Return the files of a call and all files behind them: the name, the rule, whether it exists."""
+    """Return (name, rule, whether it exists) of the targets of a call and of all files that they depend on."""
     done = subprocess.run(_snakemake(*call.words(), "--summary"), capture_output=True, text=True, check=False)
     rows = [line.split("\t") for line in done.stdout.splitlines()[1:] if line.count("\t") == 5]
     return [(name, rule, status != "missing") for name, _, rule, _, status, _ in rows]
@@ -208,10 +207,10 @@ def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: 
     page = results / MISSING
     if code == 0:
         page.unlink(missing_ok=True)
-        _say(f"{len(made)} jobs done, all that was asked for is there")
+        _say(f"{len(made)} jobs done, all requested files exist")
         return
     if not jobs and code > 0 and not stopped:
-        _say("no job was started, for the reason that snakemake gives above")
+        _say("no job was started; see the error of Snakemake above")
         return
     lines = [f"{len(made)} jobs done, {'stopped' if stopped else f'{len(failed)} failed'}"]
     lines += [f"{_named(job)} failed: {job.reason(folder)}  (log: {job.log})" for job in failed]
@@ -219,15 +218,15 @@ def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: 
         lines.append(f"snakemake was killed by signal {-code}")
     free = disk.free_bytes(results)
     if free < disk.NEARLY_FULL_BYTES:
-        lines.append(f"the disk of {results} is full, {free / 1e6:.0f} MB are free")
+        lines.append(f"the disk of {results} is full, {free / 1e6:.0f} MB free")
     if not stopped and failed:
         lines += _missing(call)
-    lines.append("the same command goes on from here" + (", once the cause is mended" if failed else ""))
+    lines.append("the same command resumes the run" + (" after the error is corrected" if failed else ""))
     for line in lines:
         _say(line)
     try:
-        write_text(page, "# What is missing of this run, and why\n\n" + "".join(f"- {line}\n" for line in lines))
-    except PolarsimError as error:  # the disk is full: it was said on the terminal
+        write_text(page, "# Missing files of this run and causes\n\n" + "".join(f"- {line}\n" for line in lines))
+    except PolarsimError as error:  # the disk is full: the lines are also on the terminal
         _say(str(error))
 
 
@@ -237,13 +236,15 @@ def _named(job: Job) -> str:
 
 def _missing(call: Call) -> list[str]:
     """Return the number of missing files of each terrain, and of all terrains together."""
-    there, gone = Counter[str](), Counter[str]()
-    for name, rule, is_there in _summary(call):
-        part = Job(rule, 0, (name,), "", "").terrain or "of all terrains together"
-        (there if is_there else gone)[part] += 1
+    existing, missing = Counter[str](), Counter[str]()
+    for name, rule, exists in _summary(call):
+        part = Job(rule, 0, (name,), "", "").terrain or "all terrains"
+        (existing if exists else missing)[part] += 1
     return [
-        f"{part}: {gone[part]} of {gone[part] + there[part]} files are missing" if gone[part] else f"{part}: complete"
-        for part in sorted({*there, *gone})
+        f"{part}: {missing[part]} of {missing[part] + existing[part]} files missing"
+        if missing[part]
+        else f"{part}: complete"
+        for part in sorted({*existing, *missing})
     ]
 
 

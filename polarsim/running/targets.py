@@ -1,4 +1,4 @@
-"""Targets and words for Snakemake, checked before Snakemake starts."""
+"""Checks of targets and options of Snakemake before Snakemake starts."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pathlib import Path
 from polarsim.errors import PolarsimError
 
 _RULE = re.compile(r"^(?:    )?rule (\w+):\n((?:(?:    )?    .*\n|\n)*)", re.MULTILINE)
-_OWN = {  # options of Snakemake that `polarsim run` has itself, under one name
+_OWN = {  # options of Snakemake that are also options of `polarsim run`
     "configfile": "--configfile FILE, repeated for each file",
     "config": "--config KEY=VALUE, repeated for each key",
 }
 
 
 class CallError(PolarsimError):
-    """A call of `polarsim run` that is a usage error."""
+    """Usage error of `polarsim run`."""
 
 
 def targets_of(targets: Sequence[str], rest: Sequence[str]) -> list[str]:
@@ -29,14 +29,14 @@ def targets_of(targets: Sequence[str], rest: Sequence[str]) -> list[str]:
     Parameters
     ----------
     targets
-        Words in front of the first option of Snakemake.
+        Words before the first option of Snakemake.
     rest
-        That option and all further words: options, their values, targets.
+        The first option of Snakemake and all following words: options, values, targets.
 
     Raises
     ------
     CallError
-        Snakemake does not take the words, or a word is a key or a file of the configuration.
+        Snakemake does not accept the words, or a word is a key or a file of the configuration.
     """
     found = list(targets)
     if rest:
@@ -47,14 +47,14 @@ def targets_of(targets: Sequence[str], rest: Sequence[str]) -> list[str]:
         found += parsed.targets
     for word in found:
         if "=" in word and "/" not in word.partition("=")[0]:
-            raise CallError(f"{word!r} is no target: expected --config {word}")
+            raise CallError(f"{word!r} is not a target: expected --config {word}")
         if word.endswith((".yaml", ".yml")) and not word.startswith("results/"):
-            raise CallError(f"{word!r} is a configuration file, no target: expected --configfile {word} for each file")
+            raise CallError(f"{word!r} is a configuration file: expected --configfile {word} for each file")
     return found
 
 
 def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: Sequence[str]) -> None:
-    """End where no rule makes a target.
+    """Raise `CallError` if no rule creates a target.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
     targets
         Names of rules, and files.
     configured
-        Words of Snakemake that name the configuration.
+        Options of Snakemake that define the configuration.
 
     Raises
     ------
     CallError
-        A target is no stage, a file of another run, or a file that no rule makes.
+        A target is not a stage, belongs to another run, or is not the output of a rule.
     """
     names = [word for word in targets if "/" not in word and "." not in word]
     stages, known = _rules(folder)
@@ -78,22 +78,24 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
         if name not in known:
             near = get_close_matches(name, sorted(known), n=1)
             hint = f"did you mean {near[0]}? " if near else ""
-            raise CallError(f"{name!r} is no target; {hint}Stages: {', '.join(stages)}")
+            raise CallError(f"{name!r} is not a target; {hint}Stages: {', '.join(stages)}")
     for file in targets:
         parts = Path(file).parts
         if file in names or (folder / file).exists():
             continue
         if parts[:1] == ("results",) and len(parts) > 2 and parts[1] != run:
             raise CallError(
-                f"{file} is of run {parts[1]!r}, the configuration of run {run!r}: name that of {parts[1]!r} with "
-                f"--configfile, or add --config run={parts[1]}"
+                f"{file} belongs to run {parts[1]!r}, the configuration to run {run!r}: add --configfile with the "
+                f"configuration of {parts[1]!r}, or --config run={parts[1]}"
             )
         if not _is_made(file, configured):
-            raise CallError(f"{file}: no rule makes it with this configuration; docs/formats.md lists a run's files")
+            raise CallError(
+                f"{file}: not an output of a rule with this configuration; docs/formats.md lists the files of a run"
+            )
 
 
 def _parsed(words: Sequence[str]) -> argparse.Namespace:
-    """Parse words as Snakemake does; options that its parser does not have are left to its plugins."""
+    """Parse words like Snakemake; unknown options are ignored, because plugins may define them."""
     from snakemake.cli import get_argument_parser
 
     def refuse(message: str) -> None:
@@ -106,7 +108,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _rules(folder: Path) -> tuple[list[str], set[str]]:
-    """Return the names of the rules without outputs, which are the stages, and of all rules."""
+    """Return the names of the stages (rules without outputs) and of all rules."""
     files = [folder / "Snakefile", folder / "workflow/Snakefile", *(folder / "workflow/rules").glob("*.smk")]
     found = [match for file in files if file.exists() for match in _RULE.findall(file.read_text(encoding="utf-8"))]
     stages = [name for name, body in found if not re.search(r"^\s+output:", body, re.MULTILINE)]
@@ -114,7 +116,7 @@ def _rules(folder: Path) -> tuple[list[str], set[str]]:
 
 
 def _is_made(file: str, call: Sequence[str]) -> bool:
-    """Return whether a rule makes a file; other errors are reported by the run."""
+    """Return whether a file is the output of a rule; other errors are reported by the run."""
     words = [sys.executable, "-m", "snakemake", file, "--summary", *call]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     return done.returncode == 0 or "MissingRuleException" not in done.stdout + done.stderr

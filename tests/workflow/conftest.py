@@ -18,8 +18,8 @@ SMALL = {
     "terrains": [1],
     "positions": ["A", "C"],
     "source": {"kind": "analog", "root": "data/analog"},
-    "analog": {"ground_step_mm": 20, "rock_detail": 4, "scan_step_deg": 0.15},  # a fourth of the points of a scan
-    "rocks": {"rock_cell_mm": 8, "ground_mesh_cell_mm": 30},
+    "analog": {"ground_step_mm": 20, "rock_detail": 3, "scan_step_deg": 0.2},  # an eighth of the points of a scan
+    "rocks": {"rock_cell_mm": 8, "ground_mesh_cell_mm": 40},
     "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [128, 256]},
     "render": {"models": ["hapke"]},
     "detect": {
@@ -67,18 +67,21 @@ def checkout(tmp_path: Path, make_checkout) -> Path:
 
 @pytest.fixture(scope="session")
 def snakemake(tmp_path_factory) -> Callable[..., subprocess.CompletedProcess]:
-    """Run Snakemake in a folder; the library of that folder is the one that counts, where it has one.
+    """Run Snakemake in a folder, with the library of this folder if it has one.
 
-    `PYTHONHASHSEED` in its environment gives every job an interpreter of its own.
+    A `PYTHONHASHSEED` in the environment has a server with this seed.
     """
-    server = forked.Server(tmp_path_factory.mktemp("forked") / "server")
+    servers: dict[str | None, forked.Server] = {}
 
     def run(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess:
         library = folder if (folder / "polarsim").is_dir() else CHECKOUT
         words = ["--cores", "1", *arguments]
         environment = {**os.environ, "PYTHONPATH": str(library), **environment}
-        if library == CHECKOUT and "PYTHONHASHSEED" not in environment:
-            return server.call(folder, words, environment)
+        if library == CHECKOUT:
+            hash_seed = environment.get("PYTHONHASHSEED")
+            if hash_seed not in servers:
+                servers[hash_seed] = forked.Server(tmp_path_factory.mktemp("forked") / "server", hash_seed)
+            return servers[hash_seed].call(folder, words, environment)
         return subprocess.run(
             [sys.executable, "-m", "snakemake", *words],
             cwd=folder, env=environment, capture_output=True, text=True, timeout=forked.LONGEST_S,

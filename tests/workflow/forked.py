@@ -27,10 +27,11 @@ LATE = ("open3d", "snakemake.cli", "torch._dynamo")  # which functions import wh
 
 
 class Server:
-    """A process that forks, with all that scripts import; started by the first call, ended with this process."""
+    """A process that has imported the modules of all scripts and forks; starts at the first call, ends with pytest."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, hash_seed: str | None = None) -> None:
         folder.mkdir()
+        self._environment = os.environ | ({} if hash_seed is None else {"PYTHONHASHSEED": hash_seed})
         self._place = tempfile.TemporaryDirectory(prefix="forked")  # a socket's path has 107 characters at most
         self.address, self.python = Path(self._place.name, "socket"), folder / "python"
         # A client must start soon: no site, no environment of its own.
@@ -42,7 +43,9 @@ class Server:
     def call(self, folder: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
         """What `snakemake ARGUMENTS` in a folder returns and prints."""
         if self._process is None:
-            self._process = subprocess.Popen([sys.executable, "-c", _SERVE, str(self.address)], cwd=CHECKOUT)
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _SERVE, str(self.address)], cwd=CHECKOUT, env=self._environment
+            )
             atexit.register(self._process.kill)
             while not self.address.exists():
                 assert self._process.poll() is None, "the server that forks ended at its start"
