@@ -1,4 +1,4 @@
-"""The manual as a site: `make docs` builds it. Nothing is fetched, and what can be read off the code is made here."""
+"""Sphinx configuration of the manual (`make docs`); works offline."""
 
 import sys
 from pathlib import Path
@@ -20,12 +20,12 @@ html_css_files = ["tables.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_show_copyright = False
-smartquotes = False  # two dashes are an option
+smartquotes = False  # keep the dashes of options
 
 myst_heading_anchors = 4
 myst_links_external_new_tab = True
 
-# Docstrings are plain text: a word in single backticks is code, and `generated` takes markup out of the rest.
+# Docstrings are plain text: words in single backticks are code, and `generated` escapes all other markup.
 default_role = "literal"
 autodoc_default_options = {"members": True, "undoc-members": True, "member-order": "bysource"}
 autodoc_typehints = "signature"
@@ -38,7 +38,7 @@ napoleon_use_param = False
 napoleon_use_rtype = False
 add_module_names = False
 
-# Pictures of the gallery are drawn by the code beside them, at every build.
+# Each build runs the code of the gallery to create its images.
 plot_include_source = True
 plot_html_show_source_link = False
 plot_html_show_formats = False
@@ -47,7 +47,7 @@ plot_rcparams = {"figure.figsize": (7, 4), "savefig.bbox": "tight", "font.size":
 
 
 def setup(app):
-    """Let generated text into the pages that ask for it, and docstrings through as plain text."""
+    """Connect the generators of text and the conversion of docstrings."""
     app.connect("source-read", generated.fill_page)
     app.connect("autodoc-process-docstring", generated.plain_docstring, priority=400)  # before napoleon reads it
     app.connect("autodoc-skip-member", generated.without_inherited)

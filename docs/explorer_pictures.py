@@ -1,8 +1,8 @@
-"""The pictures of the explorer in the gallery, from a finished run and Chromium.
+"""Create the images of the explorer for the gallery, from a finished run with Chromium.
 
     python docs/explorer_pictures.py results/RUN docs/gallery
 
-Every picture is a state of the page, written as its address has it.
+Each image shows the page at an address that encodes its state.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from polarsim.explore.site import site
 from polarsim.run_files.run import Run
 
 SIZE = {"width": 1100, "height": 640}  # px
-LONGEST = 60_000  # ms until a view is drawn
+LONGEST = 60_000  # maximum time to draw a view, ms
 WEBGL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-# By file: the state, and what is there once it is drawn. KEY: a photo of the run, ROCK: a rock in it.
+# By file: state of the page, and a selector that matches the finished view. KEY: a photo, ROCK: a rock in the photo.
 STATES = {
     "photos": ("view=photos&f.camera=L", ".tile img"),
     "compare": (
@@ -38,7 +38,7 @@ STATES = {
 
 
 def write_pictures(folder: Path, out: Path) -> None:
-    """Write a WebP file of every state that the run has."""
+    """Write a WebP file for each state with data in the run."""
     run = Run.at(folder)
     key = next(str(key) for domain, key in run.pictures if domain == "photo" and key.azimuth == "30")
     labels = run.labels(run.terrains[0])

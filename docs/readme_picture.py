@@ -1,8 +1,8 @@
-"""The picture of the README from the strip of a finished run: `make picture` after `make demo`.
+"""Create the image of the README from a finished run: `make picture` after `make demo`.
 
     python docs/readme_picture.py results/demo/figures/strip docs/comparison.jpg
 
-Four panels, two by two: the photo, its twin, how they differ, and the labels that the run propagated.
+Four panels, two by two: photo, twin, difference and propagated labels.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from polarsim.formats.files import read_json
 from polarsim.run_files.pictures import STRIP_TEXT
 
 PANELS = ("photo", "twin", "difference", "labels")
-WIDTH, GAP, TITLE = 600, 8, 24  # px: of a panel, between panels, of a title's line
+WIDTH, GAP, TITLE = 600, 8, 24  # width of a panel, gap between panels, height of a title, px
 
 
 def write_picture(strip: Path, out: Path) -> None:
-    """Write the panels that a strip has as one picture; a strip lacks those that its run does not make."""
+    """Write all available panels of a strip as an image."""
     content = read_json(strip / STRIP_TEXT)
     captions = {name: caption.partition(";")[0] for name, caption in content["panels"]}
     names = [name for name in PANELS if name in captions]
