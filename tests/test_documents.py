@@ -1,4 +1,4 @@
-"""What the documents say holds: commands run or parse, configurations are accepted, keys, links and paths exist."""
+"""Documents agree with the code: commands run or parse, configurations are valid, keys, links and paths exist."""
 
 import argparse
 import os
@@ -35,8 +35,8 @@ DOCUMENTS = [
     *sorted((CHECKOUT / "docs").rglob("*.md")),
 ]
 SHELL = {"sh", "bash", "console", "shell"}
-QUICK = {"brdf", "rules", "schema"}  # commands of polarsim that need no files and take a second
-ELSEWHERE = {"pip", "source", "cd", "apptainer", "docker"}  # programs that are not ours
+QUICK = {"brdf", "rules", "schema"}  # commands of polarsim without input files that run within a second
+ELSEWHERE = {"pip", "source", "cd", "apptainer", "docker"}  # programs of other projects
 FILES = {".csv", ".json", ".md", ".parquet", ".png", ".smk", ".yaml"}
 PATH = re.compile(r"(docs|config|benchmarks|polarsim|workflow|tests)/[\w./*-]+")
 
@@ -50,27 +50,27 @@ def inline_tokens(path: Path) -> list[Token]:
 
 
 def code_of(path: Path) -> list[str]:
-    """Code within the lines of a document."""
+    """Return the inline code of a document."""
     return [token.content for token in inline_tokens(path) if token.type == "code_inline"]
 
 
 def commands_of(path: Path) -> list[str]:
-    """Command lines of a document's shell blocks, variables that a block sets put in."""
-    found = []
+    """Return the command lines in the shell blocks of a document, with the variables of the block replaced."""
+    commands = []
     for token in tokens_of(path):
         fenced = token.type == "fence" and token.info.strip() in SHELL
         if not fenced and token.type != "code_block" and not (token.type == "fence" and not token.info):
             continue
         variables: dict[str, str] = {}
         for line in token.content.replace("\\\n", " ").splitlines():
-            told = Template(line.strip().removeprefix("$ ")).safe_substitute(variables)
-            words = shlex.split(told, comments=True)
+            command = Template(line.strip().removeprefix("$ ")).safe_substitute(variables)
+            words = shlex.split(command, comments=True)
             if len(words) == 1 and re.fullmatch(r"\w+=.*", words[0]):
                 name, _, variables[name] = words[0].partition("=")
             elif words:
-                assert fenced or program(told) in CHECKS, f"{path}: a block without a language holds {line!r}"
-                found.append(told)
-    return found
+                assert fenced or program(command) in CHECKS, f"{path}: a block without a language contains {line!r}"
+                commands.append(command)
+    return commands
 
 
 def program(command: str) -> str:
@@ -79,12 +79,12 @@ def program(command: str) -> str:
 
 
 def arguments_of(command: str) -> list[str]:
-    """What follows the program, braces spread out as a shell does."""
+    """Return the arguments of a command, with braces expanded as in a shell."""
     words = [word for word in shlex.split(command, comments=True) if not re.match(r"[A-Z_]+=", word)][1:]
     spread = []
     for word in words:
         braces = re.fullmatch(r"([^{]*)\{([\w,]+)\}(.*)", word)
-        spread += [braces[1] + one + braces[3] for one in braces[2].split(",")] if braces else [word]
+        spread += [braces[1] + part + braces[3] for part in braces[2].split(",")] if braces else [word]
     return spread
 
 
@@ -105,12 +105,12 @@ def check_polarsim(arguments: list[str]) -> None:
 
 
 def check_snakemake(arguments: list[str]) -> None:
-    """Options parse, the configuration is accepted, targets are rules or files that a rule makes."""
+    """Check that options parse, the configuration is valid, and targets are rules or outputs of rules."""
     given = get_argument_parser().parse_args(arguments)
     merged: dict = {}
     named = [CHECKOUT / file for file in given.configfile or ()]
-    own = [file for file in named if file.parent.name == "config" or file.exists()]  # others are the reader's own
-    for file in [*(CHECKOUT / base for base in base_of(own)), *own]:
+    shipped = [file for file in named if file.parent.name == "config" or file.exists()]  # without files of the reader
+    for file in [*(CHECKOUT / base for base in base_of(shipped)), *shipped]:
         update_config(merged, yaml.safe_load(file.read_text()))
     update_config(merged, parse_config(given.config))
     run = config.parse_config(merged).run
@@ -133,7 +133,7 @@ def rules() -> set[str]:
 
 @cache
 def outputs(run: str) -> list[re.Pattern]:
-    """Patterns of the files that rules name below `results/`; `run` is this run or one of the reader's own."""
+    """Return patterns of the outputs of rules in `results/`; `run` is this run or a run of the reader."""
     texts = [path.read_text() for path in (CHECKOUT / "workflow/rules").glob("*.smk")]
     names = {name for text in texts for name in re.findall(r'"(results/\{+run\}+/[^"]+)"', text)}
     return [re.compile(re.sub(r"\\\{+\w+\\\}+", "[^/]+", re.escape(name))) for name in sorted(names)]
@@ -149,29 +149,29 @@ def check_python(arguments: list[str]) -> None:
     script, *rest = arguments
     text = (CHECKOUT / script).read_text()
     if "argparse" in text:
-        read_by_its_parser(script, rest)
+        parse_with_parser_of(script, rest)
     for word in rest:
         if word.startswith("--"):
             assert f'"{word.partition("=")[0]}"' in text, word
 
 
-def read_by_its_parser(script: str, arguments: list[str]) -> None:
-    """Let a script read its arguments, and end it there."""
+def parse_with_parser_of(script: str, arguments: list[str]) -> None:
+    """Run a script until the arguments are parsed."""
 
-    class ReadError(Exception):
+    class ParsedError(Exception):
         pass
 
-    reads = argparse.ArgumentParser.parse_args
+    parse = argparse.ArgumentParser.parse_args
 
     def parse_args(self, *given, **named):
-        reads(self, *given, **named)
-        raise ReadError
+        parse(self, *given, **named)
+        raise ParsedError
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [script, *arguments])
         patch.setattr(sys, "path", [str(CHECKOUT / "benchmarks"), str(CHECKOUT), *sys.path])
         patch.setattr(argparse.ArgumentParser, "parse_args", parse_args)
-        with pytest.raises(ReadError):
+        with pytest.raises(ParsedError):
             runpy.run_path(str(CHECKOUT / script), run_name="__main__")
 
 
@@ -180,70 +180,70 @@ COMMANDS = sorted({command for path in DOCUMENTS for command in commands_of(path
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_of_a_block_runs_or_parses(command, tmp_path, monkeypatch):
+def test_commands_in_code_blocks_run_or_parse(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     if program(command) not in ELSEWHERE:
         CHECKS[program(command)](arguments_of(command))
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(CHECKOUT)))
-def test_commands_named_in_passing_are_there(path):
+def test_commands_in_the_text_exist(path):
     group = typer.main.get_command(app)
     for code in code_of(path):
         words = code.split()
         if words[0] == "polarsim" and len(words) > 1 and not words[1].isupper() and not words[1].startswith("-"):
             command = group.commands[words[1]]
-            known = {name for one in command.params for name in (*one.opts, *one.secondary_opts)} | {"--help"}
+            known = {name for option in command.params for name in (*option.opts, *option.secondary_opts)} | {"--help"}
             assert {word for word in words if word.startswith("--")} <= known, code
         if words[0] in ("make", "python", "snakemake") and len(words) > 1:
             CHECKS[words[0]](arguments_of(code))
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(CHECKOUT)))
-def test_links_anchors_and_paths_lead_somewhere(path):
+def test_links_anchors_and_paths_exist(path):
     for token in inline_tokens(path):
         target = token.attrGet("href") if token.type == "link_open" else token.attrGet("src")
         if target and not re.match(r"\w+:", str(target)):
             file, _, anchor = str(target).partition("#")
-            found = (path.parent / file).resolve() if file else path
-            assert found.exists(), target
-            assert not anchor or anchor in anchors(found), target
+            linked = (path.parent / file).resolve() if file else path
+            assert linked.exists(), target
+            assert not anchor or anchor in anchors(linked), target
     for code in code_of(path):
         if PATH.fullmatch(code) and not re.search(r"NN|TT|/$", code):
             assert list(CHECKOUT.glob(code)), code
 
 
 def anchors(path: Path) -> set[str]:
-    """Anchors of a page's headings, by the rule of those who show Markdown."""
+    """Return the anchors of the headings of a page, as MyST and GitHub form them."""
     tokens = tokens_of(path)
     titles = [tokens[at + 1] for at, token in enumerate(tokens) if token.type == "heading_open"]
     texts = ["".join(child.content for child in title.children or ()) for title in titles]
-    own = {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in texts}
+    headings = {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in texts}
     parts = [token.info.split()[1] for token in tokens if token.info.startswith("{include}")]
-    return own.union(*(anchors(path.parent / part) for part in parts))
+    return headings.union(*(anchors(path.parent / part) for part in parts))
 
 
-def test_configurations_shown_are_accepted():
+def test_configurations_in_code_blocks_are_valid():
     shown = 0
     for path in DOCUMENTS:
         for token in tokens_of(path):
             content = yaml.safe_load(token.content) if token.type == "fence" and token.info.strip() == "yaml" else None
             if isinstance(content, dict) and set(content) <= set(config.Config.model_fields):
-                whole = yaml.safe_load((CHECKOUT / "config/polar.yaml").read_text())
-                update_config(whole, content)
-                config.parse_config(whole)
+                merged = yaml.safe_load((CHECKOUT / "config/polar.yaml").read_text())
+                update_config(merged, content)
+                config.parse_config(merged)
                 shown += 1
     assert shown >= 5
 
 
 def keyed(model: type[BaseModel], names: list[str]) -> bool:
-    """Whether a path of names leads to a key of a configuration, through names that the reader gives too."""
+    """Return whether a path of names is a key of the configuration; dictionary keys may have any name."""
     if names[0] not in model.model_fields:
         return False
     annotation = model.model_fields[names[0]].annotation
     rest = names[2:] if get_origin(annotation) is dict else names[1:]
     below = list(models_in(annotation))
-    return not rest or any(keyed(one, rest) for one in below)
+    return not rest or any(keyed(part, rest) for part in below)
 
 
 def models_in(annotation: object) -> Iterator[type[BaseModel]]:
@@ -254,7 +254,7 @@ def models_in(annotation: object) -> Iterator[type[BaseModel]]:
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(CHECKOUT)))
-def test_keys_and_modules_named_are_there(path):
+def test_keys_and_modules_in_the_text_exist(path):
     for code in code_of(path):
         if re.fullmatch(r"polarsim(\.\w+)+", code):
             module, _, name = code.rpartition(".")
@@ -269,7 +269,7 @@ def test_keys_and_modules_named_are_there(path):
 
 @pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path):
-    """Every page, generated ones and the gallery's code too; `make docs` makes the same call."""
+    """Build all pages as `make docs` does, with generated text and the code of the gallery."""
     build = ("-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html")
     done = subprocess.run(
         [sys.executable, *build, CHECKOUT / "docs", tmp_path / "site"],

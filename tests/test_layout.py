@@ -1,4 +1,4 @@
-"""Each question of a newcomer has a row in CONTRIBUTING.md with at most three files; files and names exist."""
+"""Each row of the tables in CONTRIBUTING.md has at most three files; files and names exist."""
 
 import ast
 import re
@@ -21,17 +21,17 @@ def defined(file: Path) -> set[str]:
         return set(re.findall(r"^\s*rule (\w+):", text, re.MULTILINE))
     if file.suffix != ".py":
         return set(re.findall(r"\w+", text))
-    found = set()
+    names = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found.add(node.name)
+            names.add(node.name)
         targets = getattr(node, "targets", [getattr(node, "target", None)])
-        found |= {part.id for target in targets if target for part in ast.walk(target) if isinstance(part, ast.Name)}
-    return found
+        names |= {part.id for target in targets if target for part in ast.walk(target) if isinstance(part, ast.Name)}
+    return names
 
 
-@pytest.mark.parametrize(("question", "files", "names"), ROWS, ids=[row[0][:60] for row in ROWS])
-def test_a_walk_ends_in_at_most_three_files_that_define_the_names(question, files, names):
+@pytest.mark.parametrize(("task", "files", "names"), ROWS, ids=[row[0][:60] for row in ROWS])
+def test_a_task_needs_at_most_three_files_that_define_the_names(task, files, names):
     paths = [CHECKOUT / file for file in re.findall(r"`([\w/.]+)`", files)]
     assert 1 <= len(paths) <= 3
     assert [path for path in paths if not path.exists()] == []
