@@ -1,4 +1,4 @@
-"""One drive from meshes to its bag, step by step; what an earlier call finished or began is gone on with."""
+"""Run all steps of a drive from meshes to its bag; finished steps are kept and interrupted steps are resumed."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def run_all(
     pictures: bool = True,
     threads: int = 1,
 ) -> pd.DataFrame:
-    """Drive, take the pictures, detect in them on board, write the bag and the URDF.
+    """Drive, render the pictures, run the onboard detector, write the bag and the URDF.
 
-    Returns the drive's figures, as `figures_of` has them.
+    Returns the metrics of the drive, see `figures_of`.
 
     Raises
     ------
     PolarsimError
-        Whatever a step cannot work with: one line.
+        A step fails; one line.
     """
     trace = driven(meshes, folder, options, seed, progress)
     vehicle, suite = read_vehicle(options.drive.vehicle), options.cameras
@@ -66,8 +66,8 @@ def run_all(
 def driven(
     meshes: Path, folder: Path, options: RoverOptions, seed: int, progress: Callable[[float], None] | None
 ) -> Trace:
-    """Return a drive's trace: of the drive in the folder, if job and code are the same, else of a new drive."""
+    """Return the trace of the drive in the folder if job and code are the same, otherwise of a new drive."""
     job = job_of(meshes=meshes, world=options.world, soil=options.soil, drive=options.drive, seed=seed)
-    if is_current(folder / DRIVE, identity_of(job)):  # a drive whose energy balance failed has no note
+    if is_current(folder / DRIVE, identity_of(job)):  # the file of a drive with an open energy balance has no identity
         return read_trace(folder)
     return drive_to_end(job, folder, progress)

@@ -113,7 +113,7 @@ def first_stable(seen: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
 def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: FrontCameraDrive, height_m: float) -> float:
     """Return the minimum gap, m, from a wheel's side to a rock above `height_m` without a stable detection; inf: none.
 
-    Rocks behind or next to the rover in the first picture are excluded. The gap is negative if a wheel drove over a rock.
+    Rocks behind or next to the rover in the first picture are excluded. The gap is negative if a wheel hit a rock.
     """
     detected = set(stable.loc[stable["first_stable_m"].notna(), "rock"])
     start = ride.cameras[ride.frames[0]].world_from_camera

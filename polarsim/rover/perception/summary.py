@@ -6,7 +6,6 @@ The bootstrap resamples rides (a drive under a Sun), since pictures of a ride ar
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,7 @@
-"""One drive in which the rover decides, or a blind one along the straight line, and its files.
+"""Run an autonomous drive, or a blind drive along the straight line, and write its files.
 
-A folder holds a drive's trace as any drive's does, `map.npz`: the rover's map as it was at the end, and `pictures/`. A
-blind drive has a map on which nothing was seen.
+A folder contains the trace of the drive, `map.npz` (the rover's map at the end of the drive) and `pictures/`. The map
+of a blind drive has no observations.
 """
 
 from __future__ import annotations
@@ -31,44 +31,44 @@ from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot, pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
-_AHEAD_M = 3.0  # from the start to the first terrain, and from the last one to the end
+_AHEAD_M = 3.0  # from the start to the first terrain, and from the last terrain to the end
 _LOG_HZ = 20.0
 _GO_ON_S = 10.0
-_BEHIND_M = 1.5  # of ground behind the rover at the start: its rear wheels and some more
+_BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
 MAP, PICTURES = "map.npz", "pictures"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A drive as it was; without a pilot it was blind."""
+    """A finished drive; `pilot` is None for a blind drive."""
 
     mode: Mode
     light: Light
     seed: int
     trace: Trace
     pilot: Pilot | None
-    cpu_s: float  # of the whole
+    cpu_s: float  # of the entire drive
     wall_s: float
 
 
 def job_for(
     *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, options: AutonomyOptions, seed: int
 ) -> Job:
-    """A drive over the same ground with room before, behind and beside the way.
+    """Return a drive over the ground of a run, widened before, behind and at the sides of the path.
 
     Raises
     ------
     PolarsimError
         Meshes, elevation model, soil or vehicle are missing or broken.
     """
-    # The grid of an elevation model lies round the path, that of a strip round its terrains.
+    # The grid of an elevation model surrounds the path, that of a strip surrounds the terrains.
     room = {"width_m": options.width_m, "margin_m": _BEHIND_M + (0.0 if world.dem else _AHEAD_M)}
     drive = drive.model_copy(update={"path_m": _line(world, drive)})
     return job_of(meshes=meshes, world=world.model_copy(update=room), soil=soil, drive=drive, seed=seed)
 
 
 def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
-    """The same drive on the straight line that modes are compared on, logged as autonomy asks for."""
+    """Return the drive along the straight line on which modes are compared, with the logging of autonomous drives."""
     drive = job.drive.model_copy(
         update={
             "path_m": _line(job.rocks, job.drive),
@@ -81,13 +81,13 @@ def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
 
 
 def _line(world: WorldOptions, drive: DriveOptions) -> tuple[Point, Point]:
-    """The straight line from the path's first point to its last."""
+    """Return the straight line from the path's first point to the last."""
     points = path_of(world, drive, _AHEAD_M)
     return points[0], points[-1]
 
 
 def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
-    """The files of a drive: same drive, same bytes."""
+    """Write the files of a drive; equal drives give equal bytes."""
     grid = outcome.pilot.grid if outcome.pilot else HazardGrid(outcome.trace.world)
     write_trace(folder, outcome.trace)
     write_arrays(
@@ -113,7 +113,7 @@ def drive(
     Raises
     ------
     PolarsimError
-        The path leaves the grid, no detector, an unknown light.
+        The path leaves the grid, the detector is missing or a light is unknown.
     """
     cpu, wall = time.process_time(), time.perf_counter()
     job = autonomous_job(job, options)
@@ -128,7 +128,7 @@ def drive(
     ride = Ride(job, driver)
     if driver is not None:
         driver.attach(ride.simulation)
-    with one_blas_thread():  # small products: threads cost more than they save
+    with one_blas_thread():  # matrices are small, so threads would be slower
         while ride.ended is None:
             try:
                 ride.go_on(_GO_ON_S)

@@ -1,4 +1,4 @@
-"""What a drive was like: rocks touched, the way, energy, stops, its map by the challenge's rules, its odometry."""
+"""Metrics of an autonomous drive: touched rocks, path, energy, stops, score of the map, error of odometry."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOU
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
-_CORRIDOR_M = 1.05  # either side of the straight line: the wheels' way and some more
-_BLIND_M = 2.2  # before base_link at the start, which the camera does not see
-_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # depths of odometry
+_CORRIDOR_M = 1.05  # half width of the scored corridor along the straight line: the wheels and a margin
+_BLIND_M = 2.2  # ground ahead of base_link at the start that the camera does not see
+_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
 
 
 def events(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
-    """A row a rock that was touched (`rocks`: see `touches`), where it lies, and a row a stop; `AUTONOMY_EVENTS`."""
+    """Return a row per touched rock (`rocks`: see `touches`) with position, and a row per stop; `AUTONOMY_EVENTS`."""
     hit = rocks[rocks["touched"]].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
     what = np.where(hit["height_m"] > HIGH_M, COLLISION, TOUCH)
     rows = [hit.assign(what=what)[list(AUTONOMY_EVENTS.columns)]]
@@ -37,7 +37,7 @@ def events(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
 
 
 def drive_metrics(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
-    """Rows of metric, unit and value of a drive; `rocks`: see `touches`."""
+    """Return rows of metric, unit and value of a drive; `rocks`: see `touches`."""
     drive, table = outcome.trace.drive, outcome.trace.table
     seconds = max(float(drive["seconds"]), 1e-9)
     hit = rocks[rocks["touched"]]
@@ -48,15 +48,15 @@ def drive_metrics(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, optio
         ("collisions", "", float((hit["height_m"] > HIGH_M).sum())),
     ]
     for low, top in CLASSES_M:
-        own = hit[(hit["height_m"] > low) & (hit["height_m"] <= top)]
+        in_class = hit[(hit["height_m"] > low) & (hit["height_m"] <= top)]
         name = f"above {100 * low:.0f} cm" if math.isinf(top) else f"{100 * low:.0f} to {100 * top:.0f} cm"
-        rows.append((f"rocks of {name} driven over", "", float((own["part"] == "tread").sum())))
-        rows.append((f"rocks of {name} scraped", "", float((own["part"] != "tread").sum())))
-    way = table[["x_m", "y_m"]].to_numpy()
+        rows.append((f"rocks of {name} driven over", "", float((in_class["part"] == "tread").sum())))
+        rows.append((f"rocks of {name} scraped", "", float((in_class["part"] != "tread").sum())))
+    positions = table[["x_m", "y_m"]].to_numpy()
     rows += [
         ("closest pass of a rock above 10 cm", "m", float(high["gap_m"].min()) if len(high) else math.nan),
         ("time", "s", float(drive["seconds"])),
-        ("path", "m", float(np.hypot(*np.diff(way, axis=0).T).sum())),
+        ("path", "m", float(np.hypot(*np.diff(positions, axis=0).T).sum())),
         ("energy", "J", float(drive["energy_j"]["motor"])),
         ("CPU for a second driven", "s", outcome.cpu_s / seconds),
         ("wall time for a second driven", "s", outcome.wall_s / seconds),
@@ -71,24 +71,24 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
     assert pilot is not None
     perception = pilot.perception
     assert perception is not None
-    found = points_of(pilot.grid, world, pilot.path.points, seconds)
+    score = points_of(pilot.grid, world, pilot.path.points, seconds)
     rows = [
         ("stops", "", float(len(pilot.stops))),
         ("stops that nothing justified", "", float(unjustified(outcome, vehicle, options))),
-        ("geometric map", "points of 300", found.geometry),
-        ("rock map", "points of 300", found.rocks),
-        ("productivity", "points of 250", found.productivity),
-        ("localisation", "points of 150", found.localisation),
+        ("geometric map", "points of 300", score.geometry),
+        ("rock map", "points of 300", score.rocks),
+        ("productivity", "points of 250", score.productivity),
+        ("localisation", "points of 150", score.localisation),
         *((f"CPU for a second driven, {part}", "s", spent / seconds) for part, spent in perception.seconds.items()),
     ]
-    taken = [(own.pair, own.camera.world_from_camera) for _, own in pilot.observations if own.pair is not None]
+    taken = [(item.pair, item.camera.world_from_camera) for _, item in pilot.observations if item.pair is not None]
     if len(taken) > 2:
         pairs, cameras = zip(*taken, strict=True)
-        turned = perception.rectification.left_from_rectified
-        poses = [cameras[0].inverse() @ camera @ turned for camera in cameras]
-        guessed, lost = odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
-        moved, angle = relative_error(guessed, poses)
-        positions = [np.array([pose.translation for pose in some]) for some in (guessed, poses)]
+        rectified = perception.rectification.left_from_rectified
+        poses = [cameras[0].inverse() @ camera @ rectified for camera in cameras]
+        estimated, lost = odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
+        moved, angle = relative_error(estimated, poses)
+        positions = [np.array([pose.translation for pose in trajectory]) for trajectory in (estimated, poses)]
         rows += [
             ("odometry: absolute error", "m", absolute_error(*positions)),
             ("odometry: relative error", "m", moved),
@@ -99,21 +99,21 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
 
 
 def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> challenge.Points:
-    """The challenge's points of a map over the corridor along a line (2, 2), from where the camera sees ground."""
+    """Return the challenge's score of a map in the corridor along a line (2, 2), from the first visible ground on."""
     height, rock = challenge.true_cells(world, grid.x, grid.y, grid.cell_m)
     return challenge.points(grid.surface_of_cells(), grid.rock, height, rock, corridor(grid, line), seconds)
 
 
 def corridor(grid: HazardGrid, line: np.ndarray) -> np.ndarray:
-    """(rows, columns) bool: cells beside a line (2, 2) that count."""
+    """Return (rows, columns) bool: scored cells along a line (2, 2)."""
     x, y = np.meshgrid(grid.x, grid.y)
     length = float(np.hypot(*(line[-1] - line[0])))
-    along, aside = _beside(x, y, line[0], (line[-1] - line[0]) / length)
+    along, aside = _along_and_aside(x, y, line[0], (line[-1] - line[0]) / length)
     return np.asarray((along > _BLIND_M) & (along < length) & (np.abs(aside) < _CORRIDOR_M))
 
 
 def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> int:
-    """Stops at which a rover that knew the rocks above `HIGH_M`, and no others, would have had a path."""
+    """Return the number of stops at which a rover with the true map of rocks above `HIGH_M` would have had a path."""
     pilot, world = outcome.pilot, outcome.trace.world
     assert pilot is not None
     if not pilot.stops:
@@ -122,15 +122,17 @@ def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) ->
     blocked, tall = np.zeros(x.shape, bool), np.zeros(x.shape, bool)
     rocks = world.rocks_on_grid
     for rock in rocks[rocks["height_m"] > HIGH_M].to_dict("records"):
-        own = np.hypot(x - rock["x_m"], y - rock["y_m"]) < rock["radius_m"] + pilot.grid.cell_m / 2
-        blocked |= own
-        tall |= own & (rock["height_m"] >= options.planner.clearance_m)
+        covered = np.hypot(x - rock["x_m"], y - rock["y_m"]) < rock["radius_m"] + pilot.grid.cell_m / 2
+        blocked |= covered
+        tall |= covered & (rock["height_m"] >= options.planner.clearance_m)
     ground = field_of(pilot.grid, blocked, tall, np.ones(x.shape, bool))
     planner = Planner(vehicle.wheel_centres[:, :2], options.planner)
     goal = pilot.path.points[-1]
     return sum(planner.plan(ground, stop.x, stop.y, stop.heading, goal) is not None for stop in pilot.stops)
 
 
-def _beside(x: np.ndarray, y: np.ndarray, start: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _along_and_aside(
+    x: np.ndarray, y: np.ndarray, start: np.ndarray, step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     dx, dy = x - start[0], y - start[1]
     return dx * step[0] + dy * step[1], dy * step[0] - dx * step[1]

@@ -1,7 +1,7 @@
-"""Visual odometry, a baseline: features of one pair of pictures found again in the next, and the move that fits them.
+"""Baseline of visual odometry: match features between consecutive stereo pairs and estimate the motion.
 
-ORB features matched to and fro, their depth by semi-global matching, the move by PnP with RANSAC and refinement, all
-OpenCV's (after Nister, Naroditsky & Bergen, CVPR 2004). No map, no closing of loops: errors add up.
+ORB features with mutual matches, depth by semi-global matching, motion by PnP with RANSAC and refinement, all by OpenCV
+(after Nister, Naroditsky & Bergen, CVPR 2004). There is no map and no loop closure, so errors accumulate.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ from polarsim.geometry.poses import Pose
 
 _FEATURES = 1500
 _REPROJECTION_PX, _ITERATIONS, _SEED = 1.0, 300, 0
-_LEAST = 12  # matches that fit: fewer are no move
+_LEAST = 12  # minimum number of inliers of a motion
 Pair = tuple[np.ndarray, np.ndarray]
 
 
 def odometry(pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthest_m: float) -> tuple[list[Pose], int]:
-    """`first_from_left` of every pair's left camera, and how many moves were not found (taken as the move before)."""
+    """Return `first_from_left` of the left camera of each pair, and the number of motions that were not found.
+
+    A motion that was not found is replaced by the last motion.
+    """
     import cv2
 
     poses, lost, move = [Pose.identity()], 0, Pose.identity()
@@ -32,9 +35,9 @@ def odometry(pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthe
     for left, right in pairs:
         keypoints, descriptors = orb.detectAndCompute(left, None)
         if before is not None:
-            found = _move(before, keypoints, descriptors, matcher, rig)
-            lost += found is None
-            move = move if found is None else found
+            estimate = _move(before, keypoints, descriptors, matcher, rig)
+            lost += estimate is None
+            move = move if estimate is None else estimate
             poses.append(poses[-1] @ move)
         before = (keypoints, descriptors, match(left, right, rig, nearest_m, farthest_m))
     return poses, lost
@@ -43,21 +46,21 @@ def odometry(pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthe
 def _move(
     before: tuple[Any, Any, np.ndarray], keypoints: Sequence[Any], descriptors: Any, matcher: Any, rig: Rectification
 ) -> Pose | None:
-    """`before_from_now`."""
+    """Return `before_from_now`, or None if it was not found."""
     import cv2
 
     old_points, old_descriptors, depth = before
     if descriptors is None or old_descriptors is None:
         return None
     matched = matcher.match(old_descriptors, descriptors)
-    old = np.array([old_points[one.queryIdx].pt for one in matched]).reshape(-1, 2)
-    new = np.array([keypoints[one.trainIdx].pt for one in matched]).reshape(-1, 2)
+    old = np.array([old_points[pair.queryIdx].pt for pair in matched]).reshape(-1, 2)
+    new = np.array([keypoints[pair.trainIdx].pt for pair in matched]).reshape(-1, 2)
     column, row = np.rint(old).astype(int).T
-    far = depth[row.clip(0, depth.shape[0] - 1), column.clip(0, depth.shape[1] - 1)]
-    known = np.isfinite(far)
+    distance = depth[row.clip(0, depth.shape[0] - 1), column.clip(0, depth.shape[1] - 1)]
+    known = np.isfinite(distance)
     if known.sum() < _LEAST:
         return None
-    points = rig.lens.directions(old[known] + HALF_PIXEL) * far[known, None]
+    points = rig.lens.directions(old[known] + HALF_PIXEL) * distance[known, None]
     cv2.setRNGSeed(_SEED)
     fits, rotation, translation, inliers = cv2.solvePnPRansac(
         points, new[known], rig.lens.opencv_matrix(), None,

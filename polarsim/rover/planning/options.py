@@ -1,4 +1,4 @@
-"""Options of drives in which the rover finds its own way."""
+"""Options of autonomous drives."""
 
 from __future__ import annotations
 
@@ -16,41 +16,41 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
 
     hazard_m: PositiveFloat = Field(0.07, description="Minimum estimated height of a rock that is avoided, m.")
     wheel_gap_m: PositiveFloat = Field(
-        0.15, description="Minimum distance of a wheel's centre from hazards, m; half its width is 0.1."
+        0.15, description="Minimum distance of a wheel's centre from hazards, m; half the wheel's width is 0.1."
     )
     clearance_m: PositiveFloat = Field(
-        0.25, description="Maximum height of rocks that may pass between the wheels below the body, m."
+        0.25, description="Maximum height of rocks that may pass below the body between the wheels, m."
     )
     curvature_1_m: PositiveFloat = Field(0.9, description="Maximum curvature of a path, 1/m.")
 
 
 class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
-    """Drives in which the rover decides: one of every mode, seed, Sun, exposure, state of headlights, model, detector.
+    """Autonomous drives: each combination of mode, seed, Sun, exposure, state of headlights, model and detector.
 
-    Seeds are those of `rover.seeds`; Suns, exposures, models, stars and scale those of `rover.cameras`. By labels or
-    blind there is one drive a seed, and stereo has no detector.
+    Seeds are those of `rover.seeds`; Suns, exposures, models, stars and scale those of `rover.cameras`. The modes
+    `truth` and `blind` have one drive per seed, and the mode `stereo` has no detector.
     """
 
-    run: bool = Field(False, description="Make drives in which the rover finds its own way.")
+    run: bool = Field(False, description="Make autonomous drives.")
     modes: tuple[Mode, ...] = Field(
         ("truth", "detector", "stereo", "both", "blind"),
         min_length=1,
-        description="Source of the map: labels, a detector, stereo depth, both of these, or none (straight on).",
+        description="Source of the map: labels, a detector, stereo depth, both, or none (straight line).",
     )
     headlights: tuple[Literal["off", "on"], ...] = Field(
-        ("off",), min_length=1, description="States of the lights that point ahead; a drive for each."
+        ("off",), min_length=1, description="States of the lights that point forward; a drive for each."
     )
     auto_exposure: bool = Field(
-        False, description="Expose each picture so that 1 % of it clips, in place of `rover.cameras.exposures_ms`."
+        False, description="Expose each picture so that 1 % of it is saturated; ignores `rover.cameras.exposures_ms`."
     )
     detectors: tuple[str, ...] = Field(
         (),
-        description="A drive for each of these detectors: `packaged_rover`, `packaged`, `fine_tuned` or a training "
-        "domain of the run. None: the detector on board.",
+        description="Detectors, a drive for each: `packaged_rover`, `packaged`, `fine_tuned` or a training "
+        "domain of the run. Empty: the onboard detector.",
     )
     speed_m_s: PositiveFloat = Field(0.2, le=2.0, description="Speed of the body, m/s.")
     width_m: PositiveFloat = Field(
-        8.0, description="Width of the strip in these drives, m. A wider one leaves ways round dense terrains."
+        8.0, description="Width of the strip, m. A wider strip leaves paths around dense terrains."
     )
     longest_s: PositiveFloat = Field(240.0, description="Maximum duration of a drive, s.")
     planner: PlannerOptions = PlannerOptions()
@@ -59,5 +59,5 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(values)) < len(values):
-            raise ValueError("named twice")
+            raise ValueError("contains a value twice")
         return values

@@ -1,4 +1,4 @@
-"""Stored pictures of the front camera on a drive, with the detected rocks."""
+"""Pictures of the front camera on an autonomous drive, with detected rocks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BOX = COLOURS[ROCK][::-1]  # blue, green, red
 
 
 def write_pictures(folder: Path, observations: Iterable[tuple[float, Observation]]) -> None:
-    """Write `<milliseconds>.jpg` of observations at (time, s) that show one; without any it is an empty folder."""
+    """Write `<milliseconds>.jpg` of observations (time, s) with a picture; the folder is empty if there are none."""
     with writing_folder(folder) as temporary:
         for time_s, observation in observations:
             if observation.shown is not None:
@@ -25,7 +25,7 @@ def write_pictures(folder: Path, observations: Iterable[tuple[float, Observation
 
 
 def _drawn(grey: np.ndarray, boxes: np.ndarray) -> bytes:
-    """A JPEG of a picture (h, w) uint8 and boxes (n, 4+) in its pixels."""
+    """Return a JPEG of a picture (h, w) uint8 with boxes (n, 4+) in pixels."""
     import cv2
 
     scale = WIDTH_PX / grey.shape[1]

@@ -15,24 +15,24 @@ from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Field, Planner, field_of
 
-OBSERVATIONS_HZ = 1.0  # observations a second
-_LOOK_AHEAD_M = 0.7  # of the path's point that is steered for
-_BACK_M = 0.8  # by which the rover backs off without a path
-_TRIES = 8  # to back off, before the rover gives up
-_OBSERVATIONS_AT_REST = 2  # without a path, before the rover backs off: a second one may correct the first
-_KEPT_M = 2.5  # of a plan that is still free: it is kept
-_SAME_PLACE_M = 1.5  # from an earlier stop: there the rover backs off farther than it did
-_FARTHEST_BACK = 4  # times as far as at first
-_BACK_STEP_M = 0.15  # between places on the way back at which room is checked
-_ROLLS_ON_M = 0.2  # after backing off, until it stands: that must be free too
-_ARRIVED_M = 0.3  # before the goal's line
-_SHOWN_EVERY_S = 4.0  # between stored pictures: all of a long drive would fill the memory
-_MOVED_M = 0.05  # less is no headway: wheels that spin in place shake the body
+OBSERVATIONS_HZ = 1.0  # observations per second
+_LOOK_AHEAD_M = 0.7  # distance of the target point on the path
+_BACK_M = 0.8  # distance of backing off without a path
+_TRIES = 8  # maximum number of times of backing off
+_OBSERVATIONS_AT_REST = 2  # observations without a path before the rover backs off: the second may correct the first
+_KEPT_M = 2.5  # minimum length of a free plan that is kept
+_SAME_PLACE_M = 1.5  # distance from an earlier stop within which the rover backs off farther
+_FARTHEST_BACK = 4  # maximum factor of the distance of backing off
+_BACK_STEP_M = 0.15  # step between poses of backing off at which clearance is checked
+_ROLLS_ON_M = 0.2  # stopping distance after backing off, which must also be free
+_ARRIVED_M = 0.3  # distance before the goal's line
+_SHOWN_EVERY_S = 4.0  # between stored pictures, to limit memory
+_MOVED_M = 0.05  # minimum motion that counts as progress: wheels that spin in place shake the body
 
 
 @dataclass(frozen=True)
 class Stop:
-    """The rover found no path here."""
+    """Pose at which the rover found no path."""
 
     time_s: float
     x: float
@@ -42,7 +42,7 @@ class Stop:
 
 @dataclass
 class Pilot(Driver):
-    """Drives to the end of a straight line, by the way that it finds; a `Driver` to the ride that it steers."""
+    """Driver to the end of a straight line, along planned paths."""
 
     perception: Perception | None = None
     options: AutonomyOptions = field(default_factory=AutonomyOptions)
@@ -50,10 +50,10 @@ class Pilot(Driver):
     observations: list[tuple[float, Observation]] = field(default_factory=list)
     plans: list[tuple[float, np.ndarray]] = field(default_factory=list)
     given_up: bool = False
-    travelled: float = 0.0  # m, whichever way: a way round may lead across the line, or back along it
+    travelled: float = 0.0  # m in any direction, since a detour may cross the line or lead back along it
 
     def attach(self, simulation: Simulation) -> None:
-        """Attach the driver to a simulation, whose world it observes."""
+        """Attach the driver to a simulation and observe its world."""
         self._simulation = simulation
         self.grid = HazardGrid(simulation.world)
         vehicle = simulation.vehicle
@@ -64,7 +64,7 @@ class Pilot(Driver):
         self._plan: np.ndarray | None = None
         self._back_to: tuple[float, float] | None = None
         self._back_by, self._back_steer = 0.0, 0.0
-        self._was_at: tuple[float, float] | None = None
+        self._last_position: tuple[float, float] | None = None
 
     @property
     def finished(self) -> bool:
@@ -75,16 +75,16 @@ class Pilot(Driver):
         return self.travelled
 
     def command(self, x: float, y: float, heading: float) -> Command:
-        """What to do here."""
+        """Return the command at a pose; observe and plan when due."""
         self.done, self.offset = self.path.beside(x, y, 0)
         self.heading_error = wrapped(heading - self.path.headings[0])
-        self._measure_way(x, y)
+        self._update_travelled(x, y)
         now = self._simulation.time
         if now >= self._next - 1e-9:
             self._next += self._every
-            self._see(now)
+            self._observe(now)
             self._decide(now, x, y, heading)
-        self.turning = self._plan is None  # no headway is expected
+        self.turning = self._plan is None  # no progress is expected
         if self._back_to is not None:
             if math.hypot(x - self._back_to[0], y - self._back_to[1]) < self._back_by:
                 return Command(-self.options.speed_m_s, self._back_steer)
@@ -94,18 +94,18 @@ class Pilot(Driver):
         return Command(self.options.speed_m_s, self._pursue(self._plan, x, y, heading))
 
     def field(self) -> Field:
-        """Distances to what the map takes for hazards."""
+        """Return the distances to hazards of the map."""
         options = self.options
         hazards = self.grid.hazards(options.planner.hazard_m)
         return field_of(self.grid, hazards, self.grid.hazards(options.planner.clearance_m), self.grid.seen)
 
-    def _measure_way(self, x: float, y: float) -> None:
-        before = self._was_at or (x, y)
+    def _update_travelled(self, x: float, y: float) -> None:
+        before = self._last_position or (x, y)
         moved = math.hypot(x - before[0], y - before[1])
-        if self._was_at is None or moved >= _MOVED_M:
-            self.travelled, self._was_at = self.travelled + moved, (x, y)
+        if self._last_position is None or moved >= _MOVED_M:
+            self.travelled, self._last_position = self.travelled + moved, (x, y)
 
-    def _see(self, now: float) -> None:
+    def _observe(self, now: float) -> None:
         assert self.perception is not None
         self.grid.fade(now)
         observation = self.perception.observe(self._simulation.state(), self._simulation.ground.level, self.grid)
@@ -121,11 +121,11 @@ class Pilot(Driver):
         if self._back_to is not None or self.given_up:
             return
         assert self.perception is not None
-        begun = time.process_time()
+        start = time.process_time()
         ground = self.field()
         kept = self._still_free(ground, x, y, heading)
         self._plan = kept if kept is not None else self.planner.plan(ground, x, y, heading, self.path.points[-1])
-        self.perception.seconds["plan"] += time.process_time() - begun
+        self.perception.seconds["plan"] += time.process_time() - start
         if self._plan is not None:
             self._at_rest = 0
             if kept is None:
@@ -141,7 +141,7 @@ class Pilot(Driver):
                 self._back_off(ground, x, y, heading)
 
     def _still_free(self, ground: Field, x: float, y: float, heading: float) -> np.ndarray | None:
-        """The rest of the plan, where it is free and long enough or ends at the goal."""
+        """Return the rest of the plan if it is free, and long enough or ends at the goal; otherwise None."""
         if self._plan is None:
             return None
         rest = self._plan[_nearest(self._plan, x, y) :]
@@ -152,7 +152,7 @@ class Pilot(Driver):
         return rest if self.planner.free(ground, rest[1:], np.array([x, y, heading])).all() else None
 
     def _back_off(self, ground: Field, x: float, y: float, heading: float) -> None:
-        """Backwards on the freest of three arcs: where it stopped before, farther, to have room for another way."""
+        """Back off along the freest of three arcs, farther at places of earlier stops, to make room for a new path."""
         stops_here = sum(math.hypot(stop.x - x, stop.y - y) < _SAME_PLACE_M for stop in self.stops)
         farther = min(max(stops_here, 1), _FARTHEST_BACK)
         for times in range(farther, 0, -1):
@@ -161,43 +161,43 @@ class Pilot(Driver):
                 return
 
     def _free_arc_back(self, ground: Field, x: float, y: float, heading: float, distance: float) -> bool:
-        """Whether one of three arcs of this length is free; it is chosen then."""
+        """Choose the freest of three arcs of this length; return whether it is free."""
         best, limit = -np.inf, 0.5 * self.options.planner.curvature_1_m
         count = math.ceil((distance + _ROLLS_ON_M) / _BACK_STEP_M)
         for curvature in (0.0, limit, -limit):
             steps = -np.linspace(0.1, distance + _ROLLS_ON_M, count)
             headings = heading + curvature * steps
-            places = np.column_stack(
+            poses = np.column_stack(
                 [
                     x + steps * np.cos(heading + curvature * steps / 2),
                     y + steps * np.sin(heading + curvature * steps / 2),
                     headings,
                 ]
             )
-            room = float(self.planner.clearance(ground, places).min())
+            room = float(self.planner.clearance(ground, poses).min())
             if room > best + 1e-9:
                 best, self._back_steer = room, self._steer(curvature)
         self._back_by = distance
-        return best > self.planner.least_room(ground, np.array([x, y, heading]))
+        return best > self.planner.required_room(ground, np.array([x, y, heading]))
 
     def _pursue(self, plan: np.ndarray, x: float, y: float, heading: float) -> float:
-        """Pure pursuit (Coulter, CMU-RI-TR-92-01): the arc through the plan's point at the look-ahead distance."""
+        """Return the steering angle of pure pursuit to the look-ahead point (Coulter, CMU-RI-TR-92-01)."""
         rest = plan[_nearest(plan, x, y) :, :2]
-        away = np.hypot(*(rest - [x, y]).T)
-        farther = np.flatnonzero(away >= _LOOK_AHEAD_M)
+        distance = np.hypot(*(rest - [x, y]).T)
+        farther = np.flatnonzero(distance >= _LOOK_AHEAD_M)
         target = rest[farther[0]] if len(farther) else rest[-1]
         dx, dy = target - [x, y]
         left = -math.sin(heading) * dx + math.cos(heading) * dy
         return self._steer(2 * left / max(dx * dx + dy * dy, 0.04))
 
     def _steer(self, curvature: float) -> float:
-        """The steering angle of a bend within the largest curvature."""
-        most = self.options.planner.curvature_1_m
-        return math.atan(min(max(curvature, -most), most) * self._wheelbase / 2)
+        """Return the steering angle for a curvature, clipped to the maximum."""
+        limit = self.options.planner.curvature_1_m
+        return math.atan(min(max(curvature, -limit), limit) * self._wheelbase / 2)
 
 
 def pilot(path: Path, perception: Perception, options: AutonomyOptions) -> Pilot:
-    """A pilot along a straight line."""
+    """Return a pilot along a straight line."""
     return Pilot(
         path, SteeringLaw(options.speed_m_s, 0.0, 0.0, math.radians(90)), perception=perception, options=options
     )

@@ -1,9 +1,10 @@
-"""A path between hazards: the shortest over a lattice of positions and headings, found by SciPy's Dijkstra.
+"""Shortest path between hazards over a lattice of positions and headings, by SciPy's Dijkstra.
 
-A rover that straddles rocks needs its heading in the plan, so grid planners such as scikit-image's `MCP_Geometric` do
-not fit. The lattice (Pivtoraiko, Knepper & Kelly, J. Field Robotics 26 (2009) 308) stands in the rover's frame, its
-node 0, 0 at heading 0 being where the rover stands now. Its edges are straight steps and bends between neighbouring
-headings, as cubic Hermite curves within the largest curvature; an edge is free where all four wheels keep their gap.
+The heading must be part of the plan, since rocks may pass between the wheels; grid planners such as scikit-image's
+`MCP_Geometric` do not model it. The lattice (Pivtoraiko, Knepper & Kelly, J. Field Robotics 26 (2009) 308) is defined
+in the rover's frame, with node 0, 0 at heading 0 at the rover's pose. Edges are straight steps and bends between
+adjacent headings, as cubic Hermite curves within the maximum curvature. An edge is free if all four wheels keep their
+gap.
 """
 
 from __future__ import annotations
@@ -21,27 +22,27 @@ from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.planning.options import PlannerOptions
 
 STEP = 0.15  # m between nodes of the lattice
-FINE = 5  # cells of the field of distances along one of the map's
-_WAYS = ((1, 0), (2, 1), (1, 1), (1, 2))  # of a quarter turn: straight steps that end on nodes
-_REACH = 8  # cells within which a bend ends
+FINE = 5  # cells of the distance field along a cell of the map
+_WAYS = ((1, 0), (2, 1), (1, 1), (1, 2))  # straight steps that end on nodes, for headings of a quarter turn
+_REACH = 8  # maximum extent of a bend, cells
 _ROUNDING_M = 1e-6
-_SAMPLE = 0.1  # m between places at which an edge is checked
-_WINDOW_M = 5.0  # paths reach this far ahead
-_SOFT_M = 0.25  # beyond the gap, over which nearness to hazards costs
-_UNSEEN_COST = 8.0  # m, of a metre over ground never seen
-_BEND_COST = 0.05  # m, of every bend
-_GREED = 2.5  # a metre nearer to the goal is worth so many of the path
-_TURNED_COST = 0.4  # m, of a radian away from the goal at the path's end
-_LEAST_GAIN = 2.0  # m nearer to the goal, or there: less is a blind alley, no path
-_MOST_UNSEEN = 0.5  # of the wheels at a path's end
-_THERE_M = 0.4  # of the goal
-_LEAVING_M = 1.0  # from where the rover stands: there a path may be as near to hazards as it already is
-_EDGE_M = 0.25  # of the world, that wheels keep off beside their gap
+_SAMPLE = 0.1  # m between poses at which an edge is checked
+_WINDOW_M = 5.0  # extent of paths ahead of the rover
+_SOFT_M = 0.25  # distance outside the gap within which nearness to hazards costs
+_UNSEEN_COST = 8.0  # m per metre over unobserved ground
+_BEND_COST = 0.05  # m per bend
+_GOAL_WEIGHT = 2.5  # weight of the distance to the goal relative to the length of the path (weighted A*)
+_TURNED_COST = 0.4  # m per radian between the final heading and the direction of the goal
+_MIN_GAIN_M = 2.0  # m; minimum progress towards the goal, unless the goal is reached: shorter paths are dead ends
+_MAX_UNSEEN = 0.5  # maximum share of wheels on unobserved ground at the end of a path
+_GOAL_M = 0.4  # distance at which the goal is reached
+_LEAVING_M = 1.0  # m; up to this distance, a path may be as close to hazards as the rover is now
+_EDGE_M = 0.25  # margin to the edge of the world, in addition to the gap
 
 
 @dataclass(frozen=True)
 class Edge:
-    """From a node at a heading: where it ends, and places on the way (n, 3) x, y, heading, without the first."""
+    """Edge from a node at a heading: end node, and poses (n, 3) x, y, heading along the edge without the first."""
 
     start: int
     end: int
@@ -53,23 +54,23 @@ class Edge:
 
 @dataclass(frozen=True)
 class Stand:
-    """Where the rover stands in the world, and where it heads, m and rad: the frame of the lattice."""
+    """Pose of the rover in the world, m and rad: the frame of the lattice."""
 
     x: float
     y: float
     heading: float
 
     def to_world(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points u ahead and v to the left of it, as x and y of the world."""
+        """Return x and y in the world of points u ahead and v to the left of the rover."""
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return self.x + cos * u - sin * v, self.y + sin * u + cos * v
 
 
 @dataclass(frozen=True)
 class Field:
-    """Distances from points of the world to the edges of hazards, m: those that wheels avoid, and that the body does.
+    """Distances from points of the world to the nearest hazards, m, for the wheels and for the body.
 
-    A point's distance is that from the near side of its cell, so that rounding takes nothing from the gaps to be kept.
+    A distance starts at the near edge of the point's cell, so that rounding cannot reduce gaps.
     """
 
     x0: float
@@ -80,53 +81,53 @@ class Field:
     unseen: np.ndarray
 
     def at(self, values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Of the cell of each point, beyond the grid of its edge."""
+        """Return the values at the cells of points; the nearest edge cell outside the grid."""
         column = np.clip(((x - self.x0) / self.cell).astype(int), 0, values.shape[1] - 1)
         row = np.clip(((y - self.y0) / self.cell).astype(int), 0, values.shape[0] - 1)
         return np.asarray(values[row, column])
 
 
 def field_of(grid: HazardGrid, hazards: np.ndarray, high: np.ndarray, seen: np.ndarray) -> Field:
-    """From cells (rows, columns) that wheels avoid, that the body must not pass over, and that were seen."""
+    """Return the distances to cells (rows, columns) that wheels or the body must avoid; `seen`: observed cells."""
     cell = grid.cell_m / FINE
     blocked, tall, known = (np.kron(cells, np.ones((FINE, FINE), bool)) for cells in (hazards, high, seen))
     rim = math.ceil(_EDGE_M / cell)
     blocked[:rim], blocked[-rim:], blocked[:, :rim], blocked[:, -rim:] = True, True, True, True
-    far = np.full(blocked.shape, np.inf)
+    unlimited = np.full(blocked.shape, np.inf)
     return Field(
         float(grid.x[0] - grid.cell_m / 2),
         float(grid.y[0] - grid.cell_m / 2),
         cell,
         _to_edges(blocked, cell),
-        _to_edges(tall, cell) if tall.any() else far,
+        _to_edges(tall, cell) if tall.any() else unlimited,
         ~known,
     )
 
 
 def _to_edges(blocked: np.ndarray, cell: float) -> np.ndarray:
-    """Distances to the nearest blocked cell: those between centres less half a cell here and half a cell there."""
+    """Return distances to the nearest blocked cell: between centres, minus half a cell at both ends."""
     return np.asarray(np.maximum(ndimage.distance_transform_edt(~blocked) - 1, 0) * cell)
 
 
 def angles() -> np.ndarray:
-    """(16,) headings of the lattice, rad."""
+    """Return the (16,) headings of the lattice, rad."""
     quarter = [math.atan2(y, x) for x, y in _WAYS]
     return np.array([angle + turn * math.pi / 2 for turn in range(4) for angle in quarter])
 
 
 @lru_cache(maxsize=8)
 def edges(curvature: float) -> tuple[Edge, ...]:
-    """All edges that leave a node.
+    """Return all edges that start at a node.
 
     Raises
     ------
     RoverError
-        No bend fits: the largest curvature is too small for the lattice.
+        The maximum curvature is too small for the bends of the lattice.
     """
-    headings, found = angles(), []
+    headings, result = angles(), []
     for start, heading in enumerate(headings):
-        way = np.rint(np.array([math.cos(heading), math.sin(heading)]) * math.hypot(*_WAYS[start % 4])).astype(int)
-        found.append(_edge(start, start, (int(way[0]), int(way[1])), headings))
+        step = np.rint(np.array([math.cos(heading), math.sin(heading)]) * math.hypot(*_WAYS[start % 4])).astype(int)
+        result.append(_edge(start, start, (int(step[0]), int(step[1])), headings))
         for turn in (-1, 1):
             end = (start + turn) % len(headings)
             bends = [
@@ -137,13 +138,13 @@ def edges(curvature: float) -> tuple[Edge, ...]:
                 and _largest_curvature(bend := _edge(start, end, (columns, rows), headings)) <= curvature
             ]
             if not bends:
-                raise RoverError(f"curvature_1_m: no bend of {curvature:g} 1/m or less fits the lattice of paths")
-            found.append(min(bends, key=lambda bend: bend.length))
-    return tuple(found)
+                raise RoverError(f"curvature_1_m: {curvature:g} 1/m is too small for the lattice of paths")
+            result.append(min(bends, key=lambda bend: bend.length))
+    return tuple(result)
 
 
 def _edge(start: int, end: int, cells: tuple[int, int], headings: np.ndarray) -> Edge:
-    """A cubic Hermite curve with tangents as long as its chord."""
+    """Return a cubic Hermite curve with tangents as long as the chord."""
     goal = STEP * np.array(cells, float)
     chord = float(np.hypot(*goal))
     first, last = (chord * np.array([math.cos(a), math.sin(a)]) for a in (headings[start], headings[end]))
@@ -157,7 +158,7 @@ def _edge(start: int, end: int, cells: tuple[int, int], headings: np.ndarray) ->
 
 
 def _largest_curvature(edge: Edge) -> float:
-    """Of the turn between places, the whole edge's first heading included."""
+    """Return the maximum curvature between poses, including the initial heading."""
     headings = np.concatenate([[angles()[edge.start]], edge.places[:, 2]])
     points = np.vstack([[0.0, 0.0], edge.places[:, :2]])
     turned = np.abs((np.diff(headings) + np.pi) % (2 * np.pi) - np.pi)
@@ -165,7 +166,7 @@ def _largest_curvature(edge: Edge) -> float:
 
 
 class Planner:
-    """Plans for a rover whose wheels stand at `wheels` (4, 2) of base_link, metres."""
+    """Planner for a rover with wheels at `wheels` (4, 2) in base_link, metres."""
 
     def __init__(self, wheels: np.ndarray, options: PlannerOptions) -> None:
         self.wheels, self.options = np.asarray(wheels, float), options
@@ -174,37 +175,37 @@ class Planner:
         self._shape = (len(angles()), len(self._rows), len(self._columns))
 
     def clearance(self, field: Field, places: np.ndarray) -> np.ndarray:
-        """(...) m that the wheels keep beyond their gap at places (..., 3) x, y, heading; below 0: not free."""
+        """Return (...) m, the clearance in addition to the gap at poses (..., 3) x, y, heading; negative: not free."""
         places = np.asarray(places, float)
         x, y = self._points(places, self.wheels)
-        found = np.asarray(field.at(field.wheels, x, y).min(axis=-1)) - self.options.wheel_gap_m
+        room = np.asarray(field.at(field.wheels, x, y).min(axis=-1)) - self.options.wheel_gap_m
         if np.isfinite(field.body).any():
             length, half = float(np.ptp(self.wheels[:, 0])) / 2, float(np.ptp(self.wheels[:, 1])) / 4
             middle = np.array([[s * length, t * half] for s in (-1, -0.5, 0, 0.5, 1) for t in (-1, 0, 1)])
             x, y = self._points(places, middle)
-            found = np.minimum(found, field.at(field.body, x, y).min(axis=-1) - half)
-        return found
+            room = np.minimum(room, field.at(field.body, x, y).min(axis=-1) - half)
+        return room
 
     def free(self, field: Field, places: np.ndarray, here: np.ndarray) -> np.ndarray:
-        """(...) bool: whether wheels keep their gap at places (..., 3), or near `here` (3,) as much of it as there.
+        """Return (...) bool: poses (..., 3) that keep the gap or, near `here` (3,), at least the clearance at `here`.
 
-        What the map takes for a hazard may lie under the rover, or nearer than the gap: it can leave, and no nearer.
+        A hazard of the map may be under the rover or closer than the gap. The rover may then leave, but not get closer.
         """
         places = np.asarray(places, float)
         near = np.hypot(places[..., 0] - here[0], places[..., 1] - here[1]) < _LEAVING_M
-        return np.asarray(self.clearance(field, places) > np.where(near, self.least_room(field, here), 0.0))
+        return np.asarray(self.clearance(field, places) > np.where(near, self.required_room(field, here), 0.0))
 
-    def least_room(self, field: Field, here: np.ndarray) -> float:
-        """Clearance, m, that places about `here` (3,) need more than: 0, or less where there is less."""
+    def required_room(self, field: Field, here: np.ndarray) -> float:
+        """Return the lower bound of the clearance, m, of poses near `here` (3,): 0, or that of `here` if lower."""
         return min(float(self.clearance(field, here)) - _ROUNDING_M, 0.0)
 
     def plan(self, field: Field, x: float, y: float, heading: float, goal: np.ndarray) -> np.ndarray | None:
-        """Places (n, 3) x, y, heading from here towards the goal (2,), in the world; None: there is no path.
+        """Return poses (n, 3) x, y, heading in the world from here towards the goal (2,), or None if there is no path.
 
-        Where the rover stands it can leave, see `free`. Paths may lead over ground never seen, at a cost, and end where
-        half of the wheels or more stand on ground that was: who sees nothing stops.
+        Near the rover, `free` allows less clearance. Paths may cross unobserved ground, at a cost, but end where at
+        least half of the wheels are on observed ground. A rover without observations therefore stops.
         """
-        stand, least = Stand(x, y, heading), self.least_room(field, np.array([x, y, heading]))
+        stand, required = Stand(x, y, heading), self.required_room(field, np.array([x, y, heading]))
         number = np.arange(np.prod(self._shape)).reshape(self._shape)
         starts, ends, costs, all_edges = [], [], [], edges(self.options.curvature_1_m)
         for edge in all_edges:
@@ -214,14 +215,14 @@ class Planner:
             v = STEP * self._rows[rows][:, None, None] + edge.places[:, 1]
             headings = heading + edge.places[:, 2]
             places = np.stack(np.broadcast_arrays(*stand.to_world(u, v), headings), axis=-1)
-            cost, free = self._cost(field, places, edge, np.hypot(u, v) < _LEAVING_M, least)
+            cost, free = self._cost(field, places, edge, np.hypot(u, v) < _LEAVING_M, required)
             from_here = number[edge.start, rows, columns]
-            there = number[edge.end][
+            end_nodes = number[edge.end][
                 rows.start + edge.rows : rows.stop + edge.rows,
                 columns.start + edge.columns : columns.stop + edge.columns,
             ]
             starts.append(from_here[free])
-            ends.append(there[free])
+            ends.append(end_nodes[free])
             costs.append(cost[free])
         size = int(np.prod(self._shape))
         graph = sparse.csr_array(
@@ -240,34 +241,37 @@ class Planner:
         return x, y
 
     def _cost(
-        self, field: Field, places: np.ndarray, edge: Edge, near: np.ndarray, least: float
+        self, field: Field, places: np.ndarray, edge: Edge, near: np.ndarray, required: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Of an edge from every node, and whether it is free: `near` places (...) need more room than `least`."""
+        """Return the cost of an edge from each node, and whether it is free.
+
+        `near` (...): poses at which the clearance must exceed `required` instead of 0.
+        """
         clearance = self.clearance(field, places)
         room = clearance.min(axis=-1)
         nearness = np.clip(1 - room / _SOFT_M, 0, 1)
         x, y = self._points(places[..., -1, :], self.wheels)
         unseen = field.at(field.unseen, x, y).mean(axis=-1)
         bend = _BEND_COST * (edge.start != edge.end)
-        free = np.asarray((clearance > np.where(near, least, 0.0)).all(axis=-1))
+        free = np.asarray((clearance > np.where(near, required, 0.0)).all(axis=-1))
         return edge.length * (1 + nearness + _UNSEEN_COST * unseen) + bend, free
 
     def _ends_unseen(self, field: Field, stand: Stand) -> np.ndarray:
-        """Of every node (headings, rows, columns) whether more than half of the wheels stand on ground never seen."""
+        """Return (headings, rows, columns) bool: nodes with more than half of the wheels on unobserved ground."""
         angle, v, u = np.meshgrid(angles(), STEP * self._rows, STEP * self._columns, indexing="ij")
         places = np.stack([*stand.to_world(u, v), stand.heading + angle], axis=-1)
-        return np.asarray(field.at(field.unseen, *self._points(places, self.wheels)).mean(axis=-1) > _MOST_UNSEEN)
+        return np.asarray(field.at(field.unseen, *self._points(places, self.wheels)).mean(axis=-1) > _MAX_UNSEEN)
 
     def _best(self, distance: np.ndarray, stand: Stand, goal: np.ndarray) -> int | None:
         x, y = stand.to_world(STEP * self._columns[None, None], STEP * self._rows[None, :, None])
         dx, dy = goal[0] - x, goal[1] - y
-        left = np.hypot(dx, dy)
+        remaining = np.hypot(dx, dy)
         off = np.arctan2(dy, dx) - stand.heading - angles()[:, None, None]
-        off = np.abs((off + np.pi) % (2 * np.pi) - np.pi) * (left > 0.5)
-        gain = math.hypot(goal[0] - stand.x, goal[1] - stand.y) - left
+        off = np.abs((off + np.pi) % (2 * np.pi) - np.pi) * (remaining > 0.5)
+        gain = math.hypot(goal[0] - stand.x, goal[1] - stand.y) - remaining
         total = np.where(
-            np.isfinite(distance) & ((gain >= _LEAST_GAIN) | (left < _THERE_M)) & (distance > 0),
-            distance + _GREED * (left + _TURNED_COST * off),
+            np.isfinite(distance) & ((gain >= _MIN_GAIN_M) | (remaining < _GOAL_M)) & (distance > 0),
+            distance + _GOAL_WEIGHT * (remaining + _TURNED_COST * off),
             np.inf,
         )
         best = int(np.argmin(total))
@@ -279,8 +283,8 @@ class Planner:
             nodes.append(int(before[nodes[-1]]))
         by_ends = {(e.start, e.end, e.columns, e.rows): e for e in edges(self.options.curvature_1_m)}
         places = [np.zeros((1, 3))]
-        for one, other in zip(nodes[::-1], nodes[-2::-1], strict=False):
-            (k, row, column), (m, next_row, next_column) = (np.unravel_index(n, self._shape) for n in (one, other))
+        for node, following in zip(nodes[::-1], nodes[-2::-1], strict=False):
+            (k, row, column), (m, next_row, next_column) = (np.unravel_index(n, self._shape) for n in (node, following))
             edge = by_ends[int(k), int(m), int(next_column - column), int(next_row - row)]
             places.append(edge.places + np.array([STEP * self._columns[column], STEP * self._rows[row], 0.0]))
         local = np.concatenate(places)

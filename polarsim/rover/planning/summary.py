@@ -1,4 +1,4 @@
-"""All drives in which the rover decides: one drive's metrics as a file, all together, what each axis changes."""
+"""Run and measure an autonomous drive; summarise all drives and compute the effect of each axis."""
 
 from __future__ import annotations
 
@@ -45,33 +45,33 @@ def drive_case(
     detector: OnboardDetector | None,
     threads: int = 1,
 ) -> None:
-    """Drive a case, measure it and write its folder: the drive's files, its events, and then `figures.parquet`.
+    """Run a drive, measure it and write its folder: the drive's files, events, and then `figures.parquet`.
 
     Raises
     ------
     PolarsimError
-        Meshes or a detector are missing or broken, the path leaves the grid.
+        Meshes or the detector are missing or broken, or the path leaves the grid.
     """
-    own = parsed(case)
-    job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=own.seed)
+    chosen = parsed(case)
+    job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=chosen.seed)
     vehicle = read_vehicle(drive_options.vehicle)
-    light = own.light(vehicle)
-    outcome = drive(job, own.mode, light, options, cameras, render=render, detector=detector, threads=threads)
+    light = chosen.light(vehicle)
+    outcome = drive(job, chosen.mode, light, options, cameras, render=render, detector=detector, threads=threads)
     rocks = touches(outcome.trace, vehicle)
     write(folder, outcome, options)
     tables.write_parquet(folder / EVENTS, events(outcome, rocks))
     rows = drive_metrics(outcome, rocks, vehicle, options)
-    named = rows.assign(**own.axes, seed=own.seed, ended=str(outcome.trace.drive["ended"]))
+    named = rows.assign(**chosen.axes, seed=chosen.seed, ended=str(outcome.trace.drive["ended"]))
     tables.write_parquet(folder / "figures.parquet", named[list(EVERY_AUTONOMY.columns)])
 
 
 def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, effects: Path) -> None:
-    """Write the metrics of every drive, their means over seeds with intervals, and what each axis changes.
+    """Write the metrics of all drives, their means over seeds with intervals, and the effect of each axis.
 
     Raises
     ------
     FormatError
-        A drive's metrics are missing.
+        The metrics of a drive are missing.
     """
     every = pd.concat([tables.read_parquet(path, EVERY_AUTONOMY.columns) for path in drives], ignore_index=True)
     every = with_derived(every)
@@ -81,7 +81,7 @@ def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, ef
 
 
 def with_derived(every: pd.DataFrame) -> pd.DataFrame:
-    """With rows of both maps' points together, and of path and energy over those of the same seed's blind drive."""
+    """Return the metrics with additional rows: points of both maps, and path and energy relative to the blind drive."""
     parts = [every]
     maps = every[every["metric"].isin(MAPS)]
     parts.append(
@@ -90,69 +90,72 @@ def with_derived(every: pd.DataFrame) -> pd.DataFrame:
         .assign(metric=BOTH_MAPS, unit="points of 600")
     )
     for metric, name in OVER_BLIND.items():
-        own = every[every["metric"] == metric]
-        blind = own[own["mode"] == "blind"].set_index("seed")["value"]
-        others = own[(own["mode"] != "blind") & own["seed"].isin(blind.index)]
+        rows = every[every["metric"] == metric]
+        blind = rows[rows["mode"] == "blind"].set_index("seed")["value"]
+        others = rows[(rows["mode"] != "blind") & rows["seed"].isin(blind.index)]
         ratio = others["value"] / others["seed"].map(blind)
         parts.append(others.assign(metric=name, unit="", value=ratio))
     return pd.concat([part for part in parts if len(part)], ignore_index=True)[list(EVERY_AUTONOMY.columns)]
 
 
 def summary(every: pd.DataFrame) -> pd.DataFrame:
-    """A row a kind of drive and metric; `AUTONOMY`.
+    """Return a row per kind of drive and metric, `AUTONOMY`.
 
-    Then over all Suns and exposures (`all`), and both once more over all detectors of a mode that has several.
-    Intervals: 2.5 and 97.5 percentiles of the mean with seeds drawn with replacement; of one seed there is none.
+    Additional rows pool all Suns and exposures (`all`), and all detectors of a mode with several detectors.
+    Intervals are the 2.5 and 97.5 percentiles of the mean over resampled seeds; they are undefined for one seed.
     """
     several = every.groupby("mode")["detector"].transform("nunique") > 1
-    own = pd.concat([every, every[several].assign(detector=ALL)])
-    own = pd.concat([own, own[~own["mode"].isin(UNLIT)].assign(sun=ALL, exposure=ALL)])
+    drives = pd.concat([every, every[several].assign(detector=ALL)])
+    drives = pd.concat([drives, drives[~drives["mode"].isin(UNLIT)].assign(sun=ALL, exposure=ALL)])
     rows = []
-    for key, part in own.dropna(subset="value").groupby([*AXES, "metric", "unit"], sort=True):
+    for key, part in drives.dropna(subset="value").groupby([*AXES, "metric", "unit"], sort=True):
         value, low, high = mean_over_seeds(part["value"].to_numpy(float), part["seed"].to_numpy())
         rows.append((*key, len(part), part["seed"].nunique(), value, low, high))
     return pd.DataFrame(rows, columns=list(AUTONOMY.columns)).astype(AUTONOMY.dtypes)
 
 
 def mean_over_seeds(values: np.ndarray, seeds: np.ndarray) -> tuple[float, float, float]:
-    """Mean of drives' values (n,), and its 95 % interval over seeds: drives of one share ground and start."""
+    """Return the mean of drives' values (n,) and its 95 % interval over seeds.
+
+    Drives of a seed share ground and start, so the bootstrap resamples seeds.
+    """
     unit = np.unique(seeds, return_inverse=True)[1]
-    drawn = draws(unit.max() + 1, RESAMPLES, 0)
-    return float(values.mean()), *interval(resampled_means(values, unit, drawn), unit.max() + 1)
+    resampled = draws(unit.max() + 1, RESAMPLES, 0)
+    return float(values.mean()), *interval(resampled_means(values, unit, resampled), unit.max() + 1)
 
 
 def effects_of(every: pd.DataFrame) -> pd.DataFrame:
-    """What drives are like at each level of an axis, over all levels of the others; `AUTONOMY_EFFECTS`.
+    """Return the mean of drives at each level of an axis, pooled over the other axes, `AUTONOMY_EFFECTS`.
 
-    `change` is against the mean of the axis's other levels, by the same seeds, so what a seed's ground and start do
-    cancels. Like is compared with like: only drives count that were made at every level (a detector that drove with
-    lights on where others did not says nothing of lights by those, nor of itself against them). Seeds with fewer of
-    these than others (a table not yet finished) are left out. Mode `all`: mean of modes.
+    `change` is the difference from the mean of the other levels of the axis with the same seeds, so the influence of a
+    seed's ground and start cancels. Only drives that exist at all levels are compared; for example, a detector that
+    drove only with lights on is excluded from the effect of lights. Seeds with fewer drives than the others are
+    excluded (unfinished tables). Mode `all` is the mean over modes.
     """
-    seen = every[~every["mode"].isin(UNLIT)]
+    lit = every[~every["mode"].isin(UNLIT)]
     rows = []
-    for mode in [*sorted(set(seen["mode"])), ALL]:
-        own = seen if mode == ALL else seen[seen["mode"] == mode]
+    for mode in [*sorted(set(lit["mode"])), ALL]:
+        drives = lit if mode == ALL else lit[lit["mode"] == mode]
         for axis in AXES[1:]:
-            levelled = own[own[axis] != ANY]
-            alike = matched(levelled, axis)
-            if len(set(alike[axis])) > 1 and (mode != ALL or len(set(alike["mode"])) > 1):
-                rows += [(mode, axis, *row) for row in _effects_on(alike, axis)]
+            levelled = drives[drives[axis] != ANY]
+            comparable = matched(levelled, axis)
+            if len(set(comparable[axis])) > 1 and (mode != ALL or len(set(comparable["mode"])) > 1):
+                rows += [(mode, axis, *row) for row in _effects_on(comparable, axis)]
     return pd.DataFrame(rows, columns=list(AUTONOMY_EFFECTS.columns)).astype(AUTONOMY_EFFECTS.dtypes)
 
 
 def _effects_on(drives: pd.DataFrame, axis: str) -> list[tuple[object, ...]]:
     rows: list[tuple[object, ...]] = []
     for metric in AFFECTED:
-        own = matched(drives[drives["metric"] == metric].dropna(subset="value"), axis)
-        if not len(own):
+        compared = matched(drives[drives["metric"] == metric].dropna(subset="value"), axis)
+        if not len(compared):
             continue
-        count = own.groupby("seed").size()
-        own = own[own["seed"].isin(count.index[count == count.max()])]
-        cells = own.pivot_table("value", "seed", ["mode", axis]).dropna()  # means over the other axes
-        by_level = cells.T.groupby(level=axis).mean().T  # of modes
+        count = compared.groupby("seed").size()
+        compared = compared[compared["seed"].isin(count.index[count == count.max()])]
+        cells = compared.pivot_table("value", "seed", ["mode", axis]).dropna()  # means over the other axes
+        by_level = cells.T.groupby(level=axis).mean().T  # means over modes
         for level in by_level.columns:
-            here, others = by_level[level], by_level.drop(columns=level).mean(axis=1)
-            means = [mean_over_seeds(some.to_numpy(), some.index.to_numpy()) for some in (here, here - others)]
-            rows.append((level, metric, own["unit"].iloc[0], len(by_level), *means[0], *means[1]))
+            values, others = by_level[level], by_level.drop(columns=level).mean(axis=1)
+            means = [mean_over_seeds(part.to_numpy(), part.index.to_numpy()) for part in (values, values - others)]
+            rows.append((level, metric, compared["unit"].iloc[0], len(by_level), *means[0], *means[1]))
     return rows

@@ -1,11 +1,13 @@
-"""Which rocks a drive touched, and how near it came to the others.
+"""Rocks that a drive touched, and minimum distances to all rocks nearby.
 
-Wheels touch a rock where physics says so: MuJoCo's contacts at each of its steps (`Simulation.wheel_contacts`), which
-the drive records. Body and legs pass through rocks in physics, so they touch a rock where a box of the vehicle's table
-reaches its mesh, at any logged instant. Gaps are those of the meshes to wheels (cylinders) and boxes.
+Contacts of wheels are MuJoCo's contacts at each physics step (`Simulation.wheel_contacts`), stored with the drive. Body
+and legs have no contacts in the physics; they touch a rock if a box of the vehicle's table reaches the rock's mesh at a
+logged time. Gaps are distances from meshes to wheels (cylinders) and boxes.
 """
 
 from __future__ import annotations
+
+from operator import itemgetter
 
 import numpy as np
 import pandas as pd
@@ -17,58 +19,58 @@ from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.hulls import points_on
 from polarsim.rover.world.surface import World
 
-BODY_TOUCH_M = 0.01  # points of a rock's surface are apart, so a box may pass between them
-_SAMPLE_M = 0.03  # between points of a rock's surface
-_EVERY_S = 0.2  # between instants at which the gap is measured
-_NEAR_M = 0.15  # body and rock come no nearer than that between two of these
-REACH_M = 1.3  # from base_link's origin to the farthest part of the rover, and some more
-_BODY_BELOW_M = 1.0  # of base_link: parts above meet no rock
+BODY_TOUCH_M = 0.01  # more than 0, since a box may pass between the sampled points of a rock
+_SAMPLE_M = 0.03  # spacing of points on a rock's surface
+_EVERY_S = 0.2  # period of the measured gaps
+_NEAR_M = 0.15  # the gap of body and rock changes less than this within a period
+REACH_M = 1.3  # from base_link's origin to the farthest part of the rover, plus a margin
+_BODY_BELOW_M = 1.0  # height in base_link above which parts cannot reach rocks
 BODY = "body"
 PARTS = ("tread", "flank", BODY)
 TOUCH_COLUMNS = ("rock", "height_m", "gap_m", "touched", "part", "time_s")
 
 
 def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
-    """Return a row for each rock that the rover came near: height, least gap (metres, below 0 inside), `touched`, the
-    part and time of the first touch; where there was none, those of the least gap.
+    """Return a row per rock near the path: height, minimum gap (m, negative inside), `touched`, part and time.
 
-    A rock that a tread touched was driven over, whatever else touched it.
+    Part and time are those of the first touch, or of the minimum gap without a touch. The part is `tread` if a tread
+    touched the rock at any time.
     """
     table, world = trace.table, trace.world
     times = table["time_s"].to_numpy()
     rows = np.unique(np.searchsorted(times, np.arange(times[0], times[-1] + 1e-9, _EVERY_S)).clip(max=len(times) - 1))
-    way = table[["x_m", "y_m"]].to_numpy()
+    positions = table[["x_m", "y_m"]].to_numpy()
     by_wheels: dict[int, list[tuple[str, float]]] = {}
     for contact in trace.drive["rocks_touched"]:
         by_wheels.setdefault(int(contact["rock"]), []).append((str(contact["part"]), float(contact["time_s"])))
-    found = []
+    result = []
     for rock in world.rocks.to_dict("records"):
         number = int(rock["rock"])
-        distance = np.hypot(*(way - [rock["x_m"], rock["y_m"]]).T)
+        distance = np.hypot(*(positions - [rock["x_m"], rock["y_m"]]).T)
         near = rows[distance[rows] < rock["radius_m"] + REACH_M]
         if not len(near):
             continue
         points = surface_points(world, number)
         gaps = [*_wheel_gaps(table, vehicle, points, near), *_body_gaps(table, vehicle, points, near)]
-        part, gap, row = min(gaps, key=lambda one: one[1])
+        part, gap, row = min(gaps, key=itemgetter(1))
         touch = list(by_wheels.get(number, []))
-        if min(one[1] for one in gaps if one[0] == BODY) < _NEAR_M:
+        if min(gap_m for name, gap_m, _ in gaps if name == BODY) < _NEAR_M:
             touch += body_touch(table, vehicle, points, np.flatnonzero(distance < rock["radius_m"] + REACH_M))
-        time_s = min((one[1] for one in touch), default=float(times[row]))
-        part = min((one[0] for one in touch), key=PARTS.index, default=part)
-        found.append((number, float(rock["height_m"]), gap, bool(touch), part, time_s))
-    return pd.DataFrame(found, columns=list(TOUCH_COLUMNS)).astype({"touched": bool})
+        time_s = min((contact_s for _, contact_s in touch), default=float(times[row]))
+        part = min((name for name, _ in touch), key=PARTS.index, default=part)
+        result.append((number, float(rock["height_m"]), gap, bool(touch), part, time_s))
+    return pd.DataFrame(result, columns=list(TOUCH_COLUMNS)).astype({"touched": bool})
 
 
 def surface_points(world: World, rock: int) -> np.ndarray:
-    """(n, 3) points on a rock's mesh above the ground, no farther than `_SAMPLE_M` apart along triangles' sides."""
+    """Return (n, 3) points on a rock's mesh above the ground, at most `_SAMPLE_M` apart along edges."""
     vertices, faces = world.rock_mesh(rock)
     points = np.unique(points_on(vertices[faces], _SAMPLE_M)[0], axis=0)
     return points[points[:, 2] > world.height_at(points[:, 0], points[:, 1]) - 0.02]
 
 
 def cylinder_gap(points: np.ndarray, radius: float, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """(...) gaps of points (..., 3) in a wheel's frame (axis y) to it, and whether the tread is what is nearest."""
+    """Return (...) gaps of points (..., 3) in a wheel's frame (axis y), and whether the tread is the nearest part."""
     out = np.hypot(points[..., 0], points[..., 2]) - radius
     aside = np.abs(points[..., 1]) - width / 2
     outside = np.hypot(np.maximum(out, 0), np.maximum(aside, 0))
@@ -76,38 +78,39 @@ def cylinder_gap(points: np.ndarray, radius: float, width: float) -> tuple[np.nd
 
 
 def box_gap(points: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(...) gaps of points (..., 3) in a box's frame to it; its sides are `size` (3,)."""
-    beyond = np.abs(points) - size / 2
-    return np.asarray(np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0))
+    """Return (...) gaps of points (..., 3) in the frame of a box with sides `size` (3,)."""
+    outside = np.abs(points) - size / 2
+    return np.asarray(np.linalg.norm(np.maximum(outside, 0), axis=-1) + np.minimum(outside.max(axis=-1), 0))
 
 
-_AT_ONCE = 20  # rows at which gaps are computed together
+_AT_ONCE = 20  # number of rows per batch
 Gap = tuple[str, float, int]  # part of the rover, gap, m, row of the table
 
 
 def body_touch(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[tuple[str, float]]:
-    """Return `BODY` and the time at which body or legs touch a rock's points (n, 3) first in rows of a trace's table;
-    empty where they never do.
+    """Return `BODY` and the time of the first contact of body or legs with points (n, 3) of a rock in rows of a trace.
+
+    The list is empty without a contact.
     """
-    for some in np.array_split(rows, max(1, len(rows) // _AT_ONCE)):
-        touching = [row for _, gap, row in _body_gaps(table, vehicle, points, some) if gap <= BODY_TOUCH_M]
+    for batch in np.array_split(rows, max(1, len(rows) // _AT_ONCE)):
+        touching = [row for _, gap, row in _body_gaps(table, vehicle, points, batch) if gap <= BODY_TOUCH_M]
         if touching:
             return [(BODY, float(table["time_s"].iloc[min(touching)]))]
     return []
 
 
 def _wheel_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[Gap]:
-    found = []
+    gaps: list[Gap] = []
     for code, wheel in zip(WHEELS, vehicle.wheels, strict=True):
         local = _local(table, f"{code}_", points, rows)
         gap, tread = cylinder_gap(local, wheel.radius_m, wheel.width_m)
         row, point = np.unravel_index(int(gap.argmin()), gap.shape)
-        found.append(("tread" if tread[row, point] else "flank", float(gap[row, point]), int(rows[row])))
-    return found
+        gaps.append(("tread" if tread[row, point] else "flank", float(gap[row, point]), int(rows[row])))
+    return gaps
 
 
 def _body_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: np.ndarray) -> list[Gap]:
-    base, found = _local(table, "", points, rows), []
+    base, gaps = _local(table, "", points, rows), []
     for shape in vehicle.shapes:
         offset = np.zeros((len(rows), 3))
         if shape.link.endswith("_arm"):
@@ -122,13 +125,15 @@ def _body_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: 
             continue
         gap = box_gap(link.inverse().apply(base - offset[:, None]), np.array(shape.size_m, float))
         row, point = np.unravel_index(int(gap.argmin()), gap.shape)
-        found.append((BODY, float(gap[row, point]), int(rows[row])))
-    return found
+        gaps.append((BODY, float(gap[row, point]), int(rows[row])))
+    return gaps
 
 
 def _local(table: pd.DataFrame, prefix: str, points: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """(rows, points, 3) points of the world in the frame of base_link or of a wheel."""
-    own = table.iloc[rows]
-    rotation = Rotation.from_quat(own[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()).as_matrix()
-    origin = own[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
+    """Return (rows, points, 3) points of the world in the frame of base_link or of a wheel."""
+    selected = table.iloc[rows]
+    rotation = Rotation.from_quat(
+        selected[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
+    ).as_matrix()
+    origin = selected[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
     return np.einsum("rji,rpj->rpi", rotation, points[None] - origin[:, None])

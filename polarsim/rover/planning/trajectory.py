@@ -1,5 +1,6 @@
-"""How far an estimated trajectory is off the true one, by the definitions of evo (Grupp 2017) and of Sturm et al. (IROS
-2012): absolute error after a rigid alignment, relative error from pose to pose.
+"""Errors of an estimated trajectory, as defined by evo (Grupp 2017) and Sturm et al. (IROS 2012).
+
+The absolute error is computed after a rigid alignment, the relative error from pose to pose.
 """
 
 from __future__ import annotations
@@ -13,18 +14,19 @@ from polarsim.geometry.poses import Pose, angle_between
 
 
 def absolute_error(estimated: np.ndarray, true: np.ndarray, *, align: bool = True) -> float:
-    """Root mean square of the distances between positions (n, 3), metres; the estimate first rotated and moved onto
-    the truth by least squares (Umeyama, IEEE PAMI 13 (1991) 376; no scale).
+    """Return the root mean square distance between positions (n, 3), m, after a rigid alignment of the estimate.
+
+    The alignment is a least-squares fit without scale (Umeyama, IEEE PAMI 13 (1991) 376).
 
     Raises
     ------
     RoverError
-        Fewer than three poses, or two numbers of them.
+        There are fewer than three poses, or the numbers of poses differ.
     """
     estimated, true = np.asarray(estimated, float), np.asarray(true, float)
     if estimated.shape != true.shape or len(true) < 3:
         raise RoverError(
-            f"trajectories of {len(estimated)} and {len(true)} poses, expected three or more, as many each"
+            f"trajectories of {len(estimated)} and {len(true)} poses, expected equal numbers of at least three"
         )
     if align:
         rotation, translation = _alignment(estimated, true)
@@ -33,26 +35,32 @@ def absolute_error(estimated: np.ndarray, true: np.ndarray, *, align: bool = Tru
 
 
 def relative_error(estimated: Sequence[Pose], true: Sequence[Pose]) -> tuple[float, float]:
-    """Root mean squares of the translation, metres, and the angle, rad, of what one step adds to the error.
+    """Return the root mean square errors of single steps: translation, m, and angle, rad.
 
     Raises
     ------
     RoverError
-        Fewer than two poses, or two numbers of them.
+        There are fewer than two poses, or the numbers of poses differ.
     """
     if len(estimated) != len(true) or len(true) < 2:
-        raise RoverError(f"trajectories of {len(estimated)} and {len(true)} poses, expected two or more, as many each")
-    moved, turned = [], []
+        raise RoverError(
+            f"trajectories of {len(estimated)} and {len(true)} poses, expected equal numbers of at least two"
+        )
+    translations, rotations = [], []
     for k in range(len(true) - 1):
         step = true[k].inverse() @ true[k + 1]
-        guess = estimated[k].inverse() @ estimated[k + 1]
-        moved.append(float(np.linalg.norm((step.inverse() @ guess).translation)))
-        turned.append(angle_between(step, guess))
-    return float(np.sqrt(np.mean(np.square(moved)))), float(np.sqrt(np.mean(np.square(turned))))
+        estimated_step = estimated[k].inverse() @ estimated[k + 1]
+        translations.append(float(np.linalg.norm((step.inverse() @ estimated_step).translation)))
+        rotations.append(angle_between(step, estimated_step))
+    return float(np.sqrt(np.mean(np.square(translations)))), float(np.sqrt(np.mean(np.square(rotations))))
 
 
 def _alignment(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `fit_pose`, which warns of positions on a line: drives are nearly straight, any rotation about it serves."""
+    """Return rotation and translation of the alignment.
+
+    Unlike `fit_pose`, this function does not warn about positions on a line: drives are nearly straight, and any
+    rotation about the line gives the same error.
+    """
     first, second = estimated.mean(axis=0), true.mean(axis=0)
     u, _, v = np.linalg.svd((true - second).T @ (estimated - first))
     sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(v))])

@@ -1,1 +1,1 @@
-"""Ground that gives way: soils (`law`), grid (`nodes`), wheels (`shapes`), `contact`, displaced soil (`bulldozing`)."""
+"""Deformable soil: soils (`law`), grid (`nodes`), wheels (`shapes`), `contact`, displaced soil (`bulldozing`)."""
