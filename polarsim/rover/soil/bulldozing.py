@@ -1,9 +1,9 @@
-"""Displaced soil piles up on both sides of a wheel and ahead of it, and slides where it is too steep; compiled.
+"""Displaced soil piles up at the sides and in front of a wheel, and slides where the slope is too steep; compiled.
 
-The rule of volume: of the pressed volume a share moves aside and the rest compacts; sliding keeps volume. Chrono puts
-displaced soil on the one ring of nodes around a patch and slides at 55 degrees, which leaves a saw of single nodes
-along ruts; here soil is spread over a few centimetres and slides at the angle at which loose sand rests. The reference
-in NumPy is `tests/reference/soil.py`.
+A share of the pressed volume moves aside and the rest compacts; sliding keeps volume. Chrono puts displaced soil on the
+single ring of nodes around a patch and slides at 55 degrees, which produces a sawtooth of single nodes along ruts.
+Here, soil is spread over a few centimetres and slides at the angle of repose of loose sand. The NumPy reference is
+`tests/reference/soil.py`.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from polarsim.kernels import njit
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
 from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, clear, intersect, window
 
-TAPS = 5.0  # reach of the spread over its standard deviation
-MOVED = 0.2  # of the excess height between two neighbours in one sweep; from 0.25 on, sweeps oscillate
+TAPS = 5.0  # truncation of the spread, in standard deviations
+MOVED = 0.2  # share of the excess height between adjacent nodes moved in a sweep; sweeps oscillate from 0.25 on
 SQRT2 = math.sqrt(2.0)
-DISTURBED = 1e-5  # m: ground that no wheel changed does not slide
-EVERY_S = 0.01  # between two moves of displaced soil in a drive
+DISTURBED = 1e-5  # m; ground with a smaller change does not slide
+EVERY_S = 0.01  # time between moves of displaced soil in a drive
 
 
 class Spreading(NamedTuple):
     """`Bulldozing` on a grid, for the kernels."""
 
-    weights: np.ndarray  # (2 r + 1,) of the spread along one axis
+    weights: np.ndarray  # (2 r + 1,) weights of the spread along an axis
     share: float
     headroom: float
-    climb: float  # m between neighbours, above which soil slides
+    climb: float  # m between adjacent nodes; soil slides above this difference
     sweeps: int
     every: int
 
@@ -40,15 +40,15 @@ class Spreading(NamedTuple):
 class Bulldozing:
     """Rules for displaced soil."""
 
-    share: float = 0.5  # of the pressed volume that moves aside; the rest compacts
+    share: float = 0.5  # share of the pressed volume that moves aside; the rest compacts
     spread: float = 0.03  # m, standard deviation of the distance that soil is pushed
-    headroom: float = 0.02  # m: no soil goes where a wheel is nearer to the ground
-    angle_deg: float = 36.0  # degrees, steeper soil slides
+    headroom: float = 0.02  # m; no soil moves to nodes with less clearance below a wheel
+    angle_deg: float = 36.0  # degrees; steeper soil slides
     sweeps: int = 3
     every: int = 10  # steps of the contact
 
     def on(self, cell: float) -> Spreading:
-        """For a grid with cells of this side, m."""
+        """Return the rules for a grid with cells of this side, m."""
         reach = max(math.ceil(TAPS * self.spread / cell), 1)
         weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * cell / self.spread) ** 2)
         climb = cell * math.tan(math.radians(self.angle_deg))
@@ -56,11 +56,11 @@ class Bulldozing:
 
 
 def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
-    """Let disturbed ground everywhere slide until it rests, for pictures: the sweeps during a drive stop half-way.
+    """Let all disturbed ground slide until it rests, for rendering; the sweeps during a drive end before that.
 
-    The ground is at rest when no sweep moves a level by more than `still_m`: a long slope creeps on at a rate far below
-    its excess. Soil slides across corners too, so no slope in any of eight directions stays steeper; between them the
-    gradient is up to 1 / cos(22.5 degrees) of the tangent.
+    The ground is at rest when no sweep moves a level by more than `still_m`, since a long slope creeps on at a rate far
+    below its excess. Soil also slides across corners, so the slope is limited in eight directions; between these, the
+    gradient is up to 1 / cos(22.5 degrees) times the tangent.
     """
     _slide(ground.state, ground.owner, ground.cell * math.tan(math.radians(angle_deg)), sweeps, still_m, True)
 
@@ -85,7 +85,7 @@ def bulldoze_nodes(ground, bodies, rule):  # type: ignore[no-untyped-def]
 
 @njit()
 def _sources(state, owner, nodes):  # type: ignore[no-untyped-def]
-    """Bounds of the nodes of a window that were pressed; empty if none was."""
+    """Return the bounds of the pressed nodes of a window; empty if there are none."""
     top, bottom, left, right = nodes[1], nodes[0], nodes[3], nodes[2]
     for row in range(nodes[0], nodes[1]):
         for column in range(nodes[2], nodes[3]):
@@ -97,7 +97,7 @@ def _sources(state, owner, nodes):  # type: ignore[no-untyped-def]
 
 @njit()
 def _push(part, slopes, owners, shape, height, rotation, dx, dy, cell, rule):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
-    """Move pressed soil aside in a part of the grid whose first node is at (dx, dy) from the wheel's centre."""
+    """Move pressed soil aside in a part of the grid; (dx, dy) is the first node relative to the wheel's centre."""
     ax, ay, az, headroom = rotation[0, 1], rotation[1, 1], rotation[2, 1], rule.headroom
     rows, columns = owners.shape
     room, pressed = np.zeros((rows, columns)), np.zeros((rows, columns))
@@ -113,8 +113,8 @@ def _push(part, slopes, owners, shape, height, rotation, dx, dy, cell, rule):  #
                     shape, rotation, dx + cell * column, dy + cell * row, height - headroom - part[row, column, LEVEL]
                 ):
                     continue
-                met = intersect(ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx + cell * column, dy + cell * row, cell)
-                if met[0] > 0 and height + met[1] - part[row, column, LEVEL] < headroom:
+                hit = intersect(ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx + cell * column, dy + cell * row, cell)
+                if hit[0] > 0 and height + hit[1] - part[row, column, LEVEL] < headroom:
                     room[row, column] = 0.0
     reached = _blur_at(pressed, room, rule.weights)
     for row in range(rows):
@@ -141,7 +141,7 @@ def _blur(field, weights):  # type: ignore[no-untyped-def]
     top, bottom = rows, 0
     for row in range(rows):
         for column in range(columns):
-            if field[row, column] != 0:  # most nodes send nothing
+            if field[row, column] != 0:  # most nodes are zero
                 top, bottom = min(top, row), row + 1
                 for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
                     along[row, other] += weights[other - column + reach] * field[row, column]
@@ -154,8 +154,8 @@ def _blur(field, weights):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
-    """`_blur` where `wanted` is above 0, which is at few nodes; 0 elsewhere."""
+def _blur_at(mask, field, weights):  # type: ignore[no-untyped-def]
+    """Return `_blur` where `mask` is above 0, which holds for few nodes; 0 elsewhere."""
     rows, columns = field.shape
     reach = len(weights) // 2
     total = np.zeros((rows, columns))
@@ -163,17 +163,17 @@ def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
     for column in range(columns):
         top, bottom = rows, 0
         for row in range(rows):
-            if wanted[row, column] > 0:
+            if mask[row, column] > 0:
                 top, bottom = min(top, row), max(bottom, row + 1)
         if top >= bottom:
             continue
         for row in range(max(top - reach, 0), min(bottom + reach, rows)):
-            one = 0.0
+            value = 0.0
             for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
-                one += weights[column - other + reach] * field[row, other]
-            along[row] = one
+                value += weights[column - other + reach] * field[row, other]
+            along[row] = value
         for row in range(top, bottom):
-            if wanted[row, column] > 0:
+            if mask[row, column] > 0:
                 for other in range(max(row - reach, 0), min(row + reach + 1, rows)):
                     total[row, column] += weights[other - row + reach] * along[other]
     return total
@@ -181,9 +181,9 @@ def _blur_at(wanted, field, weights):  # type: ignore[no-untyped-def]
 
 @njit()
 def _slide(part, owners, climb, sweeps, still, corners):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
-    """All sweeps, or until none moves a level by more than `still`, metres.
+    """Run all sweeps, or until no sweep moves a level by more than `still`, metres.
 
-    On copies that lie close together, for a node's state is spread over a cache line of its own.
+    The sweeps work on contiguous copies, since the state of each node fills a cache line.
     """
     rows, columns = owners.shape
     level, start, original = np.empty((rows, columns)), np.empty((rows, columns)), np.empty((rows, columns))
@@ -195,7 +195,7 @@ def _slide(part, owners, climb, sweeps, still, corners):  # type: ignore[no-unty
     change = np.zeros((rows, columns))
     sides = 4 if corners else 2
     for _ in range(sweeps):
-        most = 0.0
+        largest = 0.0
         for row in range(rows):
             for column in range(columns):
                 for side in range(sides):
@@ -203,27 +203,27 @@ def _slide(part, owners, climb, sweeps, still, corners):  # type: ignore[no-unty
                     to_row, to_column = row + min(side, 1), column + (1, 0, 1, -1)[side]
                     if to_row == rows or to_column == columns or to_column < 0:
                         continue
-                    one, two = level[row, column], level[to_row, to_column]
-                    excess = abs(two - one) - (climb if side < 2 else SQRT2 * climb)
+                    here, there = level[row, column], level[to_row, to_column]
+                    excess = abs(there - here) - (climb if side < 2 else SQRT2 * climb)
                     if (
-                        excess > 0  # first, for it is rare
+                        excess > 0  # rare, so checked first
                         and owners[row, column] == FREE
                         and owners[to_row, to_column] == FREE
                         and (
-                            abs(one - original[row, column]) > DISTURBED
-                            or abs(two - original[to_row, to_column]) > DISTURBED
+                            abs(here - original[row, column]) > DISTURBED
+                            or abs(there - original[to_row, to_column]) > DISTURBED
                         )
                     ):
-                        moved = (MOVED if side < 2 else MOVED / 2) * (excess if two > one else -excess)
+                        moved = (MOVED if side < 2 else MOVED / 2) * (excess if there > here else -excess)
                         change[row, column] += moved
                         change[to_row, to_column] -= moved
         for row in range(rows):
             for column in range(columns):
-                most = max(most, abs(change[row, column]))
+                largest = max(largest, abs(change[row, column]))
                 level[row, column] += change[row, column]
                 start[row, column] += change[row, column]
                 change[row, column] = 0.0
-        if most <= still:
+        if largest <= still:
             break
     for row in range(rows):
         for column in range(columns):

@@ -1,10 +1,10 @@
 """Soil contact: pressure after Bekker and Wong, shear after Janosi and Hanamoto, node by node, compiled.
 
-After Krenn and Hirzinger (2008, 2011) and Chrono's `SCMTerrain` (Serban, Taves and Zhou, J. Comput. Nonlinear Dyn.
-2023, doi 10.1115/1.4056851), with these differences: the force acts normal to the wheel's surface, not to the ground's;
-shear displacement is a vector, so a wheel at rest does not creep, and restarts once its node has been clear; only the
-elastic branches are damped, for damping of plastic flow would bear load that soil does not. The reference in NumPy is
-`tests/reference/soil.py`.
+The model follows Krenn and Hirzinger (2008, 2011) and Chrono's `SCMTerrain` (Serban, Taves and Zhou, J. Comput.
+Nonlinear Dyn. 2023, doi 10.1115/1.4056851), with these differences: the force is normal to the wheel's surface, not to
+the ground's; shear displacement is a vector, so a wheel at rest does not creep, and is reset once the node has been
+clear; only elastic branches are damped, since damped plastic flow would carry load that soil cannot. The NumPy
+reference is `tests/reference/soil.py`.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from polarsim.rover.soil.nodes import (
 )
 from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, dot, intersect, low_window
 
-STEEPEST = 0.25  # vertical part of a surface's normal: a wheel's flank is at most four times as large as its cell
-SLOWEST_RIM = 1e-3  # m/s, the slip of a slower wheel counts as 0
-CLEARANCE = 0.003  # m above the soil at which a node forgets its shear
-SHEAR_CAP = 6.0  # of K: maximum shear displacement that is stored
-# m of the rim's travel over which a change of slip takes effect, about the length of the contact: slip digs by carrying
-# soil away. A wheel that has turned on the spot by a millimetre is at slip 1 but has dug nothing.
+STEEPEST = 0.25  # minimum vertical part of a normal: a flank's area is at most four times its cell
+SLOWEST_RIM = 1e-3  # m/s; the slip of a slower wheel is 0
+CLEARANCE = 0.003  # m; height above the soil at which the shear of a node is reset
+SHEAR_CAP = 6.0  # in units of K, maximum stored shear displacement
+# m of rim travel over which a change of slip takes effect, about the length of the contact, since slip digs by moving
+# soil away. A wheel that has spun in place by a millimetre has slip 1 but has not dug.
 SLIP_LENGTH = 0.1
-DEPTH, DEPTH_ORIGINAL, POWER, AREA = range(4)  # readings
+DEPTH, DEPTH_ORIGINAL, POWER, AREA = range(4)  # indices of readings
 
 
 class Loads(NamedTuple):
@@ -45,7 +45,7 @@ class Loads(NamedTuple):
 
     forces: np.ndarray  # (k, 3) N
     torques: np.ndarray  # (k, 3) N m about the centres
-    readings: np.ndarray  # (k, 4): depth below the start level and below the original one, m; power taken, W; area, m2
+    readings: np.ndarray  # (k, 4): depth below the start level and below the original level, m; power, W; area, m2
 
     @classmethod
     def zeros(cls, count: int) -> Loads:
@@ -54,7 +54,7 @@ class Loads(NamedTuple):
 
 @njit()
 def highest_start(ground, nodes, margin):  # type: ignore[no-untyped-def]
-    """Highest level from which sinkage counts in a window and a margin of nodes round it."""
+    """Return the maximum reference level for sinkage in a window and a margin of nodes around it."""
     owner = ground.owner
     top, rows, columns = -np.inf, owner.shape[0], owner.shape[1]
     for row in range(max(nodes[0] - margin, 0), min(nodes[1] + margin, rows)):
@@ -66,9 +66,9 @@ def highest_start(ground, nodes, margin):  # type: ignore[no-untyped-def]
 
 @njit()
 def update_slips(bodies, length, dt):  # type: ignore[no-untyped-def]
-    """Update the slips that count for sinkage: running means over `length` metres of travel, in place.
+    """Update the slips used for slip sinkage: running means over `length` metres of travel, in place.
 
-    Slip is 0 to 1; 0 for a wheel that is towed, braked or at rest.
+    Slip is 0 to 1; it is 0 for a wheel that is towed, braked or at rest.
     """
     slips = bodies.slips
     for body in range(len(bodies.shapes)):
@@ -85,9 +85,9 @@ def update_slips(bodies, length, dt):  # type: ignore[no-untyped-def]
 
 @njit(error_model="numpy")
 def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
-    """Press all wheels on the ground, nodes above `tops` (k,) left out; `loads` are added to.
+    """Press all wheels on the ground, excluding nodes above `tops` (k,), and add the forces to `loads`.
 
-    Nodes are read and written one number at a time: a view of each would cost more than its physics.
+    Nodes are accessed element by element, since array views would take longer than the physics.
     """
     state, normals, owner, cell = ground.state, ground.normals, ground.owner, ground.cell
     velocities, forces, torques, readings = bodies.velocities, loads.forces, loads.torques, loads.readings
@@ -109,7 +109,7 @@ def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untype
                     continue
                 dx, start = ground.x0 + cell * column - centre[0], state[row, column, START]
                 depth = height - start
-                # Nodes that are certainly below the wheel's surface are skipped.
+                # Skip nodes that are certainly below the wheel's surface.
                 along = dx * ax + dy * ay - depth * az
                 if not held and depth > 0 and dx * dx + dy * dy + depth * depth - along * along > tip2:
                     continue
@@ -120,9 +120,9 @@ def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untype
                 tried = law.K_e * (s - plastic)
                 if not (weight > 0 and tried > 0):
                     if held:
-                        left = start - plastic / lz
-                        state[row, column, LEVEL] = left
-                        if weight == 0 or surface - left > CLEARANCE:
+                        surface_left = start - plastic / lz
+                        state[row, column, LEVEL] = surface_left
+                        if weight == 0 or surface - surface_left > CLEARANCE:
                             state[row, column, SHEAR_X] = 0.0
                             state[row, column, SHEAR_Y] = 0.0
                             state[row, column, SHEAR_Z] = 0.0
@@ -137,7 +137,7 @@ def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untype
                 vy = velocities[body, 1] + (wz * dx - wx * h)
                 vz = velocities[body, 2] + (wx * dy - wy * dx)
                 v_n = vx * nx + vy * ny + vz * nz
-                # Pressure: elastic up to what was borne before, then Bekker's curve.
+                # Pressure: elastic up to the largest earlier pressure, then Bekker's curve.
                 if tried > state[row, column, YIELD]:
                     sigma = min(tried, max(stiffness * s**exponent, state[row, column, YIELD]))
                     state[row, column, YIELD] = sigma

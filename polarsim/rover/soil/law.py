@@ -16,29 +16,29 @@ POSITIVE = ("K_phi", "n", "K", "K_e", "gravity")
 
 @dataclass(frozen=True)
 class Soil:
-    """One set of constants, measured at one gravity."""
+    """Constants of a soil, measured at a given gravity."""
 
     name: str
-    K_phi: float  # N/m^(n+2), pressure per depth that does not depend on width; Chrono's Bekker_Kphi
-    K_c: float  # N/m^(n+1), pressure per depth of a plate one over a width; Bekker_Kc
+    K_phi: float  # N/m^(n+2), pressure per depth, independent of width; Chrono's Bekker_Kphi
+    K_c: float  # N/m^(n+1), pressure per depth, divided by the width of the plate; Bekker_Kc
     n: float  # exponent of depth; Bekker_n
-    n_slip: float  # what slip 1 adds to n (Ding et al., 2010); 0: no slip sinkage
+    n_slip: float  # increase of n at slip 1 (Ding et al., 2010); 0: no slip sinkage
     c: float  # Pa, cohesion; Mohr_cohesion
     phi_deg: float  # degrees, angle of internal friction; Mohr_friction
     K: float  # m, shear displacement scale; Janosi_shear
     K_e: float  # Pa/m, elastic stiffness; elastic_K
     R: float  # Pa s/m, damping of the elastic branches; damping_R
-    gravity: float  # m/s2, of the measurement
+    gravity: float  # m/s2, gravity of the measurement
     source: str
 
     def at_gravity(self, gravity: float) -> Soil:
-        """The same soil at another gravity: stiffnesses and cohesion scale with it, K(g) = K(g0) g / g0.
+        """Return the soil at another gravity: stiffnesses and cohesion scale as K(g) = K(g0) g / g0.
 
-        So a wheel of equal mass sinks equally deep, as Wong (2012) and Wong and Kobayashi (2012) found from 1/6 to 2 g;
-        constants that are left alone would let it sink three times as deep on Earth as on the Moon.
+        So wheels of equal mass have equal sinkage, as Wong (2012) and Wong and Kobayashi (2012) found from 1/6 to 2 g.
+        With constants independent of gravity, sinkage on Earth would be three times that on the Moon.
         """
         if not gravity > 0:
-            raise RoverError(f"gravity of {gravity:g} m/s2, a soil bears under a positive one")
+            raise RoverError(f"gravity of {gravity:g} m/s2, expected a positive value")
         ratio = gravity / self.gravity
         return replace(
             self,
@@ -50,7 +50,7 @@ class Soil:
         )
 
     def law(self, slip_sinkage: bool = True) -> ContactLaw:
-        """What the contact needs."""
+        """Return the constants for the contact kernels."""
         return ContactLaw(
             self.K_phi,
             self.K_c,
@@ -65,7 +65,7 @@ class Soil:
 
 
 class ContactLaw(NamedTuple):
-    """A soil's numbers as the kernels take them."""
+    """Constants of a soil for the kernels."""
 
     K_phi: float
     K_c: float
@@ -84,11 +84,11 @@ def read_soils(path: str | Path) -> dict[str, Soil]:
     Raises
     ------
     FormatError
-        No readable table, or a column is missing.
+        The table is unreadable, or a column is missing.
     RoverError
-        A soil without a name, source or gravity, or with a constant that no soil has.
+        A soil has no name, source or gravity, or a constant is out of range.
     """
-    from polarsim.formats import tables  # options need the constants alone, and pandas takes a third of a second
+    from polarsim.formats import tables  # options import this module, and importing pandas takes a third of a second
 
     table = tables.read_csv(packaged(path), [field.name for field in fields(Soil)])
     soils: dict[str, Soil] = {}
@@ -96,30 +96,30 @@ def read_soils(path: str | Path) -> dict[str, Soil]:
         for row in table.to_dict("records"):
             soil = _checked({str(key): value for key, value in row.items()})
             if soil.name in soils:
-                raise RoverError(f"soil {soil.name!r} stands there twice")
+                raise RoverError(f"soil {soil.name!r} is defined twice")
             soils[soil.name] = soil
     return soils
 
 
 def read_soil(path: str | Path, name: str) -> Soil:
-    """One soil of a table; a set that has no name there is refused."""
+    """Return a soil of a table by name."""
     soils = read_soils(path)
     if name not in soils:
-        raise RoverError(f"no soil {name!r}, there are {', '.join(sorted(soils))}", path=path)
+        raise RoverError(f"unknown soil {name!r}, expected {', '.join(sorted(soils))}", path=path)
     return soils[name]
 
 
 def _checked(row: dict[str, object]) -> Soil:
     name = _text(row["name"])
     if not name:
-        raise RoverError("a soil without a name")
+        raise RoverError("a soil has no name")
     source = _text(row["source"])
     if not source:
-        raise RoverError(f"soil {name!r} has no source: say where its constants come from")
+        raise RoverError(f"soil {name!r} has no source: state the origin of the constants")
     numbers = {key: _number(name, key, row[key]) for key in (*CONSTANTS, "gravity")}
     for key, value in numbers.items():
         if value < 0 or (key in POSITIVE and value == 0) or (key == "phi_deg" and value >= 90):
-            raise RoverError(f"soil {name!r}: {key} is {value:g}, which no soil has")
+            raise RoverError(f"soil {name!r}: {key} is {value:g}, out of range")
     return Soil(name=name, source=source, **numbers)
 
 
@@ -133,5 +133,5 @@ def _number(name: str, key: str, value: object) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise RoverError(f"soil {name!r}: {key} is {value!r}, a number was expected")
+        raise RoverError(f"soil {name!r}: {key} is {value!r}, expected a number")
     return number

@@ -1,4 +1,4 @@
-"""Ground that gives way: a grid of nodes with their levels and what the soil under each remembers."""
+"""Deformable ground: a grid of nodes with levels and the state of the soil at each node."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ import numpy as np
 
 from polarsim.errors import RoverError
 
-# What a node remembers. Levels and depths in metres, stress in Pa, shear displacement as a vector of the world.
+# Fields of a node. Levels and depths in metres, stress in Pa, shear displacement as a vector in the world frame.
 ORIGINAL, START, LEVEL, PLASTIC, YIELD, FLOW, SHEAR_X, SHEAR_Y, SHEAR_Z = range(9)
 FIELDS = 9
-FREE, ROCK = -1, -2  # owner of a node that no wheel shears, and of one that lies under a rock
+FREE, ROCK = -1, -2  # owner of a node without contact, and of a node under a rock
 
 
 class Ground(NamedTuple):
-    """Nodes at (x0 + column cell, y0 + row cell); the arrays are changed in place by the contact.
+    """Nodes at (x0 + column cell, y0 + row cell); the contact changes the arrays in place.
 
-    `original` is the level before any wheel, `start` that from which sinkage counts (soil that was pushed there raises
-    it), `level` the surface now, `plastic` the depth that stays, `yield` the pressure that was borne so far, `flow` the
-    depth pressed since soil was last moved aside.
+    `original` is the level before any contact, `start` the reference level for sinkage (raised by displaced soil),
+    `level` the current surface, `plastic` the permanent depth, `yield` the largest earlier pressure, `flow` the depth
+    pressed since soil was last moved aside.
     """
 
     x0: float
     y0: float
     cell: float
     state: np.ndarray  # (rows, columns, 9)
-    normals: np.ndarray  # (rows, columns, 3) of the ground before any wheel
-    owner: np.ndarray  # (rows, columns) int32: the wheel that shears a node, FREE or ROCK
+    normals: np.ndarray  # (rows, columns, 3) normals of the original ground
+    owner: np.ndarray  # (rows, columns) int32: index of the wheel in contact with a node, FREE or ROCK
 
     @property
     def level(self) -> np.ndarray:
@@ -45,21 +45,21 @@ class Ground(NamedTuple):
 def make_ground(
     heights: np.ndarray, cell: float, x0: float = 0.0, y0: float = 0.0, rock: np.ndarray | None = None
 ) -> Ground:
-    """Fresh ground.
+    """Return undisturbed ground.
 
     Parameters
     ----------
     heights : (rows, columns) float
         Levels, metres; rows run along +y, columns along +x.
     cell : float
-        Distance of nodes, metres.
+        Distance between nodes, metres.
     rock : (rows, columns) bool, optional
-        Nodes below a rock's surface: the rock bears there, the soil does not.
+        Nodes below a rock's surface: the rock carries the load there, not the soil.
     """
     if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
-        raise RoverError(f"heights of shape {heights.shape}, a grid of 2 x 2 or more finite ones was expected")
+        raise RoverError(f"heights of shape {heights.shape}, expected at least 2 x 2 finite values")
     if not cell > 0:
-        raise RoverError(f"cells of {cell:g} m")
+        raise RoverError(f"cells of {cell:g} m, expected a positive size")
     state = np.zeros((*heights.shape, FIELDS))
     for field in (ORIGINAL, START, LEVEL):
         state[..., field] = heights

@@ -14,12 +14,12 @@ class SoilOptions(BaseModel, extra="forbid", frozen=True):
 
     soil: str = Field("lunar", description="Name of the soil in the table.")
     table: UserPath = Field(
-        Path("config/soils.csv"), description="File with sets of constants, each with its source and gravity."
+        Path("config/soils.csv"), description="File with the constants of soils, their source and their gravity."
     )
     gravity_m_s2: PositiveFloat = Field(
-        1.62, description="Gravity, m/s2; the soil's constants are scaled to it from that of their measurement."
+        1.62, description="Gravity, m/s2. The soil's constants are scaled from the gravity of their measurement."
     )
-    slip_sinkage: bool = Field(True, description="Let a slipping wheel sink deeper, by the soil's n_slip.")
+    slip_sinkage: bool = Field(True, description="Increase the sinkage of slipping wheels by the soil's n_slip.")
     step_s: PositiveFloat = Field(
-        0.001, le=0.02, description="Time step, s; one too large for the soil's stiffness is refused."
+        0.001, le=0.02, description="Time step, s. Lower is slower; too high for the soil's stiffness is an error."
     )

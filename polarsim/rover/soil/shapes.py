@@ -1,6 +1,6 @@
-"""Wheels that press the ground: their numbers, and where a vertical line meets a wheel first from below.
+"""Shapes of wheels, and the first intersection of a vertical line with a wheel from below.
 
-A wheel's frame: x forward, y along the axle to the left, z up. A wheel rolls forward when it spins about +y.
+Wheel frame: x forward, y along the axle to the left, z up. A wheel rolls forward when it spins about +y.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 from polarsim.errors import RoverError
 from polarsim.kernels import njit
 
-RADIUS, HALF_WIDTH, INVERSE_WIDTH = range(3)  # a wheel's numbers, in the order in which kernels take them
-LEVEL_AXLE = 1e-9  # an axle that leans less is level
+RADIUS, HALF_WIDTH, INVERSE_WIDTH = range(3)  # indices of a wheel's shape numbers in the kernels
+LEVEL_AXLE = 1e-9  # maximum vertical component of an axle that is treated as level
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """A rigid cylinder; metres. Grousers are left out: cells of 2 cm do not resolve them."""
+    """A rigid cylinder; metres. Grousers are omitted, since cells of 2 cm do not resolve them."""
 
     radius: float
     width: float
@@ -31,21 +31,21 @@ class Wheel:
         return math.hypot(self.radius, self.width / 2)
 
     def numbers(self) -> np.ndarray:
-        """(3,) for the kernels."""
+        """Return the (3,) shape numbers for the kernels."""
         if min(self.radius, self.width) <= 0:
-            raise RoverError(f"a wheel of radius {self.radius:g} m and width {self.width:g} m")
+            raise RoverError(f"wheel of radius {self.radius:g} m and width {self.width:g} m, expected positive values")
         return np.array([self.radius, self.width / 2, 1 / self.width])
 
 
 class Bodies(NamedTuple):
-    """Wheels on the ground, in the world's frame."""
+    """Wheels on the ground, in the world frame."""
 
-    shapes: np.ndarray  # (k, 3) numbers of the wheels
+    shapes: np.ndarray  # (k, 3) shape numbers of the wheels
     centres: np.ndarray  # (k, 3)
     rotations: np.ndarray  # (k, 3, 3) world from wheel
     velocities: np.ndarray  # (k, 3)
-    spins: np.ndarray  # (k, 3) rad/s, the wheel's own spin included
-    slips: np.ndarray | None = None  # (k,) recent slips of each wheel, updated in place; None: the present slip counts
+    spins: np.ndarray  # (k, 3) rad/s, including the rotation about the axle
+    slips: np.ndarray | None = None  # (k,) recent slips, updated in place; None: present slips
 
 
 @njit()
@@ -55,9 +55,9 @@ def dot(a, ax, ay, az):  # type: ignore[no-untyped-def]
 
 @njit()
 def _covered(distance, half, cell):  # type: ignore[no-untyped-def]
-    """Share of a cell at `distance` from the centre of a strip that the strip covers.
+    """Return the share of a cell that a strip covers, for a cell at `distance` from the centre line of the strip.
 
-    So a load does not jump when a wheel's edge passes a row of nodes.
+    So the load is continuous when a wheel's edge passes a row of nodes.
     """
     return min(max((half - abs(distance)) / cell + 0.5, 0.0), 1.0)
 
@@ -66,11 +66,11 @@ def _covered(distance, half, cell):  # type: ignore[no-untyped-def]
 def intersect(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untyped-def]
     """Return the lowest point of a wheel on the vertical line at (dx, dy) from its centre.
 
-    Share of the cell below the wheel (0: no hit), height over the centre, normal into the wheel. `ax, ay, az` is the
-    axle's direction.
+    Returns the share of the cell below the wheel (0: no hit), the height above the centre, and the normal into the
+    wheel. `ax, ay, az` is the axle's direction.
     """
     e = dx * ax + dy * ay
-    # Of the points at height h above the centre, those on the cylinder: A h^2 - 2 e a_z h + C = 0.
+    # Points on the cylinder at height h above the centre: A h^2 - 2 e a_z h + C = 0.
     A, C = 1 - az**2, dx * dx + dy * dy - e * e - radius**2
     root = e * e * az**2 - A * C
     if not root > 0:
@@ -82,7 +82,7 @@ def intersect(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untype
         if h >= 0:
             return 0.0, 0.0, 0.0, 0.0, 0.0
         return weight, h, -(dx - u * ax) / radius, -(dy - u * ay) / radius, -(h - u * az) / radius
-    if abs(az) > LEVEL_AXLE:  # a leaning wheel also bears on its lower side
+    if abs(az) > LEVEL_AXLE:  # a leaning wheel also has contact at the lower side
         side = -1.0 if az > 0 else 1.0
         h = (side * half - e) / az
         if h < 0 and side * u > half and dx * dx + dy * dy + h * h - half * half < radius**2:
@@ -92,7 +92,7 @@ def intersect(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untype
 
 @njit()
 def clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
-    """Whether a point `depth` below a wheel's centre is certainly below its surface: such nodes are skipped."""
+    """Return whether a point `depth` below a wheel's centre is certainly below the wheel; such nodes are skipped."""
     if depth <= 0:
         return False
     along = dx * rotation[0, 1] + dy * rotation[1, 1] - depth * rotation[2, 1]
@@ -101,8 +101,11 @@ def clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
 
 @njit()
 def _bound(at, count, last):  # type: ignore[no-untyped-def]
-    """Return a bound of a range of nodes, within 0 and `count`: the first node, or one after the last; NaN gives 0."""
-    if not at > -1.0:  # of NaN too: its integer would be an address far outside
+    """Return a bound of a range of nodes, within 0 and `count`.
+
+    The bound is the index of the first node, or with `last` the index after the last node. NaN gives 0.
+    """
+    if not at > -1.0:  # also true for NaN, whose integer would be an invalid index
         return 0
     if at >= count:
         return count
@@ -111,7 +114,7 @@ def _bound(at, count, last):  # type: ignore[no-untyped-def]
 
 @njit()
 def _nodes_within(ground, centre, half_x, half_y):  # type: ignore[no-untyped-def]
-    """Rows and columns (first, one after the last) of the nodes within a rectangle round a position."""
+    """Return rows and columns (first, last + 1) of the nodes within a rectangle around a position."""
     rows, columns = ground.owner.shape
     return (
         _bound((centre[1] - half_y - ground.y0) / ground.cell, rows, 0),
@@ -123,7 +126,7 @@ def _nodes_within(ground, centre, half_x, half_y):  # type: ignore[no-untyped-de
 
 @njit()
 def window(ground, shape, centre, rotation):  # type: ignore[no-untyped-def]
-    """Rows and columns of the nodes that a wheel may lie above."""
+    """Return rows and columns of the nodes that may be below a wheel."""
     ax, ay = rotation[0, 1], rotation[1, 1]
     # Rounding makes an axle along y a little longer than 1.
     half_x = shape[RADIUS] * math.sqrt(max(1 - ax**2, 0.0)) + shape[HALF_WIDTH] * abs(ax)
@@ -133,7 +136,7 @@ def window(ground, shape, centre, rotation):  # type: ignore[no-untyped-def]
 
 @njit()
 def low_window(ground, shape, centre, rotation, top):  # type: ignore[no-untyped-def]
-    """The part of `window` that may hold a point of a wheel below the height `top`, and a cell more."""
+    """Return the part of `window` with points of a wheel below the height `top`, plus a cell."""
     ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
     level, radius = math.hypot(ax, ay), shape[RADIUS]
     depth = centre[2] - top - shape[HALF_WIDTH] * abs(az)

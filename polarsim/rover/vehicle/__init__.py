@@ -1,1 +1,1 @@
-"""The rover itself: one table of its parts, and where its cameras are."""
+"""Table of the rover's parts, and poses of the cameras."""

@@ -1,6 +1,6 @@
-"""Cameras on the rover: from where the rover stands to where each of its cameras looks from.
+"""Poses of the rover's cameras, lights and shapes.
 
-`base_link` has x forward, y left, z up; a camera's own frame x right, y down, z forward.
+`base_link` has x forward, y left, z up; a camera frame has x right, y down, z forward.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from polarsim.geometry.poses import Pose, looking
 from polarsim.rover.vehicle.table import CameraPart
 
 FRONT = "front_end_cam"
-FOLLOWING = ("CamBirdViewLeft", "CamBirdViewRight")  # they do not roll with the rover
+FOLLOWING = ("CamBirdViewLeft", "CamBirdViewRight")  # do not roll with the rover
 
 
 @dataclass(frozen=True)
 class Mount:
-    """A camera fixed to the rover, or, where it is `level`, one that follows it in position and heading only."""
+    """A camera fixed to the rover, or, if `level`, a camera that follows its position and heading only."""
 
     name: str
     base_from_camera: Pose
@@ -29,13 +29,13 @@ class Mount:
     level: bool = False
 
     def at(self, world_from_base: Pose) -> Camera:
-        """The camera while the rover stands at a pose."""
+        """Return the camera for a pose of the rover."""
         base = levelled(world_from_base) if self.level else world_from_base
         return Camera(base @ self.base_from_camera, self.lens)
 
 
 def mount_of(camera: CameraPart, scale: float = 1.0) -> Mount:
-    """A camera of the vehicle's table."""
+    """Return the mount of a camera of the vehicle's table."""
     lens = Lens(
         camera.focal, camera.focal, camera.width_px / 2, camera.height_px / 2,
         width=camera.width_px, height=camera.height_px,
@@ -45,16 +45,16 @@ def mount_of(camera: CameraPart, scale: float = 1.0) -> Mount:
 
 
 def base_from_camera(position: np.ndarray, yaw_deg: float, pitch_deg: float, roll_deg: float) -> Pose:
-    """Of a camera at `position` (3,) in base_link, metres.
+    """Return the pose of a camera at `position` (3,) in base_link, metres.
 
-    Angles as ROS has them (REP 103): yaw from forward to the left, pitch downwards, roll of the right side downwards.
+    Angles follow ROS (REP 103): yaw from forward to the left, pitch downwards, roll of the right side downwards.
     """
     yaw, pitch, roll = np.radians([yaw_deg, pitch_deg, roll_deg])
     return looking(np.asarray(position, float), float(yaw), float(pitch), float(roll))
 
 
 def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, roll_deg: float = 0.0) -> Pose:
-    """Of a shape or light at `position` (3,) in its link, metres; rotated about z, the new y, then the new x."""
+    """Return the pose of a shape or light at `position` (3,) in the link, m; rotated about z, the new y, the new x."""
     from scipy.spatial.transform import Rotation
 
     rotation = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True)
@@ -62,19 +62,19 @@ def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, 
 
 
 def levelled(world_from_base: Pose) -> Pose:
-    """The same position and heading, upright."""
+    """Return the pose with the same position and heading, upright."""
     yaw = heading(world_from_base)
     return Pose.from_rotvec(np.array([0.0, 0, yaw]), world_from_base.translation)
 
 
 def heading(world_from_base: Pose) -> float:
-    """Of the rover's forward axis, radians from east to north."""
+    """Return the heading of the rover's forward axis, radians from east to north."""
     forward = world_from_base.rotation[:, 0]
     return float(np.arctan2(forward[1], forward[0]))
 
 
 def pose_of(position: np.ndarray, quaternion: np.ndarray) -> Pose:
-    """From a position (3,) and a quaternion (4,) w, x, y, z, as a trace has them."""
+    """Return the pose of a position (3,) and a quaternion (4,) w, x, y, z, as in a trace."""
     from scipy.spatial.transform import Rotation
 
     w, x, y, z = quaternion

@@ -1,1 +1,1 @@
-"""What is driven over before it gives way: heights and rocks, stitched from terrains or made up to practise on."""
+"""Undisturbed ground and rocks: stitched terrains, elevation models and random practice grounds."""

@@ -1,7 +1,7 @@
-"""A world on an elevation model: its heights, finer relief, craters and rocks, fine where the wheels go, coarse beyond.
+"""World from an elevation model, with finer relief, craters and rocks; fine near the path, coarse up to the horizon.
 
-The drive's grid lies round the path; from its rim on, nodes stand ever farther apart, up to the horizon. All heights
-are those of one ground, asked for at other nodes. The frame's origin is the square's centre, at height 0.
+The drive's grid surrounds the path; outside it, the distance between nodes grows up to the horizon. All heights are
+samples of the same ground at different nodes. The origin is the centre of the square, at height 0.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from polarsim.rover.world.stitch import Terrain
 from polarsim.rover.world.surface import Surroundings, World, bare_world
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
-GROWTH, GROWTH_FAR = 1.02, 1.1  # of nodes' distances, from one to the next, in the square and beyond
-HURST = 0.76  # of the added relief: lunar maria (Rosenburg et al., J. Geophys. Res. 116 (2011) E02001)
+GROWTH, GROWTH_FAR = 1.02, 1.1  # ratio of adjacent node distances, in the square and outside
+HURST = 0.76  # Hurst exponent of the added relief: lunar maria (Rosenburg et al., J. Geophys. Res. 116 (2011) E02001)
 COARSE_CELL_M = 0.25  # maximum distance between nodes in the square
-CORNERS = (150, 32)  # of rocks beyond the grid, and of those that are scenery
-_MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # that labels can tell apart; the rest is scenery
+CORNERS = (150, 32)  # vertices of rocks outside the grid, and of rocks without labels
+_MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # maximum number of rocks with labels; the others are part of the surroundings
 
 
 def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) -> World:
-    """The world round a path (n, 2).
+    """Return the world around a path (n, 2).
 
     Parameters
     ----------
     terrains : list of Terrain
-        Their rocks lend the shapes.
+        Terrains that provide the shapes of rocks.
 
     Raises
     ------
     FormatError
-        The elevation model is none, is too small, or has holes.
+        The elevation model is unreadable, too small, or has gaps.
     RoverError
-        The path leaves the square, or there is no rock to take a shape from.
+        The path leaves the square, or the terrains have no rocks.
     """
     dem = options.dem
     assert dem is not None
@@ -60,13 +60,13 @@ def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) 
     elevation = read_elevation(dem.path, dem.size_m / 2, dem.horizon_m, dem.centre_m) if dem.path else None
     x, y = (_nodes(nodes, dem) for nodes in inner)
     level = ground_at(x, y, dem, options.cell_m, elevation)
-    own = tuple(
+    inside = tuple(
         slice(*np.searchsorted(all_, [nodes[0], nodes[-1] + options.cell_m / 2]))
         for all_, nodes in zip((y, x), inner[::-1], strict=True)
     )
-    none = np.zeros((0, 3))
-    around = Surroundings(x, y, level.astype(np.float32), none.astype(np.float32), none.astype(np.int32))
-    bare = replace(bare_world(level[own], options.cell_m, inner[0][0], inner[1][0]), around=around)
+    empty = np.zeros((0, 3))
+    around = Surroundings(x, y, level.astype(np.float32), empty.astype(np.float32), empty.astype(np.int32))
+    bare = replace(bare_world(level[inside], options.cell_m, inner[0][0], inner[1][0]), around=around)
     if not dem.rocks:
         return bare
     shapes = shapes_of(terrains, CORNERS)
@@ -74,7 +74,7 @@ def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) 
 
 
 def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevation: Elevation | None) -> np.ndarray:
-    """Heights (rows, columns) of a ground without rocks at nodes x (columns,) and y (rows,), m."""
+    """Return heights (rows, columns) of a ground without rocks at nodes x (columns,) and y (rows,), m."""
     level = np.zeros((len(y), len(x)))
     if elevation is not None:
         spline = RectBivariateSpline(elevation.y, elevation.x, elevation.height)
@@ -93,8 +93,8 @@ def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevat
 
 
 def _grid(options: WorldOptions, dem: DemOptions, path: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes x and y of the drive's grid: all round the path."""
-    found = []
+    """Return the nodes x and y of the drive's grid around the path."""
+    axes = []
     for name, positions, reach in (("x", path[:, 0], options.margin_m), ("y", path[:, 1], options.width_m / 2)):
         low, high = positions.min() - reach, positions.max() + reach
         if low < -dem.size_m / 2 or high > dem.size_m / 2:
@@ -102,12 +102,12 @@ def _grid(options: WorldOptions, dem: DemOptions, path: np.ndarray) -> tuple[np.
                 f"the drive's ground from {name} {low:.2f} to {high:.2f} m leaves the square of rover.world.dem, "
                 f"{name} {-dem.size_m / 2:g} to {dem.size_m / 2:g} m"
             )
-        found.append(options.cell_m * np.arange(round(low / options.cell_m), round(high / options.cell_m) + 1))
-    return found[0], found[1]
+        axes.append(options.cell_m * np.arange(round(low / options.cell_m), round(high / options.cell_m) + 1))
+    return axes[0], axes[1]
 
 
 def _nodes(inner: np.ndarray, dem: DemOptions) -> np.ndarray:
-    """The grid's nodes with those beyond it: evermore apart, up to `COARSE_CELL_M` in the square."""
+    """Return the nodes of the grid and outside it, with growing distances, at most `COARSE_CELL_M` in the square."""
     cell, half = inner[1] - inner[0], dem.size_m / 2
     sides = []
     for rim in (-inner[0], inner[-1]):
@@ -121,13 +121,16 @@ def _nodes(inner: np.ndarray, dem: DemOptions) -> np.ndarray:
 
 
 def _strewn(bare: World, field: RockField, shapes: list[Shape]) -> World:
-    """The world with rocks: those that fill most of a picture from the grid have rows, the others are scenery."""
+    """Return the world with rocks.
+
+    Rocks with the largest angular size from the grid have rows in the table, others are part of the surroundings.
+    """
     assert bare.around is not None
-    away = bare.distance_to_grid(field.x, field.y)
-    near = away <= field.diameter
-    order = np.lexsort((-field.diameter / np.maximum(away, 1e-9), ~near))
+    distance = bare.distance_to_grid(field.x, field.y)
+    near = distance <= field.diameter
+    order = np.lexsort((-field.diameter / np.maximum(distance, 1e-9), ~near))
     count = max(_MOST_ROCKS, int(near.sum()))
-    foot = np.stack([field.x, field.y, _ground_round(bare, field)], axis=1)
+    foot = np.stack([field.x, field.y, _ground_around(bare, field)], axis=1)
     world = with_rocks(bare, _placed(field, shapes, foot, np.sort(order[:count]), near))
     vertices, triangles, first = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
     for rock in np.sort(order[count:]):
@@ -153,8 +156,8 @@ def _placed(
         yield PlacedRock(shape.terrain, shape.rock, points, mesh.faces)
 
 
-def _ground_round(bare: World, field: RockField) -> np.ndarray:
-    """(n,) medians of the ground's heights on a ring round each rock."""
+def _ground_around(bare: World, field: RockField) -> np.ndarray:
+    """Return (n,) the median height of the ground on a ring around each rock."""
     ring = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     reach = RING_RADII * field.diameter[:, None]
     around = bare.height_at(field.x[:, None] + reach * np.cos(ring), field.y[:, None] + reach * np.sin(ring))

@@ -1,10 +1,10 @@
-"""Rocks as convex parts, which are all that MuJoCo collides with, and the soil nodes under them.
+"""Convex parts of rocks for MuJoCo's collision detection, and the soil nodes under rocks.
 
-A convex hull fills hollows. `convex_parts` cuts a rock until the surface of its parts that is open to the sky deviates
-from the mesh by no more than `DEVIATION_M` at points `STEP_M` apart. The distance to a surface changes no faster than
-the position, so between these points it exceeds the bound by less than `STEP_M / sqrt(3)`. A rock that would need more
-than `MOST_PARTS` parts, or triangles that have no volume when cut further, may deviate more: `RockPart.deviation_m`
-says how much, and a drive records the maximum.
+A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts that is open to the sky deviates
+from the mesh by at most `DEVIATION_M` at points `STEP_M` apart. The distance to a surface changes no faster than the
+position, so between these points it exceeds the bound by less than `STEP_M / sqrt(3)`. The deviation may be larger if a
+rock would need more than `MOST_PARTS` parts, or if cut triangles have no volume: see `RockPart.deviation_m`. A drive
+records the maximum.
 """
 
 from __future__ import annotations
@@ -20,43 +20,43 @@ from polarsim.errors import RoverError
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.rover.world.surface import World
 
-DEVIATION_M = 0.010  # a part that deviates more from the mesh is cut in two
-MOST_PARTS = 64  # convex parts of a rock
-STEP_M = 0.006  # between points of a part's surface
-LEAST_VOLUME = 1e-8  # m3, a cube of 2 mm: less is no rock
-ABOVE = 1.0  # m over a surface from which rays are cast down
-_MESH_STEP_M = 0.005  # between points of the mesh to which distances are measured: 0.4 mm too long at 10 mm, at most
-_OFF_M = 1e-4  # from a surface, at which rays that leave it start
-_ENOUGH = 0.7  # a cut that leaves this share of the deviation is taken: other axes are not tried
-_INSIDE = (0.2, 0.8)  # shares of a part's extent between which it is cut
+DEVIATION_M = 0.010  # m; a part with a larger deviation from the mesh is cut in two
+MOST_PARTS = 64  # maximum number of convex parts of a rock
+STEP_M = 0.006  # spacing of points on a part's surface
+LEAST_VOLUME = 1e-8  # m3, a cube of 2 mm; minimum volume of a rock
+ABOVE = 1.0  # m above a surface at which vertical rays start
+_MESH_STEP_M = 0.005  # spacing of points of the mesh for distances: at most 0.4 mm too long at 10 mm
+_OFF_M = 1e-4  # offset from a surface at which rays start
+_ENOUGH = 0.7  # a cut with at most this share of the deviation is accepted without trying other axes
+_INSIDE = (0.2, 0.8)  # range of cuts as shares of a part's extent
 
 
 @dataclass(frozen=True)
 class RockPart:
     """A convex part of a rock."""
 
-    rock: int  # number in the world
+    rock: int  # number of the rock in the world
     corners: np.ndarray  # (n, 3) m
-    deviation_m: float  # maximum distance of its upper surface from the mesh
+    deviation_m: float  # maximum distance of the part's upper surface from the mesh
 
 
 def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MOST_PARTS) -> list[RockPart]:
-    """Return the convex parts of all rocks that can be met, rock by rock.
+    """Return the convex parts of all rocks on the grid, rock by rock.
 
     Raises
     ------
     RoverError
-        A rock without volume.
+        A rock has no volume.
     """
-    found = []
+    result = []
     for row in world.rocks_on_grid.to_dict("records"):
         rock = int(row["rock"])
         try:
             parts = convex_parts(*world.rock_mesh(rock), deviation_m, most)
         except RoverError as error:
             raise RoverError(f"terrain {row['terrain']}, rock {row['rock_in_terrain']}: {error}") from error
-        found += [RockPart(rock, corners, deviation) for corners, deviation in parts]
-    return found
+        result += [RockPart(rock, corners, deviation) for corners, deviation in parts]
+    return result
 
 
 def convex_parts(
@@ -67,9 +67,9 @@ def convex_parts(
     Parameters
     ----------
     deviation_m
-        Maximum distance from the mesh of the surface of parts that is open to the sky; see the module.
+        Maximum distance of the upper surface of the parts from the mesh; see the module.
     most
-        Maximum number of parts, which goes before `deviation_m`.
+        Maximum number of parts; takes precedence over `deviation_m`.
 
     Raises
     ------
@@ -80,33 +80,33 @@ def convex_parts(
     return _convex_parts(vertices.tobytes(), faces.tobytes(), deviation_m, most)
 
 
-@lru_cache(maxsize=512)  # episodes of one world begin with the same rocks
+@lru_cache(maxsize=512)  # episodes of a world start with the same rocks
 def _convex_parts(vertices: bytes, faces: bytes, deviation_m: float, most: int) -> tuple[tuple[np.ndarray, float], ...]:
     rock = _Rock(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, np.int64).reshape(-1, 3), deviation_m)
     open_parts = [rock.part(np.arange(len(rock.faces)))]
-    whole: list[_Part] = []
-    while open_parts and len(open_parts) + len(whole) < most:
+    final: list[_Part] = []
+    while open_parts and len(open_parts) + len(final) < most:
         worst = max(range(len(open_parts)), key=lambda number: open_parts[number].deviation)
         if open_parts[worst].deviation <= deviation_m:
             break
         halves = rock.halves(open_parts[worst])
         if halves is None:
-            whole.append(open_parts.pop(worst))
+            final.append(open_parts.pop(worst))
         else:
             open_parts[worst : worst + 1] = halves
-    return tuple((part.corners, part.deviation) for part in [*open_parts, *whole])
+    return tuple((part.corners, part.deviation) for part in [*open_parts, *final])
 
 
 @dataclass(frozen=True)
 class _Part:
-    triangles: np.ndarray  # (t,) of the rock's faces
+    triangles: np.ndarray  # (t,) indices of the rock's faces
     corners: np.ndarray  # (n, 3)
     deviation: float  # m
-    farthest: np.ndarray  # (3,) the point that deviates most
+    farthest: np.ndarray  # (3,) point with the largest deviation
 
 
 class _Rock:
-    """A mesh, ready for distances to it."""
+    """A mesh with distance queries."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, bound: float) -> None:
         self.vertices, self.faces, self._bound = vertices, faces, bound
@@ -119,7 +119,7 @@ class _Rock:
         Raises
         ------
         RoverError
-            They have no volume.
+            The triangles have no volume.
         """
         points = self.vertices[np.unique(self.faces[triangles])]
         hull = require_volume(points)
@@ -130,16 +130,16 @@ class _Rock:
         return _Part(triangles, corners, deviation, farthest)
 
     def halves(self, part: _Part) -> list[_Part] | None:
-        """Cut a part where it deviates most, across the axis that leaves the least deviation; None: it cannot be cut.
+        """Cut a part at its largest deviation, across the axis with the best result; return None if it cannot be cut.
 
-        A triangle belongs to the side of its centre, so that parts overlap by a triangle at the cut.
+        A triangle belongs to the side of its centre, so the parts overlap by a triangle at the cut.
         """
         best: list[_Part] | None = None
         for axis, cut in self._cuts(part):
             below = self._centres[part.triangles, axis] < cut
             try:
                 halves = [self.part(part.triangles[side]) for side in (below, ~below)]
-            except RoverError:  # a side without volume
+            except RoverError:  # a side has no volume
                 continue
             if best is None or _worst(halves) < _worst(best):
                 best = halves
@@ -148,7 +148,7 @@ class _Rock:
         return best
 
     def _cuts(self, part: _Part) -> Iterator[tuple[int, float]]:
-        """Axes and coordinates to cut at, the longest extent first; medians in the end."""
+        """Yield axes and coordinates to cut at, in descending order of extent; medians last."""
         low, high = part.corners.min(axis=0), part.corners.max(axis=0)
         axes = np.argsort(low - high)
         for axis in axes:
@@ -158,11 +158,11 @@ class _Rock:
             yield int(axis), float(np.median(self._centres[part.triangles, axis]))
 
     def _deviation(self, points: np.ndarray, normals: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the maximum distance of points (n, 3) of a hull to the mesh, 0 within the bound, and where it is.
+        """Return the maximum distance of points (n, 3) of a hull to the mesh, 0 within the bound, and its point.
 
-        Points below the mesh do not count: no wheel comes there.
+        Points below the mesh are excluded, since wheels cannot reach them.
         """
-        # The distance against the normal is no less than that to the nearest point, and quick to find.
+        # The distance against the normal is an upper bound of the distance to the nearest point, and fast to compute.
         against, _ = self._caster.nearest(points + _OFF_M * normals, -normals)
         points = points[against > self._bound + _OFF_M]
         if len(points):
@@ -187,27 +187,27 @@ def _worst(parts: Sequence[_Part]) -> float:
 
 
 def points_on(triangles: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (n, 3) on triangles (t, 3, 3), at most `step` apart along sides, and (n,) whose they are."""
+    """Return points (n, 3) on triangles (t, 3, 3), at most `step` apart along edges, and (n,) their triangles."""
     longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
     counts = np.maximum(np.ceil(longest / step).astype(int), 1)
     points, owners = [np.zeros((0, 3))], [np.zeros(0, int)]
     for count in np.unique(counts):
-        own = np.flatnonzero(counts == count)
+        rows = np.flatnonzero(counts == count)
         i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
         inside = i + j <= count
         weights = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], axis=1) / count
-        points.append(np.einsum("pk,fkd->fpd", weights, triangles[own]).reshape(-1, 3))
-        owners.append(np.repeat(own, len(weights)))
+        points.append(np.einsum("pk,fkd->fpd", weights, triangles[rows]).reshape(-1, 3))
+        owners.append(np.repeat(rows, len(weights)))
     return np.concatenate(points), np.concatenate(owners)
 
 
 def require_volume(points: np.ndarray) -> ConvexHull:
-    """The hull of points (n, 3).
+    """Return the hull of points (n, 3).
 
     Raises
     ------
     RoverError
-        They lie in a plane, or nearly.
+        The points are coplanar, or nearly.
     """
     try:
         hull = ConvexHull(points)
@@ -219,7 +219,7 @@ def require_volume(points: np.ndarray) -> ConvexHull:
 
 
 def top_at(vertices: np.ndarray, triangles: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(n,) heights of the uppermost surface over points (x, y), -inf where there is none."""
+    """Return (n,) heights of the highest surface at points (x, y); -inf if there is none."""
     start = float(vertices[:, 2].max()) + ABOVE
     origins = np.stack([x, y, np.full(len(x), start)], axis=1)
     directions = np.broadcast_to([0.0, 0.0, -1.0], origins.shape)
@@ -228,7 +228,7 @@ def top_at(vertices: np.ndarray, triangles: np.ndarray, x: np.ndarray, y: np.nda
 
 
 def under_rocks(world: World) -> np.ndarray:
-    """(rows, columns) bool: nodes with rock above the ground, where the rock bears and the soil does not."""
+    """Return (rows, columns) bool: nodes with rock above the ground, where the rock carries the load."""
     under = np.zeros(world.level.shape, bool)
     for row in world.rocks_on_grid.to_dict("records"):
         vertices, faces = world.rock_mesh(int(row["rock"]))

@@ -9,37 +9,37 @@ from pydantic import BaseModel, Field, PositiveFloat, field_validator
 from polarsim.photo import TERRAINS
 from polarsim.user_path import UserPath
 
-LENGTH_M = 3.5  # of the strip that each terrain takes
+LENGTH_M = 3.5  # length of a terrain in the strip
 
 
 @dataclass(frozen=True)
 class CraterOptions:
-    """Which craters are dug into the ground."""
+    """Distribution of craters in the ground."""
 
-    share: float = 1.0  # of the craters of Trask's equilibrium
+    share: float = 1.0  # share of the craters of Trask's equilibrium
     smallest_m: float = 0.3
-    largest_m: float = 5.0  # larger ones are in the elevation model
-    depth_over_diameter: tuple[float, float] = (0.02, 0.08)  # drawn evenly; fresh craters have 0.196
+    largest_m: float = 5.0  # larger craters are part of the elevation model
+    depth_over_diameter: tuple[float, float] = (0.02, 0.08)  # uniform between these bounds; fresh craters have 0.196
 
 
 class DemOptions(BaseModel, extra="forbid", frozen=True):
-    """A square of an elevation model as the ground, with craters and rocks strewn by laws, up to the horizon."""
+    """A square of an elevation model as the ground, with random craters and rocks, up to the horizon."""
 
     path: UserPath | None = Field(
-        None, description="GeoTIFF of heights, in a projected frame in metres; null: relief is made up."
+        None, description="GeoTIFF of heights, in a projected frame in metres; null: random relief."
     )
     centre_m: tuple[float, float] | None = Field(
         None, description="Centre of the square, east and north in the file's frame, m; null: the file's middle."
     )
     size_m: PositiveFloat = Field(60.0, description="Side of the square with craters and rocks, m.")
-    horizon_m: PositiveFloat = Field(300.0, description="Distance up to which the ground is shown, m.")
+    horizon_m: PositiveFloat = Field(300.0, description="Distance up to which the ground is rendered, m.")
     drive_m: PositiveFloat = Field(12.0, description="Length of the default path through the centre, east to west, m.")
     seed: int = Field(0, ge=0, description="Seed of relief, craters and rocks, common to all drives.")
     relief_m: float = Field(
         0.02, ge=0, description="RMS height difference of points 1 m apart in the relief added below a pixel, m."
     )
     craters: float = Field(
-        1.0, ge=0, le=1, description="Number of craters over that of Trask's equilibrium; 0: no craters."
+        1.0, ge=0, le=1, description="Number of craters relative to Trask's equilibrium; 0: no craters."
     )
     rocks: float = Field(
         0.02, ge=0, le=0.4, description="Share of the ground covered by rocks (k of Golombek and Rapp); 0: no rocks."
@@ -47,21 +47,21 @@ class DemOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class WorldOptions(BaseModel, extra="forbid", frozen=True):
-    """Ground that is driven over."""
+    """Ground of a drive."""
 
     terrains: tuple[int, ...] = Field(
         (4, 1, 11), min_length=1, description="Numbers of the terrains in the strip, from east to west."
     )
-    width_m: PositiveFloat = Field(5.0, description="Width of the strip, filler ground included, m.")
-    margin_m: PositiveFloat = Field(2.5, description="Length of filler ground before and behind the terrains, m.")
+    width_m: PositiveFloat = Field(5.0, description="Width of the strip including filler ground, m.")
+    margin_m: PositiveFloat = Field(2.5, description="Length of filler ground at both ends of the terrains, m.")
     cell_m: PositiveFloat = Field(0.02, le=0.1, description="Distance between nodes of the ground, m.")
     dem: DemOptions | None = Field(
-        None, description="Elevation model in place of the strip; the terrains provide the rocks' shapes."
+        None, description="Elevation model that replaces the strip; the terrains provide the shapes of rocks."
     )
 
     @property
     def half_length_m(self) -> float:
-        """From the centre to either end of what is driven over, m."""
+        """Distance from the centre to the ends of the default path, m."""
         return self.dem.drive_m / 2 if self.dem else LENGTH_M * len(self.terrains) / 2
 
     @field_validator("terrains")

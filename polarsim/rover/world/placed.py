@@ -1,4 +1,4 @@
-"""Rocks put into a world: rows of its table, and their triangles."""
+"""Rocks of a world: rows of the table of rocks, and triangles."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import pandas as pd
 from polarsim.geometry.vectors import cross
 from polarsim.rover.world.surface import ROCK_COLUMNS, World
 
-RIM = 0.05  # m beyond a rock's outline, where the ground round it is measured
+RIM = 0.05  # m; distance from a rock's outline at which the height of the ground is measured
 
 
 @dataclass(frozen=True)
 class PlacedRock:
-    """A rock of a terrain with vertices (v, 3) in the world, m, and faces (f, 3) that look outwards."""
+    """A rock of a terrain with vertices (v, 3) in the world, m, and faces (f, 3) that point outwards."""
 
     terrain: int
     rock: int
@@ -25,7 +25,7 @@ class PlacedRock:
 
 
 def with_rocks(world: World, rocks: Iterable[PlacedRock]) -> World:
-    """The world with these rocks and no others."""
+    """Return the world with these rocks and no others."""
     rows: list[dict[str, float | int]] = []
     vertices: list[np.ndarray] = []
     triangles: list[np.ndarray] = []
@@ -46,7 +46,7 @@ def with_rocks(world: World, rocks: Iterable[PlacedRock]) -> World:
 
 
 def rock_row(world: World, points: np.ndarray) -> dict[str, float]:
-    """Place, height above the ground round it and width, the largest extent seen from above."""
+    """Return position, height above the surrounding ground, and width, the largest horizontal extent."""
     centre = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
     arms = points[:, :2] - centre
     angles = np.linspace(0, np.pi, 36, endpoint=False)
@@ -64,7 +64,7 @@ def rock_row(world: World, points: np.ndarray) -> dict[str, float]:
 
 
 def outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Faces flipped so that on the whole they look away from the rock's centre, as some published ones do not."""
+    """Return faces with outward orientation; some published meshes are inside out."""
     a, b, c = (points[faces[:, k]] for k in range(3))
-    away = (a + b + c) / 3 - (points.min(axis=0) + points.max(axis=0)) / 2
-    return faces if float((cross(b - a, c - a) * away).sum()) >= 0 else faces[:, ::-1]
+    outwards = (a + b + c) / 3 - (points.min(axis=0) + points.max(axis=0)) / 2
+    return faces if float((cross(b - a, c - a) * outwards).sum()) >= 0 else faces[:, ::-1]

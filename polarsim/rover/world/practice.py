@@ -1,4 +1,4 @@
-"""Ground to practise on: made up anew for every seed, rough, with angular rocks; no terrain of anybody's."""
+"""Random practice ground for each seed: rough, with angular rocks, independent of any terrain."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from polarsim.randomness import generator
 from polarsim.rover.world.placed import PlacedRock, with_rocks
 from polarsim.rover.world.surface import World, bare_world
 
-CORNERS = 24  # points whose hull a rock is
+CORNERS = 24  # number of points whose convex hull is a rock
 BURIED = 0.25  # share of a rock's height below the ground, as in POLAR's sandbox
 
 
 @dataclass(frozen=True)
 class PracticeGround:
-    """Metres; heights vary by `roughness_m` (standard deviation) over lengths of `wave_m`."""
+    """Size of a practice ground, m; heights vary by `roughness_m` (standard deviation) over lengths of `wave_m`."""
 
     length_m: float = 10.0
     width_m: float = 5.0
@@ -30,16 +30,16 @@ class PracticeGround:
     rocks: int = 12
     smallest_m: float = 0.06
     largest_m: float = 0.25
-    clear_m: float = 1.3  # round the position where the rover is put down no rock lies
+    clear_m: float = 1.3  # minimum distance of rocks from the start
 
 
 def practice_world(options: PracticeGround, seed: int) -> World:
-    """A made-up world; x from 0 to its length, y about 0.
+    """Return a random world; x from 0 to its length, y about 0.
 
     Raises
     ------
     RoverError
-        No room for the rover.
+        The ground is too small for the rover.
     """
     if min(options.length_m, options.width_m) < 3:
         raise RoverError(f"a practice ground of {options.length_m:g} x {options.width_m:g} m, the rover needs 3 x 3 m")
@@ -66,7 +66,7 @@ def _rocks(bare: World, options: PracticeGround, seed: int) -> Iterator[PlacedRo
 
 
 def _rock(rng: np.random.Generator, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and outward triangles of the hull of points on a flattened ball."""
+    """Return vertices and outward triangles of the convex hull of points on a flattened sphere."""
     points = rng.normal(size=(CORNERS, 3))
     points *= 0.5 * size * np.array([1.0, 0.8, 0.6]) / np.linalg.norm(points, axis=1, keepdims=True)
     return points, hull_faces(points)

@@ -1,8 +1,8 @@
-"""Terrains side by side: one grid of heights from their ground meshes, their rocks on it, filler ground around.
+"""Terrains side by side: a grid of heights from their ground meshes, their rocks, and filler ground around them.
 
-The first terrain is the eastern one. Each keeps its centre `LENGTH_M`; neighbours pass into each other over `BLEND_M`
-about their seam, for which each ground reaches beyond its own length. Heights count from each terrain's sand level, so
-that published meshes that stand decimetres off meet too.
+The first terrain is in the east. Each terrain contributes the central `LENGTH_M`; adjacent terrains blend over
+`BLEND_M` at the seam, where both grounds overlap. Heights are relative to the sand level of each terrain, so that
+published meshes with vertical offsets of decimetres also match.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from polarsim.rover.world.options import LENGTH_M, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, outward, with_rocks
 from polarsim.rover.world.surface import World, bare_world
 
-BLEND_M = 0.4  # over which two grounds pass into each other at a seam
+BLEND_M = 0.4  # width of the blend of two grounds at a seam
 FILLER_SD_M = 0.003  # standard deviation of filler ground's heights
-FILLER_GRAIN = 0.08  # m, over which filler ground's heights are alike
-FADE = 0.3  # m, over which a terrain's edge passes into filler ground
+FILLER_GRAIN = 0.08  # m, correlation length of the filler ground's heights
+FADE = 0.3  # m, width of the transition from a terrain's edge to filler ground
 
 
 @dataclass(frozen=True)
 class Terrain:
-    """Meshes of one terrain in its sandbox frame: x towards azimuth 0, east."""
+    """Meshes of a terrain in the sandbox frame: x towards azimuth 0, east."""
 
     number: int
     ground: Mesh
@@ -45,7 +45,7 @@ class Terrain:
 
 
 def read_terrain(folder: str | Path, number: int) -> Terrain:
-    """Ground and rocks of a folder, the decimated rocks where they are there.
+    """Read ground and rocks of a folder; decimated rocks are preferred.
 
     Raises
     ------
@@ -66,19 +66,19 @@ def read_terrain(folder: str | Path, number: int) -> Terrain:
 
 
 def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> World:
-    """The strip, its centre at x = y = 0.
+    """Return the strip, with the centre at x = y = 0.
 
     Parameters
     ----------
     terrains : list of Terrain
         From east to west.
     seed : int
-        Of the filler ground.
+        Seed of the filler ground.
 
     Raises
     ------
     RoverError
-        A ground mesh covers nothing of its part of the strip.
+        A ground mesh does not overlap its part of the strip.
     """
     length, cell = LENGTH_M * len(terrains), options.cell_m
     columns = 2 * round((length / 2 + options.margin_m) / cell) + 1
@@ -90,7 +90,7 @@ def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> Wor
         reach = (LENGTH_M + BLEND_M) / 2
         part = slice(*np.searchsorted(x, [centre - reach, centre + reach]))
         heights = _heights(terrain, x[part] - centre, y)
-        # Each side's share falls from 1 to 0 across the seam, and the shares of two neighbours add up to 1.
+        # Each weight falls from 1 to 0 across the seam, and the weights of adjacent terrains add up to 1.
         share = _ramp((LENGTH_M / 2 - np.abs(x[part] - centre)) / BLEND_M + 0.5)
         covered = np.isfinite(heights)
         total[:, part] += np.where(covered, heights, 0.0) * share
@@ -100,15 +100,15 @@ def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> Wor
 
 
 def centres(options: WorldOptions) -> np.ndarray:
-    """(n,) x of the terrains' centres, the first in the east."""
+    """Return (n,) x of the terrains' centres, from east to west."""
     count = len(options.terrains)
     return LENGTH_M * ((count - 1) / 2 - np.arange(count))
 
 
 def rough_world(world: World, deviation: float, seed: int) -> World:
-    """The same world with a little noise on every node: what differs between seeds."""
+    """Return the world with noise on all nodes, which depends on the seed."""
     around = world.around
-    if around is not None:  # smooth beside the grid it would look like another ground
+    if around is not None:  # otherwise the surroundings would look smoother than the grid
         step = np.maximum(np.gradient(around.y)[:, None], np.gradient(around.x))
         noise = generator(seed, "rover", "ground around").normal(0.0, deviation, step.shape) * (world.cell / step)
         around = replace(around, level=(around.level + noise).astype(np.float32))
@@ -117,25 +117,25 @@ def rough_world(world: World, deviation: float, seed: int) -> World:
 
 
 def _ramp(value: np.ndarray) -> np.ndarray:
-    """0 to 1 without a kink."""
+    """Return a smooth step from 0 to 1."""
     t = np.clip(value, 0.0, 1.0)
     return np.asarray(t * t * (3 - 2 * t))
 
 
 def _heights(terrain: Terrain, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(rows, columns) above the sand level; holes inside the ground are filled, NaN beyond its edges."""
+    """Return heights (rows, columns) above the sand level, with filled holes; NaN outside the ground's edges."""
     across, along = np.meshgrid(x, y)
     top = top_at(terrain.ground.vertices, terrain.ground.faces, across.ravel(), along.ravel()).reshape(across.shape)
     low, high = terrain.ground.vertices[:, :2].min(axis=0), terrain.ground.vertices[:, :2].max(axis=0)
     inside = (across >= low[0]) & (across <= high[0]) & (along >= low[1]) & (along <= high[1])
     if not np.isfinite(top[inside]).any():
-        raise RoverError(f"terrain {terrain.number}: its ground mesh covers nothing of its part of the strip")
+        raise RoverError(f"terrain {terrain.number}: the ground mesh does not overlap its part of the strip")
     level = np.where(np.isfinite(top), top, np.nan) - terrain.sand_level
     return np.where(inside, fill_holes(level, inside), np.nan)
 
 
 def fill_holes(level: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """NaN nodes among `inside` as a membrane between their neighbours: each the mean of those next to it."""
+    """Fill NaN nodes of `inside` with a membrane: each filled node is the mean of the adjacent nodes."""
     holes = inside & np.isnan(level)
     number = np.full(level.shape, -1)
     number[holes] = np.arange(holes.sum())
@@ -143,25 +143,25 @@ def fill_holes(level: np.ndarray, inside: np.ndarray) -> np.ndarray:
         return level
     here, there, known, count = [], [], np.zeros(int(holes.sum())), np.zeros(int(holes.sum()))
     rows, columns = np.nonzero(holes)
-    own = number[rows, columns]
+    hole_number = number[rows, columns]
     for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
         r, c = rows + down, columns + right
         on = (r >= 0) & (r < level.shape[0]) & (c >= 0) & (c < level.shape[1])
         on[on] &= inside[r[on], c[on]]
         hole = on.copy()
         hole[on] = number[r[on], c[on]] >= 0
-        here.append(own[hole])
+        here.append(hole_number[hole])
         there.append(number[r[hole], c[hole]])
         border = on & ~hole
         known[border] += level[r[border], c[border]]
         count[on] += 1
-    one, other = np.concatenate(here), np.concatenate(there)
+    first, second = np.concatenate(here), np.concatenate(there)
     matrix = coo_array(
         (
-            np.concatenate([np.maximum(count, 1), -np.ones(len(one))]),
-            (np.concatenate([own, one]), np.concatenate([own, other])),
+            np.concatenate([np.maximum(count, 1), -np.ones(len(first))]),
+            (np.concatenate([hole_number, first]), np.concatenate([hole_number, second])),
         ),
-        shape=(len(own), len(own)),
+        shape=(len(hole_number), len(hole_number)),
     ).tocsc()
     filled = level.copy()
     filled[holes] = spsolve(matrix, known)
@@ -169,7 +169,7 @@ def fill_holes(level: np.ndarray, inside: np.ndarray) -> np.ndarray:
 
 
 def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, seed: int) -> np.ndarray:
-    """Where no terrain is: the nearest one's height, fading into level ground with a little relief."""
+    """Fill nodes outside terrains with the height of the nearest terrain, fading to level ground with slight relief."""
     covered = weights > 0.5
     level = np.where(covered, total / np.where(covered, weights, 1.0), 0.0)
     distance, nearest = distance_transform_edt(~covered, return_indices=True)
@@ -181,10 +181,10 @@ def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, seed: int)
 
 
 def _with_rocks(world: World, terrains: list[Terrain], options: WorldOptions) -> World:
-    return with_rocks(world, _in_the_strip(world, terrains, options))
+    return with_rocks(world, _rocks_in_strip(world, terrains, options))
 
 
-def _in_the_strip(world: World, terrains: list[Terrain], options: WorldOptions) -> Iterator[PlacedRock]:
+def _rocks_in_strip(world: World, terrains: list[Terrain], options: WorldOptions) -> Iterator[PlacedRock]:
     for terrain, centre in zip(terrains, centres(options), strict=True):
         for number, rock in sorted(terrain.rocks.items()):
             used, corners = np.unique(rock.faces, return_inverse=True)

@@ -1,4 +1,4 @@
-"""The world that a rover drives over: a grid of heights, and rocks as triangles on it."""
+"""World of a drive: a grid of heights, and triangles of rocks."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ ROCK_COLUMNS = (
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What is seen beyond a world's grid and never driven on: ground, the coarser the farther, and rocks as scenery.
+    """Ground and rocks outside a world's grid, for rendering only; the resolution decreases with distance.
 
-    x, y : (columns,), (rows,) nodes, m; those of the grid are among them, each once.
-    level : (rows, columns) float32, m; the grid's own heights take its place where it lies.
-    vertices, triangles : (V, 3) float32 and (T, 3) int32 of rocks that have no row in the world's table.
+    x, y : (columns,), (rows,) nodes, m; they contain each node of the grid once.
+    level : (rows, columns) float32, m; inside the grid, the heights of the grid are used instead.
+    vertices, triangles : (V, 3) float32 and (T, 3) int32 of rocks without a row in the world's table.
     """
 
     x: np.ndarray
@@ -34,19 +34,19 @@ class Surroundings:
     triangles: np.ndarray
 
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Heights, bilinear; the edge's beyond it."""
+        """Return heights by bilinear interpolation; outside the nodes, those of the edge."""
         column, row = (np.interp(at, nodes, np.arange(len(nodes))) for at, nodes in ((x, self.x), (y, self.y)))
         return bilinear(self.level, 0.0, 0.0, 1.0, column, row)
 
 
 @dataclass(frozen=True)
 class World:
-    """World frame: x east, y north, z up, metres; node [row, column] lies at (x0 + column cell, y0 + row cell).
+    """World frame: x east, y north, z up, metres; node [row, column] is at (x0 + column cell, y0 + row cell).
 
-    rocks : one row a rock with `ROCK_COLUMNS`, by `rock`; its triangles are `first_face` to `first_face + faces`.
+    rocks : a row per rock with `ROCK_COLUMNS`, in order of `rock`; triangles `first_face` to `first_face + faces`.
     vertices : (V, 3) float32.
     triangles : (T, 3) int32.
-    around : what lies beyond the grid; without it the ground ends there, and pictures go on with a plane.
+    around : ground outside the grid; None: pictures show a plane there.
     """
 
     x0: float
@@ -67,7 +67,7 @@ class World:
         return self.y0 + self.cell * np.arange(self.level.shape[0])
 
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Heights of the ground, bilinear; the edge's beyond it."""
+        """Return heights of the ground by bilinear interpolation; outside the ground, those of the edge."""
         level = bilinear(self.level, self.x0, self.y0, self.cell, x, y)
         if self.around is None:
             return level
@@ -77,17 +77,17 @@ class World:
 
     @property
     def rocks_on_grid(self) -> pd.DataFrame:
-        """Rows of the rocks that reach onto the grid: no other can be met."""
+        """Rows of the rocks that overlap the grid and can therefore be touched."""
         x, y, radius = (self.rocks[name].to_numpy(float) for name in ("x_m", "y_m", "radius_m"))
         return self.rocks[self.distance_to_grid(x, y) <= radius]
 
     def distance_to_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """From places to the grid's rectangle, m; 0 on it."""
+        """Return distances from positions to the grid's rectangle, m; 0 inside."""
         dx, dy = (np.maximum(np.maximum(nodes[0] - at, at - nodes[-1]), 0) for nodes, at in ((self.x, x), (self.y, y)))
         return np.asarray(np.hypot(dx, dy))
 
     def rock_mesh(self, rock: int) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (v, 3) float64 and triangles (t, 3) of one rock."""
+        """Return vertices (v, 3) float64 and triangles (t, 3) of a rock."""
         row = self.rocks[self.rocks["rock"] == rock].iloc[0]
         faces = self.triangles[int(row["first_face"]) : int(row["first_face"]) + int(row["faces"])]
         used, numbers = np.unique(faces, return_inverse=True)
@@ -95,7 +95,7 @@ class World:
 
 
 def bilinear(level: np.ndarray, x0: float, y0: float, cell: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Values of a grid between its nodes; beyond the grid those of its edge."""
+    """Return values of a grid by bilinear interpolation; outside the grid, those of the edge."""
     column = np.clip((np.asarray(x, float) - x0) / cell, 0, level.shape[1] - 1)
     row = np.clip((np.asarray(y, float) - y0) / cell, 0, level.shape[0] - 1)
     left, below = np.minimum(column.astype(int), level.shape[1] - 2), np.minimum(row.astype(int), level.shape[0] - 2)
@@ -106,19 +106,19 @@ def bilinear(level: np.ndarray, x0: float, y0: float, cell: float, x: np.ndarray
 
 
 def no_rocks() -> pd.DataFrame:
-    """The table of a world without rocks."""
-    whole = ("rock", "terrain", "rock_in_terrain", "first_face", "faces")
-    return pd.DataFrame({name: np.zeros(0, np.int64 if name in whole else float) for name in ROCK_COLUMNS})
+    """Return the table of a world without rocks."""
+    integers = ("rock", "terrain", "rock_in_terrain", "first_face", "faces")
+    return pd.DataFrame({name: np.zeros(0, np.int64 if name in integers else float) for name in ROCK_COLUMNS})
 
 
 def bare_world(level: np.ndarray, cell: float, x0: float, y0: float) -> World:
-    """Heights alone."""
+    """Return a world without rocks."""
     empty = np.zeros((0, 3))
     return World(x0, y0, cell, level, no_rocks(), empty.astype(np.float32), empty.astype(np.int32))
 
 
 def write_world(folder: str | Path, world: World) -> None:
-    """`ground.npz`, `rocks.parquet`, `rocks.npz`: same world, same bytes."""
+    """Write `ground.npz`, `rocks.parquet` and `rocks.npz`; equal worlds give equal bytes."""
     folder, around = Path(folder), world.around
     ground = {
         "x0_m": np.asarray(world.x0, np.float64),
@@ -136,12 +136,12 @@ def write_world(folder: str | Path, world: World) -> None:
 
 
 def read_world(folder: str | Path) -> World:
-    """Read what `write_world` wrote.
+    """Read a world written by `write_world`.
 
     Raises
     ------
     FormatError
-        A file is missing or is not what it should be.
+        A file is missing or invalid.
     """
     folder = Path(folder)
     ground = read_arrays(folder / "ground.npz", ("x0_m", "y0_m", "cell_m", "level_m"))
@@ -149,7 +149,7 @@ def read_world(folder: str | Path) -> World:
     mesh = read_arrays(folder / "rocks.npz", ("vertices_m", "triangles"))
     if ground["level_m"].ndim != 2:
         raise FormatError(
-            f"level_m of shape {ground['level_m'].shape}, a grid was expected", path=folder / "ground.npz"
+            f"level_m of shape {ground['level_m'].shape}, expected two dimensions", path=folder / "ground.npz"
         )
     return World(
         float(ground["x0_m"]),
@@ -166,7 +166,7 @@ def read_world(folder: str | Path) -> World:
 def _surroundings(
     ground: Mapping[str, np.ndarray], mesh: Mapping[str, np.ndarray], folder: Path
 ) -> Surroundings | None:
-    """Of a world that has some."""
+    """Return the surroundings of a world, or None."""
     if "around_level_m" not in ground:
         return None
     for name, arrays, file in (
@@ -180,6 +180,6 @@ def _surroundings(
     x, y, level = (ground[f"around_{name}_m"] for name in ("x", "y", "level"))
     if level.shape != (len(y), len(x)):
         raise FormatError(
-            f"around_level_m of shape {level.shape}, {len(y), len(x)} was expected", path=folder / "ground.npz"
+            f"around_level_m of shape {level.shape}, expected {len(y), len(x)}", path=folder / "ground.npz"
         )
     return Surroundings(x, y, level, mesh["scenery_vertices_m"], mesh["scenery_triangles"])
