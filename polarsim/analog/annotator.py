@@ -1,7 +1,7 @@
-"""A model of the person who drew the labels: which things are annotated, and how far off their edges are.
+"""Model of a human annotator: which objects are annotated, and the errors of box edges.
 
-Numbers: scatter of the published labels, `edges of one drawing` by size of the rock and of shadows (robust and plain
-standard deviations of x0, y0, x1, y1 in px), and the share of rocks in the Left photo that the Right one lacks.
+The numbers are measured on the published labels: standard deviations (robust and plain) of the edges x0, y0, x1, y1 of
+a box, px, by rock size and for shadows, and the share of rocks that are annotated in the left but not the right photo.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from polarsim.analog.regions import Region, contrast, surroundings
 from polarsim.photo import HEIGHT, WIDTH
 
-_SIZES = np.array([25, 35, 50, 80, 120])  # px, upper bounds of the classes but the last
+_SIZES = np.array([25, 35, 50, 80, 120])  # px, upper limits of the size classes except the last
 _ROBUST = np.array(
     [[3.4, 1.7, 3.0, 2.6], [3.4, 2.1, 3.4, 2.8], [4.3, 2.1, 4.3, 3.4], [4.3, 2.6, 4.7, 4.3], [5.1, 2.6, 5.1, 5.6],
      [6.6, 3.0, 6.6, 7.7]]
@@ -22,14 +22,14 @@ _FORGOTTEN = np.array([0.068, 0.027, 0.026, 0.004, 0.007, 0.009])
 _SHADOW_ROBUST = np.array([5.5, 3.1, 5.4, 3.7])
 _SHADOW_TAIL = np.array([12.0, 4.2, 17.0, 6.2])
 _SHADOW_FORGOTTEN = 0.05
-_TAIL_SHARE, _TAIL_FACTOR = 0.12, 2.2  # a few edges are far worse than the rest
-_SHARE_OF_SIDE = 0.16  # nobody errs by more than this of a side, as standard deviation
+_TAIL_SHARE, _TAIL_FACTOR = 0.12, 2.2  # share and factor of edges with much larger errors
+_SHARE_OF_SIDE = 0.16  # maximum standard deviation over the side of the box
 _TINY_PX, _TINY_MISSED = 16, 0.5
-_DARK_DN, _DARK_MISSED = 30, 0.7  # what stands out from its surroundings by less is mostly overlooked
+_DARK_DN, _DARK_MISSED = 30, 0.7  # regions with lower contrast are missed with this probability
 
 
 def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
-    """(4,) the box that the person draws around a rock, whole pixels; None where it is overlooked."""
+    """Return the annotated box (4,) of a rock, integer pixels; None if the rock is missed."""
     x0, y0, x1, y1 = region.box
     size_class = int(np.searchsorted(_SIZES, np.sqrt((x1 - x0) * (y1 - y0))))
     chance, tiny, dark = rng.random(3)
@@ -44,15 +44,15 @@ def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np
 
 
 def draw_shadow(region: Region, rng: np.random.Generator) -> np.ndarray | None:
-    """(4,) the box around a shadow's visible part; None where it is forgotten."""
+    """Return the annotated box (4,) of the visible part of a shadow; None if the shadow is missed."""
     forgotten = rng.random() < _SHADOW_FORGOTTEN
     noise = _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
     return None if forgotten else _annotated(np.array(region.box, float), noise)
 
 
 def _edge_noise(robust: np.ndarray, tail: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    far = rng.random(4) < _TAIL_SHARE
-    return rng.standard_normal(4) * np.where(far, tail, robust)
+    in_tail = rng.random(4) < _TAIL_SHARE
+    return rng.standard_normal(4) * np.where(in_tail, tail, robust)
 
 
 def _annotated(box: np.ndarray, noise: np.ndarray) -> np.ndarray | None:
@@ -71,20 +71,20 @@ def annotate(
     *,
     with_shadows: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Class numbers (n,) and boxes (n, 4), px, that a person draws into a photo: rocks first, in no order.
+    """Return the class numbers (n,) and boxes (n, 4), px, of simulated annotations: rocks first, in random order.
 
-    Shadows are annotated of rocks that were annotated, where the photo shows them darker than the sand around.
+    Shadows are annotated only for annotated rocks and only if they are darker than the surrounding sand.
     """
-    rock_boxes, seen = [], set()
+    rock_boxes, annotated = [], set()
     for region in (rocks[index] for index in rng.permutation(len(rocks))):
         box = draw_rock(region, photo, rng)
         if box is not None:
             rock_boxes.append(box)
-            seen.add(region.rock)
+            annotated.add(region.rock)
     shadow_boxes = []
     for region in (shadows[index] for index in rng.permutation(len(shadows))):
         box = draw_shadow(region, rng)
-        if with_shadows and box is not None and region.rock in seen and contrast(region, photo) < -_DARK_DN:
+        if with_shadows and box is not None and region.rock in annotated and contrast(region, photo) < -_DARK_DN:
             shadow_boxes.append(box)
     classes = np.repeat([0, 1], [len(rock_boxes), len(shadow_boxes)])
     return classes, np.array([*rock_boxes, *shadow_boxes], float).reshape(-1, 4)

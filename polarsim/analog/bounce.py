@@ -1,4 +1,4 @@
-"""One diffuse bounce: light off sand, rocks and walls, gathered at chosen points and spread over all vertices."""
+"""Indirect light of one diffuse reflection, computed at selected vertices and interpolated to all vertices."""
 
 from __future__ import annotations
 
@@ -17,21 +17,23 @@ from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, Scene
 from polarsim.analog.view import GBuffer, strips
 
-AMBIENT = "ambient"  # the hall's own weak light, beside the lamps
-_CACHE_GRID = 0.06  # step of the points where the bounce is gathered, metres
+AMBIENT = "ambient"  # weak ambient light of the hall, in addition to the lamps
+_CACHE_GRID = 0.06  # step of the ground points at which indirect light is computed, metres
 _CACHE_ROCK_DETAIL = 2
 _BOUNCE_RAYS = 36
 
 
 @dataclass(frozen=True)
 class Bounce:
-    """Indirect light at every vertex: irradiance is the light vector's part along the normal."""
+    """Indirect light vector at every vertex; the component along the normal is the irradiance."""
 
     vectors: dict[str, np.ndarray]  # lamp -> (v, 3) float32
 
     def at(self, scene: Scene, view: GBuffer, lamps: Sequence[str]) -> dict[str, np.ndarray]:
-        """Radiance (h, w) that the bounce of each lamp adds to a view."""
-        vectors = np.stack([self.vectors[lamp] for lamp in lamps], axis=1)  # (v, n, 3): one look-up a corner serves all
+        """Return the indirect radiance (h, w) of a view by lamp."""
+        vectors = np.stack(
+            [self.vectors[lamp] for lamp in lamps], axis=1
+        )  # (v, n, 3): a single look-up per corner for all lamps
         out = {lamp: np.zeros(view.shape, np.float32) for lamp in lamps}
         for rows in strips(len(view.faces)):
             corners = scene.faces[view.faces[rows]]
@@ -40,7 +42,7 @@ class Bounce:
             vector += vectors[corners[..., 1]] * second
             vector += vectors[corners[..., 2]] * third
             along = np.einsum("...nk,...k->...n", vector, view.normals[rows])
-            floor = np.float32(0.1) * np.linalg.norm(vector, axis=-1)  # light from the sides does not end at once
+            floor = np.float32(0.1) * np.linalg.norm(vector, axis=-1)  # light also arrives from other directions
             radiance = view.albedo[rows][..., None] / np.float32(np.pi) * np.maximum(along, floor)
             for number, lamp in enumerate(lamps):
                 out[lamp][rows] = radiance[..., number]
@@ -50,33 +52,33 @@ class Bounce:
 def gather_bounce(
     scene: Scene, caster: Caster, lamps: Mapping[str, Lamp], rng: np.random.Generator, threads: int
 ) -> Bounce:
-    """Collect the light of one diffuse bounce (and of the hall) at chosen points, and spread it over all vertices."""
+    """Compute the light of one diffuse reflection and of the hall at selected vertices; interpolate to all vertices."""
     chosen = _chosen_vertices(scene)
     points, normals = scene.vertices[chosen], scene.normals[chosen]
     directions = _hemisphere(normals, rng)
     origins = (points + SURFACE_OFFSET * normals)[:, None]
     hit = caster.first_hits(rays_from(origins, directions), threads)
-    found = np.isfinite(hit["t_hit"]) & (hit["t_hit"] > 0)
-    face = np.where(found, hit["primitive_ids"], 0)
-    far = np.where(found, hit["t_hit"], 1).astype(np.float32)
-    where = origins + far[..., None] * directions
+    is_hit = np.isfinite(hit["t_hit"]) & (hit["t_hit"] > 0)
+    face = np.where(is_hit, hit["primitive_ids"], 0)
+    distance = np.where(is_hit, hit["t_hit"], 1).astype(np.float32)
+    where = origins + distance[..., None] * directions
     facing = scene.normals[scene.faces[face, 0]]
     facing = np.where(np.einsum("...k,...k->...", facing, directions)[..., None] > 0, -facing, facing)
     weight = np.float32(2 * np.pi / _BOUNCE_RAYS)
     vectors = {}
-    alike = _alike(scene, chosen[chosen >= scene.first_vertex[HALL_OBJECT]])
+    similar = _similar_neighbours(scene, chosen[chosen >= scene.first_vertex[HALL_OBJECT]])
     for name, lamp in lamps.items():
-        lit = _lit_radiance(scene, caster, lamp, where, facing, face, threads) * found
-        vectors[name] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", lit, directions), alike)
-    from_hall = ((scene.object_of_face[face] == HALL_OBJECT) | ~found).astype(np.float32)
-    vectors[AMBIENT] = _spread(scene, chosen, weight * np.einsum("nk,nkx->nx", from_hall, directions), alike)
+        lit = _lit_radiance(scene, caster, lamp, where, facing, face, threads) * is_hit
+        vectors[name] = _interpolate(scene, chosen, weight * np.einsum("nk,nkx->nx", lit, directions), similar)
+    from_hall = ((scene.object_of_face[face] == HALL_OBJECT) | ~is_hit).astype(np.float32)
+    vectors[AMBIENT] = _interpolate(scene, chosen, weight * np.einsum("nk,nkx->nx", from_hall, directions), similar)
     return Bounce(vectors)
 
 
 def _lit_radiance(
     scene: Scene, caster: Caster, lamp: Lamp, points: np.ndarray, normals: np.ndarray, face: np.ndarray, threads: int
 ) -> np.ndarray:
-    """Radiance of matte surfaces under a lamp, hard shadows."""
+    """Return the radiance of diffuse surfaces under a lamp, with hard shadows."""
     to_lamp, distance = towards(lamp, points)
     cosine = np.einsum("...k,...k->...", normals, to_lamp)
     lit = cosine > 0
@@ -88,7 +90,7 @@ def _lit_radiance(
 
 
 def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(n, rays, 3) float32 directions, uniform over hemispheres about normals: one spread set, rotated at random."""
+    """Return directions (n, rays, 3) float32, uniform over hemispheres: a fixed set, rotated at random."""
     sphere = fibonacci_sphere(2 * _BOUNCE_RAYS)[:_BOUNCE_RAYS]
     angle = rng.uniform(0, 2 * np.pi, len(normals))
     side = np.where(np.abs(normals[:, 2:]) < 0.9, [[0, 0, 1.0]], [[1.0, 0, 0]])
@@ -106,7 +108,7 @@ def _cache_stride(scene: Scene) -> int:
 
 
 def _chosen_vertices(scene: Scene) -> np.ndarray:
-    """Vertices where the bounce is gathered: every few of the ground, some of each rock, all of the rest."""
+    """Return the vertices at which indirect light is computed: a coarse ground grid, some of each rock, all others."""
     n, stride = len(scene.ground.axis), _cache_stride(scene)
     grid = np.arange(n * n).reshape(n, n)[::stride, ::stride].ravel()
     few = len(icosphere(_CACHE_ROCK_DETAIL)[0])
@@ -115,26 +117,28 @@ def _chosen_vertices(scene: Scene) -> np.ndarray:
     return np.concatenate([grid, *rocks, rest])
 
 
-def _alike(scene: Scene, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For some vertices (n,): weights (n, 16) and numbers among them of those that lie near and face the same way."""
+def _similar_neighbours(scene: Scene, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return weights and indices (n, 16) of the neighbours of vertices (n,) with similar position and normal."""
     features = np.concatenate([scene.vertices[rest], 0.2 * scene.normals[rest]], axis=1)
-    far, near = cKDTree(features).query(features, k=16)
-    weights = np.exp(-((np.asarray(far) / 0.15) ** 2))
+    distance, near = cKDTree(features).query(features, k=16)
+    weights = np.exp(-((np.asarray(distance) / 0.15) ** 2))
     return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32), np.asarray(near)
 
 
 @cache
 def _from_coarse(detail: int) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (v, 4) and numbers of the vertices of the coarse sphere about each of a finer one."""
+    """Return weights and numbers (v, 4) of the coarse-sphere vertices nearest to each vertex of a finer sphere."""
     few = len(icosphere(_CACHE_ROCK_DETAIL)[0])
     sphere = icosphere(detail)[0]
-    far, near = cKDTree(sphere[:few]).query(sphere, k=4)
-    weights = 1 / (np.asarray(far) + 0.05)
+    distance, near = cKDTree(sphere[:few]).query(sphere, k=4)
+    weights = 1 / (np.asarray(distance) + 0.05)
     return (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32), np.asarray(near)
 
 
-def _spread(scene: Scene, chosen: np.ndarray, vectors: np.ndarray, alike: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """(v, 3) light vectors at all vertices from those at the chosen ones."""
+def _interpolate(
+    scene: Scene, chosen: np.ndarray, vectors: np.ndarray, similar: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """Interpolate light vectors at the chosen vertices to all vertices (v, 3)."""
     import cv2
 
     out = np.zeros((len(scene.vertices), 3), np.float32)
@@ -151,6 +155,6 @@ def _spread(scene: Scene, chosen: np.ndarray, vectors: np.ndarray, alike: tuple[
         first = scene.first_vertex[rock.rock]
         out[first : first + len(near)] = np.einsum("nk,nkx->nx", weights, vectors[start : start + few][near])
         start += few
-    weights, near = alike
+    weights, near = similar
     out[chosen[start:]] = np.einsum("nk,nkx->nx", weights, vectors[start:][near])
     return out

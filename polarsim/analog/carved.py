@@ -1,4 +1,4 @@
-"""Rocks by themselves, as many as one likes: the analog's generator without a sandbox around them."""
+"""Any number of rocks from the generator of the analog, without a sandbox."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from polarsim.formats.files import writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.randomness import generator
 
-_SIZE_M = (0.06, 0.4)  # longest extent, evenly over its logarithm
-_DETAIL = 5  # subdivisions: 20,480 triangles a rock
+_SIZE_M = (0.06, 0.4)  # longest extent, log-uniform
+_DETAIL = 5  # subdivisions: 20,480 triangles per rock
 
 
 def carve_rocks(*, number: int, terrain: int, seed: int, meshes: Path) -> None:
-    """Write a folder of closed rock meshes, metres, each about the origin; a rock depends on seed and number alone."""
+    """Write a folder of closed rock meshes, metres, centred at the origin; each depends only on seed and number."""
     _, faces = icosphere(_DETAIL)
     with writing_folder(meshes) as folder:
         for rock in range(number):

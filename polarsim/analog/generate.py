@@ -1,4 +1,4 @@
-"""The analog sandbox: a terrain with photos, scans, calibration and seed labels as NASA and a person left them."""
+"""Generator of the analog: photos, scans, calibration and seed labels of a terrain in NASA's formats."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from polarsim.photo import PhotoKey, positions
 from polarsim.randomness import generator
 from polarsim.survey import terrain_folder
 
-_SCANNER_OFFSET = 0.06  # metres, sd: the scanner stood about where the left camera did
+_SCANNER_OFFSET = 0.06  # metres, standard deviation: offset of the scanner from the left camera
 _CAMERA_FROM_UPRIGHT = Pose(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))  # x ahead, y left, z up
 
 
@@ -31,55 +31,55 @@ def generate_terrain(
     *, terrain: int, keys: Sequence[PhotoKey], raw: Path, ranges: Path, seeds: Path, truth: Path,
     options: AnalogOptions, threads: int,
 ) -> None:  # fmt: skip
-    """Make one terrain and write its four folders, laid out as docs/formats.md says.
+    """Generate a terrain and write four folders in the layout of docs/formats.md.
 
     Parameters
     ----------
     keys : list[PhotoKey]
-        The photos to take, and no others; without `options.photos` none are taken and no labels are made.
+        Photos to render. With `options.photos` false, no photos and no labels are written.
     raw, ranges, seeds, truth : Path
-        Folders `TerrainTT_Name` (calibration, clouds, photos), `TerrainTT` of range maps, of seed labels, and of what
-        only the analog knows. Existing ones are replaced when everything is done.
+        Folders `TerrainTT_Name` (calibration, clouds, photos), `TerrainTT` of range maps, of seed labels and of ground
+        truth. Existing folders are replaced at the end.
     threads : int
         Threads for ray casting and for writing photos.
 
     Notes
     -----
-    `truth/labels.parquet` has a row for every rock with at least 12 visible pixels, lit or not, and for every such cast
-    shadow. `contrast` is the region's mean less that of its surroundings in that photo, DN, so that scoring can leave
-    out what nobody could see.
+    `truth/labels.parquet` has a row for every rock and cast shadow with at least 12 visible pixels, lit or not.
+    `contrast` is the mean of the region minus the mean of the surroundings in the photo, DN; scoring uses it to exclude
+    regions that are not visible.
 
     Raises
     ------
     ConfigError
-        An unknown terrain, or keys of another one.
+        The terrain is unknown, or keys belong to a different terrain.
     """
     if terrain not in PRESETS:
-        raise ConfigError(f"terrain {terrain}, the analog has {min(PRESETS)} to {max(PRESETS)}")
-    foreign = [key for key in keys if key.terrain != terrain or key.position not in positions(terrain)]
-    if foreign:
-        raise ConfigError(f"{foreign[0]}: not a photo of terrain {terrain:02d}")
+        raise ConfigError(f"unknown terrain {terrain}, expected {min(PRESETS)} to {max(PRESETS)}")
+    mismatched = [key for key in keys if key.terrain != terrain or key.position not in positions(terrain)]
+    if mismatched:
+        raise ConfigError(f"{mismatched[0]}: not a photo of terrain {terrain:02d}")
     made = build_terrain(terrain, options)
     with ExitStack() as stack:
-        into = {
+        folders = {
             name: stack.enter_context(writing_folder(folder))
             for name, folder in (("raw", raw), ("ranges", ranges), ("seeds", seeds), ("truth", truth))
         }
-        nasa.write_calibration(into["raw"] / nasa.CALIBRATION_NAME, made.stations.calibration)
-        calibration = nasa.read_calibration(into["raw"] / nasa.CALIBRATION_NAME)  # with the file's rounding
-        _write_scans(made, calibration, into["raw"], into["ranges"], options, threads)
-        write_truth(made, into["truth"], options)
+        nasa.write_calibration(folders["raw"] / nasa.CALIBRATION_NAME, made.stations.calibration)
+        calibration = nasa.read_calibration(folders["raw"] / nasa.CALIBRATION_NAME)  # with the rounding of the file
+        _write_scans(made, calibration, folders["raw"], folders["ranges"], options, threads)
+        write_truth(made, folders["truth"], options)
         labels, albedo = empty_labels(), AlbedoMap()
         if options.photos:
-            labels = take_photos(made, sorted(keys), into["raw"], into["seeds"], albedo, options, threads)
-        tables.write_parquet(into["truth"] / "labels.parquet", labels)
-        tables.write_parquet(into["truth"] / "albedo.parquet", albedo.table())
+            labels = take_photos(made, sorted(keys), folders["raw"], folders["seeds"], albedo, options, threads)
+        tables.write_parquet(folders["truth"] / "labels.parquet", labels)
+        tables.write_parquet(folders["truth"] / "albedo.parquet", albedo.table())
 
 
 def _write_scans(
     made: Terrain, calibration: StereoRig, raw: Path, ranges: Path, options: AnalogOptions, threads: int
 ) -> None:
-    """Clouds and maps of the scanned positions, and a map of B made of both scans' surfaces."""
+    """Write clouds and range maps of the scanned positions, and a range map of B from the surfaces of both scans."""
     grid = rectified_left(calibration)
     surfaces = []
     for position in scanner.SCANNED:
@@ -87,13 +87,13 @@ def _write_scans(
         left = made.stations.sandbox_from_left[position]
         centre = left.translation + rng.normal(0, _SCANNER_OFFSET, 3)
         level = looking(centre, yaw_pitch_roll(left)[0], 0.0)
-        found = scanner.scan(made.scene, made.caster, level @ _CAMERA_FROM_UPRIGHT, rng, options, threads)
+        scan = scanner.scan(made.scene, made.caster, level @ _CAMERA_FROM_UPRIGHT, rng, options, threads)
         grid_from_sandbox = _registered(made, position, grid, rng)
-        surface = scanner.surface(found, centre)
+        surface = scanner.surface(scan, centre)
         surfaces.append(surface)
-        valid = np.isfinite(found.points[..., 0])
-        points = grid_from_sandbox.apply(found.points[valid])
-        nasa.write_cloud(raw / f"Pos{position}.xyz", points, found.intensity[valid])
+        valid = np.isfinite(scan.points[..., 0])
+        points = grid_from_sandbox.apply(scan.points[valid])
+        nasa.write_cloud(raw / f"Pos{position}.xyz", points, scan.intensity[valid])
         _write_map(ranges, position, [surface], grid, grid_from_sandbox, threads)
     if "B" in made.stations.sandbox_from_left:
         rng = generator(options.seed, "scan", made.terrain, "B")
@@ -101,7 +101,7 @@ def _write_scans(
 
 
 def _registered(made: Terrain, position: str, grid: RectifiedGrid, rng: np.random.Generator) -> Pose:
-    """Rectified left frame from sandbox as NASA's registration found it."""
+    """Return the pose of the rectified left frame with the registration error of NASA's data."""
     exact = (made.stations.sandbox_from_left[position] @ grid.left_from_rectified).inverse()
     return scanner.registration_error(rng) @ exact
 
@@ -118,7 +118,7 @@ def _write_map(
 def generate_terrain_at(
     *, root: Path, receipt: Path, terrain: int, keys: list[PhotoKey], options: AnalogOptions, threads: int
 ) -> None:
-    """Generate one terrain in the layout of `docs/formats.md`; the receipt is written last."""
+    """Generate a terrain in the layout of `docs/formats.md`; the receipt is written last."""
     receipt.unlink(missing_ok=True)
     raw = root / terrain_folder(terrain)
     generate_terrain(

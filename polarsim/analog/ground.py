@@ -1,4 +1,4 @@
-"""The sand as a height field: fractal relief, trowel marks, pits, mounds, wheel tracks and a crater."""
+"""Sand as a height field: fractal relief, trowel marks, pits, mounds, wheel tracks and a crater."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from polarsim.analog.presets import Preset
 from polarsim.analog.rays import grid_faces
 
 CRATER_CENTRE = np.array([-0.15, 0.25])
-_CRATER_RADIUS = 1.0  # of the rim's crest, metres
+_CRATER_RADIUS = 1.0  # radius of the crest of the rim, metres
 
 
 @dataclass(frozen=True)
 class Ground:
-    """Heights (n, n) above the sandbox's zero, metres; row i lies at x = axis[i], column j at y = axis[j]."""
+    """Height field (n, n), metres, sandbox frame; row i is at x = axis[i], column j at y = axis[j]."""
 
     axis: np.ndarray
     heights: np.ndarray
@@ -28,24 +28,24 @@ class Ground:
         return float(self.axis[1] - self.axis[0])
 
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Heights at points, bilinear; the border's height beyond it."""
+        """Return bilinear heights at points; points outside the grid get the height at the border."""
         at = np.stack([np.asarray(x) - self.axis[0], np.asarray(y) - self.axis[0]]) / self.step
         return map_coordinates(self.heights, at, order=1, mode="nearest")
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (n * n, 3) and faces (f, 3), upwards."""
+        """Return vertices (n * n, 3) and upward faces (f, 3)."""
         x, y = np.meshgrid(self.axis, self.axis, indexing="ij")
         vertices = np.stack([x, y, self.heights], axis=-1).reshape(-1, 3)
         return vertices, grid_faces(*self.heights.shape)
 
     def normals(self) -> np.ndarray:
-        """(n * n, 3) unit normals of the mesh's vertices."""
+        """Return unit normals (n * n, 3) of the vertices."""
         dx, dy = np.gradient(self.heights, self.step)
         normals = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1).reshape(-1, 3)
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     def coarser(self, step: float) -> Ground:
-        """The same ground on a grid of about another step, sampled."""
+        """Return the ground sampled on a grid with approximately the given step."""
         count = max(2, round((self.axis[-1] - self.axis[0]) / step) + 1)
         axis = np.linspace(self.axis[0], self.axis[-1], count)
         x, y = np.meshgrid(axis, axis, indexing="ij")
@@ -53,7 +53,7 @@ class Ground:
 
 
 def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground:
-    """Shape the sand of a preset on a grid of about `step` metres; its height is about 0 at the centre."""
+    """Generate the sand of a preset on a grid of about `step` metres; the height at the centre is about 0."""
     half = preset.half_width + 0.03
     count = round(2 * half / step) + 1
     axis = np.linspace(-half, half, count)
@@ -77,19 +77,19 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground
 
 
 def pile_sand(ground: Ground, rng: np.random.Generator, points: np.ndarray, radii: np.ndarray) -> Ground:
-    """Sand swept up against rocks: a low uneven collar at each point (n, 2) of radius (n,)."""
+    """Add low, uneven piles of sand around rocks at points (n, 2) with radii (n,)."""
     heights = ground.heights.copy()
     for position, radius in zip(points, radii, strict=True):
         window, dx, dy = _window(ground.axis, position, radius + 0.10)
-        away = np.hypot(dx, dy) - radius
+        distance = np.hypot(dx, dy) - radius
         angle = np.arctan2(dy, dx)
         uneven = 0.6 + 0.4 * np.cos(angle - rng.uniform(0, 6.28)) + 0.3 * np.cos(3 * angle - rng.uniform(0, 6.28))
-        heights[window] += rng.uniform(0.002, 0.010) * uneven * np.exp(-((away / 0.03) ** 2))
+        heights[window] += rng.uniform(0.002, 0.010) * uneven * np.exp(-((distance / 0.03) ** 2))
     return Ground(ground.axis, heights)
 
 
 def _window(axis: np.ndarray, position: np.ndarray, reach: float) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
-    """Grid window around a point, and the offsets (h, w) of its nodes from it."""
+    """Return a grid window around a point, and the offsets (h, w) of the nodes from the point."""
     ranges = [slice(*np.searchsorted(axis, [centre - reach, centre + reach])) for centre in position]
     dx, dy = np.meshgrid(axis[ranges[0]] - position[0], axis[ranges[1]] - position[1], indexing="ij")
     return (ranges[0], ranges[1]), dx, dy
@@ -109,7 +109,7 @@ def _bumps(
 
 
 def _trowel(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator, strength: float) -> None:
-    """One stroke of a trowel: a shallow tilted bed with fine grooves, a ridge at its side and a lip at its end."""
+    """Add a trowel stroke: a shallow tilted bed with fine grooves, a ridge along the side and a lip at the end."""
     length, width = rng.uniform(0.08, 0.30), rng.uniform(0.02, 0.07)
     angle, bend = np.pi / 2 + rng.normal(0, 0.45), rng.normal(0, 0.8)
     window, dx, dy = _window(axis, rng.uniform(axis[0], axis[-1], 2), length + 0.1)
@@ -123,7 +123,7 @@ def _trowel(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator, str
 
 
 def _track(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator) -> None:
-    """The two ruts of a small rover with the prints of its grousers."""
+    """Add the two wheel tracks of a small rover with grouser prints."""
     angle, offset, bend = rng.uniform(0, np.pi), rng.uniform(-0.8, 0.8), rng.normal(0, 0.1)
     x, y = np.meshgrid(axis, axis, indexing="ij")
     along = x * np.cos(angle) + y * np.sin(angle)
@@ -135,7 +135,7 @@ def _track(heights: np.ndarray, axis: np.ndarray, rng: np.random.Generator) -> N
 
 
 def _crater(axis: np.ndarray, rng: np.random.Generator, *, fresh: bool) -> np.ndarray:
-    """A bowl with a raised, uneven rim; an old one is shallower and soft."""
+    """Return the heights of a crater with a raised, uneven rim; an old crater is shallower and smoother."""
     x, y = np.meshgrid(axis - CRATER_CENTRE[0], axis - CRATER_CENTRE[1], indexing="ij")
     angle = np.arctan2(y, x)
     wobble = sum(rng.normal(0, 0.025) * np.cos(k * angle + rng.uniform(0, 6.28)) for k in range(2, 9))

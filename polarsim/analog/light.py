@@ -1,4 +1,4 @@
-"""Direct light of one lamp, a small bright disc near enough to fall off, with soft shadows; how surfaces reflect."""
+"""Direct light of a disc lamp with falloff and soft shadows, and reflectance of surfaces."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from polarsim.analog.view import GBuffer, strips
 SURFACE_OFFSET = np.float32(0.0015)  # rays start this far above a surface, metres
 _BEAM_HALF_WIDTH = np.radians(42.0)
 # By material (sand, rock, cloth, dark, grey, white, floor, curtain, metal).
-_ROUGHNESS = np.radians([18, 22, 12, 25, 10, 5, 20, 25, 15]).astype(np.float32)  # sd of facet slopes
+_ROUGHNESS = np.radians([18, 22, 12, 25, 10, 5, 20, 25, 15]).astype(np.float32)  # standard deviation of facet slopes
 _SURGE = np.array([0.55, 0.35, 0.10, 0.1, 0.02, 0.02, 0.1, 0.1, 0.0], np.float32)  # height of the opposition surge
-_SURGE_WIDTH = np.array([0.09, 0.06, 0.05, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1], np.float32)  # tan of half its half-width
-_FORWARD = np.array([5.0, 0.4, 0.2, 0.2, 0, 0, 0.5, 0.2, 0], np.float32)  # grazing light sent onwards by glassy grains
+_SURGE_WIDTH = np.array([0.09, 0.06, 0.05, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1], np.float32)  # tan of half the half-width
+_FORWARD = np.array(
+    [5.0, 0.4, 0.2, 0.2, 0, 0, 0.5, 0.2, 0], np.float32
+)  # strength of forward scattering by glassy grains
 _FORWARD_POWER = 8
 _GLOSS_POWER = 30
 
@@ -25,15 +27,16 @@ def reflect(
     material: np.ndarray, albedo: np.ndarray, gloss: np.ndarray, normals: np.ndarray, to_light: np.ndarray,
     to_eye: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """BRDF times the cosine of incidence, 1/sr; 0 where light or eye lie behind the surface.
+    """Return the BRDF times the cosine of incidence, 1/sr; 0 if the light is behind the surface.
 
-    Rough matte grains (Oren and Nayar, SIGGRAPH 1994, in Fujii's form without angles), an opposition surge, a forward
-    lobe and, on some stones, gloss. Neither of the twins' models is it: those are Hapke's and Burley's.
+    The BRDF combines rough diffuse reflection (Oren and Nayar, SIGGRAPH 1994, in Fujii's form without angles), an
+    opposition surge, a forward lobe and, on some rocks, gloss. It differs on purpose from the models of the twins
+    (Hapke, Burley).
 
     Parameters
     ----------
     material, albedo, gloss : (...)
-        Material numbers, hemispherical albedo of the matte part, strength of the shiny one.
+        Material numbers, hemispherical albedo of the diffuse part, strength of the gloss.
     normals, to_light, to_eye : (..., 3) float32
         Unit vectors.
     """
@@ -58,19 +61,19 @@ def reflect(
 
 @dataclass(frozen=True)
 class Lamp:
-    """A small bright disc that shines at a position."""
+    """Disc lamp directed at a target."""
 
     position: np.ndarray
     target: np.ndarray
     radius: float
-    intensity: float = 1.0  # radiant intensity on the axis, in lamps "30"
+    intensity: float = 1.0  # radiant intensity on the axis, relative to lamp "30"
 
     @property
     def axis(self) -> np.ndarray:
         return (self.target - self.position) / np.linalg.norm(self.target - self.position)
 
     def disc(self, unit_samples: np.ndarray) -> np.ndarray:
-        """(..., 3) points on the disc of samples (..., 2) in the unit disc."""
+        """Map samples (..., 2) of the unit disc to points (..., 3) on the lamp."""
         side = np.cross(self.axis, [0, 0, 1.0])
         side /= np.linalg.norm(side)
         up = np.cross(side, self.axis)
@@ -78,7 +81,7 @@ class Lamp:
         return (self.position + self.radius * spread).astype(np.float32)
 
     def irradiance(self, to_lamp: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """(...) irradiance across the beam at unit intensity, for unit vectors (..., 3) to the lamp."""
+        """Return the irradiance (...) normal to the beam for unit vectors (..., 3) and distances (...) to the lamp."""
         cosine = -(to_lamp @ self.axis.astype(np.float32))
         angle = np.arccos(np.clip(cosine, -1, 1))
         beam = self.intensity * (0.02 + 0.98 * np.exp(-((angle / _BEAM_HALF_WIDTH) ** 4)))
@@ -86,14 +89,14 @@ class Lamp:
 
 
 def towards(lamp: Lamp, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (..., 3) and distances (...) from points to a lamp's centre."""
+    """Return unit vectors (..., 3) and distances (...) from points to the centre of a lamp."""
     to_lamp = lamp.position.astype(np.float32) - points
     distance = lengths(to_lamp)
     return to_lamp / distance[..., None], distance
 
 
 def direct(view: GBuffer, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
-    """(h, w) radiance of what the lamp lights directly; `visible` (h, w) is the share of it that each pixel sees."""
+    """Return the radiance (h, w) of directly lit surfaces; `visible` (h, w) is the visible share of the lamp."""
     out = np.zeros(view.shape, np.float32)
     for rows in strips(len(out)):
         lit = visible[rows] > 0
@@ -110,36 +113,36 @@ def direct(view: GBuffer, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
 
 
 def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generator, threads: int) -> np.ndarray:
-    """(h, w) share of the lamp's disc that each pixel sees.
+    """Return the visible share (h, w) of the disc of a lamp.
 
-    One ray a pixel to a point of its own on the disc; neighbours are averaged over as many pixels as the penumbra is
-    wide, which the distances of pixel, blocker and lamp tell.
+    One ray per pixel is cast to a random point on the disc, and neighbouring pixels are averaged over the width of the
+    penumbra, which follows from the distances of pixel, occluder and lamp.
     """
     import cv2
 
-    seen = np.ones(view.shape, np.float32)
+    visible = np.ones(view.shape, np.float32)
     penumbra = np.zeros(view.shape, np.float32)  # px
-    for rows in strips(len(seen)):
+    for rows in strips(len(visible)):
         points = view.points[rows] + SURFACE_OFFSET * view.normals[rows]
         to_disc = lamp.disc(_unit_disc(rng, view.objects[rows].shape)) - points
         facing = np.einsum("...k,...k->...", view.normals[rows], to_disc) > 0
-        facing &= view.material[rows] != Material.DARK  # black cloth: not worth a ray
+        facing &= view.material[rows] != Material.DARK  # no rays for black cloth
         at = np.full(facing.shape, np.inf, np.float32)
         at[facing] = caster.first_hits(rays_from(points[facing], to_disc[facing]), threads)["t_hit"]
         occluded = at < 0.995
-        seen[rows] = ~occluded & facing
+        visible[rows] = ~occluded & facing
         share = np.clip(at, 0.0, 0.9)
         width = 2 * lamp.radius * share / (1 - share) / view.footprint[rows]
         penumbra[rows] = np.where(occluded, width, 0)
     wide = cv2.dilate(cv2.blur(penumbra, (5, 5)), np.ones((15, 15), np.uint8))
-    smooth = cv2.blur(seen, (3, 3))
-    for size, least in ((5, 5), (11, 12), (21, 30)):
-        smooth = np.where(wide > least, cv2.blur(seen, (size, size)), smooth)
+    smooth = cv2.blur(visible, (3, 3))
+    for size, min_width in ((5, 5), (11, 12), (21, 30)):
+        smooth = np.where(wide > min_width, cv2.blur(visible, (size, size)), smooth)
     return smooth
 
 
 def _unit_disc(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """(*shape, 2) random points in the unit disc, stratified over blocks of 2 x 2 pixels."""
+    """Return random points (*shape, 2) in the unit disc, stratified over blocks of 2 x 2 pixels."""
     row, column = np.indices(shape, sparse=True)
     quarter = ((row & 1) * 2 + (column & 1)).astype(np.float32)
     angle = (quarter + rng.random(shape, dtype=np.float32)) * np.float32(np.pi / 2)

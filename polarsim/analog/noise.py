@@ -1,4 +1,4 @@
-"""Random fields, fractal relief on a grid and lattice noise in space; evenly spread directions."""
+"""Random fields: fractal relief on a grid and lattice noise in space; evenly distributed directions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def fractal_field(rng: np.random.Generator, size: int, step: float, shortest: float, longest: float) -> np.ndarray:
-    """(size, size) field of unit variance with power falling as wavelength^-3.4, periodic; metres as units."""
+    """Return a periodic field (size, size) of unit variance with power proportional to frequency^-3.4; metres."""
     frequency = np.fft.fftfreq(size, step)
     radius = np.hypot(frequency[:, None], frequency[None, :])
     band = (radius > 1 / longest) & (radius < 1 / shortest)
@@ -17,7 +17,7 @@ def fractal_field(rng: np.random.Generator, size: int, step: float, shortest: fl
 
 
 def fibonacci_sphere(count: int) -> np.ndarray:
-    """(count, 3) unit vectors spread evenly over the sphere, from +z to -z."""
+    """Return unit vectors (count, 3) distributed evenly over the sphere, from +z to -z."""
     k = np.arange(count) + 0.5
     z = 1 - 2 * k / count
     longitude, level = np.pi * (1 + 5**0.5) * k, np.sqrt(1 - z * z)
@@ -25,7 +25,7 @@ def fibonacci_sphere(count: int) -> np.ndarray:
 
 
 def lattice_noise(points: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """(n,) smooth noise at points (n, 3) in lattice steps, interpolated from a periodic (m, m, m) table."""
+    """Return smooth noise (n,) at points (n, 3) in lattice steps, interpolated from a periodic table (m, m, m)."""
     size = len(table)
     floor = np.floor(points)
     fraction = points - floor
@@ -42,7 +42,7 @@ def lattice_noise(points: np.ndarray, table: np.ndarray) -> np.ndarray:
 
 
 def octaves(rng: np.random.Generator, points: np.ndarray, cells: tuple[float, ...], falloff: float) -> np.ndarray:
-    """(n,) sum of lattice noises at points (n, 3) with `cells` lattice steps a unit; amplitudes cells^-falloff."""
+    """Return the sum (n,) of lattice noises at points (n, 3) with `cells` steps per unit; amplitudes cells^-falloff."""
     total = np.zeros(len(points))
     for count in cells:
         table = rng.standard_normal((32, 32, 32))

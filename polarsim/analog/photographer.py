@@ -1,4 +1,4 @@
-"""The photographer's day: views lit lamp by lamp, photos as sums of OLAT images, and their labels."""
+"""Simulated photo capture: OLAT images of each view, photos as sums of OLAT images, and labels."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.survey import ROVER_LIGHT_SHARE
 
-# Photo-electrons a millisecond at unit radiance, and lamp outputs. Set once, for all terrains, so that the exposures
-# with most pixels between 40 and 4000 DN above black of terrain 11, A, rover light off, agree with NASA's (Sun 30:
-# 256 ms, 180: 128, 270: 1024, 350: 256), counted inside the frame that its readme advises (10 % off top and sides,
-# 30 % below).
+# Photo-electrons per millisecond at unit radiance, and lamp outputs. They are equal for all terrains, and chosen so
+# that for terrain 11, position A, rover light off, the exposures with most pixels between 40 and 4000 DN above black
+# agree with NASA's (Sun 30: 256 ms, 180: 128, 270: 1024, 350: 256), inside the frame recommended by NASA's readme (10 %
+# off top and sides, 30 % off the bottom).
 ELECTRONS = 20000.0
 LAMP_OUTPUT = {"30": 1.0, "180": 6.0, "270": 1.0, "350": 3.2, ROVER: ROVER_LIGHT_SHARE}
-_LAMP_RADIUS = 0.045  # metres, of a lamp's bright disc
-_HALL_DN_PER_S = 1.2  # sand's brightness in the dark hall
-_GLARE = 0.002  # radiance at the centre of a lamp's ghosts
+_LAMP_RADIUS = 0.045  # radius of the disc of a lamp, metres
+_HALL_DN_PER_S = 1.2  # brightness of sand in the dark hall
+_GLARE = 0.002  # radiance at the centre of lens ghosts
 _SAND_ALBEDO = 0.19
-_LEAST_DN, _MOST_DN = 100, 3000  # above black: sand that a person finds well exposed
-_SPARSE = 4  # every so many pixels tell how well a photo is exposed
+_MIN_DN, _MAX_DN = 100, 3000  # DN above black of well exposed sand
+_SPARSE = 4  # step between pixels for measuring the exposure of a photo
 
 
 @dataclass(frozen=True)
 class OlatImages:
-    """One camera's view: its linear images by lamp, and what is to be seen there."""
+    """Linear images of a view by lamp, with the visible regions."""
 
     images: dict[str, np.ndarray]  # azimuth, ROVER, AMBIENT -> (h, w) float32 radiance
     rocks: list[Region]
@@ -52,14 +52,14 @@ class OlatImages:
     sand: np.ndarray  # (h / _SPARSE, w / _SPARSE) bool
 
     def lit(self, key: PhotoKey) -> np.ndarray:
-        """(h, w) radiance under a photo's lamps."""
+        """Return the radiance (h, w) under the lamps of a photo."""
         image = self.images[AMBIENT].copy()
         for lamp in _lamps_of(key):
             image += self.images[lamp]
         return image
 
     def shadows_of(self, key: PhotoKey) -> list[Region]:
-        """Shadows of the photo's main lamp: the Sun where it shines, else the rover light."""
+        """Return the shadows of the main lamp of a photo: the Sun lamp if on, else the rover light."""
         lamps = _lamps_of(key)
         return self.shadows[lamps[0]] if lamps else []
 
@@ -77,7 +77,7 @@ def take_photos(
     options: AnalogOptions,
     threads: int,
 ) -> pd.DataFrame:
-    """Write the photos and the seed labels; the true labels of all photos. `albedo` collects what they show."""
+    """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`."""
     at = sorted({key.position for key in keys})
     lamps = {position: _lamps(made.stations, position) for position in at}
     bounces = gather_bounce(
@@ -97,7 +97,7 @@ def take_photos(
 
 
 def _lamps(stations: Stations, position: str) -> dict[str, Lamp]:
-    """The lamps of a position by azimuth, and its rover light."""
+    """Return the lamps of a position by azimuth, and the rover light of the position."""
     left = stations.sandbox_from_left[position]
     lamps = {}
     for name, lamp_position in stations.lamps_at(position).items():
@@ -116,7 +116,7 @@ def _bounce_name(lamp: str, position: str) -> str:
 
 
 def _named(lamps: Mapping[str, Mapping[str, Lamp]]) -> dict[str, Lamp]:
-    """All lamps of all positions, each once."""
+    """Return the lamps of all positions by unique name."""
     return {_bounce_name(name, position): lamp for position in lamps for name, lamp in lamps[position].items()}
 
 
@@ -134,12 +134,12 @@ def _olat_images(
     images[AMBIENT] = through_lens(hall * indirect[AMBIENT])
     for name, lamp in lamps.items():
         rng = generator(options.seed, "light", made.terrain, position, camera, name)
-        seen = visibility(view, made.caster, lamp, rng, threads)
-        lit = direct(view, lamp, seen)
+        visible = visibility(view, made.caster, lamp, rng, threads)
+        lit = direct(view, lamp, visible)
         lit += indirect.pop(_bounce_name(name, position))
         glare = lamp_glare(lamp, posed, _GLARE * lamp.intensity, rng)
         images[name] = through_lens(lit) + glare
-        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, seen, threads)
+        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, visible, threads)
     return OlatImages(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
 
 
@@ -147,7 +147,7 @@ def _shoot(
     olat_images: OlatImages, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: Path, seeds: Path,
     options: AnalogOptions, threads: int,
 ) -> list[dict[str, object]]:  # fmt: skip
-    """Write the photos of one view and the seeds among them; rows of the true labels."""
+    """Write the photos and the seeds of a view; return rows of the true labels."""
     pattern = fixed_pattern(generator(options.seed, "pattern", keys[0].camera), (HEIGHT, WIDTH))
 
     def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
@@ -155,18 +155,18 @@ def _shoot(
         photo = expose(olat_images.lit(key), key.exposure_ms, ELECTRONS, rng, pattern)
         png.write(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
         sand = photo[::_SPARSE, ::_SPARSE][olat_images.sand].astype(np.int32) - BLACK_LEVEL
-        well_exposed = float(((sand > _LEAST_DN) & (sand < _MOST_DN)).mean())
+        well_exposed = float(((sand > _MIN_DN) & (sand < _MAX_DN)).mean())
         return _label_rows(key, olat_images, photo), well_exposed, photo if _may_be_seed(key) else None
 
     rows: list[dict[str, object]] = []
     best: dict[str, tuple[tuple[bool, float], PhotoKey, np.ndarray]] = {}
     with ThreadPoolExecutor(max(1, threads)) as pool:
         for portion in (keys[n : n + 4 * threads] for n in range(0, len(keys), 4 * threads)):
-            for key, (found, quality, photo) in zip(portion, pool.map(shoot, portion), strict=True):
-                rows += found
+            for key, (photo_rows, quality, photo) in zip(portion, pool.map(shoot, portion), strict=True):
+                rows += photo_rows
                 if photo is None:
                     continue
-                rank = (key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS, quality)  # a person likes a photo with shadows
+                rank = (key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS, quality)  # prefer photos with shadows
                 if key.azimuth not in best or rank > best[key.azimuth][0]:
                     best[key.azimuth] = rank, key, photo
     for _, key, photo in best.values():
@@ -178,26 +178,25 @@ def _shoot(
 
 
 def _may_be_seed(key: PhotoKey) -> bool:
-    """A person labelled the Left photo of every Sun lamp with the rover light off."""
+    """Return whether the photo may be annotated: left camera, Sun lamp on, rover light off."""
     return key.camera == "L" and key.light == "off" and key.azimuth != "no"
 
 
 def _label_rows(key: PhotoKey, olat_images: OlatImages, photo: np.ndarray) -> list[dict[str, object]]:
-    named = [(ROCK, region) for region in olat_images.rocks] + [
-        (SHADOW, region) for region in olat_images.shadows_of(key)
-    ]
+    regions = [(ROCK, region) for region in olat_images.rocks]
+    regions += [(SHADOW, region) for region in olat_images.shadows_of(key)]
     return [
         {
             **tables.key_columns(key), "kind": kind, "rock": region.rock, "source": "truth", "confidence": 1.0,
             **dict(zip(("x0", "y0", "x1", "y1"), map(float, region.box), strict=True)),
             "visible_px": region.pixels, "width_px": region.width_px, "contrast": round(contrast(region, photo), 2),
         }
-        for kind, region in named
+        for kind, region in regions
     ]  # fmt: skip
 
 
 def _label_table(rows: list[dict[str, object]]) -> pd.DataFrame:
-    """`tables.label_table` with the three columns more that truth has."""
+    """Return `tables.label_table` with three additional columns of the ground truth."""
     order = sorted(rows, key=lambda row: (str(row["key"]), str(row["kind"]), row["rock"], row["x0"], row["y0"]))
     table = tables.label_table(order)
     for name in ("visible_px", "width_px"):
@@ -215,7 +214,7 @@ def _pair(key: PhotoKey) -> tuple[object, ...]:
 
 
 def _tokens(keys: Sequence[PhotoKey], seed: int) -> dict[tuple[object, ...], str]:
-    """The number in the middle of a photo's name: one a pair, unlike any other, and telling nothing."""
+    """Return the number in the middle of the photo names: unique and random for each stereo pair."""
     tokens: dict[tuple[object, ...], str] = {}
     for pair in sorted({_pair(key) for key in keys}, key=str):
         rng = generator(seed, "token", *pair)

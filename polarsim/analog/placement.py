@@ -1,4 +1,4 @@
-"""Rocks set into the sand: spread as a preset says, some half-buried, some touching, some on top of others."""
+"""Placement of rocks in the sand by preset: some half buried, some touching, some stacked."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from polarsim.analog.presets import Preset
 from polarsim.analog.rays import Caster
 from polarsim.analog.rocks import Rock, carve, icosphere
 
-_PROBES = 642  # vertices of a rock that are tried against its neighbours: a sphere of three subdivisions
-_X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # where centres lie in the real scenes, metres
+_PROBES = 642  # vertices of a rock that are tested against neighbours: a sphere of three subdivisions
+_X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # range of rock centres in the real scenes, metres
 _PILE = np.array([-0.1, 0.0])
 _TRIES = 300
 
 
 def place_rocks(preset: Preset, ground: Ground, rng: np.random.Generator, detail: int) -> list[Rock]:
-    """The rocks of a preset on a ground, numbered from 1 from far to near as seen from A."""
+    """Return the rocks of a preset on a ground, numbered from 1 in order of decreasing distance from position A."""
     sizes = _sizes(preset, rng)
     shapes = [carve(rng, number, size, detail) for number, size in enumerate(sizes)]
     placed: list[Rock] = []
@@ -39,20 +39,20 @@ def place_rocks(preset: Preset, ground: Ground, rng: np.random.Generator, detail
     if preset.giant:
         placed = _with_giant(preset, placed, ground, rng, detail)
     order = np.argsort([rock.centre[0] for rock in placed], kind="stable")
-    if preset.giant:  # the terrain without it numbers the others the same way
+    if preset.giant:  # all other rocks have the same numbers as in the terrain without the giant
         order = np.append(order[order != len(placed) - 1], len(placed) - 1)
     return [replace(placed[index], rock=number) for number, index in enumerate(order, 1)]
 
 
 def _sizes(preset: Preset, rng: np.random.Generator) -> np.ndarray:
-    """Longest sides, large ones first: log-uniform on both sides of the median, stratified; stacked ones last."""
+    """Return the longest sides: log-uniform on both sides of the median, stratified, descending; stacked rocks last."""
     if not preset.rocks:
         return np.zeros(0)
     small, median, large = np.log(preset.sizes)
     quantile = (np.arange(preset.rocks) + rng.random(preset.rocks)) / preset.rocks
     log_size = np.interp(quantile, [0, 0.5, 1], [small, median, large])
     sizes = np.exp(log_size)[::-1]
-    if preset.layout == "pile" and preset.stacked:  # the pile is built of the largest
+    if preset.layout == "pile" and preset.stacked:  # the pile consists of the largest rocks
         top = 3 + np.arange(preset.stacked)
         sizes[:3] = preset.sizes[2] * rng.uniform(0.85, 1.0, 3)
         sizes[top] = preset.sizes[2] * rng.uniform(0.6, 0.85, preset.stacked)
@@ -62,7 +62,7 @@ def _sizes(preset: Preset, rng: np.random.Generator) -> np.ndarray:
 
 
 def _candidate(rock: Rock, rng: np.random.Generator, preset: Preset, *, in_pile: bool) -> np.ndarray:
-    """A position (2,) as the layout likes it."""
+    """Return a random position (2,) for the layout of the preset."""
     if preset.half_width < 1:
         return rng.uniform(-0.6, 0.6, 2) * preset.half_width
     spot = np.array([rng.uniform(*_X_RANGE), rng.uniform(*_Y_RANGE)])
@@ -99,12 +99,12 @@ def _stand_alone(
         if in_pile or _fits(spot, shape.radius, placed, preset, gap):
             break
         if attempt % _TRIES == _TRIES - 1:
-            gap /= 4  # a crowded scene: stand closer
+            gap /= 4  # crowded scene: reduce the gap
     return _set_down(shape, spot, ground, rng)
 
 
 def _set_down(shape: Rock, spot: np.ndarray, ground: Ground, rng: np.random.Generator) -> Rock:
-    """On the ground at a point, its foot in the sand; three in ten are buried to about the half."""
+    """Place a rock on the ground at a point with the base in the sand; 30 % of the rocks are about half buried."""
     extent = np.ptp(shape.vertices, axis=0)
     share = rng.uniform(0.35, 0.55) if rng.random() < 0.3 else rng.uniform(0.08, 0.2)
     low = shape.vertices[shape.vertices[:, 2] < shape.vertices[:, 2].min() + 0.3 * extent[2], :2] + spot
@@ -123,26 +123,26 @@ def _surfaces(rocks: Sequence[Rock]) -> Caster:
 
 
 def _gap(rock: Rock, surfaces: Caster) -> float:
-    """Smallest distance of a rock's probes from surfaces, negative where they overlap, metres."""
+    """Return the minimum distance of the probes of a rock from surfaces, metres; negative if they overlap."""
     return float(surfaces.signed_distance(rock.vertices[:_PROBES]).min())
 
 
 def _lean(
     shape: Rock, parent: Rock, placed: Sequence[Rock], ground: Ground, rng: np.random.Generator, preset: Preset
 ) -> Rock | None:
-    """Beside its parent until they touch; None where there is no room."""
+    """Place a rock next to a parent so that both touch; None if there is no room."""
     against, others = _surfaces([parent]), [rock for rock in placed if rock is not parent]
     for _ in range(12):
         angle = rng.uniform(0, 2 * np.pi)
         towards = np.array([np.cos(angle), np.sin(angle)])
         here = np.random.default_rng(int(rng.integers(1 << 32)))
         burial = here.bit_generator.state
-        apart, near, far = 0.0, 0.0, 2 * (shape.radius + parent.radius)
+        distance, near, far = 0.0, 0.0, 2 * (shape.radius + parent.radius)
         for _ in range(14):
-            apart = (near + far) / 2
+            distance = (near + far) / 2
             here.bit_generator.state = burial  # the same depth at every step
-            rock = _set_down(shape, parent.centre[:2] + apart * towards, ground, here)
-            near, far = (apart, far) if _gap(rock, against) < 0 else (near, apart)
+            rock = _set_down(shape, parent.centre[:2] + distance * towards, ground, here)
+            near, far = (distance, far) if _gap(rock, against) < 0 else (near, distance)
         spot = rock.centre[:2]
         if not _fits(spot, 0.0, [], preset, 0):
             continue
@@ -153,7 +153,7 @@ def _lean(
 
 
 def _stack(shape: Rock, bases: Sequence[Rock], placed: Sequence[Rock], rng: np.random.Generator) -> Rock:
-    """Dropped from above between the bases until it touches whatever lies there."""
+    """Drop a rock from above between the bases until it touches a rock."""
     below = _surfaces(placed)
     spot = np.mean([rock.centre[:2] for rock in bases], axis=0) + rng.normal(0, 0.02, 2)
     if len(bases) == 2:
@@ -164,13 +164,13 @@ def _stack(shape: Rock, bases: Sequence[Rock], placed: Sequence[Rock], rng: np.r
         height = (low + high) / 2
         rock = shape.moved(np.array([*spot, height]))
         low, high = (height, high) if _gap(rock, below) < 0 else (low, height)
-    return rock.moved(np.array([0, 0, -0.003]))  # stones bite into each other a little
+    return rock.moved(np.array([0, 0, -0.003]))  # overlap of 3 mm, so that the rocks touch
 
 
 def _with_giant(
     preset: Preset, placed: list[Rock], ground: Ground, rng: np.random.Generator, detail: int
 ) -> list[Rock]:
-    """One very large bright rock at the front, where it has most room."""
+    """Add a very large bright rock at the front, at the position with the most room."""
     giant = replace(carve(rng, 0, preset.giant, detail), albedo=0.55, patch=0.3)
     tries = np.stack([rng.uniform(0.7, 1.4, 200), rng.uniform(-1.3, 1.3, 200)], 1)
     room = [min(np.linalg.norm(t - r.centre[:2]) - r.radius for r in placed) for t in tries]

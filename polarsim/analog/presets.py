@@ -1,4 +1,4 @@
-"""The 13 scenes by number: rocks, their sizes and layout, and the shape of the ground (facts of the data set)."""
+"""Presets of the 13 terrains: number, sizes and layout of rocks, and shape of the ground (as in the data set)."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ Layout = Literal["spread", "cluster", "sides", "diagonal", "around", "in_crater"
 
 @dataclass(frozen=True)
 class Preset:
-    """One scene. Sizes are the longest sides (smallest, median, largest), metres."""
+    """Preset of a terrain. Sizes are the longest sides (minimum, median, maximum), metres."""
 
     rocks: int
     sizes: tuple[float, float, float] = (0.06, 0.09, 0.20)
     layout: Layout = "spread"
-    touching: float = 0.1  # share of rocks that lean against another
-    stacked: int = 0  # rocks that lie on others
-    giant: float = 0.0  # size of one more, bright rock at the front, metres; 0 for none
+    touching: float = 0.1  # share of rocks that lean against a neighbour
+    stacked: int = 0  # number of rocks on top of rocks
+    giant: float = 0.0  # size of an additional bright rock at the front, metres; 0: none
     relief: float = 1.0  # strength of the fractal relief
     trowel: float = 1.0  # strength of trowel marks
     pits: int = 8
     mounds: int = 5
     tracks: int = 0
     crater: Literal["", "fresh", "old"] = ""
-    half_width: float = 2.0  # of the sand, metres
-    like: int = 0  # terrain whose ground and rocks this one shares; 0 for its own
+    half_width: float = 2.0  # half the width of the sand, metres
+    like: int = 0  # terrain with the same ground and rocks; 0: none
 
 
 PRESETS = {

@@ -1,4 +1,4 @@
-"""Angular rocks: polyhedra of random facets with knocked-off corners and rough faces."""
+"""Angular rocks: random polyhedra with chipped corners and rough faces."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class Rock:
     """A placed rock, sandbox frame."""
 
     rock: int
-    vertices: np.ndarray  # (v, 3) of the icosphere's topology
+    vertices: np.ndarray  # (v, 3) in the topology of the icosphere
     albedo: float
-    gloss: float  # strength of a shiny lobe
-    patch: float  # how much brighter its fresh faces are
+    gloss: float  # strength of the glossy lobe
+    patch: float  # relative additional brightness of fresh faces
 
     def moved(self, by: np.ndarray) -> Rock:
         return replace(self, vertices=self.vertices + by)
@@ -30,19 +30,19 @@ class Rock:
 
     @property
     def detail(self) -> int:
-        """Subdivisions of its icosphere."""
+        """Number of subdivisions of the icosphere."""
         return round(np.log2((len(self.vertices) - 2) / 10) / 2)
 
     @property
     def radius(self) -> float:
-        """Horizontal radius of its footprint, metres."""
+        """Mean horizontal radius, metres."""
         extent = np.ptp(self.vertices, axis=0)
         return float(extent[0] + extent[1]) / 4
 
 
 @cache
 def icosphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (v, 3) and faces (f, 3); the vertices of coarser spheres come first."""
+    """Return unit vectors (v, 3) and faces (f, 3); the vertices of coarser spheres are first."""
     golden = (1 + 5**0.5) / 2
     corners = [[-1, golden, 0], [1, golden, 0], [-1, -golden, 0], [1, -golden, 0]]
     vertices = np.array([np.roll(corner, step) for step in (0, 1, 2) for corner in corners], float)
@@ -67,9 +67,9 @@ def icosphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Rock:
-    """A rock of a longest side `size`, centred on the origin, lying on a broad side, more or less.
+    """Generate a rock with longest side `size`, metres, centred at the origin, approximately on a broad side.
 
-    Random planes cut a sphere to a polyhedron; more planes knock corners off; noise roughens what is left.
+    Random planes cut a sphere to a polyhedron, additional planes cut corners off, and noise adds roughness.
     """
     directions, _ = icosphere(detail)
     normals = _spread_directions(rng, int(rng.integers(11, 19)))
@@ -97,14 +97,14 @@ def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Rock
 
 
 def _cut(directions: np.ndarray, normals: np.ndarray, distances: np.ndarray) -> np.ndarray:
-    """(n,) distance from the origin to the first of the planes along each direction."""
+    """Return the distance (n,) from the origin to the nearest plane along each direction."""
     along = directions @ normals.T
     with np.errstate(divide="ignore"):
         return np.where(along > 1e-3, distances / along, np.inf).min(axis=1)
 
 
 def _spread_directions(rng: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 3) unit vectors, spread so that no side is left open (a jittered Fibonacci lattice, rotated)."""
+    """Return unit vectors (count, 3) that cover all sides (a jittered, randomly rotated Fibonacci lattice)."""
     lattice = fibonacci_sphere(count)
     lattice += rng.normal(0, 0.22, lattice.shape)
     lattice /= np.linalg.norm(lattice, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The whole scene as triangles: sand, rocks, walls with pale cloth, grey cards, and the dark hall around."""
+"""Scene as triangles: sand, rocks, walls with pale cloth, grey cards, and the surrounding dark hall."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from polarsim.analog.rays import Caster, grid_faces
 from polarsim.analog.rocks import Rock, icosphere
 from polarsim.survey import WALL_HEIGHT
 
-GROUND_OBJECT, HALL_OBJECT = -1, -2  # objects; rocks have their numbers
-_WALL_TOP = WALL_HEIGHT + 0.01  # metres: off what is stated, as the real ones are
+GROUND_OBJECT, HALL_OBJECT = -1, -2  # object numbers; rocks have positive numbers
+_WALL_TOP = WALL_HEIGHT + 0.01  # metres: differs from the stated height, as the real walls do
 _WALL_THICKNESS = 0.09  # metres
-HALL_FLOOR = -0.40  # metres: below the deepest crater, or the hall would show in it
+HALL_FLOOR = -0.40  # metres: below the deepest crater, so that the floor is not visible in it
 
 
 class Material(IntEnum):
@@ -34,7 +34,7 @@ class Material(IntEnum):
 
 @dataclass(frozen=True)
 class Scene:
-    """Triangles with what each belongs to. Ground first, then rocks in order, then everything else."""
+    """Triangles with object numbers and materials: ground first, then rocks in order, then the hall."""
 
     vertices: np.ndarray  # (v, 3) float32, metres, sandbox frame
     normals: np.ndarray  # (v, 3) float32, unit
@@ -44,16 +44,16 @@ class Scene:
     albedo_of_face: np.ndarray  # (f,) float32, before texture
     gloss_of_face: np.ndarray  # (f,) float32
     patch_of_face: np.ndarray  # (f,) float32
-    first_vertex: dict[int, int]  # of each object
+    first_vertex: dict[int, int]  # number of the first vertex by object
     ground: Ground
     rocks: list[Rock]
 
     def caster(self) -> Caster:
-        """The ray caster over all triangles."""
+        """Return a ray caster of all triangles."""
         return Caster(self.vertices, self.faces)
 
     def rock_caster(self) -> Caster:
-        """The same over rocks alone; there must be one."""
+        """Return a ray caster of the rocks only; the scene must have a rock."""
         faces = self.faces[self.object_of_face > 0]
         low, high = int(faces.min()), int(faces.max())
         return Caster(self.vertices[low : high + 1], faces - low)
@@ -72,7 +72,7 @@ class _Part:
 
 
 def build_scene(preset: Preset, ground: Ground, rocks: Sequence[Rock], detail: int, rng: np.random.Generator) -> Scene:
-    """Put everything together."""
+    """Combine ground, rocks, walls and hall."""
     small = preset.half_width < 1
     vertices, faces = ground.mesh()
     sand = 0.36 if small else 0.19
@@ -123,7 +123,7 @@ def _normals(part: _Part) -> np.ndarray:
 def _sheet(
     corner: Sequence[float], u: Sequence[float], v: Sequence[float], step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A rectangle as a grid of triangles; its normal is u x v."""
+    """Return a rectangle as a grid of triangles with normal u x v."""
     start, u, v = np.array(corner, float), np.array(u, float), np.array(v, float)  # type: ignore[assignment]
     nu, nv = (max(1, int(np.ceil(np.linalg.norm(edge) / step))) + 1 for edge in (u, v))
     s, t = np.meshgrid(np.linspace(0, 1, nu), np.linspace(0, 1, nv), indexing="ij")
@@ -132,7 +132,7 @@ def _sheet(
 
 
 def _block(low: Sequence[float], high: Sequence[float], material: Material, albedo: float, step: float) -> list[_Part]:
-    """The six sides of an upright block."""
+    """Return the six sides of an axis-aligned block."""
     x0, y0, z0 = low
     dx, dy, dz = (float(h - lo) for h, lo in zip(high, low, strict=True))
     sheets = [
@@ -158,7 +158,7 @@ def _walls(
     for low, high in spans:
         height = top + rng.normal(0, 0.008)
         for part in _block([*low, HALL_FLOOR], [*high, height], material, albedo, 0.06):
-            wavy = part.vertices.copy()  # cloth hangs and bulges
+            wavy = part.vertices.copy()  # folds of the cloth
             s = wavy[:, 0] + wavy[:, 1]
             up = np.clip((wavy[:, 2] - HALL_FLOOR) / (height - HALL_FLOOR), 0, 1)
             wavy[:, 2] += up * (0.006 * np.sin(5 * s + rng.uniform(0, 6)) + 0.004 * np.sin(17 * s))
@@ -172,7 +172,7 @@ def _walls(
 
 
 def _big_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
-    """NASA's sandbox in its hall."""
+    """Return the walls of NASA's sandbox and the hall."""
     half = preset.half_width
     parts = _walls(half, _WALL_TOP, _WALL_THICKNESS, Material.CLOTH, 0.52, rng)
     for y in (-1.62 + rng.normal(0, 0.03), 1.62 + rng.normal(0, 0.03)):
@@ -195,7 +195,7 @@ def _big_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
 
 
 def _small_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
-    """Terrain 13: a black box on a tiled floor with a bright ball beside it."""
+    """Return the black box of terrain 13 on a tiled floor, next to a bright ball."""
     half = preset.half_width
     vertices, faces = icosphere(4)
     ball = _Part(vertices * 0.10 + [0.1, 0.85, HALL_FLOOR + 0.10], faces, Material.METAL, 0.6, gloss=2.0)
@@ -203,7 +203,7 @@ def _small_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
 
 
 def _hall(floor_albedo: float = 0.05) -> list[_Part]:
-    """A dark room seen from inside."""
+    """Return the inner sides of a dark room."""
     low, high = np.array([-5.5, -6.5, HALL_FLOOR]), np.array([9.5, 6.0, 3.8])
     dx, dy, dz = high - low
     x0, y0, z0 = low
@@ -217,7 +217,7 @@ def _hall(floor_albedo: float = 0.05) -> list[_Part]:
 
 
 def _duct(foot: np.ndarray, radius: float, height: float) -> _Part:
-    """A ribbed shiny tube."""
+    """Return a ribbed, shiny tube."""
     vertices, faces = _sheet([0, 0, 0], [2 * np.pi, 0, 0], [0, 0, height], 0.04)
     angle, z = vertices[:, 0], vertices[:, 2]
     width = radius + 0.008 * np.sin(z * 150)

@@ -1,4 +1,4 @@
-"""The scanner: ranges over its own angular grid with the faults of real ones, and NASA's maps made from them."""
+"""Laser scanner: ranges on an angular grid with realistic errors, and range maps in NASA's format."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from polarsim.analog.sandbox import Scene
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 
-SCANNED = ("A", "C")  # positions with a scan of their own; B's map is made from these two
-_PAN, _TILT_UP, _TILT_DOWN = np.radians([36.0, 3.0, 48.0])  # the scanner's window about its heading and the horizon
-_REGISTRATION_MM, _REGISTRATION_DEG = 2.0, 0.05  # sd of NASA's registration of a map
-_FARTHEST_M = 9.0  # of the scanner's reach: the far end of the hall returns nothing
-_EDGE = 0.03  # jump of range between neighbours that makes a depth edge, metres
-_GAP = 0.05  # neighbours farther apart than this, and than _GAP_SHARE of the range, are not joined
+SCANNED = ("A", "C")  # scanned positions; the range map of B is computed from both scans
+_PAN, _TILT_UP, _TILT_DOWN = np.radians([36.0, 3.0, 48.0])  # angular window around the heading and the horizon
+_REGISTRATION_MM, _REGISTRATION_DEG = 2.0, 0.05  # standard deviation of NASA's registration of a map
+_MAX_RANGE_M = 9.0  # maximum range of the scanner: the rear end of the hall has no points
+_EDGE = 0.03  # metres: larger range differences between neighbours are depth edges
+_GAP = 0.05  # metres: neighbours are not joined if the difference exceeds this and _GAP_SHARE of the range
 _GAP_SHARE = 0.02
-_STEP_M = 1e-4  # the scanner and NASA's maps state ranges to a tenth of a millimetre, far below the ranges' noise
-_WHITE_AT_M = 3.0  # distance of the scanner at which ...
-_WHITE = 120  # ... a white surface that faces it returns this intensity: about the middle of 0 to 255
-_INTENSITY_SD = 3.0  # of a point's intensity, so that its steps do not show
+_STEP_M = 1e-4  # resolution of ranges in NASA's files, much smaller than the range noise
+_WHITE_AT_M = 3.0  # distance at which ...
+_WHITE = 120  # ... a white surface at normal incidence returns this intensity: about the middle of 0 to 255
+_INTENSITY_SD = 3.0  # standard deviation of the intensity, hides the rounding steps
 
 
 @dataclass(frozen=True)
 class Scan:
-    """Points on the scanner's grid (rows, columns), sandbox frame; NaN where nothing came back."""
+    """Points on the angular grid (rows, columns), sandbox frame; NaN without return."""
 
     points: np.ndarray  # (rows, columns, 3)
     intensity: np.ndarray  # (rows, columns) 0..255
@@ -42,12 +42,12 @@ def scan(
     options: AnalogOptions,
     threads: int,
 ) -> Scan:
-    """Sweep the scanner's window.
+    """Scan the angular window.
 
     Parameters
     ----------
     sandbox_from_scanner : Pose
-        A frame that stands upright: x ahead, y left, z up.
+        Pose of the upright scanner frame: x ahead, y left, z up.
     """
     step = np.radians(options.scan_step_deg)
     pan, tilt = np.arange(-_PAN, _PAN, step), np.arange(_TILT_UP, -_TILT_DOWN, -step)
@@ -62,7 +62,7 @@ def scan(
     facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-12)
     cosine = np.abs(np.einsum("...k,...k->...", facing, directions))
     albedo = scene.albedo_of_face[face]
-    distance = np.where(hit["t_hit"] < _FARTHEST_M, hit["t_hit"], np.nan).astype(float)
+    distance = np.where(hit["t_hit"] < _MAX_RANGE_M, hit["t_hit"], np.nan).astype(float)
     distance = _mixed(distance, rng, options.mixed_pixels)
     distance[rng.random(distance.shape) < _lost(cosine, albedo)] = np.nan
     distance += rng.normal(0, options.range_noise_mm / 1000, distance.shape)
@@ -73,30 +73,30 @@ def scan(
 
 
 def _mixed(distance: np.ndarray, rng: np.random.Generator, share: float) -> np.ndarray:
-    """At depth edges the beam meets both surfaces and the range lies anywhere between."""
+    """Replace a share of the ranges at depth edges by random values between both surfaces (mixed pixels)."""
     out = distance.copy()
     for axis in (0, 1):
-        beyond = np.roll(distance, -1, axis)
-        edge = np.abs(beyond - distance) > _EDGE
+        neighbour = np.roll(distance, -1, axis)
+        edge = np.abs(neighbour - distance) > _EDGE
         edge[(-1,) if axis == 0 else (slice(None), -1)] = False
         mixed = edge & (rng.random(edge.shape) < share * 0.5)
         weight = rng.random(edge.shape)
-        out[mixed] = (weight * distance + (1 - weight) * beyond)[mixed]
+        out[mixed] = (weight * distance + (1 - weight) * neighbour)[mixed]
     return out
 
 
 def _lost(cosine: np.ndarray, albedo: np.ndarray) -> np.ndarray:
-    """Chance that nothing comes back: grazing surfaces and dark ones."""
+    """Return the probability of no return: high at grazing incidence and on dark surfaces."""
     grazing = np.clip((0.14 - cosine) / 0.14, 0, 1)
     dark = np.clip((0.20 - albedo) / 0.20, 0, 1)
     return np.clip(0.002 + 0.9 * grazing**1.5 + 0.25 * dark**2 + 0.6 * dark * grazing, 0, 1)
 
 
-def surface(found: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Neighbouring points joined to triangles where no depth edge lies between: vertices (v, 3), faces (f, 3)."""
-    vertices = found.points.reshape(-1, 3)
-    distance = np.linalg.norm(found.points - centre, axis=-1).ravel()
-    faces = grid_faces(*found.points.shape[:2])
+def surface(scanned: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Join neighbouring points without depth edge to triangles: vertices (v, 3), faces (f, 3)."""
+    vertices = scanned.points.reshape(-1, 3)
+    distance = np.linalg.norm(scanned.points - centre, axis=-1).ravel()
+    faces = grid_faces(*scanned.points.shape[:2])
     near = distance[faces]
     with np.errstate(invalid="ignore"):
         jump = near.max(axis=1) - near.min(axis=1)
@@ -105,7 +105,7 @@ def surface(found: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, threads: int) -> np.ndarray:
-    """(h, w, 3) float32 points where surfaces (in the rectified left frame) are seen by its pixels, NaN elsewhere."""
+    """Return the surface point (h, w, 3) float32 at each pixel, rectified left frame; NaN without surface."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
     vertices = np.concatenate([vertices for vertices, _ in surfaces])
     faces = np.concatenate([f + start for (_, f), start in zip(surfaces, starts, strict=False)])
@@ -116,6 +116,6 @@ def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, thr
 
 
 def registration_error(rng: np.random.Generator) -> Pose:
-    """The small rigid error with which NASA put a scan into a camera's frame."""
+    """Return a random rigid error of NASA's registration of a scan with a camera."""
     rotation = np.radians(rng.normal(0, _REGISTRATION_DEG / np.sqrt(3), 3))
     return Pose.from_rotvec(rotation, rng.normal(0, _REGISTRATION_MM / 1000 / np.sqrt(3), 3))

@@ -1,4 +1,4 @@
-"""From a linear image to a raw photo: lens faults, glare, photon and read noise, black level, 12 bits."""
+"""Conversion of a linear image to a raw photo: lens effects, glare, shot and read noise, black level, 12 bits."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from polarsim.analog.light import Lamp
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
-_BLUR_PX = 0.6  # sd of the lens's point spread
-_VIGNETTING = 0.30  # light lost in the corners
-_VEIL, _HALO = 0.002, 0.007  # shares of the light that the lens spreads over everything, and widely about its position
-# A sensor like Sony's IMX249, whose 33,000 electrons fill 12 bits. The analog has its own values: stages that assume
-# those of `polarsim.photo` may be wrong about it.
+_BLUR_PX = 0.6  # standard deviation of the point spread function
+_VIGNETTING = 0.30  # share of light lost in the corners
+_VEIL, _HALO = 0.002, 0.007  # shares of light in the veiling glare (uniform) and in the halo (broad)
+# A sensor similar to Sony's IMX249, with a full well of 33,000 electrons. The values differ on purpose from those of
+# `polarsim.photo`, so that stages are tested with a sensor that does not match their assumptions.
 ELECTRONS_PER_DN = 8.0
 _READ_NOISE_ELECTRONS = 7.0  # standard deviation
 _FULL_WELL_ELECTRONS = 33000.0
-_PIXEL_GAIN = 0.006  # sd of the pixels' sensitivity
+_PIXEL_GAIN = 0.006  # standard deviation of the sensitivity of pixels
 
 
 def through_lens(image: np.ndarray) -> np.ndarray:
-    """(h, w) image blurred, darkened towards the corners, and veiled by its own light."""
+    """Return the image (h, w) with blur, vignetting, halo and veiling glare."""
     import cv2
 
     height, width = image.shape
@@ -36,12 +36,12 @@ def through_lens(image: np.ndarray) -> np.ndarray:
 
 
 def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Generator) -> np.ndarray:
-    """(h, w) light that a lamp in or beside the picture scatters in the lens, for unit intensity.
+    """Return the light (h, w) that a lamp inside or outside the image scatters in the lens, at unit intensity.
 
     Parameters
     ----------
     brightness : float
-        Radiance that the ghosts have at their centres, for a lamp 4 m away.
+        Radiance at the centres of the ghosts for a lamp 4 m away.
     """
     lens = camera.lens
     height, width = lens.shape
@@ -55,11 +55,11 @@ def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Gen
     ahead = position / distance
     centre = np.array([width / 2, height / 2])
     aside = ahead[:2] / max(float(np.hypot(*ahead[:2])), 1e-6)
-    in_picture = False
+    in_image = False
     if ahead[2] > 0.3:
         spot = lens.project(position[None])[0]
-        in_picture = bool(np.all((spot > 0) & (spot < [width, height])))
-    if in_picture:
+        in_image = bool(np.all((spot > 0) & (spot < [width, height])))
+    if in_image:
         _blob(out, spot, lens.fx * lamp.radius / distance, 4000 * strength, 2.0)
         _blob(out, spot, 90, 8 * strength, 0.4)
         _blob(out, spot, 1400, 0.12 * strength, 1.0)
@@ -74,21 +74,21 @@ def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Gen
 def _blob(out: np.ndarray, centre: np.ndarray, size: float, strength: float, power: float) -> None:
     row = np.arange(out.shape[0], dtype=np.float32)[:, None] - centre[1]
     column = np.arange(out.shape[1], dtype=np.float32) - centre[0]
-    far = (row**2 + column**2) / np.float32(size**2)
-    out += np.float32(strength) * np.exp(-(far**power))
+    distance2 = (row**2 + column**2) / np.float32(size**2)
+    out += np.float32(strength) * np.exp(-(distance2**power))
 
 
 def expose(
     image: np.ndarray, exposure_ms: float, electrons: float, rng: np.random.Generator, pixel_gain: np.ndarray
 ) -> np.ndarray:
-    """(h, w) uint16 photo of a linear image.
+    """Return the photo (h, w) uint16 of a linear image.
 
     Parameters
     ----------
     electrons : float
-        Photo-electrons a millisecond at unit radiance.
+        Photo-electrons per millisecond at unit radiance.
     pixel_gain : (h, w) float32
-        The sensor's fixed pattern.
+        Fixed pattern of the sensor.
     """
     signal = image * pixel_gain * np.float32(electrons * exposure_ms)
     noise = rng.standard_normal(image.shape, dtype=np.float32)
@@ -99,5 +99,5 @@ def expose(
 
 
 def fixed_pattern(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    """(h, w) float32 sensitivities about 1."""
+    """Return random pixel sensitivities (h, w) float32 with mean 1."""
     return 1 + np.float32(_PIXEL_GAIN) * rng.standard_normal(shape, dtype=np.float32)

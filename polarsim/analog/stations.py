@@ -1,4 +1,4 @@
-"""How a terrain's day went: where tripods and lamps really stood, which rig it was, what the calibration file says."""
+"""True tripod poses, lamps and rig of a terrain, and the calibration file with errors."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from polarsim.photo import SUNS, positions
 from polarsim.randomness import generator
 from polarsim.survey import NOMINAL_YAW_DEG, ROVER_LIGHT_FROM_LEFT, SUN_LAMPS
 
-ROVER = "rover"  # the light between the cameras, among lamps that else bear their azimuths
-# Where tripods stood by the distances from the box's edge that NASA's folders are named for, metres.
-# How far the sandbox is off what NASA states of it; of a calibration and a survey of this kind nobody knows better.
-_TRIPOD_OFFSET, _YAW_DEG, _ROLL_DEG = 0.1, 2.0, 1.0  # metres, degrees: off nominal by up to this
-_PITCH_DEG = (22.0, 28.0)  # tilt of the rig downwards
-_LAMP_OFFSET_MM = (100, 200)  # of a lamp from its survey
-_FOCAL_ERROR_PX, _PRINCIPAL_ERROR_PX, _K1_ERROR, _BASELINE_ERROR_MM = 1.0, 1.0, 0.002, 0.2  # sd of the calibration file
+ROVER = "rover"  # name of the light between the cameras; Sun lamps are named by their azimuth
+# Assumed deviations of the sandbox from NASA's survey and calibration; the real deviations are unknown.
+_TRIPOD_OFFSET, _YAW_DEG, _ROLL_DEG = 0.1, 2.0, 1.0  # maximum deviation from nominal, metres and degrees
+_PITCH_DEG = (22.0, 28.0)  # downward tilt of the rig
+_LAMP_OFFSET_MM = (100, 200)  # distance of a lamp from the surveyed position
+# Standard deviations of the calibration file.
+_FOCAL_ERROR_PX, _PRINCIPAL_ERROR_PX, _K1_ERROR, _BASELINE_ERROR_MM = 1.0, 1.0, 0.002, 0.2
+# Tripod positions, metres, from the distances to the edge of the box in the names of NASA's folders.
 _TRIPODS = {"A": np.array([3.60, -0.38, 1.55]), "B": np.array([6.10, -0.45, 1.55]), "C": np.array([0.80, -3.65, 1.55])}
 
 
 @dataclass(frozen=True)
 class Stations:
-    """What only the analog knows, and `calibration`, which is all that the outside is told."""
+    """True rig, poses and lamps (ground truth), and `calibration`, the published calibration with errors."""
 
     rig: StereoRig
     calibration: StereoRig
@@ -36,40 +37,40 @@ class Stations:
     lamps: dict[str, np.ndarray]  # azimuth, or `rover_A`; (3,) sandbox frame
 
     def camera(self, position: str, side: str) -> Camera:
-        """Camera L or R in the sandbox."""
+        """Return camera L or R in the sandbox frame."""
         return Camera(self.sandbox_from_left[position] @ self.rig.left_from(side), self.rig.lens(side))
 
     def lamps_at(self, position: str) -> dict[str, np.ndarray]:
-        """Sun lamps by azimuth, and `rover`, the light of this position."""
+        """Return the Sun lamps by azimuth, and `rover`, the rover light of the position."""
         return {**{azimuth: self.lamps[azimuth] for azimuth in SUNS}, ROVER: self.lamps[f"{ROVER}_{position}"]}
 
 
 def make_stations(terrain: int, options: AnalogOptions) -> Stations:
-    """Draw a terrain's stations."""
+    """Generate the stations of a terrain."""
     rng = generator(options.seed, "set-up", terrain)
     rig = _true_rig(rng)
     calibration = _calibrated(rig, rng)
     poses = {position: _tripod(terrain, position, rng) for position in positions(terrain)}
     lamps: dict[str, np.ndarray] = {}
     for azimuth in SUNS:
-        away = rng.normal(0, 1, 3) * [1, 1, 0.25]
+        direction = rng.normal(0, 1, 3) * [1, 1, 0.25]
         distance = rng.uniform(*_LAMP_OFFSET_MM) / 1000
-        lamps[azimuth] = SUN_LAMPS[azimuth] + distance * away / np.linalg.norm(away)
+        lamps[azimuth] = SUN_LAMPS[azimuth] + distance * direction / np.linalg.norm(direction)
     for position, pose in poses.items():
         lamps[f"{ROVER}_{position}"] = pose.apply(ROVER_LIGHT_FROM_LEFT + rng.normal(0, 0.005, 3))
     return Stations(rig, calibration, poses, lamps)
 
 
 def _true_rig(rng: np.random.Generator) -> StereoRig:
-    """A rig much like NASA's, but not the one whose calibration is known."""
+    """Return a random rig similar to NASA's rig."""
     stated = stated_rig()
 
-    def lens(known: Lens) -> Lens:
-        k1, k2, p1, p2, k3 = known.distortion
+    def lens(nominal: Lens) -> Lens:
+        k1, k2, p1, p2, k3 = nominal.distortion
         terms = (k1 + rng.normal(0, 0.002), k2 + rng.normal(0, 0.004), p1 + rng.normal(0, 5e-5), p2, k3)
-        focal = known.fx + rng.normal(0, 4)
+        focal = nominal.fx + rng.normal(0, 4)
         return replace(
-            known, fx=focal, fy=focal * 0.998, cx=known.cx + rng.normal(0, 3), cy=known.cy + rng.normal(0, 3),
+            nominal, fx=focal, fy=focal * 0.998, cx=nominal.cx + rng.normal(0, 3), cy=nominal.cy + rng.normal(0, 3),
             distortion=terms,
         )  # fmt: skip
 
@@ -78,7 +79,7 @@ def _true_rig(rng: np.random.Generator) -> StereoRig:
 
 
 def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
-    """The rig as a calibration with its small errors found it, rounded as its file is."""
+    """Return the rig with calibration errors, rounded as in the calibration file."""
 
     def lens(true: Lens) -> Lens:
         focal = rng.normal(0, _FOCAL_ERROR_PX)
@@ -99,7 +100,7 @@ def _six_digits(values: np.ndarray) -> np.ndarray:
 
 def _tripod(terrain: int, position: str, rng: np.random.Generator) -> Pose:
     reach = _TRIPOD_OFFSET
-    if terrain == 13:  # seven nearly equal positions before a small box
+    if terrain == 13:  # seven nearly equal positions in front of a small box
         centre = np.array([2.0, -0.15, 1.25]) + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
         return looking(centre, np.pi + rng.normal(0, 0.01), np.radians(rng.uniform(29, 31)), 0.0)
     centre = _TRIPODS[position] + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]

@@ -1,4 +1,4 @@
-"""A terrain as it stands while scans and photos are taken."""
+"""Terrain of the analog: scene, ray caster and stations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from polarsim.randomness import generator
 
 @dataclass(frozen=True)
 class Terrain:
-    """Scene, its ray caster, and where tripods and lamps stood."""
+    """Scene, ray caster, tripod poses and lamps of a terrain."""
 
     terrain: int
     scene: Scene
@@ -27,15 +27,15 @@ class Terrain:
 
 
 def build_terrain(terrain: int, options: AnalogOptions) -> Terrain:
-    """Shape the sand, lay the rocks, put the box around them, set up tripods and lamps."""
+    """Generate the sand, the rocks, the surrounding box, the tripod poses and the lamps of a terrain."""
     preset, seed = PRESETS[terrain], options.seed
-    own = preset.like or terrain
-    ground = make_ground(preset, options.ground_step_mm / 1000, generator(seed, "ground", own))
-    rocks = place_rocks(preset, ground, generator(seed, "rocks", own), options.rock_detail)
+    original = preset.like or terrain
+    ground = make_ground(preset, options.ground_step_mm / 1000, generator(seed, "ground", original))
+    rocks = place_rocks(preset, ground, generator(seed, "rocks", original), options.rock_detail)
     points = np.array([rock.centre for rock in rocks]).reshape(-1, 3)
-    foot = np.array([rock.vertices[:, 2].min() for rock in rocks])
-    standing = foot < ground.height_at(points[:, 0], points[:, 1])  # stones on stones have no sand at their feet
+    bottom = np.array([rock.vertices[:, 2].min() for rock in rocks])
+    in_sand = bottom < ground.height_at(points[:, 0], points[:, 1])  # stacked rocks have no sand around the base
     radii = np.array([rock.radius for rock in rocks])
-    ground = pile_sand(ground, generator(seed, "piles", own), points[standing, :2], radii[standing])
+    ground = pile_sand(ground, generator(seed, "piles", original), points[in_sand, :2], radii[in_sand])
     scene = build_scene(preset, ground, rocks, options.rock_detail, generator(seed, "box", terrain))
     return Terrain(terrain, scene, scene.caster(), make_stations(terrain, options))

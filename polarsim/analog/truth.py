@@ -1,4 +1,4 @@
-"""What only the analog knows: cameras, lamps, rocks and meshes exactly as they stood, and the albedo in the photos."""
+"""Ground truth of the analog: exact cameras, lamps, rocks and meshes, and the albedo of visible surfaces."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from polarsim.formats.files import write_json
 from polarsim.geometry.meshes import Mesh
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 
-_GROUND_STEP = 0.015  # metres: of the ground's mesh
+_GROUND_STEP = 0.015  # step of the ground mesh, metres
 _COLUMN_STEP = 0.002  # metres
-CUBE = 0.01  # metres: albedo is averaged over cubes of this side
-_REACH = 512  # cubes from the origin, along every axis
+CUBE = 0.01  # side of the cubes over which albedo is averaged, metres
+_REACH = 512  # maximum number of cubes from the origin along every axis
 _COLUMNS = ("pixels", "albedo", "x", "y", "z")
 
 
 def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
-    """Write all of a terrain's truth but its labels. Meshes of rocks are their parts above the sand."""
+    """Write the ground truth of a terrain except the labels. Rock meshes contain only the part above the sand."""
     stations, scene, terrain = made.stations, made.scene, made.terrain
     for position, pose in stations.sandbox_from_left.items():
         write_localised(folder / "cameras" / f"Pos{position}.json", LocalisedRig(stations.rig, pose, "truth"))
@@ -35,10 +35,10 @@ def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
     faces = icosphere(options.rock_detail)[1]
     rows = []
     for rock in scene.rocks:
-        seen = exposed(rock, scene.ground, faces)
-        used, index = np.unique(seen, return_inverse=True)
+        above = exposed(rock, scene.ground, faces)
+        used, index = np.unique(above, return_inverse=True)
         name = obj.rock_name(terrain, rock.rock)
-        obj.write(folder / "meshes" / name, Mesh(rock.vertices[used], index.reshape(seen.shape)), Path(name).stem)
+        obj.write(folder / "meshes" / name, Mesh(rock.vertices[used], index.reshape(above.shape)), Path(name).stem)
         rows.append(rock_row(rock, scene.ground, faces))
     columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
     tables.write_parquet(folder / "rocks.parquet", pd.DataFrame(rows, columns=columns).astype({"rock": "int64"}))
@@ -48,11 +48,10 @@ def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
 
 
 def rock_row(rock: Rock, ground: Ground, faces: np.ndarray) -> dict[str, float]:
-    """A rock's part above the sand: centre, longest side, height and volume, metres."""
-    above = exposed(rock, ground, faces)
-    seen = rock.vertices[np.unique(above)]
-    low, high = seen.min(axis=0), seen.max(axis=0)
-    level = float(np.median(ground.height_at(seen[:, 0], seen[:, 1])))
+    """Return centre, longest side, height and volume of the part of a rock above the sand, metres."""
+    above = rock.vertices[np.unique(exposed(rock, ground, faces))]
+    low, high = above.min(axis=0), above.max(axis=0)
+    level = float(np.median(ground.height_at(above[:, 0], above[:, 1])))
     centre = (low + high) / 2
     return {
         "rock": rock.rock, "x": centre[0], "y": centre[1], "z": centre[2], "size_m": float((high - low).max()),
@@ -61,13 +60,13 @@ def rock_row(rock: Rock, ground: Ground, faces: np.ndarray) -> dict[str, float]:
 
 
 def exposed(rock: Rock, ground: Ground, faces: np.ndarray, below: float = 0.003) -> np.ndarray:
-    """(f, 3) the faces that reach above the sand, less `below` metres."""
+    """Return the faces (f, 3) with a vertex above the sand minus `below` metres."""
     clear = rock.vertices[:, 2] > ground.height_at(rock.vertices[:, 0], rock.vertices[:, 1]) - below
     return faces[clear[faces].any(axis=1)]
 
 
 def _volume(rock: Rock, ground: Ground, faces: np.ndarray) -> float:
-    """Volume above the sand, in columns between the rock's upper and lower side."""
+    """Return the volume above the sand, summed over columns between the upper and lower side of the rock."""
     low, high = rock.vertices.min(axis=0), rock.vertices.max(axis=0)
     x, y = np.meshgrid(
         *(np.arange(low[axis], high[axis], _COLUMN_STEP) + _COLUMN_STEP / 2 for axis in (0, 1)), indexing="ij"
@@ -85,20 +84,20 @@ def _volume(rock: Rock, ground: Ground, faces: np.ndarray) -> float:
 
 
 class AlbedoMap:
-    """Collects the albedo of all pixels of sand and rocks."""
+    """Mean albedo of sand and rocks in cubes, accumulated over the pixels of all views."""
 
     def __init__(self) -> None:
         self._cubes = np.zeros(0, np.int64)
         self._sums = np.zeros((0, len(_COLUMNS)))
 
     def add(self, view: GBuffer) -> None:
-        """Count the pixels of a view."""
+        """Add the pixels of a view."""
         cubes, sums = [self._cubes], [self._sums]
         for rows in strips(len(view.objects)):
-            seen = view.objects[rows] != HALL_OBJECT
-            points, objects = view.points[rows][seen].astype(float), view.objects[rows][seen]
+            chosen = view.objects[rows] != HALL_OBJECT
+            points, objects = view.points[rows][chosen].astype(float), view.objects[rows][chosen]
             cube, of_pixel = np.unique(_cube_of(points, objects), return_inverse=True)
-            values = (np.ones(len(points)), view.albedo[rows][seen], *points.T)
+            values = (np.ones(len(points)), view.albedo[rows][chosen], *points.T)
             cubes.append(cube)
             sums.append(np.stack([np.bincount(of_pixel, value, len(cube)) for value in values], axis=1))
         self._cubes, number = np.unique(np.concatenate(cubes), return_inverse=True)
@@ -106,7 +105,7 @@ class AlbedoMap:
         self._sums = np.stack([np.bincount(number, part, len(self._cubes)) for part in parts.T], axis=1)
 
     def table(self) -> pd.DataFrame:
-        """A row a cube: rock (-1: sand), mean position x, y, z of its pixels, their mean albedo, and their number."""
+        """Return one row per cube: rock (-1: sand), mean position x, y, z, mean albedo and number of the pixels."""
         pixels = self._sums[:, 0]
         means = self._sums[:, 1:] / np.maximum(pixels, 1)[:, None]
         rock = self._cubes // (2 * _REACH) ** 3 - 1
@@ -119,7 +118,7 @@ class AlbedoMap:
 
 
 def _cube_of(points: np.ndarray, objects: np.ndarray) -> np.ndarray:
-    """(n,) one number for object and cube; sand is object -1."""
+    """Return a number (n,) that encodes object and cube; sand is object -1."""
     cell = np.clip(np.floor(points / CUBE).astype(np.int64) + _REACH, 0, 2 * _REACH - 1)
     number = objects.astype(np.int64) + 1
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""What a camera sees at each pixel: point, normal, object, and the texture of its surface."""
+"""Surface at each pixel of a camera: point, normal, object and texture."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 
 _TILE = 1024  # texels of the repeating textures
-_NODE_STEP = 8  # px between the nodes at which the lens is solved; bilinear between them errs by under 0.002 px
+_NODE_STEP = 8  # px between nodes of the exact lens solution; the error of bilinear interpolation is below 0.002 px
 # Texture by material: cell of the grain, metres; contrast of grain and of patches; strength of the bumps.
 _GRAIN_CELL = np.array([0.0012, 0.0025, 0.004, 0.01, 0.002, 0.002, 0.01, 0.01, 0.01], np.float32)
 _GRAIN = np.array([0.10, 0.14, 0.03, 0.1, 0.01, 0.01, 0.02, 0.05, 0.1], np.float32)
@@ -24,7 +24,7 @@ _BUMP = np.array([0.10, 0.16, 0.015, 0.02, 0.0, 0.0, 0.01, 0.05, 0.05], np.float
 
 @dataclass(frozen=True)
 class Textures:
-    """Repeating tiles of unit variance: sharp grain, smooth patches, and two slopes for bumps."""
+    """Periodic tiles of unit variance: sharp grain, smooth patches, and two slopes for bumps."""
 
     grain: np.ndarray
     patch: np.ndarray
@@ -34,18 +34,18 @@ class Textures:
 
 @dataclass(frozen=True)
 class GBuffer:
-    """What the pixels (h, w) of one camera see."""
+    """Surface attributes at the pixels (h, w) of a camera."""
 
-    centre: np.ndarray  # (3,) of the camera, sandbox frame
+    centre: np.ndarray  # (3,) camera centre, sandbox frame
     points: np.ndarray  # (h, w, 3) float32, sandbox frame, metres
-    normals: np.ndarray  # (h, w, 3) float32, bumps included, towards the camera where that is in doubt
+    normals: np.ndarray  # (h, w, 3) float32 unit normals with bumps
     albedo: np.ndarray  # (h, w) float32
     gloss: np.ndarray  # (h, w) float32
     material: np.ndarray  # (h, w) uint8
     objects: np.ndarray  # (h, w) int16: rock numbers, GROUND_OBJECT, HALL_OBJECT
     faces: np.ndarray  # (h, w) int32
-    weights: np.ndarray  # (h, w, 2) float32 barycentric weights of the face's second and third corner
-    footprint: np.ndarray  # (h, w) float32 metres a pixel spans across the line of sight
+    weights: np.ndarray  # (h, w, 2) float32 barycentric weights of the second and third corner
+    footprint: np.ndarray  # (h, w) float32 width of a pixel across the line of sight, metres
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -64,12 +64,12 @@ def make_textures(rng: np.random.Generator) -> Textures:
 
 @lru_cache(maxsize=2)
 def lens_directions(lens: Lens) -> np.ndarray:
-    """(h, w, 3) float32 directions with z = 1 through pixel centres: solved on a net of nodes, bilinear between."""
+    """Return directions (h, w, 3) float32 with z = 1 through pixel centres, bilinear between exact nodes."""
     nodes = [np.append(np.arange(0, size, _NODE_STEP), size).astype(float) for size in (lens.width, lens.height)]
     net = lens.directions(np.stack(np.meshgrid(*nodes), axis=-1))[..., :2]
 
     def fill(net: np.ndarray, size: int) -> np.ndarray:
-        """Linear along the first axis, at pixel centres."""
+        """Interpolate linearly along the first axis at pixel centres."""
         at = np.arange(size) + HALF_PIXEL
         low = (at // _NODE_STEP).astype(int)
         span = np.minimum((low + 1) * _NODE_STEP, size) - low * _NODE_STEP
@@ -81,13 +81,13 @@ def lens_directions(lens: Lens) -> np.ndarray:
 
 
 def strips(height: int, rows: int = 152) -> Iterator[slice]:
-    """Rows of a picture in portions that keep memory low."""
+    """Yield strips of image rows, to limit memory."""
     for start in range(0, height, rows):
         yield slice(start, min(start + rows, height))
 
 
 def look(scene: Scene, caster: Caster, textures: Textures, camera: Camera, threads: int) -> GBuffer:
-    """Cast a ray through every pixel of a camera in the sandbox."""
+    """Cast a ray through every pixel of a camera and return the surface attributes."""
     directions = lens_directions(camera.lens)
     height, width = camera.lens.shape
     empty = {
@@ -136,8 +136,8 @@ def _textured(
     scene: Scene, textures: Textures, face: np.ndarray, points: np.ndarray, normals: np.ndarray,
     material: np.ndarray, footprint: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Albedo with grain and patches, and unit normals with bumps; both fade where a pixel spans many grains."""
-    steep = np.argmax(np.abs(normals), axis=-1)  # the texture is laid on along the axis that the surface faces most
+    """Return albedo with grain and patches, and unit normals with bumps; both fade if a pixel spans many grains."""
+    steep = np.argmax(np.abs(normals), axis=-1)  # the texture is projected along the dominant axis of the normal
     u = np.where(steep == 0, points[..., 1], points[..., 0])
     v = np.where(steep == 2, points[..., 1], points[..., 2])
 

@@ -1,6 +1,6 @@
-"""Randomised training scenes: rocks of one terrain on generated sand, rendered with exact labels.
+"""Randomised training scenes: rocks of a terrain on generated sand, rendered with exact labels.
 
-1. `options`: number of scenes, and the ranges that each is drawn from.
+1. `options`: number of scenes, and the ranges of the random parameters.
 2. `relief`, `layout`: sand, and rocks on it; `viewpoints`: camera and lamps.
-3. `render_scenes`: images, masks and labels; with `background` behind the walls and traces of erased `strokes`.
+3. `render_scenes`: images, masks and labels; with `background` outside the walls and traces of erased `strokes`.
 """

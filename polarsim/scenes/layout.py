@@ -1,6 +1,6 @@
-"""Strewn scenes: rocks of one terrain laid out anew on made-up sand, in materials drawn at random.
+"""Randomised scenes: rocks of a terrain on generated sand, with random positions and materials.
 
-No layout is ever drawn twice, so that what a detector can learn from such pictures is rocks, not places.
+Every scene has a new layout, so that a detector learns the appearance of rocks and not their positions.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from polarsim.scenes.options import Range, SceneRanges
 from polarsim.scenes.relief import draw_relief
 from polarsim.scenes.viewpoints import draw_camera
 
-FIRST_ROCK = 1  # number of the first rock of a scene; what a rock was called in its terrain is no part of it
-_TRIES = 12  # positions that are tried before a rock is laid where most room was
-_MOST_HALVINGS = 6  # of a rock's extent to the sides of its triangles: 24,000 of them
-_FACES_OF_WHOLE_SIDES = 6  # triangles with sides of 1 that a rock of that extent has
-_PILE_SPREAD = 0.6  # rocks of a pile lie so far from its centre, times their mean size
-_PILE_ROCKS = 8  # rocks of a scene to one in a pile
-_EVEN_CELL_M = 0.25  # points within such cells share their chance
-_CAMERA_ROOM_M = 0.8  # width of what no rock stands in, about the camera's foot
-_MARGIN_M = 0.1  # of sand around what is seen
-_MOST_CELLS = 270  # of the ground's mesh along the longer side of what is seen: as fine as pictures show
-_EVENNESS = (0.0, 1.0)  # from rocks strewn evenly over the picture, 0, to evenly over the sand, 1
-_WALLED_M, _OPEN_M = 2.05, 3.0  # half the width of the sand inside walls and without them
-# Ranges, from least to most, about what is known of the sandbox and of sands.
-_WALL_HEIGHT_M, _WALL_ALBEDO = (0.2, 0.36), (0.2, 0.9)  # photos show tops of 0.29 to 0.36 m
-_HAPKE_B, _HAPKE_C, _HAPKE_THETA_DEG = (0.15, 0.4), (-0.2, 0.6), (10, 35)  # lobes' width and weight; roughness
-_AMBIENT = (0.0, 0.02)  # even light over a lamp's irradiance: the hall is dark
-_TRIANGLE_PX = 1.5  # sides of the triangles of rocks in the picture, at least where they were scanned so finely
+FIRST_ROCK = 1  # number of the first rock of a scene; independent of the numbers in the terrain
+_TRIES = 12  # number of candidate positions of a rock; without a free one, the one with the most room is used
+_MAX_HALVINGS = 6  # maximum number of halvings from the extent of a rock to the side of triangles: 24,000 triangles
+_FACES_OF_WHOLE_SIDES = 6  # number of triangles of a rock if the sides were as long as the extent
+_PILE_SPREAD = 0.6  # standard deviation of the position in a pile, over the size of the rock
+_PILE_ROCKS = 8  # rocks of a scene per pile
+_EVEN_CELL_M = 0.25  # side of the cells over which the probability of positions is divided
+_CAMERA_ROOM_M = 0.8  # diameter of the area without rocks around the camera
+_MARGIN_M = 0.1  # margin of sand around the visible area
+_MAX_CELLS = 270  # maximum cells of the ground mesh along the longer side: the resolution of the images
+_EVENNESS = (0.0, 1.0)  # from uniform over the image (0) to uniform over the sand (1)
+_WALLED_M, _OPEN_M = 2.05, 3.0  # half the width of the sand with and without walls
+# Ranges (minimum, maximum) around known properties of the sandbox and of sand.
+_WALL_HEIGHT_M, _WALL_ALBEDO = (0.2, 0.36), (0.2, 0.9)  # photos show heights of 0.29 to 0.36 m
+_HAPKE_B, _HAPKE_C, _HAPKE_THETA_DEG = (0.15, 0.4), (-0.2, 0.6), (10, 35)  # width and balance of lobes; roughness
+_AMBIENT = (0.0, 0.02)  # ambient light relative to a lamp: the hall is dark
+_TRIANGLE_PX = 1.5  # maximum side of rock triangles in the image, if the scan is fine enough
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene to render: its mesh, its vertices' albedo factors (v,), who looks at it, and how."""
+    """A random scene: mesh, albedo factors of the vertices (v,), camera and render options."""
 
     mesh: TerrainMesh
     albedo: np.ndarray
@@ -52,97 +52,98 @@ class Scene:
 
 
 class Shape:
-    """A rock without a pose: centre at the origin, longest extent 1. Copies with fewer faces are made once."""
+    """Rock shape, centred at the origin, with longest extent 1. Simplified copies are cached."""
 
     def __init__(self, mesh: Mesh) -> None:
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         self.size_m = float((high - low).max())
         self._copies: dict[int, Mesh] = {}
-        self._whole = Mesh((mesh.vertices - (low + high) / 2) / self.size_m, mesh.faces)
+        self._original = Mesh((mesh.vertices - (low + high) / 2) / self.size_m, mesh.faces)
 
     def mesh(self, size_m: float, side_m: float) -> Mesh:
-        """The rock of a size, the sides of its triangles about `side_m` or shorter, where it was scanned so finely.
+        """Return the rock with a given size and triangle sides of at most about `side_m`, metres, if fine enough.
 
-        Both in metres. Sides of a copy's triangles are 1/4, 1/8 ... 1/64 of the rock's longest extent.
+        The triangle sides of copies are 1/4, 1/8 ... 1/64 of the longest extent.
         """
-        halvings = int(np.clip(np.ceil(np.log2(size_m / side_m)), 2, _MOST_HALVINGS))
-        found = self._copy(halvings)
-        return Mesh(size_m * found.vertices, found.faces)
+        halvings = int(np.clip(np.ceil(np.log2(size_m / side_m)), 2, _MAX_HALVINGS))
+        copy = self._copy(halvings)
+        return Mesh(size_m * copy.vertices, copy.faces)
 
     def _copy(self, halvings: int) -> Mesh:
-        """The copy with such sides, made of the next finer one: of the whole rock it would take longer."""
+        """Return the copy simplified from the next finer copy, which is faster than from the original."""
         if halvings not in self._copies:
-            finer = self._whole if halvings == _MOST_HALVINGS else self._copy(halvings + 1)
+            finer = self._original if halvings == _MAX_HALVINGS else self._copy(halvings + 1)
             faces = _FACES_OF_WHOLE_SIDES * 4**halvings
             self._copies[halvings] = decimated(finer, faces / len(finer.faces))
         return self._copies[halvings]
 
 
 def draw_scene(shapes: Sequence[Shape], ranges: SceneRanges, random: np.random.Generator) -> Scene:
-    """One scene of rocks of these shapes."""
-    chosen = draw_render_options(ranges, random)
-    camera, seen = draw_camera(chosen, ranges, random)
-    grid = _grid_around(seen, chosen.rim_half_width_m, ranges)
+    """Return a random scene of rocks with the given shapes."""
+    options = draw_render_options(ranges, random)
+    camera, visible = draw_camera(options, ranges, random)
+    grid = _grid_around(visible, options.rim_half_width_m, ranges)
     relief = draw_relief(*grid, ranges, random)
     ground = grid_mesh(*grid, relief)
     vertices, faces, rock_of_face = [ground.vertices], [ground.faces], [np.full(len(ground.faces), NO_ROCK)]
     albedo = [patches(relief.shape, random.uniform(*ranges.patch_sd), random)]
     count = len(ground.vertices)
     rocks_albedo = random.uniform(*ranges.rock_albedo)
-    for number, mesh in enumerate(strew(shapes, grid, relief, camera, seen, ranges, random), FIRST_ROCK):
+    for number, mesh in enumerate(scatter_rocks(shapes, grid, relief, camera, visible, ranges, random), FIRST_ROCK):
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + count)
         rock_of_face.append(np.full(len(mesh.faces), number))
-        own = rocks_albedo * max(0.3, 1 + ranges.rock_spread * random.standard_normal())
-        albedo.append(np.full(len(mesh.vertices), own, np.float32))
+        rock_albedo = rocks_albedo * max(0.3, 1 + ranges.rock_spread * random.standard_normal())
+        albedo.append(np.full(len(mesh.vertices), rock_albedo, np.float32))
         count += len(mesh.vertices)
-    whole = TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face))
-    return Scene(whole, np.concatenate(albedo).astype(np.float32), camera, chosen)
+    terrain_mesh = TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face))
+    return Scene(terrain_mesh, np.concatenate(albedo).astype(np.float32), camera, options)
 
 
-def strew(
+def scatter_rocks(
     shapes: Sequence[Shape],
     grid: tuple[np.ndarray, np.ndarray],
     heights: np.ndarray,
     camera: Camera,
-    seen: np.ndarray,
+    visible: np.ndarray,
     ranges: SceneRanges,
     random: np.random.Generator,
 ) -> list[Mesh]:
-    """Rocks on sand of `heights` (h, w) over the nodes x, y (h, w) of a grid, metres: single ones and piles.
+    """Place single rocks and piles on sand with `heights` (h, w) at the grid nodes x, y (h, w), metres.
 
-    They lie at some of the points `seen` (m, 2), which the camera sees. Large rocks are laid first. Each is dropped
-    straight down until it touches what lies there, and then sunk by a share of its height: deep into sand, a little
-    into rocks.
+    Positions are chosen from the points `visible` (m, 2) in the view of the camera. Large rocks are placed first. Each
+    rock is dropped until it touches sand or a rock and then lowered by a share of its height: a large share in sand, a
+    small share on rocks.
     """
     count = int(random.integers(ranges.rocks[0], ranges.rocks[1] + 1))
     sizes = np.sort(draw_sizes(count, ranges, random))[::-1]
     piled = random.random(count) < random.uniform(*ranges.piled_share)
-    chance = _chances(seen, random.uniform(*_EVENNESS))
-    piles = seen[random.choice(len(seen), max(1, round(count / _PILE_ROCKS)), p=chance)]
-    top, laid = heights.copy(), []
-    taken = [(camera.centre[:2], _CAMERA_ROOM_M)]
+    probability = _probabilities(visible, random.uniform(*_EVENNESS))
+    piles = visible[random.choice(len(visible), max(1, round(count / _PILE_ROCKS)), p=probability)]
+    top, rocks = heights.copy(), []
+    occupied = [(camera.centre[:2], _CAMERA_ROOM_M)]
     for size, in_pile in zip(sizes.tolist(), piled.tolist(), strict=True):
         if in_pile:
             position = piles[random.integers(len(piles))] + _PILE_SPREAD * size * random.standard_normal(2)
             sunk = random.uniform(*ranges.sunk_into_rocks)
         else:
-            position = _free_position(size, taken, seen[random.choice(len(seen), _TRIES, p=chance)])
+            candidates = visible[random.choice(len(visible), _TRIES, p=probability)]
+            position = _free_position(size, occupied, candidates)
             sunk = random.uniform(*ranges.sunk)
-        taken.append((position, size))
+        occupied.append((position, size))
         pixel_m = float(np.linalg.norm(camera.centre - [*position, 0])) / camera.lens.fx
-        mesh = _fitting(shapes, size, ranges.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
+        mesh = _choose_shape(shapes, size, ranges.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
         points = mesh.vertices @ draw_rotation(ranges, random).as_matrix().T + np.array([*position, 0.0])
         points[:, 2] += _drop(points, grid, top) - sunk * np.ptp(points[:, 2])
         _raise(top, points, grid)
-        laid.append(Mesh(points, mesh.faces))
-    return laid
+        rocks.append(Mesh(points, mesh.faces))
+    return rocks
 
 
 def draw_sizes(count: int, ranges: SceneRanges, random: np.random.Generator) -> np.ndarray:
-    """(n,) metres; the number of rocks larger than d falls with a power of d between the least and the largest size.
+    """Return random sizes (n,), metres, from a power law between the minimum and the maximum size.
 
-    Power laws describe rocks at the sites where Surveyors landed (Cintala & McBride, NASA TM-104804 (1995)).
+    Power laws describe the rocks at the Surveyor landing sites (Cintala & McBride, NASA TM-104804 (1995)).
     """
     low, high = ranges.rock_size_m
     power = random.uniform(*ranges.size_power)
@@ -151,7 +152,7 @@ def draw_sizes(count: int, ranges: SceneRanges, random: np.random.Generator) -> 
 
 
 def draw_rotation(ranges: SceneRanges, random: np.random.Generator) -> Rotation:
-    """Mostly about the upright axis, with a small tilt; else about any axis."""
+    """Return a random rotation: mostly about the vertical with a small tilt, else about any axis."""
     if random.random() < ranges.tumbled_share:
         return Rotation.random(random_state=random)
     tilt = np.radians(ranges.tilt_sd_deg) * random.standard_normal(2)
@@ -159,13 +160,13 @@ def draw_rotation(ranges: SceneRanges, random: np.random.Generator) -> Rotation:
 
 
 def patches(shape: tuple[int, int], sd: float, random: np.random.Generator) -> np.ndarray:
-    """(h * w,) albedo factors of the sand's vertices: wide patches and grain."""
+    """Return random albedo factors (h * w,) of the sand vertices: wide patches and grain."""
     noise = smooth_noise(shape, 10, 10, 0, random) + random.standard_normal(shape)
     return np.clip(1 + sd * noise.ravel(), 0.3, 2)
 
 
 def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> RenderOptions:
-    """How one scene is rendered: reflectance, walls, light from around, lens and sensor."""
+    """Return random render options of a scene: reflectance, walls, ambient light, lens and sensor."""
     model: Model = ranges.models[int(random.random() * len(ranges.models))]
     walled = bool(random.random() < ranges.walled_share)
 
@@ -204,26 +205,26 @@ def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> Ren
     )
 
 
-def _fitting(shapes: Sequence[Shape], size: float, scale: Range, random: np.random.Generator) -> Shape:
-    """One of the shapes that may be scaled to a size; where none may, the one whose own size is nearest to it."""
+def _choose_shape(shapes: Sequence[Shape], size: float, scale: Range, random: np.random.Generator) -> Shape:
+    """Return a random shape that may be scaled to a size; without such a shape, the shape with the closest size."""
     fit = [shape for shape in shapes if scale[0] * shape.size_m <= size <= scale[1] * shape.size_m]
     if not fit:
         return min(shapes, key=lambda shape: abs(np.log(shape.size_m / size)))
     return fit[random.integers(len(fit))]
 
 
-def _chances(seen: np.ndarray, evenness: float) -> np.ndarray:
-    """(m,) chance of each point (m, 2), from even over the picture (0) to even over the sand (1)."""
-    cell = np.rint(seen / _EVEN_CELL_M).astype(int)
+def _probabilities(points: np.ndarray, evenness: float) -> np.ndarray:
+    """Return the probability (m,) of points (m, 2), from uniform over the image (0) to uniform over the sand (1)."""
+    cell = np.rint(points / _EVEN_CELL_M).astype(int)
     _, number, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
-    chance = (1.0 / count[number.reshape(-1)]) ** evenness
-    return np.asarray(chance / chance.sum())
+    weight = (1.0 / count[number.reshape(-1)]) ** evenness
+    return np.asarray(weight / weight.sum())
 
 
-def _free_position(size: float, taken: list[tuple[np.ndarray, float]], positions: np.ndarray) -> np.ndarray:
-    """(2,) the first of positions (n, 2) where nothing else lies, or the one with most room."""
+def _free_position(size: float, occupied: list[tuple[np.ndarray, float]], positions: np.ndarray) -> np.ndarray:
+    """Return the first free position (2,) of candidates (n, 2), or the candidate with the most room."""
     room = [
-        min((float(np.hypot(*(position - other))) - (size + wide) / 2 for other, wide in taken), default=np.inf)
+        min((float(np.hypot(*(position - other))) - (size + wide) / 2 for other, wide in occupied), default=np.inf)
         for position in positions
     ]
     return np.asarray(
@@ -231,11 +232,11 @@ def _free_position(size: float, taken: list[tuple[np.ndarray, float]], positions
     )
 
 
-def _grid_around(seen: np.ndarray, most: float, ranges: SceneRanges) -> tuple[np.ndarray, np.ndarray]:
-    """X and y (h, w) of a square grid over the sand that is seen, no farther than `most` from the centre; metres."""
-    low = np.maximum(seen.min(axis=0) - _MARGIN_M, -most)
-    high = np.minimum(seen.max(axis=0) + _MARGIN_M, most)
-    cell = max(ranges.cell_m, float((high - low).max()) / _MOST_CELLS)
+def _grid_around(points: np.ndarray, half_width: float, ranges: SceneRanges) -> tuple[np.ndarray, np.ndarray]:
+    """Return x and y (h, w) of a square grid around points (n, 2), clipped to the half width of the sand; metres."""
+    low = np.maximum(points.min(axis=0) - _MARGIN_M, -half_width)
+    high = np.minimum(points.max(axis=0) + _MARGIN_M, half_width)
+    cell = max(ranges.cell_m, float((high - low).max()) / _MAX_CELLS)
     x, y = (
         first + cell * np.arange(int(np.ceil((last - first) / cell)) + 1) for first, last in zip(low, high, strict=True)
     )
@@ -243,7 +244,7 @@ def _grid_around(seen: np.ndarray, most: float, ranges: SceneRanges) -> tuple[np
 
 
 def _cells(points: np.ndarray, grid: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the grid x, y (h, w) that points (n, 3) lie nearest to."""
+    """Return the rows and columns of the grid nodes x, y (h, w) nearest to points (n, 3)."""
     x, y = grid
     cell = x[0, 1] - x[0, 0]
     column = np.rint((points[:, 0] - x[0, 0]) / cell).astype(int)
@@ -252,10 +253,10 @@ def _cells(points: np.ndarray, grid: tuple[np.ndarray, np.ndarray]) -> tuple[np.
 
 
 def _drop(points: np.ndarray, grid: tuple[np.ndarray, np.ndarray], top: np.ndarray) -> float:
-    """How far points (n, 3) go up until the first of them touches the surface of heights `top` (h, w)."""
+    """Return the vertical shift of points (n, 3) at which the first point touches the height field `top` (h, w)."""
     return float((top[_cells(points, grid)] - points[:, 2]).max())
 
 
 def _raise(top: np.ndarray, points: np.ndarray, grid: tuple[np.ndarray, np.ndarray]) -> None:
-    """Write the heights of points (n, 3) into those of what lies there."""
+    """Raise the height field `top` (h, w) to the heights of points (n, 3)."""
     np.maximum.at(top, _cells(points, grid), points[:, 2])

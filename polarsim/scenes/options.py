@@ -1,4 +1,4 @@
-"""Options of randomised training scenes, and the ranges that every scene is drawn from."""
+"""Options of randomised training scenes, and the ranges of the random parameters."""
 
 from __future__ import annotations
 
@@ -18,65 +18,65 @@ class SceneOptions(BaseModel, extra="forbid", frozen=True):
     lamps: int = Field(
         6,
         ge=1,
-        description="Images of each scene, one per lamp; a lamp more costs less than a scene more.",
+        description="Images per scene, one per lamp. An additional lamp is cheaper than an additional scene.",
     )
-    scale: float = Field(0.5, gt=0, le=1, description="Rendered width over that of a photo; time grows with it.")
+    scale: float = Field(0.5, gt=0, le=1, description="Rendered width relative to a photo. Larger images take longer.")
     seed: int = Field(0, ge=0, description="Seed of all scenes.")
 
 
 @dataclass(frozen=True)
 class SceneRanges:
-    """Ranges of rocks, sand, cameras, lamps, materials and sensors that every scene is drawn from.
+    """Ranges of the random rocks, sand, cameras, lamps, materials and sensors of a scene.
 
-    Chosen by detectors of scenes that were tested on cover photos (docs/notes/detect.md). Ranges are wider than what is
-    known of NASA's sandbox, so that its photos lie inside them.
+    The ranges were chosen by evaluating detectors on cover photos (docs/notes/detect.md). They are wider than the known
+    values of NASA's sandbox, so that NASA's photos are inside the ranges.
     """
 
-    scale: float = 0.5  # width of rendered images over that of a photo, as in `SceneOptions`
-    models: tuple[Model, ...] = ("hapke", "principled")  # reflectance model of a scene, each as often
+    scale: float = 0.5  # width of rendered images relative to a photo, as in `SceneOptions`
+    models: tuple[Model, ...] = ("hapke", "principled")  # reflectance models, with equal probability
 
     rocks: tuple[int, int] = (3, 40)  # number of rocks
     rock_size_m: Range = (0.05, 0.6)  # longest extent
-    size_power: Range = (0.5, 2.0)  # power of the size by which the number of larger rocks falls
-    rock_scale: Range = (0.3, 2.0)  # size over that of the scanned rock
-    tumbled_share: float = 0.25  # share of rocks rotated about any axis; the others about the vertical
-    tilt_sd_deg: float = 6.0  # of rocks rotated about the vertical
-    sunk: Range = (0.0, 0.6)  # burial depth in sand over the rock's height
-    sunk_into_rocks: Range = (0.02, 0.15)  # depth in the rocks of a pile over the rock's height
-    piled_share: Range = (0.0, 0.35)  # share of a scene's rocks that are in piles
+    size_power: Range = (0.5, 2.0)  # exponent of the power law of the number of larger rocks
+    rock_scale: Range = (0.3, 2.0)  # size relative to the scanned rock
+    tumbled_share: float = 0.25  # share of rocks rotated about any axis; remaining rocks: about the vertical
+    tilt_sd_deg: float = 6.0  # standard deviation of the tilt of rocks rotated about the vertical
+    sunk: Range = (0.0, 0.6)  # burial depth in sand over the height of the rock
+    sunk_into_rocks: Range = (0.02, 0.15)  # depth in the rocks of a pile over the height of the rock
+    piled_share: Range = (0.0, 0.35)  # share of the rocks of a scene in piles
 
-    cell_m: float = 0.005  # minimum side of the cells of the ground's mesh
+    cell_m: float = 0.005  # minimum cell size of the ground mesh
     rough_sd_m: Range = (0.001, 0.004)  # standard deviation of roughness at all sizes
-    most_layers: int = 2  # maximum number of layers of ridges, each with its own direction
+    max_layers: int = 2  # maximum number of layers of ridges, each with a different direction
     swell_sd_m: Range = (0.0, 0.02)  # standard deviation of wide swells
     swell_width_m: float = 0.25  # correlation length of swells
-    most_craters: int = 1  # maximum number of craters
+    max_craters: int = 1  # maximum number of craters
 
-    rig_share: float = 0.5  # share of scenes seen as by NASA's rig; others as by a rover, from the next three ranges
+    rig_share: float = 0.5  # share of scenes with NASA's rig; remaining scenes: a rover, from the next three ranges
     camera_height_m: Range = (0.3, 2.0)
-    camera_distance_m: Range = (0.7, 4.5)  # from the camera to the point that it is aimed at
-    focal_px: Range = (1500, 2800)  # of a full photo; the rig's is 2070
-    least_sand: float = 0.55  # minimum share of the image that shows sand and rocks
+    camera_distance_m: Range = (0.7, 4.5)  # distance of the camera from the target
+    focal_px: Range = (1500, 2800)  # focal length for a full-size photo; NASA's rig: 2070
+    min_sand_share: float = 0.55  # minimum share of the image that shows sand and rocks
 
-    elevation_deg: Range = (2, 15)  # of lamps above the horizon, from the centre of the sand
-    near_share: float = 0.7  # share of lamps at the distance of NASA's; the others are as far as the Sun
+    elevation_deg: Range = (2, 15)  # elevation of lamps above the horizon at the centre of the sand
+    near_share: float = 0.7  # share of lamps at the distance of NASA's lamps; remaining lamps: at infinity
     lamp_distance_m: Range = (3.2, 5.5)
-    least_lit: float = 0.25  # minimum share of the visible sand that a lamp lights
+    min_lit_share: float = 0.25  # minimum share of the visible sand that a lamp lights
 
-    rock_albedo: Range = (0.7, 2.2)  # mean albedo of a scene's rocks over that of its sand
+    rock_albedo: Range = (0.7, 2.2)  # mean albedo of the rocks relative to the sand
     rock_spread: float = 0.15  # standard deviation of albedo between the rocks of a scene
     patch_sd: Range = (0.0, 0.15)  # standard deviation of albedo between patches of sand
     walled_share: float = 0.7  # share of scenes with the walls of the sandbox
     hapke_w: Range = (0.15, 0.6)  # Hapke's single-scattering albedo
-    roughness: Range = (0.5, 1.0)  # of the principled model; 1 has no highlight
-    specular: Range = (0.0, 0.7)  # of the principled model; 0 has no highlight
+    roughness: Range = (0.5, 1.0)  # roughness of the principled model; 1: no highlight
+    specular: Range = (0.0, 0.7)  # specular strength of the principled model; 0: no highlight
 
-    background: Range = (0.0, 0.4)  # mean brightness of the dark hall behind the walls over that of lit sand
+    background: Range = (0.0, 0.4)  # mean brightness of the dark hall relative to lit sand
     blur_px: Range = (0.0, 1.0)
-    lens_flare: Range = (0.0, 0.003)  # share of a lamp's light that the lens scatters over the image
+    lens_flare: Range = (0.0, 0.003)  # share of the light of a lamp that the lens scatters over the image
     noise: bool = True  # shot and read noise
     electrons_per_dn: Range = (3, 20)
-    exposure: Range = (0.15, 1.0)  # 90th percentile of the sand's light over white
-    gamma: Range = (1.0, 2.0)  # of the curve from 12 to 8 bits
-    strokes: int = 30  # maximum number of boxes drawn into half of the images and erased again, as on cover photos
-    least_contrast: float = 0.06  # of the edge over white: a rock or shadow below it has no label, as people see none
+    exposure: Range = (0.15, 1.0)  # 90th percentile of the sand over white
+    gamma: Range = (1.0, 2.0)  # gamma of the tone curve from 12 to 8 bits
+    max_strokes: int = 30  # maximum number of boxes drawn into half of the images and erased again, as on cover photos
+    min_contrast: float = 0.06  # minimum contrast over white of labelled rocks and shadows: below it they are invisible

@@ -7,12 +7,12 @@ from scipy.spatial import ConvexHull, Delaunay
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
-from polarsim.scenes.layout import Shape, draw_render_options, draw_rotation, draw_scene, draw_sizes, strew
+from polarsim.scenes.layout import Shape, draw_render_options, draw_rotation, draw_scene, draw_sizes, scatter_rocks
 from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.viewpoints import draw_camera
 from tests.scenes.conftest import block
 
-COARSE = {"cell_m": 0.1, "most_craters": 0}
+COARSE = {"cell_m": 0.1, "max_craters": 0}
 
 
 def test_a_scene_has_as_many_rocks_as_asked_for_and_an_albedo_for_every_vertex(shapes):
@@ -66,7 +66,7 @@ def test_rocks_rest_on_the_sand_or_are_sunk_by_the_share(shapes):
     for sunk in (0.0, 0.4):
         options = SceneRanges(rocks=(9, 9), sunk=(sunk, sunk), piled_share=(0, 0))
         camera, seen = _camera(options)
-        for rock in strew(shapes, grid, np.zeros((41, 41)), camera, seen, options, generator(1, "sunk")):
+        for rock in scatter_rocks(shapes, grid, np.zeros((41, 41)), camera, seen, options, generator(1, "sunk")):
             assert rock.vertices[:, 2].min() == pytest.approx(-sunk * np.ptp(rock.vertices[:, 2]), abs=1e-9)
 
 
@@ -75,7 +75,7 @@ def test_rocks_lie_where_the_camera_sees_sand(shapes):
     grid = np.meshgrid(np.arange(-3, 3.01, 0.1), np.arange(-3, 3.01, 0.1))
     camera, seen = _camera(options)
     area = Delaunay(seen)
-    rocks = strew(shapes, grid, np.zeros((61, 61)), camera, seen, options, generator(1, "place"))
+    rocks = scatter_rocks(shapes, grid, np.zeros((61, 61)), camera, seen, options, generator(1, "place"))
     centres = [(rock.vertices[:, :2].min(axis=0) + rock.vertices[:, :2].max(axis=0)) / 2 for rock in rocks]
     assert (area.find_simplex(np.array(centres)) >= 0).all()
 
@@ -90,7 +90,7 @@ def test_piles_are_higher_than_any_of_their_rocks():
     highest = [
         max(
             rock.vertices[:, 2].max()
-            for rock in strew(shapes, grid, np.zeros((301, 301)), camera, seen, options, random)
+            for rock in scatter_rocks(shapes, grid, np.zeros((301, 301)), camera, seen, options, random)
         )
         for random in (generator(n, "pile") for n in range(6))
     ]

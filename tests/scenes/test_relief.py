@@ -45,7 +45,7 @@ def test_a_grid_mesh_faces_up():
 
 def test_relief_without_craters_has_the_spread_of_its_layers_together(rng):
     options = SceneRanges(
-        most_layers=0, rough_sd_m=(0.003, 0.003), swell_sd_m=(0.004, 0.004), swell_width_m=0.1, most_craters=0
+        max_layers=0, rough_sd_m=(0.003, 0.003), swell_sd_m=(0.004, 0.004), swell_width_m=0.1, max_craters=0
     )
     x, y = np.meshgrid(np.arange(-2, 2, 0.02), np.arange(-2, 2, 0.02))
     spread = np.mean([draw_relief(x, y, options, rng).std() for _ in range(8)])

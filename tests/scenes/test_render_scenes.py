@@ -59,7 +59,7 @@ def test_masks_show_what_has_a_label_and_ignore_what_has_none(rendered):
         for kind, inside in labelled.items():
             shown = mask == 1 + kind
             assert not shown.any() or inside[shown].mean() > 0.95  # parts too small for a box reach out of it
-    invisible = rendered("invisible", least_contrast=1.01)
+    invisible = rendered("invisible", min_contrast=1.01)
     assert {value for path in (invisible / "masks").iterdir() for value in np.unique(class_masks.read(path))} == {
         0,
         255,
@@ -74,7 +74,7 @@ def test_the_same_options_write_the_same_bytes(rendered):
 
 def test_labelled_rocks_are_where_the_picture_is_bright(rendered):
     """Rocks twice as bright as smooth sand, lit from behind the camera or beside: boxes hold the brightest pixels."""
-    flat = {"rough_sd_m": (0, 0), "most_layers": 0, "swell_sd_m": (0, 0), "most_craters": 0}
+    flat = {"rough_sd_m": (0, 0), "max_layers": 0, "swell_sd_m": (0, 0), "max_craters": 0}
     folder = rendered(
         "bright", **flat, rock_albedo=(4, 4), rock_spread=0, patch_sd=(0, 0), walled_share=0, noise=False,
         exposure=(0.2, 0.2), near_share=0, background=(0, 0), lens_flare=(0, 0), number=3,
@@ -95,7 +95,7 @@ def test_labelled_rocks_are_where_the_picture_is_bright(rendered):
 
 
 def test_what_nobody_can_see_has_no_label(rendered):
-    folders = rendered("seen", least_contrast=0), rendered("invisible", least_contrast=1.01)
+    folders = rendered("seen", min_contrast=0), rendered("invisible", min_contrast=1.01)
     counts = [sum(len(path.read_text().splitlines()) for path in (folder / "labels").iterdir()) for folder in folders]
     assert counts[0] >= 6
     assert counts[1] == 0

@@ -48,7 +48,7 @@ def test_cameras_stand_and_look_as_asked_and_see_sand():
         assert camera.lens.shape == (608, 968)
         assert options.focal_px[0] / 2 <= camera.lens.fx <= options.focal_px[1] / 2
         assert options.camera_height_m[0] <= camera.centre[2] <= options.camera_height_m[1]
-        assert len(seen) >= options.least_sand * 60 * 38
+        assert len(seen) >= options.min_sand_share * 60 * 38
         headings.append(yaw_pitch_roll(camera.world_from_camera)[0])
     assert np.abs(np.exp(1j * np.array(headings)).mean()) < 3 / np.sqrt(40)  # all around
 
@@ -62,7 +62,7 @@ def test_impossible_views_are_named():
 
 @pytest.mark.parametrize("near_share", [0.0, 1.0])
 def test_lamps_stand_as_high_and_as_far_as_asked(near_share):
-    options = SceneRanges(near_share=near_share, elevation_deg=(4, 9), lamp_distance_m=(3, 5), least_lit=0)
+    options = SceneRanges(near_share=near_share, elevation_deg=(4, 9), lamp_distance_m=(3, 5), min_lit_share=0)
     chosen = RenderOptions(rim=False)
     surfaces = level(3.0, chosen)
     camera = Camera(looking(np.array([-2.0, 0, 1.0]), 0, 0.4), Lens(1000, 1000, 484, 304, width=968, height=608))
@@ -77,7 +77,7 @@ def test_lamps_stand_as_high_and_as_far_as_asked(near_share):
 
 def test_a_lamp_lights_the_sand_over_the_walls():
     """Low suns leave the near part of the sand in the walls' shade: only high enough ones light three quarters."""
-    options = SceneRanges(near_share=0, least_lit=0.75)
+    options = SceneRanges(near_share=0, min_lit_share=0.75)
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
     surfaces = level(2.0, chosen)
     camera = Camera(looking(np.array([0, 0, 2.0]), 0, np.pi / 2), Lens(500, 500, 484, 304, width=968, height=608))
