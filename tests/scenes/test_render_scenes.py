@@ -21,7 +21,7 @@ def rendered(tmp_path):
         obj.write(tmp_path / "meshes" / obj.rock_name(1, rock), block(*size), "rock")
 
     def render(name, number=1, **ranges):
-        chosen = {"rocks": (4, 4), "rig_share": 0, "strokes": 0, "cell_m": 0.05} | ranges
+        chosen = {"rocks": (4, 4), "rig_share": 0, "max_strokes": 0, "cell_m": 0.05} | ranges
         render_scenes(
             terrain=1, meshes=tmp_path / "meshes", pictures=tmp_path / name, number=number, stored_px=128,
             options=SceneOptions(lamps=3, scale=0.1), ranges=SceneRanges(**chosen), threads=1,
