@@ -14,7 +14,7 @@ from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
 COARSE = AnalogOptions(ground_step_mm=20, rock_detail=3, scan_step_deg=0.2)
-BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres; height of its centre
+BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres; height of the centre
 
 
 @pytest.fixture(scope="session")
@@ -24,7 +24,7 @@ def coarse() -> AnalogOptions:
 
 @pytest.fixture(scope="session")
 def ball_scene():
-    """Flat sand with one ball in its centre, inside the walls."""
+    """Flat sand inside the walls, with a ball in the centre."""
     axis = np.linspace(-2, 2, 81)
     ball = Rock(1, icosphere(3)[0] * BALL_RADIUS + [0, 0, BALL_HEIGHT], 0.3, 0.0, 0.0)
     flat = Ground(axis, np.zeros((81, 81)))
@@ -43,7 +43,7 @@ def small_lens():
 
 @pytest.fixture(scope="session")
 def ball_view(ball_scene, ball_caster, small_lens):
-    """The ball seen from A by a small camera."""
+    """View of the ball from position A with a small camera."""
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     textures = make_textures(np.random.default_rng(2))
     return look(ball_scene, ball_caster, textures, Camera(pose, small_lens), 1)

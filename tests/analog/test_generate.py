@@ -37,7 +37,7 @@ def made(tmp_path_factory, coarse):
     return root
 
 
-def test_photos_are_there_for_the_keys_and_no_others(made):
+def test_photos_are_written_for_the_given_keys_only(made):
     photos = nasa.find_photos(nasa.find_terrain_folder(made, TERRAIN), TERRAIN)
     assert [key for key, _ in photos] == sorted(KEYS)
     for _, path in photos:
@@ -45,16 +45,16 @@ def test_photos_are_there_for_the_keys_and_no_others(made):
         assert np.percentile(pixels, 5) < 120  # shadows
         assert pixels.max() == 4095  # the near wall
     names = [path.name for _, path in photos]
-    assert len({name.split("_")[1] for name in names}) == len(names)  # a token of its own for each pair
+    assert len({name.split("_")[1] for name in names}) == len(names)  # a unique token for each pair
 
 
-def test_a_longer_exposure_of_the_same_set_is_brighter(made):
+def test_a_longer_exposure_of_the_same_bracket_is_brighter(made):
     photos = dict(nasa.find_photos(nasa.find_terrain_folder(made, TERRAIN), TERRAIN))
     short, long = (np.median(png.read_photo(photos[key]).astype(float)[400:700]) - 16 for key in KEYS[:2])
     assert long == pytest.approx(4 * short, rel=0.1)
 
 
-def test_the_terrain_is_laid_out_as_nasa_did(made):
+def test_the_terrain_has_the_layout_of_nasas_files(made):
     folder = nasa.find_terrain_folder(made, TERRAIN)
     assert folder.name == "Terrain11_FreshCrater"
     calibration = nasa.read_calibration(folder / nasa.CALIBRATION_NAME)
@@ -65,7 +65,7 @@ def test_the_terrain_is_laid_out_as_nasa_did(made):
 
 
 @pytest.mark.parametrize("position", ["A", "B", "C"])
-def test_range_maps_show_the_true_ground_where_the_true_cameras_say(made, position):
+def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
     truth = made / "truth" / "Terrain11"
     localised = read_localised(truth / "cameras" / f"Pos{position}.json")
     calibration = nasa.read_calibration(nasa.find_terrain_folder(made, TERRAIN) / nasa.CALIBRATION_NAME)
@@ -81,11 +81,11 @@ def test_range_maps_show_the_true_ground_where_the_true_cameras_say(made, positi
     _, near = cKDTree(ground[:, :2]).query(inside[:, :2])
     off = inside[:, 2] - ground[near, 2]
     assert len(inside) > 1000
-    assert abs(np.median(off)) < 0.012  # the registration's error and the noise
+    assert abs(np.median(off)) < 0.012  # registration error and noise
     assert np.percentile(np.abs(off), 80) < 0.03
 
 
-def test_clouds_and_maps_of_a_position_lie_in_one_frame(made):
+def test_cloud_and_range_map_of_a_position_share_a_frame(made):
     maps, clouds = nasa.find_scans(made, TERRAIN)
     cloud = nasa.read_cloud(clouds["A"])
     grid = rectified_left(nasa.read_calibration(nasa.find_terrain_folder(made, TERRAIN) / nasa.CALIBRATION_NAME)).lens
@@ -96,7 +96,7 @@ def test_clouds_and_maps_of_a_position_lie_in_one_frame(made):
     assert np.nanmedian(np.abs(depth - cloud[inside][:, 2])) < 0.01
 
 
-def test_truth_tells_lamps_rocks_and_meshes(made):
+def test_truth_contains_lamps_rocks_and_meshes(made):
     truth = made / "truth" / "Terrain11"
     assert sorted(json.loads((truth / "lamps.json").read_text())) == [
         "180", "270", "30", "350", "rover_A", "rover_B", "rover_C",
@@ -124,10 +124,10 @@ def test_true_labels_are_the_boxes_of_the_true_meshes(made):
         box = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
         overlaps.append(iou(box[None], np.array([[row.x0, row.y0, row.x1, row.y1]]))[0, 0])
     assert len(overlaps) >= 6
-    assert np.median(overlaps) > 0.85  # some stand behind others
+    assert np.median(overlaps) > 0.85  # some rocks are partly occluded
 
 
-def test_seeds_are_one_a_sun_and_near_the_truth(made):
+def test_there_is_one_seed_per_sun_close_to_the_truth(made):
     files = sorted((made / "Labels" / "Terrain11").iterdir())
     assert [path.name for path in files] == ["11_A_off_30_L_0256.txt"]
     classes, boxes = yolo.read_boxes(files[0])
@@ -139,30 +139,31 @@ def test_seeds_are_one_a_sun_and_near_the_truth(made):
     assert best.max() < 1.0
 
 
-def test_true_albedo_is_told_of_all_sand_and_rocks_that_are_seen(made):
+def test_true_albedo_covers_all_visible_sand_and_rocks(made):
     truth = made / "truth" / "Terrain11"
     table = pd.read_parquet(truth / "albedo.parquet")
     assert list(table.columns) == ["rock", "x", "y", "z", "albedo", "pixels"]
     labels = pd.read_parquet(truth / "labels.parquet")
     assert set(labels["rock"]) <= set(table["rock"])
-    assert table["pixels"].sum() > 0.5 * 1936 * 1216  # of one picture; the hall is left out
+    assert table["pixels"].sum() > 0.5 * 1936 * 1216  # of a single photo, without the hall
     sand = table[table["rock"] == -1]
-    assert np.average(sand["albedo"], weights=sand["pixels"]) == pytest.approx(0.19, rel=0.05)  # what sand is made of
+    assert np.average(sand["albedo"], weights=sand["pixels"]) == pytest.approx(0.19, rel=0.05)  # albedo of sand
     rocks = pd.read_parquet(truth / "rocks.parquet").set_index("rock")
-    for rock, own in table[table["rock"] > 0].groupby("rock"):
+    for rock, cubes in table[table["rock"] > 0].groupby("rock"):
         centre = rocks.loc[rock, ["x", "y", "z"]].to_numpy(float)
-        assert np.linalg.norm(own[["x", "y", "z"]].to_numpy() - centre, axis=1).max() < rocks.loc[rock, "size_m"]
+        assert np.linalg.norm(cubes[["x", "y", "z"]].to_numpy() - centre, axis=1).max() < rocks.loc[rock, "size_m"]
 
 
-def test_the_same_options_give_the_same_bytes_whatever_other_photos_are_taken(tmp_path, coarse, made):
-    generate(tmp_path, coarse, KEYS[:2])
+def test_the_bytes_of_a_photo_do_not_depend_on_other_photos(tmp_path, coarse, made, monkeypatch):
+    monkeypatch.setattr("polarsim.analog.generate._write_scans", lambda *_: None)  # tested below
+    generate(tmp_path, coarse, KEYS[1:2])
     again, before = files_of(tmp_path), files_of(made)
-    assert before.keys() - again.keys() == {name for name in before if "_8192" in name}
-    of_photos = ("labels.parquet", "albedo.parquet")  # rows of those that are taken
+    of_photos = ("labels.parquet", "albedo.parquet")  # rows of the rendered photos
+    assert any(name.endswith("_0256.png") for name in again)
     assert [name for name, data in again.items() if data != before[name] and not name.endswith(of_photos)] == []
 
 
-def test_scans_alone_are_the_same_bytes_every_time_and_need_no_photos(tmp_path, coarse, made):
+def test_scans_have_the_same_bytes_with_and_without_photos(tmp_path, coarse, made):
     options = coarse.model_copy(update={"photos": False})
     generate(tmp_path, options)
     again, before = files_of(tmp_path), files_of(made)
@@ -174,9 +175,9 @@ def test_scans_alone_are_the_same_bytes_every_time_and_need_no_photos(tmp_path, 
     assert len(pd.read_parquet(tmp_path / "truth" / "Terrain11" / "labels.parquet")) == 0
 
 
-def test_a_terrain_that_nobody_knows_and_keys_of_another_one_are_refused(tmp_path):
+def test_an_unknown_terrain_and_keys_of_another_terrain_are_rejected(tmp_path):
     with pytest.raises(ConfigError):
         generate(tmp_path, AnalogOptions(), [], terrain=14)
-    with pytest.raises(ConfigError, match="03_A"):
+    with pytest.raises(ConfigError):
         generate(tmp_path, AnalogOptions(), [next(photo_grid(3))])
     assert list(tmp_path.iterdir()) == []

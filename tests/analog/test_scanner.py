@@ -32,7 +32,7 @@ def test_ranges_scatter_by_the_noise_along_the_ray(ball_scene, ball_caster):
     assert abs(along.mean()) < 2e-4
 
 
-def test_nothing_is_measured_in_the_scanner_shadow_of_a_rock(ball_scene, ball_caster):
+def test_there_are_no_points_in_the_scanner_shadow_of_a_rock(ball_scene, ball_caster):
     points = scanned(ball_scene, ball_caster).points
     behind = (points[..., 0] < -BALL_RADIUS) & (np.abs(points[..., 1]) < 0.02) & (np.abs(points[..., 2]) < 0.02)
     # The ray over the ball's top (z about 0.25) meets the sand about 0.5 m behind it.
@@ -40,7 +40,7 @@ def test_nothing_is_measured_in_the_scanner_shadow_of_a_rock(ball_scene, ball_ca
     assert (behind & (points[..., 0] < -0.9)).any()
 
 
-def test_mixed_pixels_hang_between_a_rock_and_the_sand_behind(ball_scene, ball_caster):
+def test_mixed_pixels_are_between_a_rock_and_the_sand_behind_it(ball_scene, ball_caster):
     def hanging(share):
         points = scanned(ball_scene, ball_caster, mixed_pixels=share, range_noise_mm=0.0).points
         behind = (points[..., 0] < -BALL_RADIUS - 0.02) & (points[..., 0] > -1)
@@ -50,7 +50,7 @@ def test_mixed_pixels_hang_between_a_rock_and_the_sand_behind(ball_scene, ball_c
     assert hanging(0.9) > 3
 
 
-def test_grazing_and_dark_surfaces_are_lost_more_often():
+def test_grazing_and_dark_surfaces_have_fewer_returns():
     bright, grazing, dark = (
         scanner._lost(np.array([c]), np.array([a]))[0] for c, a in ((0.8, 0.4), (0.02, 0.4), (0.8, 0.02))
     )
@@ -73,5 +73,5 @@ def test_a_map_of_an_exact_scan_shows_the_plane_at_its_depth(ball_scene, ball_ca
     np.testing.assert_allclose(grid.project(points[v, u].astype(float)), [u + 0.5, v + 0.5], atol=0.1)
 
 
-def test_the_same_seed_scans_the_same(ball_scene, ball_caster):
+def test_equal_seeds_give_equal_scans(ball_scene, ball_caster):
     np.testing.assert_array_equal(scanned(ball_scene, ball_caster).points, scanned(ball_scene, ball_caster).points)

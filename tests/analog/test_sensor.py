@@ -14,7 +14,7 @@ def shoot(level, exposure_ms, seed=1):
     return expose(level * FLAT, exposure_ms, 1.0, np.random.default_rng(seed), FLAT)
 
 
-def test_a_dark_photo_lies_at_the_black_level_with_the_read_noise():
+def test_a_dark_photo_has_the_black_level_and_the_read_noise():
     photo = shoot(0.0, 100).astype(float)
     assert photo.mean() == pytest.approx(16, abs=0.02)
     assert photo.std() == pytest.approx(np.hypot(7 / 8, np.sqrt(1 / 12)), rel=0.02)  # read noise and rounding
@@ -42,7 +42,7 @@ def test_the_lens_darkens_corners_and_spreads_bright_light():
     assert seen[200, 400] > 1.05 * through_lens(np.full_like(image, 0.01))[200, 400]  # glare
 
 
-def test_a_lamp_in_the_picture_glares_most_at_its_own_position():
+def test_glare_of_a_visible_lamp_is_maximal_at_the_lamp():
     lens = stated_rig().left
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(20))
     lamp = Lamp(np.array([-3.5, 0.5, 0.75]), np.zeros(3), 0.045)
@@ -52,7 +52,7 @@ def test_a_lamp_in_the_picture_glares_most_at_its_own_position():
     assert np.hypot(column - expected[0], row - expected[1]) < 20
 
 
-def test_a_lamp_behind_the_camera_leaves_no_glare():
+def test_a_lamp_behind_the_camera_causes_no_glare():
     pose = looking(np.array([0.0, 0.0, 1.5]), np.pi, np.radians(20))
     lamp = Lamp(np.array([5.0, 0.5, 1.5]), np.zeros(3), 0.045)
     assert not lamp_glare(lamp, Camera(pose, stated_rig().left), 0.002, np.random.default_rng(1)).any()

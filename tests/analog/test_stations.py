@@ -8,13 +8,13 @@ from polarsim.survey import SUN_LAMPS
 
 
 @pytest.mark.parametrize("terrain", [1, 3, 6, 11, 13])
-def test_lamps_stand_one_to_two_decimetres_off_the_survey(terrain):
+def test_lamps_are_10_to_20_cm_from_the_survey(terrain):
     lamps = make_stations(terrain, AnalogOptions()).lamps
     for azimuth, surveyed in SUN_LAMPS.items():
         assert 0.1 <= np.linalg.norm(lamps[azimuth] - surveyed) <= 0.2
 
 
-def test_tripods_stand_where_fits_to_the_real_labels_found_them():
+def test_tripods_are_at_the_positions_fitted_to_the_real_labels():
     stations = make_stations(1, AnalogOptions())
     for position, (x, y) in {"A": (3.6, -0.4), "B": (6.1, -0.45), "C": (0.8, -3.65)}.items():
         pose = stations.sandbox_from_left[position]
@@ -23,7 +23,7 @@ def test_tripods_stand_where_fits_to_the_real_labels_found_them():
         assert 22 <= np.degrees(yaw_pitch_roll(pose)[1]) <= 28
 
 
-def test_each_terrain_has_its_own_stations_and_each_seed_another():
+def test_stations_depend_on_terrain_and_seed():
     points = [
         make_stations(terrain, AnalogOptions(seed=seed)).sandbox_from_left["A"].translation
         for terrain, seed in ((1, 1), (3, 1), (1, 2))
@@ -33,7 +33,7 @@ def test_each_terrain_has_its_own_stations_and_each_seed_another():
     np.testing.assert_array_equal(points[0], make_stations(1, AnalogOptions()).sandbox_from_left["A"].translation)
 
 
-def test_the_calibration_is_near_the_rig_but_not_the_rig():
+def test_the_calibration_has_small_errors():
     stations = make_stations(1, AnalogOptions())
     for true, stated in (
         (stations.rig.left, stations.calibration.left),
@@ -46,7 +46,7 @@ def test_the_calibration_is_near_the_rig_but_not_the_rig():
     assert 0 < np.linalg.norm(moved) < 0.002
 
 
-def test_the_rover_light_stands_between_the_cameras():
+def test_the_rover_light_is_between_the_cameras():
     stations = make_stations(3, AnalogOptions())
     left, right = (stations.camera("A", camera).centre for camera in "LR")
     lamp = stations.lamps_at("A")["rover"]

@@ -50,7 +50,7 @@ def assert_equal_but_where_rocks_meet(mask, expected):
 
 @pytest.mark.parametrize("options", [PLAIN, WALLED], ids=["open", "walled"])
 @pytest.mark.parametrize("pose", [LOW, looking(np.array([0.9, 1.9, 0.6]), -2.0, 0.4)], ids=["low", "close"])
-def test_they_are_what_each_rock_covers_alone_with_the_ground(ids_of, pose, options):
+def test_amodal_masks_equal_renderings_of_single_rocks(ids_of, pose, options):
     mesh = block(ROCKS, PLACES)
     surfaces = surfaces_of(mesh, options)
     found = whole(surfaces, pose, ids_of)
@@ -71,7 +71,7 @@ def test_they_are_what_each_rock_covers_alone_with_the_ground(ids_of, pose, opti
     st.floats(0, 2 * np.pi),
     st.floats(0.1, 1.0),
 )
-def test_they_are_so_wherever_rocks_and_camera_stand(rocks_5_mm, heading, height):
+def test_amodal_masks_are_correct_for_random_rocks_and_cameras(rocks_5_mm, heading, height):
     from polarsim.render.olat import render_view
 
     rocks = 0.005 * np.array(rocks_5_mm)
@@ -91,7 +91,7 @@ def test_they_are_so_wherever_rocks_and_camera_stand(rocks_5_mm, heading, height
         assert (mask != expected).sum() <= 0.002 * expected.sum()  # surfaces that touch within 0.1 mm count as one
 
 
-def test_annotations_say_how_much_is_seen(ids_of):
+def test_annotations_contain_the_visible_share(ids_of):
     surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
     ids = ids_of(surfaces, LOW, SMALL, {})[NO_LAMP]
     hidden = hidden_parts(surfaces, Camera(LOW, SMALL), ids)
@@ -109,7 +109,7 @@ def test_annotations_say_how_much_is_seen(ids_of):
         np.testing.assert_array_equal(label.amodal.box, [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
 
 
-def test_rocks_that_are_hidden_too_far_get_no_label_but_keep_their_shadow(ids_of):
+def test_mostly_hidden_rocks_have_a_shadow_label_only(ids_of):
     from polarsim.render.lamps import Lamp
 
     surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)

@@ -73,7 +73,7 @@ def off_the_step(normal, to_lamp, to_viewer):
     return np.abs((normal * to_lamp).sum(axis=1) - (to_viewer * to_lamp).sum(axis=1)) > 1e-5
 
 
-def test_every_pinned_value_is_met():
+def test_reflectance_equals_all_pinned_values():
     assert len(PINNED) == 180
     for _, row in PINNED.iterrows():
         value = brdf.reflectance(
@@ -83,7 +83,7 @@ def test_every_pinned_value_is_met():
 
 
 @pytest.mark.parametrize("parameters", RECIPROCAL)
-def test_lamp_and_viewer_can_be_swapped(parameters, rng):
+def test_reflectance_is_reciprocal(parameters, rng):
     normal, to_lamp, to_viewer = random_directions(rng, 5000)
     forth = brdf.reflectance(parameters, normal, to_lamp, to_viewer)
     back = brdf.reflectance(parameters, normal, to_viewer, to_lamp)
@@ -91,7 +91,7 @@ def test_lamp_and_viewer_can_be_swapped(parameters, rng):
     assert (forth > 0).all()
 
 
-def test_chrono_s_hapke_is_hapke_but_for_its_slip(rng):
+def test_chronos_hapke_differs_only_where_the_branch_is_wrong(rng):
     """It takes the wrong branch in 38 % of all directions, and is off by 1 % in 27 % of them."""
     vectors = random_directions(rng, 20_000)
     slipped = brdf.reflectance(HapkeChronoParameters(k_d=1), *vectors) / brdf.reflectance(
@@ -104,7 +104,7 @@ def test_chrono_s_hapke_is_hapke_but_for_its_slip(rng):
 
 @pytest.mark.parametrize("parameters", SAMPLES)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_dangerous_points_are_finite_and_not_negative(parameters, dtype):
+def test_singular_directions_have_finite_nonnegative_values(parameters, dtype):
     angles = np.array(
         [
             (0, 0, 0), (0, 40, 0), (40, 0, 90), (1e-4, 1e-4, 0), (30, 30, 0), (85, 85, 0), (30, 30, 180),
@@ -173,7 +173,7 @@ def engine(request):
 
 
 @pytest.mark.parametrize("parameters", SAMPLES)
-def test_engines_obey_the_reference(engine, parameters, rng):
+def test_engines_agree_with_the_reference(engine, parameters, rng):
     for widest_deg, tolerance in ((88, 2e-5), (89.9, 1e-3)):
         vectors = random_directions(rng, 20_000, widest_deg)
         vectors = [v[off_the_step(*vectors)].astype(np.float32) for v in vectors]
@@ -182,13 +182,13 @@ def test_engines_obey_the_reference(engine, parameters, rng):
 
 
 @pytest.mark.parametrize("parameters", [one for one in SAMPLES if not hasattr(one, "w") and not hasattr(one, "soil")])
-def test_numba_gives_the_references_bits_where_no_function_is_called(parameters, rng):
+def test_numba_equals_the_reference_for_models_without_functions(parameters, rng):
     vectors = [v.astype(np.float32) for v in random_directions(rng, 20_000, 89.9)]
     expected = brdf.reflectance(parameters, *vectors)
     np.testing.assert_array_equal(brdf_numba.reflectance(parameters, *vectors), expected)
 
 
-def test_engines_meet_the_pinned_values_in_float32(engine):
+def test_engines_agree_with_the_pinned_values(engine):
     for _, row in PINNED.iterrows():
         vectors = directions(row.incidence_deg, row.emergence_deg, row.azimuth_deg)
         value = engine.reflectance(parameters_of(row), *vectors)[0]

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.render.lamps import Lamp, Spot
-from polarsim.render.olat import renders_on_device, render_view
+from polarsim.render.olat import render_view, renders_on_device
 from polarsim.render.options import Material, RenderOptions
 from polarsim.render.surfaces import surfaces_of
 
@@ -32,7 +32,7 @@ def assert_alike(device, reference):
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_the_device_makes_the_olat_images_and_ids_that_numpy_makes(blocks, camera, lens, samples):
+def test_device_and_numpy_render_equal_olat_images_and_ids(blocks, camera, lens, samples):
     options = RenderOptions(samples=samples, falloff=True, ambient=0.02)
     models = ["principled", "hapke", "lunar_lambert", "hapke_chrono", "principled_chrono"]
     reference, device = both(blocks(), camera, lens, options, models)
@@ -41,7 +41,7 @@ def test_the_device_makes_the_olat_images_and_ids_that_numpy_makes(blocks, camer
         assert (device.ids[name] != ids).mean() < 2e-3
 
 
-def test_the_device_knows_materials_paint_and_plain_walls(blocks, camera, lens):
+def test_the_device_supports_materials_vertex_albedo_and_diffuse_walls(blocks, camera, lens):
     mesh = blocks((1, 2), ((0.0, 0.0), (0.7, 0.6)))
     materials = {"ground": Material(albedo=0.7), "2": Material(hapke="curtis_apollo11_rough", albedo=1.3)}
     options = RenderOptions(materials=materials, rim_albedo=0.5)
@@ -51,14 +51,14 @@ def test_the_device_knows_materials_paint_and_plain_walls(blocks, camera, lens):
     assert_alike(device, reference)
 
 
-def test_the_device_sees_nothing_in_the_sky(blocks, camera, lens, plain):
+def test_the_sky_is_black_on_the_device(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
     upwards = looking(camera.translation, 0.0, np.radians(-60))
     view = render_view(surfaces_of(blocks(), options), Camera(upwards, lens), LAMPS, ["lambert"], None, options)
     assert not any(olat_image.any() for olat_image in view.olat_images.values())
 
 
-def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
+def test_device_results_do_not_depend_on_threads(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
     one, two = (
         render_view(surfaces_of(blocks(), options), Camera(camera, lens), LAMPS, ["hapke"], ["sun"], options, threads)
@@ -70,7 +70,7 @@ def test_threads_do_not_change_a_bit_on_the_device(blocks, camera, lens, plain):
         np.testing.assert_array_equal(ids, two.ids[name])
 
 
-def test_discs_and_beams_are_left_to_numpy(blocks, camera, lens, plain):
+def test_disc_lamps_and_spotlights_are_rendered_by_numpy(blocks, camera, lens, plain):
     discs = {name: Lamp(lamp.position, radius_m=0.05) for name, lamp in LAMPS.items()}
     on_device, on_processor = (surfaces_of(blocks(), plain.model_copy(update=engine)) for engine in (DEVICE, {}))
     assert renders_on_device(on_device, LAMPS)
@@ -79,7 +79,7 @@ def test_discs_and_beams_are_left_to_numpy(blocks, camera, lens, plain):
     assert not renders_on_device(on_processor, LAMPS)
 
 
-def test_a_device_that_nothing_would_use_is_refused():
+def test_a_device_without_taichi_is_rejected():
     with pytest.raises(ValidationError):
         RenderOptions(device="cuda")
     assert RenderOptions(device="cuda", engine="taichi").rays == "taichi"

@@ -65,7 +65,7 @@ def photographed(folders):
     return twins_of(folders, "photos", materials=folders / "truth")
 
 
-def test_twins_with_fitted_materials_are_the_photos(folders, photographed):
+def test_twins_with_fitted_materials_reproduce_the_photos(folders, photographed):
     materials = fitted(folders, index(folders, photographed))
     again = twins_of(folders, "again", materials=materials)
     plain = twins_of(folders, "plain")
@@ -93,7 +93,7 @@ def test_a_fit_has_the_same_bytes_with_one_thread_and_two(folders, photographed)
 
 
 @pytest.mark.parametrize("there", ["no table", "no photo", "dark photos"])
-def test_without_photos_that_show_anything_twins_stay_constant_with_a_warning(folders, there, caplog):
+def test_without_usable_photos_materials_are_constant_with_a_warning(folders, there, caplog):
     paths = {}
     if there == "dark photos":
         paths = {key: folders / "dark" / f"{key}.png" for key in KEYS}
@@ -107,7 +107,7 @@ def test_without_photos_that_show_anything_twins_stay_constant_with_a_warning(fo
         assert path.read_bytes() == with_nothing[key].read_bytes()
 
 
-def test_a_gain_in_the_options_goes_before_the_fits():
+def test_a_gain_in_the_options_has_priority_over_the_fit():
     found = FittedMaterials(True, True, {"lambert": fit_of({"albedo": 0.3}, **{"30": 2.0, "rover": 9.0})}, np.ones(4))
     options, albedo = with_fit(RenderOptions(gain={"lambert": 5}), found)
     assert options.gain["lambert"] == 5
@@ -117,7 +117,7 @@ def test_a_gain_in_the_options_goes_before_the_fits():
     assert list(albedo) == ["lambert"]
 
 
-def test_lamps_keep_their_shares_of_the_sun_lamps_median():
+def test_fitted_intensities_are_relative_to_the_median_sun_lamp():
     lamps = {
         name: Lamp(np.zeros(3), intensity) for name, intensity in (("30", 1), ("180", 1), ("350", 1), (ROVER, 0.5))
     }
@@ -131,7 +131,7 @@ def test_lamps_keep_their_shares_of_the_sun_lamps_median():
     assert as_bright_as_fitted(lamps, found, "hapke") is lamps
 
 
-def test_parameters_that_a_model_does_not_take_are_refused():
+def test_unknown_parameters_of_a_fit_are_rejected():
     found = FittedMaterials(True, True, {"lambert": fit_of({"w": 0.3}, **{"30": 2.0})}, np.ones(4))
     with pytest.raises(FormatError):
         with_fit(RenderOptions(), found)

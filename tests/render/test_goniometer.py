@@ -17,7 +17,7 @@ from polarsim.render.options import HAPKE_SETS, MODELS, RenderOptions
 from polarsim.report.figures.brdf import draw_brdf
 
 
-def test_angles_come_back_from_the_vectors():
+def test_direction_vectors_have_the_given_angles():
     normal, to_lamp, to_viewer = directions(30, 70, 120)
     np.testing.assert_allclose(np.degrees(np.arccos((normal * to_lamp).sum())), 30)
     np.testing.assert_allclose(np.degrees(np.arccos((normal * to_viewer).sum())), 70)
@@ -35,7 +35,7 @@ def test_every_model_has_a_reflectance_that_ends_at_the_horizon(model):
     assert not value[1:].any()
 
 
-def test_sets_are_those_of_hapke():
+def test_parameter_sets_exist_for_hapke_only():
     assert parameters_of("hapke", "sato_mare_643") == HAPKE_SETS["sato_mare_643"]
     assert parameters_of("hapke_chrono", "sato_mare_643").hapke.w == HAPKE_SETS["sato_mare_643"].w
     with pytest.raises(RenderError):
@@ -60,7 +60,7 @@ def test_a_diagram_of_every_set_is_drawn(tmp_path):
     assert png.read(tmp_path / "brdf.png").std() > 5
 
 
-def test_the_curves_of_a_run_are_those_of_its_parameters(tmp_path):
+def test_the_curves_of_a_run_use_its_parameters(tmp_path):
     options = RenderOptions(materials={"default": {"lambert": {"albedo": 0.35}}})
     write_reflectance(curves=tmp_path / "curves.csv", options=options)
     table = read_csv(tmp_path / "curves.csv")

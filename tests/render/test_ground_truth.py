@@ -66,7 +66,7 @@ def test_a_thin_line_of_dark_pixels_does_not_widen_a_shadows_box(plain):
     assert every["shadow"] == [10, 20, 80, 40]
 
 
-def test_each_rock_has_the_shadow_that_it_casts(blocks, above, lens, plain, ids_of):
+def test_shadows_are_labelled_with_the_rock_that_casts_them(blocks, above, lens, plain, ids_of):
     surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
     ids = ids_of(surfaces, above, lens, {"sun": SUN})["sun"]
     found = {(kind, rock): box for kind, rock, box in boxes_of(ids, plain)}
@@ -77,7 +77,7 @@ def test_each_rock_has_the_shadow_that_it_casts(blocks, above, lens, plain, ids_
         assert found["shadow", rock][2] > found["rock", rock][0]
 
 
-def test_shadows_where_a_wall_keeps_the_ground_dark_are_nobodys(blocks, above, lens, plain, ids_of):
+def test_ground_shaded_by_a_wall_has_no_rock_shadow(blocks, above, lens, plain, ids_of):
     lamp = Lamp(np.array([0.0, -3.0, 0.35]))
     for rim, expected in ((False, True), (True, False)):
         surfaces = surfaces_of(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.0, rim_height_m=0.3))
@@ -92,7 +92,7 @@ def test_a_terrain_without_rocks_has_ground_and_no_boxes(blocks, above, lens, pl
     assert boxes_of(ids["sun"], plain) == []
 
 
-def test_rays_that_lit_the_twin_need_not_be_cast_again_for_its_shadows(blocks, camera, lens, plain):
+def test_known_lit_pixels_give_the_same_shadow_ids(blocks, camera, lens, plain):
     surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
     hits = cast_strip(surfaces, Camera(camera, lens), slice(0, lens.height))
     surface_ids = surfaces.id_of_face[hits.face]
@@ -105,7 +105,7 @@ def test_rays_that_lit_the_twin_need_not_be_cast_again_for_its_shadows(blocks, c
     )
 
 
-def test_ids_are_those_of_the_pixels_centres_however_many_rays_a_pixel_gets(surfaces, camera, lens, plain, ids_of):
+def test_ids_do_not_depend_on_the_number_of_samples(surfaces, camera, lens, plain, ids_of):
     one, four = (
         ids_of(surfaces, camera, lens, {"sun": SUN}, options=plain.model_copy(update={"samples": samples}))
         for samples in (1, 4)
@@ -114,7 +114,7 @@ def test_ids_are_those_of_the_pixels_centres_however_many_rays_a_pixel_gets(surf
         np.testing.assert_array_equal(one[name], four[name])
 
 
-def test_only_parts_of_some_size_make_a_box():
+def test_small_components_are_excluded_from_a_box():
     mask = np.zeros((20, 30), bool)
     mask[5:9, 6:16] = True
     mask[15, 25] = True  # a crumb
@@ -133,26 +133,26 @@ def labelled(folders, lens, monkeypatch):
     return folders
 
 
-def test_every_key_gets_a_file_and_exposures_of_a_set_are_alike(labelled):
+def test_every_key_has_a_file_equal_within_a_bracket(labelled):
     assert sorted(path.stem for path in (labelled / "boxes").iterdir()) == sorted(map(str, KEYS))
     for key in KEYS:
         first = labelled / "boxes" / f"{key.with_exposure(64)}.txt"
         assert (labelled / "boxes" / f"{key}.txt").read_text() == first.read_text()
 
 
-def test_without_any_lamp_there_is_nothing_to_see(labelled):
+def test_photos_without_lamp_have_no_labels(labelled):
     assert (labelled / "boxes" / "03_A_off_no_L_0256.txt").read_text() == ""
     ids = png.read(labelled / "instances" / "03_A_off_no_L.png")
     assert set(np.unique(ids)) == {0, 1, 1001}
 
 
-def test_the_sun_casts_the_shadows_where_it_is_on_and_the_rover_light_where_it_is_alone(labelled):
+def test_shadows_are_cast_by_the_sun_lamp_or_by_the_only_rover_light(labelled):
     texts = {key: (labelled / "boxes" / f"03_A_{key}_L_0256.txt").read_text() for key in ("off_30", "on_30", "on_no")}
     assert texts["off_30"] == texts["on_30"]
     assert texts["off_30"] != texts["on_no"]
 
 
-def test_instances_table_and_boxes_say_the_same(labelled, lens):
+def test_instances_table_and_boxes_agree(labelled, lens):
     rows = tables.read_parquet(labelled / "table.parquet", tables.LABEL_COLUMNS)
     assert set(rows.source) == {"rendered"}
     for key, group in rows.groupby("key"):
@@ -170,7 +170,7 @@ def test_instances_table_and_boxes_say_the_same(labelled, lens):
     assert isinstance(rows, pd.DataFrame)
 
 
-def test_coco_has_the_boxes_and_the_pixels_of_instances(labelled, lens):
+def test_coco_has_the_boxes_and_masks_of_the_instances(labelled, lens):
     photos = coco.read_coco(labelled / "coco.json", (lens.width, lens.height))
     assert sorted(photos) == sorted(KEYS)
     rows = tables.read_parquet(labelled / "table.parquet", tables.LABEL_COLUMNS)

@@ -76,7 +76,7 @@ def test_light_that_points_receive(rng):
     np.testing.assert_array_equal(hit_kernels.rows(to_lamp, lit), to_lamp[lit])
 
 
-def test_a_strip_takes_values_times_their_shares(rng):
+def test_add_accumulates_values_times_shares(rng):
     strip, pixel = rng.random(COUNT).astype(np.float32), rng.permutation(COUNT)[:1000]
     value, share = rng.random((2, 1000)).astype(np.float32)
     expected = strip.copy()

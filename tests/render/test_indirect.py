@@ -42,7 +42,7 @@ def shadow(above, lens):
 
 
 @pytest.mark.parametrize("bounces", [1, 2, 4])
-def test_in_an_integrating_sphere_each_bounce_returns_the_albedo_of_the_last(lens, bounces):
+def test_each_bounce_in_an_integrating_sphere_is_scaled_by_the_albedo(lens, bounces):
     lambert = LambertParameters(albedo=ALBEDO)
     options = TRACED.model_copy(update={"bounces": bounces, "bounce_rays": 32}).with_default(lambert=lambert)
     pose = looking(np.array([0.3, 0.2, 0.1]), 0.5, 0.2)
@@ -53,7 +53,7 @@ def test_in_an_integrating_sphere_each_bounce_returns_the_albedo_of_the_last(len
     assert view.indirect["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
 
 
-def test_the_sign_of_a_zero_in_the_pose_changes_no_light(lens):
+def test_the_sign_of_zeros_in_the_pose_has_no_effect(lens):
     pose = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.1, 1.0]))
     flipped = Pose(*(np.where(part == 0, -part, part) for part in (pose.rotation, pose.translation)))
     assert flipped.matrix.tobytes() != pose.matrix.tobytes()
@@ -76,7 +76,7 @@ def test_the_cosine_over_any_hemisphere_integrates_to_pi(direction):
     assert (weight * cosine).mean() == pytest.approx(2 * np.pi / 3, rel=0.01)  # of the squared cosine
 
 
-def test_a_level_plane_alone_lights_itself_with_nothing(blocks, above, lens):
+def test_a_level_plane_has_no_indirect_light(blocks, above, lens):
     bare = surfaces_of(blocks((), ()), TRACED)
     view = traced(bare, above, lens, TRACED)
     assert (view.olat_images["lambert", "lamp"] > 0).any()
@@ -94,7 +94,7 @@ def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, len
     assert pale.whole["lambert", "lamp"][position] > 3 * dark.whole["lambert", "lamp"][position] > 0
 
 
-def test_walls_of_their_own_albedo_are_lit_by_it_and_the_sand_is_as_before(blocks, camera, lens):
+def test_the_wall_albedo_affects_only_the_walls(blocks, camera, lens):
     options = RenderOptions(bounce=0, ambient=0.01, rim_half_width_m=1.3)
     walled = surfaces_of(blocks(), options)
     hits = cast_strip(walled, Camera(camera, lens), slice(0, lens.height))
@@ -113,7 +113,7 @@ def test_walls_of_their_own_albedo_are_lit_by_it_and_the_sand_is_as_before(block
     assert (plain[wall] > own[wall]).any()
 
 
-def test_even_light_from_all_sides_on_an_open_plane_is_the_same_traced_or_not(blocks, above, lens):
+def test_traced_and_constant_ambient_light_agree_on_a_plane(blocks, above, lens):
     bare = surfaces_of(blocks((), ()), TRACED)
     below = Lamp(np.array([0.0, 0.0, -3.0]))  # its own light does not come here
     options = TRACED.model_copy(update={"ambient": 0.2, "bounce": 0.0, "bounces": 0})
@@ -125,7 +125,7 @@ def test_even_light_from_all_sides_on_an_open_plane_is_the_same_traced_or_not(bl
     assert view.whole["lambert", "lamp"][seen].mean() == pytest.approx(float(plain[seen].mean()), rel=0.01)
 
 
-def test_inside_a_closed_sphere_even_light_comes_from_the_last_surface_alone(lens):
+def test_ambient_light_in_a_closed_sphere_is_scaled_by_every_bounce(lens):
     lambert = LambertParameters(albedo=ALBEDO)
     options = TRACED.model_copy(update={"ambient": 0.2, "bounces": 2, "bounce_rays": 32}).with_default(lambert=lambert)
     outside = Lamp(np.array([0.0, 0.0, 3 * RADIUS]))
@@ -134,7 +134,7 @@ def test_inside_a_closed_sphere_even_light_comes_from_the_last_surface_alone(len
     assert view.whole["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
 
 
-def test_light_from_every_fourth_pixel_is_the_light_of_all(blocks, camera, lens):
+def test_coarse_and_exact_indirect_light_agree(blocks, camera, lens):
     options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "rim_albedo": 0.6, "bounce_rays": 96})
     walled = surfaces_of(blocks(), options)
     exact, coarse = (
@@ -148,7 +148,7 @@ def test_light_from_every_fourth_pixel_is_the_light_of_all(blocks, camera, lens)
 
 
 @pytest.mark.parametrize("scale", [1, 4])
-def test_light_depends_on_the_seed_and_not_on_threads(surfaces, camera, lens, scale):
+def test_indirect_light_depends_on_the_seed_and_not_on_threads(surfaces, camera, lens, scale):
     options = TRACED.model_copy(update={"bounce_scale": scale, "bounce_rays": 8})
     one, two = (traced(surfaces, camera, lens, options, "hapke", threads=n).indirect["hapke", "lamp"] for n in (1, 2))
     np.testing.assert_array_equal(one, two)
@@ -157,7 +157,7 @@ def test_light_depends_on_the_seed_and_not_on_threads(surfaces, camera, lens, sc
     assert (other != one).any()
 
 
-def test_models_and_lamps_together_are_as_each_alone(surfaces, camera, lens):
+def test_models_and_lamps_are_independent(surfaces, camera, lens):
     lamps = {"one": LAMP, "half": replace(LAMP, intensity=0.5)}
     both = render_view(surfaces, Camera(camera, lens), lamps, ["hapke", "lambert"], None, TRACED).indirect
     alone = traced(surfaces, camera, lens, TRACED).indirect["lambert", "lamp"]
@@ -166,14 +166,14 @@ def test_models_and_lamps_together_are_as_each_alone(surfaces, camera, lens):
 
 
 @pytest.mark.parametrize("model", CHRONO)
-def test_chrono_s_models_stay_with_direct_light(surfaces, camera, lens, model):
+def test_chronos_models_have_no_indirect_light(surfaces, camera, lens, model):
     view = traced(surfaces, camera, lens, TRACED.model_copy(update={"ambient": 0.1}), model)
     assert not view.indirect
     plain = traced(surfaces, camera, lens, TRACED.model_copy(update={"bounces": 0, "bounce": 0.0}), model)
     np.testing.assert_array_equal(view.whole[model, "lamp"], plain.whole[model, "lamp"])
 
 
-def test_pictures_show_traced_light_in_shadows_and_not_the_constant(folders, above, lens):
+def test_traced_light_replaces_the_constant_light(folders, above, lens):
     shot = Shot(Camera(above, lens), {"mine": LAMP}, 4000.0, "lambert")
     position = shadow(above, lens)
     options = RenderOptions(rim_half_width_m=1.3, rim_albedo=0.6, bounce_scale=1)

@@ -14,34 +14,34 @@ def options(plain):
     return plain.model_copy(update={"lens_flare": 0.01})
 
 
-def test_all_scattered_light_falls_into_the_half_space_before_the_lens():
+def test_scattered_light_integrates_to_1_over_the_half_space():
     edges = np.linspace(0, np.pi / 2, 200_001)
     centre = (edges[1:] + edges[:-1]) / 2
     rings = 2 * np.pi * (np.cos(edges[:-1]) - np.cos(edges[1:]))
     assert (scattering(centre) * rings).sum() == pytest.approx(1, rel=1e-6)
 
 
-def test_the_veiling_glare_thins_out_as_stiles_and_holladay_measured():
+def test_veiling_glare_follows_stiles_and_holladay():
     degrees = np.array([5.0, 10, 20, 30])
     law = 10 / degrees**2  # cd/m^2 per lux, from 1 to 30 degrees
     found = scattering(np.radians(degrees)) / law
     np.testing.assert_allclose(found / found[-1], 1, atol=0.04)
 
 
-def test_the_veiling_glare_is_brightest_where_the_lamp_is_seen(surfaces, camera, lens, options):
+def test_veiling_glare_is_maximal_at_the_lamp(surfaces, camera, lens, options):
     glare = lens_flare_of(surfaces, Camera(camera, lens), SEEN, options)
     column, row = np.floor(lens.project(camera.inverse().apply(SEEN.position)))
     assert np.unravel_index(glare.argmax(), glare.shape) == (row, column)
 
 
-def test_a_lamp_outside_the_picture_veils_the_side_towards_it(surfaces, camera, lens, options):
+def test_a_lamp_outside_the_image_veils_the_adjacent_side(surfaces, camera, lens, options):
     position = camera.apply(np.array([2.0, 0.0, 2.0]))  # 45 degrees to the right, the picture ends at 25
     glare = lens_flare_of(surfaces, Camera(camera, lens), Lamp(position), options)
     assert (glare.argmax(axis=1) == lens.width - 1).all()
     assert glare.min() > 0
 
 
-def test_the_veiling_glare_is_the_share_of_the_light_that_enters_the_lens(surfaces, lens, options):
+def test_veiling_glare_is_a_share_of_the_light_on_the_lens(surfaces, lens, options):
     pose = looking(np.array([2.0, 0.0, 1.0]), np.pi, 0.0)
     lamp = Lamp(np.array([-1.0, 0.0, 1.0]), intensity=2.0)  # straight ahead, 3 m away
     centre = lens_flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
@@ -55,7 +55,7 @@ def test_the_veiling_glare_is_the_share_of_the_light_that_enters_the_lens(surfac
 
 
 @pytest.mark.parametrize("radius_m", [0.0, 0.02])
-def test_no_veiling_glare_of_a_lamp_that_is_hidden_or_behind(surfaces, lens, options, radius_m):
+def test_hidden_lamps_and_lamps_behind_the_camera_cause_no_glare(surfaces, lens, options, radius_m):
     pose = looking(np.array([1.5, 0.0, 0.1]), np.pi, 0.0)  # level, towards the block, which is 0.2 m high
     hidden, behind = Lamp(np.array([-1.0, 0, 0.1]), 1.0, radius_m), Lamp(np.array([2.0, 0, 0.1]), 1.0, radius_m)
     for lamp in (hidden, behind):
@@ -63,7 +63,7 @@ def test_no_veiling_glare_of_a_lamp_that_is_hidden_or_behind(surfaces, lens, opt
     assert lens_flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, 0.4]), 1.0, radius_m), options).all()
 
 
-def test_a_lamp_that_is_half_hidden_makes_half_the_veiling_glare(surfaces, lens, options):
+def test_a_half_hidden_lamp_causes_half_of_the_glare(surfaces, lens, options):
     pose = looking(np.array([1.5, 0.0, 0.2]), np.pi, 0.0)  # level with the block's top
     options = options.model_copy(update={"lamp_samples": 2000, "falloff": False})
     half, whole = (

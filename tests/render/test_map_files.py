@@ -28,19 +28,19 @@ def files_of(maps):
     return {folder.name: sorted(path.name for path in folder.iterdir()) for folder in maps.iterdir()}
 
 
-def test_only_what_is_asked_for_is_written(folders):
+def test_only_selected_maps_are_written(folders):
     assert not make(folders, ()).exists()
     assert files_of(make(folders, ("depth",))) == {"depth": ["01_A_L.png"]}
 
 
-def test_views_have_what_no_lamp_changes_and_brackets_the_rest(folders):
+def test_maps_without_light_are_per_view_and_others_per_bracket(folders):
     maps = make(folders, ("depth", "depth_float", "normal", "angles", "shading", "lit"))
     of_views = {name: ["01_A_L.png"] for name in ("depth", "normal", "emergence")} | {"depth_float": ["01_A_L.tif"]}
     of_sets = dict.fromkeys(("incidence", "phase", "shading", "lit"), SETS)
     assert files_of(maps) == of_views | of_sets
 
 
-def test_they_are_the_maps_of_the_scene_that_the_sidecar_tells(folders):
+def test_map_files_equal_the_maps_of_the_scene_in_the_sidecar(folders):
     maps = make(folders, ("depth", "depth_float", "normal", "angles", "shading", "lit"))
     told = read_sidecar(folders / "twins" / f"{KEYS[2]}.json")
     expected = Scene(folders / "meshes", 1, told.options).maps(told.shot)
@@ -67,6 +67,6 @@ def test_the_same_bytes_with_one_thread_and_two(folders):
     assert first == {path: path.read_bytes() for path in make(folders, names, threads=2).rglob("*.*")}
 
 
-def test_an_unknown_map_is_refused():
+def test_an_unknown_map_is_rejected():
     with pytest.raises(ValueError, match="maps"):
         RenderOptions(maps=("albedo",))

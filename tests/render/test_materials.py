@@ -42,7 +42,7 @@ def with_(options, **changed):
 @pytest.mark.parametrize(
     ("name", "shown"), [("ground", [GROUND]), ("rocks", [ROCK_IDS + 1, ROCK_IDS + 2]), ("2", [ROCK_IDS + 2])]
 )
-def test_a_factor_scales_its_things_alone(mesh, camera, lens, plain, engine, surround, name, shown):
+def test_an_albedo_factor_scales_only_the_named_objects(mesh, camera, lens, plain, engine, surround, name, shown):
     options = with_(plain, engine=engine, **surround)
     plainly, ids = olat_image(mesh, camera, lens, options, "hapke")
     brighter, _ = olat_image(mesh, camera, lens, with_(options, materials={name: Material(albedo=1.5)}), "hapke")
@@ -52,7 +52,7 @@ def test_a_factor_scales_its_things_alone(mesh, camera, lens, plain, engine, sur
     np.testing.assert_array_equal(brighter[~own], plainly[~own])
 
 
-def test_walls_are_a_thing_too(mesh, camera, lens, plain):
+def test_walls_have_a_material(mesh, camera, lens, plain):
     options = with_(plain, rim=True, rim_half_width_m=1.0)
     plainly, ids = olat_image(mesh, camera, lens, options)
     darker, _ = olat_image(mesh, camera, lens, with_(options, materials={"walls": Material(albedo=0.5)}))
@@ -63,7 +63,7 @@ def test_walls_are_a_thing_too(mesh, camera, lens, plain):
 
 
 @pytest.mark.parametrize("engine", ["numba", "numpy", "taichi"])
-def test_a_rock_scatters_by_its_own_parameters_and_the_others_by_theirs(mesh, camera, lens, plain, engine):
+def test_each_rock_uses_the_parameters_of_its_material(mesh, camera, lens, plain, engine):
     options = with_(plain, engine=engine)
     rocky = {"rocks": Material(hapke="sato_mare_643"), "2": Material(hapke="sato_highlands_643")}
     mixed, ids = olat_image(mesh, camera, lens, with_(options, materials=rocky), "hapke")
@@ -76,7 +76,7 @@ def test_a_rock_scatters_by_its_own_parameters_and_the_others_by_theirs(mesh, ca
         np.testing.assert_allclose(mixed[ids == thing], alone[ids == thing], rtol=1e-6)
 
 
-def test_one_rock_takes_what_it_leaves_open_from_all_rocks(plain):
+def test_missing_keys_of_a_rock_are_read_from_the_material_of_all_rocks(plain):
     options = with_(
         plain,
         materials={"rocks": Material(albedo=2, lambert=LambertParameters(albedo=0.4)), "7": Material(albedo=3)},
@@ -92,12 +92,12 @@ def test_one_rock_takes_what_it_leaves_open_from_all_rocks(plain):
 
 
 @pytest.mark.parametrize("name", ["stones", "1.5", ""])
-def test_a_material_of_nothing_is_refused(name):
+def test_a_material_of_an_unknown_object_is_rejected(name):
     with pytest.raises(ValidationError):
         RenderOptions(materials={name: Material()})
 
 
-def test_materials_that_say_what_was_so_anyway_change_no_bit(mesh, camera, lens, plain):
+def test_materials_equal_to_the_defaults_have_no_effect(mesh, camera, lens, plain):
     options = with_(plain, bounce=0.05)
     same = {"ground": Material(), "1": Material(lambert=options.parameters("lambert")), "rocks": Material(albedo=1)}
     np.testing.assert_array_equal(
@@ -106,7 +106,7 @@ def test_materials_that_say_what_was_so_anyway_change_no_bit(mesh, camera, lens,
 
 
 @pytest.mark.parametrize("engine", ["numba", "numpy", "taichi"])
-def test_albedo_of_vertices_is_linear_between_them(mesh, camera, lens, plain, engine):
+def test_vertex_albedo_is_interpolated_linearly(mesh, camera, lens, plain, engine):
     options = with_(plain, engine=engine, bounce=0.02)
     plainly, ids = olat_image(mesh, camera, lens, options)
     factor = 1 + 0.2 * mesh.vertices[:, 0] - 0.1 * mesh.vertices[:, 1] + 0.3 * mesh.vertices[:, 2]
@@ -117,7 +117,7 @@ def test_albedo_of_vertices_is_linear_between_them(mesh, camera, lens, plain, en
     np.testing.assert_allclose(painted, plainly * expected, rtol=2e-5)
 
 
-def test_light_off_a_painted_wall_is_as_bright_as_off_a_grey_one(mesh, camera, lens, plain):
+def test_vertex_albedo_scales_indirect_light(mesh, camera, lens, plain):
     options = with_(plain, bounces=1, bounce_rays=4, bounce_scale=1)
     grey = options.with_default(lambert=LambertParameters(albedo=0.1))
     factor = {"lambert": np.full(len(mesh.vertices), 0.5)}
@@ -128,7 +128,7 @@ def test_light_off_a_painted_wall_is_as_bright_as_off_a_grey_one(mesh, camera, l
     np.testing.assert_allclose(other["lambert", "lamp"], one["lambert", "lamp"], rtol=1e-5)
 
 
-def test_feet_that_are_drawn_out_have_their_rocks_mean_and_walls_one(blocks, plain):
+def test_skirts_have_the_mean_albedo_of_the_rock_and_walls_have_1(blocks, plain):
     mesh = blocks()
     open_below = mesh.faces[~(mesh.vertices[mesh.faces][:, :, 2] == 0).all(axis=1) | (mesh.rock_of_face < 0)]
     kept = np.isin(mesh.faces, open_below).all(axis=1) & (
@@ -146,7 +146,7 @@ def test_feet_that_are_drawn_out_have_their_rocks_mean_and_walls_one(blocks, pla
 
 
 @given(st.floats(0, 1), st.floats(0, 1), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
-def test_values_between_corners_stay_between_theirs(second, third, corners):
+def test_interpolated_values_are_between_the_corner_values(second, third, corners):
     second, third = min(second, 1 - third), third
     found = between_corners(np.array(corners), np.array([[0, 1, 2]]), np.array([[second, third]]))[0]
     assert min(corners) - 1e-5 <= found <= max(corners) + 1e-5

@@ -94,7 +94,7 @@ def hemisphere(rng, count):
 
 
 @pytest.mark.parametrize("values", SETS, ids=str)
-def test_our_principled_model_is_mitsubas(values, scalar):
+def test_the_principled_model_agrees_with_mitsuba(values, scalar):
     base, roughness, specular, metallic = values
     parameters = PrincipledParameters(base_color=base, roughness=roughness, specular=specular, metallic=metallic)
     rng = np.random.default_rng(5)
@@ -112,7 +112,7 @@ def scalar():
 
 
 @pytest.mark.parametrize("model", ["principled", "lambert"])
-def test_direct_light_is_mitsubas_in_every_block(model):
+def test_direct_light_agrees_with_mitsuba(model):
     surfaces = surfaces_of(sandbox(), OPTIONS)
     ours = blocks(
         render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, OPTIONS).olat_images[model, "lamp"]
@@ -134,7 +134,7 @@ def test_direct_light_is_mitsubas_in_every_block(model):
         ("principled", 1, {"rim_albedo": 0.5, "bounce_scale": 4, "bounce_rays": 512}),
     ],
 )
-def test_light_over_bounces_is_that_of_mitsubas_path_tracer(model, bounces, changes):
+def test_indirect_light_agrees_with_mitsubas_path_tracer(model, bounces, changes):
     options = OPTIONS.model_copy(update={"bounces": bounces, **changes})
     surfaces = surfaces_of(sandbox(), options)
     view = render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, options)

@@ -32,7 +32,7 @@ def ground_points(surfaces, pose, lens):
     return hits, surfaces.id_of_face[hits.face] == 1
 
 
-def test_a_lambert_plane_under_a_near_lamp_is_as_bright_as_calculated(surfaces, camera, lens, plain):
+def test_a_lambert_plane_under_a_near_lamp_has_the_analytic_radiance(surfaces, camera, lens, plain):
     image = olat_image(surfaces, camera, lens, Lamp(np.array([0.3, -0.2, 6.0])), plain).ravel()
     hits, ground = ground_points(surfaces, camera, lens)
     p = hits.point[ground].astype(float)
@@ -45,14 +45,14 @@ def test_a_lambert_plane_under_a_near_lamp_is_as_bright_as_calculated(surfaces, 
     np.testing.assert_allclose(seen[~shaded], expected[~shaded], rtol=1e-5)
 
 
-def test_without_falloff_distance_does_not_matter(surfaces, above, lens, plain):
+def test_without_falloff_irradiance_does_not_depend_on_distance(surfaces, above, lens, plain):
     options = plain.model_copy(update={"falloff": False})
     near, far = (olat_image(surfaces, above, lens, Lamp(np.array([0, 0, z])), options)[70, 100] for z in (5.0, 500.0))
     assert near == pytest.approx(options.parameters("lambert").albedo / np.pi, rel=1e-5)
     assert far == pytest.approx(near, rel=1e-5)
 
 
-def test_the_shadow_of_a_block_ends_where_geometry_says(surfaces, above, lens, plain):
+def test_the_shadow_of_a_block_has_the_analytic_length(surfaces, above, lens, plain):
     lamp = Lamp(np.array([3.0, 0.0, 1.0]))
     image = olat_image(surfaces, above, lens, lamp, plain)
     dark_to = -0.2 - 0.2 * (3.0 + 0.2) / (1.0 - 0.2)  # the ray over the far top edge (-0.2, ., 0.2) down to z = 0
@@ -74,14 +74,14 @@ def test_a_lamp_behind_the_ground_lights_nothing(surfaces, camera, lens, plain):
     assert not olat_image(surfaces, camera, lens, Lamp(np.array([0.5, 0.5, -2.0])), plain).any()
 
 
-def test_light_of_two_lamps_is_the_sum_of_their_olat_images_and_intensity_scales(surfaces, camera, lens, plain):
+def test_olat_images_scale_with_the_intensity(surfaces, camera, lens, plain):
     one = olat_image(surfaces, camera, lens, LAMP, plain, "hapke")
     half = olat_image(surfaces, camera, lens, Lamp(LAMP.position, 0.5), plain, "hapke")
     np.testing.assert_allclose(half, one / 2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("model", ["principled", "hapke", "lunar_lambert"])
-def test_every_model_lights_what_lambert_lights_and_is_finite(surfaces, camera, lens, plain, model):
+def test_all_models_light_the_same_pixels_with_finite_values(surfaces, camera, lens, plain, model):
     image = olat_image(surfaces, camera, lens, LAMP, plain, model)
     assert np.isfinite(image).all()
     assert (image >= 0).all()
@@ -90,7 +90,7 @@ def test_every_model_lights_what_lambert_lights_and_is_finite(surfaces, camera, 
 
 @pytest.mark.parametrize("engine", ["numba", "taichi"])
 @pytest.mark.parametrize("model", ["principled", "hapke"])
-def test_engines_and_numpy_make_the_same_olat_image(surfaces, camera, lens, plain, model, engine):
+def test_all_engines_render_the_same_olat_image(surfaces, camera, lens, plain, model, engine):
     fast, slow = (
         olat_image(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": name}), model)
         for name in (engine, "numpy")
@@ -98,7 +98,7 @@ def test_engines_and_numpy_make_the_same_olat_image(surfaces, camera, lens, plai
     np.testing.assert_allclose(fast, slow, rtol=1e-4)
 
 
-def test_embree_and_numpy_rays_make_the_same_olat_image(blocks, surfaces, camera, lens, plain):
+def test_embree_and_numpy_rays_give_the_same_olat_image(blocks, surfaces, camera, lens, plain):
     slow = olat_image(replace(surfaces_of(blocks(), plain), rays="numpy"), camera, lens, LAMP, plain)
     fast = olat_image(surfaces, camera, lens, LAMP, plain)
     differ = np.abs(slow - fast) > 1e-5 * slow.max()
@@ -106,7 +106,7 @@ def test_embree_and_numpy_rays_make_the_same_olat_image(blocks, surfaces, camera
 
 
 @pytest.mark.parametrize("radius_m", [0, 0.2])
-def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain, radius_m):
+def test_results_do_not_depend_on_threads(surfaces, camera, lens, plain, radius_m):
     """Neither of OLAT images nor of ids nor of maps."""
     lamps, found = {"sun": Lamp(LAMP.position, radius_m=radius_m)}, []
     for threads in (1, 2):
@@ -134,7 +134,7 @@ def test_bounce_reaches_shadows(surfaces, above, lens, plain):
 
 
 @pytest.mark.parametrize("model", CHRONO)
-def test_chrono_s_models_have_direct_light_alone(surfaces, above, lens, plain, model):
+def test_chronos_models_have_only_direct_light(surfaces, above, lens, plain, model):
     lamp = Lamp(np.array([3.0, 0.0, 1.0]))
     image = olat_image(surfaces, above, lens, lamp, plain.model_copy(update={"bounce": 0.1}), model)
     column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
@@ -142,7 +142,7 @@ def test_chrono_s_models_have_direct_light_alone(surfaces, above, lens, plain, m
     assert image.max() > 0
 
 
-def test_walls_throw_shadows_onto_the_sand(blocks, above, lens):
+def test_walls_cast_shadows_on_the_sand(blocks, above, lens):
     lamp = Lamp(np.array([3.5, 0.0, 1.2]))
     walled, bare = (
         surfaces_of(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.3, rim_height_m=0.28)) for rim in (True, False)
@@ -167,7 +167,7 @@ def test_albedo_of_lambert_and_of_lunar_soil():
     )  # Gauss quadrature by another program
 
 
-def test_the_rover_light_stands_between_the_cameras(camera):
+def test_the_rover_light_is_between_the_cameras(camera):
     lamp = lamps_of({}, LocalisedRig(stated_rig(), camera))["rover"]
     np.testing.assert_allclose(camera.inverse().apply(lamp.position), [0.15, 0, 0], atol=1e-12)
     assert lamp.intensity == ROVER_LIGHT_SHARE
@@ -182,7 +182,7 @@ def test_the_rover_light_stands_between_the_cameras(camera):
         ("03_A_off_no_L_0256", ()),
     ],
 )
-def test_a_key_says_which_lamps_are_on(key, lamps):
+def test_the_lamps_of_a_key(key, lamps):
     assert lit_by(PhotoKey.parse(key)) == lamps
 
 

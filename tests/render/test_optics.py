@@ -23,7 +23,7 @@ def second_moment(image):
     return np.array([(near.sum(axis=axis) * steps**2).sum() for axis in (1, 0)]) / near.sum()
 
 
-def test_a_lens_without_faults_leaves_olat_images_as_they_are(surfaces, camera, lens, plain):
+def test_an_ideal_lens_returns_the_same_olat_images(surfaces, camera, lens, plain):
     olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).olat_images
     seen = through_lens(olat_images, LAMPS, surfaces, Camera(camera, lens), plain)
     assert all(seen[key] is olat_image for key, olat_image in olat_images.items())
@@ -37,7 +37,7 @@ def test_a_lens_without_faults_leaves_olat_images_as_they_are(surfaces, camera, 
     veiling_glare=st.floats(0, 0.5),
     size=st.tuples(st.integers(1, 60), st.integers(1, 60)),
 )
-def test_spreading_light_neither_adds_nor_loses_any(blur_px, bloom, bloom_px, veiling_glare, size):
+def test_spreading_preserves_the_total_light(blur_px, bloom, bloom_px, veiling_glare, size):
     options = SensorOptions(blur_px=blur_px, bloom=bloom, bloom_px=bloom_px, veiling_glare=veiling_glare)
     image = np.random.default_rng(1).exponential(size=size).astype(np.float32)
     seen = spread(image, options)
@@ -46,17 +46,17 @@ def test_spreading_light_neither_adds_nor_loses_any(blur_px, bloom, bloom_px, ve
 
 
 @pytest.mark.parametrize("sd_px", [0.3, 0.6, 2.5])
-def test_a_blurred_point_has_the_stated_width(sd_px):
+def test_the_variance_of_a_blurred_point_is_exact(sd_px):
     np.testing.assert_allclose(second_moment(spread(POINT, SensorOptions(blur_px=sd_px))), sd_px**2, rtol=2e-3)
 
 
-def test_wide_blur_is_that_of_another_program(rng):
+def test_wide_blur_agrees_with_scipy(rng):
     image = rng.exponential(size=(90, 70)).astype(np.float32)
     expected = ndimage.gaussian_filter(image, 5.0, mode="reflect", truncate=8)
     np.testing.assert_allclose(spread(image, SensorOptions(blur_px=5.0)), expected, rtol=2e-3)
 
 
-def test_halo_and_veiling_glare_have_their_shares_of_a_point():
+def test_halo_and_veiling_glare_have_the_given_shares():
     seen = spread(POINT, SensorOptions(bloom=0.2, bloom_px=6, veiling_glare=0.1))
     glare = 0.1 / POINT.size
     assert seen[40, 50] == pytest.approx(0.7 + 0.2 / (2 * np.pi * 6**2) + glare, rel=1e-4)
@@ -66,12 +66,12 @@ def test_halo_and_veiling_glare_have_their_shares_of_a_point():
     assert (seen - glare)[within].sum() - 0.7 == pytest.approx(0.2 * (1 - np.exp(-2)), rel=0.02)  # two sd of a disc
 
 
-def test_more_than_all_light_cannot_be_spread():
+def test_shares_above_1_are_rejected():
     with pytest.raises(ValidationError):
         SensorOptions(bloom=0.7, veiling_glare=0.4)
 
 
-def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(surfaces, camera, lens, plain):
+def test_the_lens_is_linear(surfaces, camera, lens, plain):
     faults = {"blur_px": 0.7, "bloom": 0.02, "veiling_glare": 0.01, "lens_flare": 0.01, "vignetting": True}
     options = plain.model_copy(update=faults)
     olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).olat_images
@@ -83,7 +83,7 @@ def test_a_lens_sees_the_sum_of_two_lamps_as_the_sum_of_what_it_sees_of_each(sur
     np.testing.assert_allclose(sum(seen.values()), expected, rtol=1e-5, atol=1e-6 * both.max())
 
 
-def test_threads_do_not_change_a_bit(surfaces, camera, lens, plain):
+def test_results_do_not_depend_on_threads(surfaces, camera, lens, plain):
     options = plain.model_copy(update={"blur_px": 0.7, "bloom": 0.02, "lens_flare": 0.01})
     olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert", "hapke"], None, plain).olat_images
     one, two = (

@@ -26,7 +26,7 @@ def end_of_shadow(lamp_x, lamp_z):
     return EDGE - HEIGHT * (lamp_x - EDGE) / (lamp_z - HEIGHT)
 
 
-def test_a_penumbra_is_as_wide_as_the_lamp_s_disc_makes_it(surfaces):
+def test_the_width_of_a_penumbra_follows_from_the_disc(surfaces):
     """The disc faces the point: its highest and lowest points lie across the line of sight."""
     centre = end_of_shadow(*LAMP.position[[0, 2]])
     along = LAMP.position - [centre, 0, 0]
@@ -39,7 +39,7 @@ def test_a_penumbra_is_as_wide_as_the_lamp_s_disc_makes_it(surfaces):
     assert (np.diff(inside) <= 1e-6).all()
 
 
-def test_a_quarter_of_the_way_shows_the_circle_s_segment(surfaces):
+def test_a_disc_hidden_to_half_the_radius_shows_a_circular_segment(surfaces):
     """Beyond half a radius from its centre a disc has (1 / 3 - sqrt(3) / (4 pi)) of its area."""
     centre = end_of_shadow(*LAMP.position[[0, 2]])
     along = LAMP.position - [centre, 0, 0]
@@ -48,7 +48,7 @@ def test_a_quarter_of_the_way_shows_the_circle_s_segment(surfaces):
     assert shares(surfaces, np.array([x]))[0] == pytest.approx(1 / 3 - np.sqrt(3) / (4 * np.pi), abs=0.02)
 
 
-def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, lens, plain):
+def test_an_unoccluded_disc_equals_a_point_lamp(surfaces, above, lens, plain):
     point, disc = (
         render_view(
             surfaces, Camera(above, lens), {"lamp": Lamp(LAMP.position, radius_m=r)}, ["lambert"], None, plain
@@ -62,7 +62,7 @@ def test_light_without_anything_in_its_way_is_that_of_a_point(surfaces, above, l
     assert np.median(np.abs(other - one)) == 0
 
 
-def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, plain, ids_of, monkeypatch):
+def test_ground_below_the_visibility_threshold_is_shadow(surfaces, above, lens, plain, ids_of, monkeypatch):
     maps = maps_of(surfaces, Camera(above, lens), {"lamp": LAMP}, plain)
     ground, share = maps.ids == GROUND, maps.by_lamp["lamp"].lit
     sizes = []
@@ -74,13 +74,13 @@ def test_ground_that_sees_too_little_of_a_disc_is_shadow(surfaces, above, lens, 
     assert sizes[0] < 0.99 * sizes[1] < 0.97 * sizes[2]
 
 
-def test_half_a_disc_ends_the_shadow_about_where_its_centre_does(surfaces, above, lens, ids_of):
+def test_shadows_of_a_disc_and_of_its_centre_have_similar_outlines(surfaces, above, lens, ids_of):
     point = Lamp(LAMP.position)
     disc, centre = (ids_of(surfaces, above, lens, {"lamp": lamp})["lamp"] == SHADOW_IDS + 1 for lamp in (LAMP, point))
     assert (disc & centre).sum() > 0.95 * (disc | centre).sum()
 
 
-def test_the_sun_is_half_a_degree_wide_and_as_bright_everywhere(surfaces):
+def test_the_sun_is_half_a_degree_wide_and_uniform(surfaces):
     sun = Lamp.sun(azimuth_deg=0.0, elevation_deg=30.0)
     points = np.array([[-2.0, 0, 0], [2.0, 2, 0]], np.float32)
     to_lamp, irradiance = sun.light_at(points, falloff=True)
@@ -95,7 +95,7 @@ def test_the_sun_is_half_a_degree_wide_and_as_bright_everywhere(surfaces):
 
 
 @pytest.mark.parametrize("every", [4, 8])
-def test_sparse_probes_see_what_all_probes_see(surfaces, every):
+def test_sparse_and_full_probes_agree(surfaces, every):
     """Across the shadow, point by point: umbra, penumbra on both sides of it, open ground."""
     x = np.linspace(EDGE - 1.2, EDGE + 0.3, 4000)
     points = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1).astype(np.float32)
@@ -115,7 +115,7 @@ def test_sparse_probes_of_few_points(surfaces, count):
     np.testing.assert_array_equal(found, visible_share(surfaces, points, to_lamp, 0.2, 16, np.zeros(count)))
 
 
-def test_a_picture_with_sparse_probes_differs_in_few_pixels(surfaces, above, lens, plain):
+def test_sparse_probes_change_few_pixels_of_an_image(surfaces, above, lens, plain):
     def picture(every):
         options = plain.model_copy(update={"lamp_probe_px": every})
         return render_view(surfaces, Camera(above, lens), {"lamp": LAMP}, ["lambert"], ["lamp"], options)

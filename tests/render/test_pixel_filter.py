@@ -52,14 +52,14 @@ def test_a_gaussian_has_its_width_in_every_direction(samples, angle):
 
 
 @pytest.mark.parametrize("samples", [4, 16, 400, 10_000])
-def test_with_many_samples_an_edge_comes_near_the_normal_distribution(samples):
+def test_many_gaussian_samples_approach_the_normal_distribution(samples):
     points = np.sort(gaussian(samples)[:, 0])
     steps = np.arange(samples) / samples
     found = ndtr(points / 0.5)
     assert np.maximum(np.abs(found - steps), np.abs(found - steps - 1 / samples)).max() < 0.75 / samples**0.9
 
 
-def test_a_gaussian_of_one_sample_is_refused():
+def test_a_gaussian_filter_with_one_sample_is_rejected():
     with pytest.raises(ValidationError):
         SensorOptions(pixel_filter="gaussian")
 

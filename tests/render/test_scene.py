@@ -33,7 +33,7 @@ def from_above(shot, above):
     return replace(shot, camera=replace(shot.camera, world_from_camera=above))
 
 
-def test_one_picture_of_any_pose_and_lamp(scene, shot):
+def test_an_image_of_any_pose_and_lamp(scene, shot):
     one = scene.picture(shot)
     assert one.dtype == np.uint16
     assert (one > BLACK_LEVEL).mean() > 0.3
@@ -43,7 +43,7 @@ def test_one_picture_of_any_pose_and_lamp(scene, shot):
     assert scene.picture(replace(shot, exposure_ms=200.0)).mean() > 1.5 * one.mean()
 
 
-def test_depth_and_normals_are_those_of_the_block_and_the_ground(scene, from_above):
+def test_depth_and_normals_of_block_and_ground(scene, from_above):
     maps = scene.maps(from_above)
     block, ground = maps.ids == ROCK_IDS + 1, maps.ids == GROUND
     top = block & (maps.normal[..., 2] > 0.99)
@@ -54,7 +54,7 @@ def test_depth_and_normals_are_those_of_the_block_and_the_ground(scene, from_abo
     assert np.isnan(maps.depth_m[nothing]).all()
 
 
-def test_angles_are_those_of_lamp_and_viewer(scene, from_above):
+def test_angles_agree_with_lamp_and_viewer(scene, from_above):
     maps = scene.maps(from_above)
     row, column = np.argwhere(maps.ids == GROUND)[100]
     camera = from_above.camera

@@ -10,7 +10,7 @@ OPTIONS = RenderOptions()
 KEY = PhotoKey.parse("03_A_off_180_L_0256")
 
 
-def test_darkness_is_the_black_level():
+def test_zero_radiance_is_the_black_level():
     assert expose(RADIANCE, 10, OPTIONS)[0, 0] == BLACK_LEVEL
 
 
@@ -20,7 +20,7 @@ def test_twice_the_exposure_is_twice_the_signal_until_it_clips():
     assert long[0].tolist() == [0, 20, 200, 1000, WHITE_LEVEL - BLACK_LEVEL]
 
 
-def test_no_light_is_too_bright_for_the_sensor():
+def test_extreme_radiance_saturates():
     assert expose(np.full((1, 1), 1e30, np.float32), 1e6, OPTIONS)[0, 0] == WHITE_LEVEL
 
 
@@ -36,7 +36,7 @@ def test_noise_follows_shot_and_read_noise(rng):
 
 
 @pytest.mark.parametrize(("per_dn", "read"), [(8.0, 7.0), (2.0, 4.0), (20.0, 60.0)])
-def test_the_photon_transfer_curve_tells_gain_and_read_noise(rng, per_dn, read):
+def test_the_photon_transfer_curve_yields_gain_and_read_noise(rng, per_dn, read):
     """The variance of grey values is their mean over the gain, plus read noise, plus rounding's 1/12."""
     options = OPTIONS.model_copy(update={"electrons_per_dn": per_dn, "read_noise_electrons": read})
     signals = np.linspace(0, 2000, 9, dtype=np.float32)
@@ -54,7 +54,7 @@ def test_without_light_and_read_noise_nothing_varies(rng):
     assert (expose(np.zeros((50, 50), np.float32), 1000, options, rng) == BLACK_LEVEL).all()
 
 
-def test_a_picture_has_its_own_noise_and_the_same_every_time():
+def test_noise_differs_between_images_and_is_reproducible():
     noisy = RenderOptions(noise=True)
     assert noise_of(OPTIONS, KEY) is None
     drawn = [

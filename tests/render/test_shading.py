@@ -92,7 +92,7 @@ def iou(first, second):
 
 
 @pytest.mark.parametrize("lamp", [LOW, Lamp(np.array([-1.2, 3.4, 1.1])), Lamp(np.array([3.5, -1.4, 0.8]))])
-def test_cast_shadows_are_the_ground_that_turns_lit_without_the_rock(surfaces, hits, ids_of, lamp):
+def test_cast_shadows_are_ground_that_is_lit_without_the_rock(surfaces, hits, ids_of, lamp):
     """Of ground that several rocks hide the first one counts, so that there only all of them together are tested.
 
     Ground in a rock's shadow that were dark without any rock, grains that face away, is left out: it belongs to it.
@@ -126,7 +126,7 @@ def named(shading):
     )
 
 
-def test_every_dark_pixel_names_what_hides_the_lamp_from_it(surfaces, hits):
+def test_the_code_of_a_dark_pixel_is_its_occluder(surfaces, hits):
     own, found = surfaces.id_of_face[hits.face], dict.fromkeys(("itself", "rock", "relief", "wall", "sand"), 0)
     for lamp in (LOW, BEHIND):
         shading = (
@@ -151,7 +151,7 @@ def test_every_dark_pixel_names_what_hides_the_lamp_from_it(surfaces, hits):
     assert min(found.values()) > 10, found
 
 
-def test_self_and_cast_shadow_are_apart_and_all_that_is_dark(surfaces, hits):
+def test_dark_pixels_are_either_self_or_cast_shadow(surfaces, hits):
     maps = maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"]
     by_rock = maps.shading >= ROCK_IDS
     own = (maps.shading == FACES_AWAY) | (by_rock & (maps.shading < SHADOW_IDS))
@@ -165,7 +165,7 @@ def test_self_and_cast_shadow_are_apart_and_all_that_is_dark(surfaces, hits):
 
 
 @pytest.mark.parametrize("lamp", [LOW, BEHIND])
-def test_rocks_shade_exactly_the_ground_and_walls_that_are_lit_without_them(surfaces, hits, lamp):
+def test_shading_codes_of_ground_and_walls_agree_with_removed_rocks(surfaces, hits, lamp):
     shading = (
         maps_of(surfaces, Camera(CAMERA, LENS), {"sun": lamp}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
     )
@@ -179,7 +179,7 @@ def test_rocks_shade_exactly_the_ground_and_walls_that_are_lit_without_them(surf
         assert iou((shading == SHADOW_IDS + rock) & on_rest & ~by_several, expected) >= 0.999
 
 
-def test_rocks_shade_no_other_ground_than_pictures_of_ids_say(surfaces, hits, ids_of):
+def test_shading_codes_agree_with_id_maps(surfaces, hits, ids_of):
     shading = (
         maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
     )
@@ -191,7 +191,7 @@ def test_rocks_shade_no_other_ground_than_pictures_of_ids_say(surfaces, hits, id
     assert filled_in.sum() < 0.03 * by_rock.sum()
 
 
-def test_under_a_disc_dark_is_what_sees_too_little_of_it(surfaces, hits, monkeypatch):
+def test_pixels_below_the_visibility_threshold_of_a_disc_are_dark(surfaces, hits, monkeypatch):
     disc = replace(LOW, radius_m=0.25)
     towards = disc.light_at(hits.point, falloff=False)[0]
     first_row = hits.pixel // LENS.width // STRIP * STRIP

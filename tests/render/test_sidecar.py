@@ -31,14 +31,14 @@ def make(folders, out="twins", options=OPTIONS):
     return folders / out
 
 
-def test_every_twin_has_one_and_no_other_file_lies_there(folders):
+def test_every_twin_has_a_sidecar_and_there_are_no_other_files(folders):
     assert sorted(path.name for path in make(folders).iterdir()) == sorted(
         f"{key}{suffix}" for key in KEYS for suffix in (".json", ".png")
     )
 
 
 @pytest.mark.parametrize("key", KEYS, ids=str)
-def test_with_it_and_the_meshes_the_twin_can_be_made_again(folders, key):
+def test_a_twin_can_be_rendered_again_from_sidecar_and_meshes(folders, key):
     twins = make(folders)
     told = read_sidecar(twins / f"{key}.json")
     again = Scene(folders / "meshes", told.terrain, told.options).picture(told.shot)
@@ -46,7 +46,7 @@ def test_with_it_and_the_meshes_the_twin_can_be_made_again(folders, key):
     assert (again > 16).any() == (key != KEYS[3])
 
 
-def test_its_seed_makes_the_noise_of_the_twin(folders):
+def test_the_noise_seed_reproduces_the_noise(folders):
     twins = make(folders, options=OPTIONS.model_copy(update={"noise": True}))
     for key in KEYS[:2]:
         told = read_sidecar(twins / f"{key}.json")
@@ -57,7 +57,7 @@ def test_its_seed_makes_the_noise_of_the_twin(folders):
         assert np.corrcoef(noise[free], draw[free])[0, 1] > 0.95  # the rest: rounding, more noise where it is bright
 
 
-def test_it_alone_tells_where_mesh_points_are_seen(folders):
+def test_mesh_points_can_be_projected_with_the_sidecar(folders):
     twins = make(folders)
     rock = obj.read(folders / "meshes" / obj.rock_name(1, 1))
     top = rock.vertices[rock.vertices[:, 2] > rock.vertices[:, 2].max() - 1e-6]
@@ -70,7 +70,7 @@ def test_it_alone_tells_where_mesh_points_are_seen(folders):
         assert (ids[row, column] == ROCK_IDS + 1).all()
 
 
-def test_lamps_are_those_that_are_on_the_one_with_the_labelled_shadows_first(folders):
+def test_the_first_lamp_casts_the_labelled_shadows(folders):
     twins = make(folders)
     lamps = {str(key): list(read_sidecar(twins / f"{key}.json").shot.lamps) for key in KEYS}
     assert list(lamps.values()) == [["30"], ["30", ROVER], ["180", ROVER], []]
@@ -85,7 +85,7 @@ def test_the_same_run_in_another_folder_gives_the_same_bytes(folders, tmp_path_f
         assert str(folders) not in path.read_text()
 
 
-def test_another_mesh_or_pose_shows_in_its_sources(folders):
+def test_sources_change_with_meshes_and_lamps(folders):
     def sources():
         return read_sidecar(make(folders) / f"{KEYS[0]}.json").sources
 
@@ -100,7 +100,7 @@ def test_another_mesh_or_pose_shows_in_its_sources(folders):
     assert after["camera"] == before["camera"]
 
 
-def test_a_digest_of_files_is_what_sha256sum_prints(tmp_path):
+def test_the_digest_of_files_equals_sha256sum(tmp_path):
     for name in ("b", "a"):
         (tmp_path / name).write_text(name)
     line = "".join(f"{hashlib.sha256(name.encode()).hexdigest()}  {name}\n" for name in "ab")
@@ -125,7 +125,7 @@ def test_a_digest_of_files_is_what_sha256sum_prints(tmp_path):
         ("noise_seed", 1),
     ],
 )
-def test_a_broken_one_is_named_with_the_reason_in_one_line(folders, name, value):
+def test_an_invalid_sidecar_is_reported_in_one_line(folders, name, value):
     path = make(folders) / f"{KEYS[0]}.json"
     content = json.loads(path.read_text())
     write_sidecar(path, {**content, name: value})

@@ -18,7 +18,7 @@ def floating(blocks):
     return TerrainMesh(vertices, mesh.faces[~below], mesh.rock_of_face[~below], mesh.normals)
 
 
-def test_the_rim_of_a_block_without_underside_is_its_foot_and_not_its_seams(floating):
+def test_open_edges_of_a_block_without_underside_exclude_seams(floating):
     rim = low_rim(floating.vertices, floating.faces[floating.rock_of_face == 1])
     assert len(rim) == 4
     np.testing.assert_allclose(floating.vertices[rim][:, :, 2], GAP)
@@ -26,12 +26,12 @@ def test_the_rim_of_a_block_without_underside_is_its_foot_and_not_its_seams(floa
     np.testing.assert_allclose(lengths, 0.4)
 
 
-def test_a_closed_rock_is_left_as_it_is(blocks):
+def test_a_closed_rock_has_no_skirt(blocks):
     mesh = blocks()
     assert len(with_skirts(mesh, 0.05).faces) == len(mesh.faces)
 
 
-def test_strips_look_to_the_side_that_the_faces_above_look_to():
+def test_skirts_face_the_same_side_as_the_faces_above():
     start, end = np.array([[0.0, 0, 1]]), np.array([[1.0, 0, 1]])  # under a face whose third corner is (0, 0, 2)
     vertices, faces, normals = hang(start, end, 0.1)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -41,7 +41,7 @@ def test_strips_look_to_the_side_that_the_faces_above_look_to():
     assert vertices[:, 2].min() == 0.9
 
 
-def test_no_light_passes_beneath_a_seated_rock(floating, camera, lens, plain, ids_of):
+def test_skirts_prevent_light_leaks(floating, camera, lens, plain, ids_of):
     lamp = Lamp(np.array([-3.5, 0.0, 0.1]))  # behind the block, low: shines through the gap towards the camera
     for depth, leaks in ((0.0, True), (0.05, False)):
         surfaces = surfaces_of(floating, plain.model_copy(update={"skirt_m": depth}))

@@ -17,7 +17,7 @@ def test_boxes_are_closed_and_face_outwards():
         np.testing.assert_allclose(np.cross(flux, normals[faces[:, corner]]), 0, atol=1e-12)
 
 
-def test_walls_stand_around_the_sand_and_belong_to_no_rock(blocks, surfaces):
+def test_walls_surround_the_sand_and_have_the_background_id(blocks, surfaces):
     options = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.3)
     mesh_faces = len(surfaces.faces)
     walled = surfaces_of(blocks(), options)
@@ -27,11 +27,11 @@ def test_walls_stand_around_the_sand_and_belong_to_no_rock(blocks, surfaces):
     assert added[:, 2].max() == 0.3
 
 
-def test_ids_tell_ground_from_rock(surfaces):
+def test_faces_have_the_ids_of_ground_and_rock(surfaces):
     assert surfaces.id_of_face.tolist() == [GROUND] * 2 + [ROCK_IDS + 1] * 12
 
 
-def test_pixels_see_the_point_that_projects_back_to_them(surfaces, camera, lens):
+def test_hit_points_project_back_to_their_pixels(surfaces, camera, lens):
     hits = cast_strip(surfaces, Camera(camera, lens), slice(64, 128))
     assert len(hits.pixel) > 5000
     back = lens.project(camera.inverse().apply(hits.point.astype(float)))
@@ -52,7 +52,7 @@ def test_smooth_normals_are_blended_between_the_corners(lens, above):
     np.testing.assert_allclose(hits.plane, np.tile([0, 0, 1], (len(hits.pixel), 1)), atol=1e-6)
 
 
-def test_normals_look_at_the_viewer_when_a_surface_is_seen_from_inside(blocks, plain, lens, camera):
+def test_normals_face_the_viewer_inside_an_open_mesh(blocks, plain, lens, camera):
     mesh = blocks()
     inside_out = surfaces_of(type(mesh)(mesh.vertices, mesh.faces[:, ::-1], mesh.rock_of_face, -mesh.normals), plain)
     hits = cast_strip(inside_out, Camera(camera, lens), slice(0, lens.height))

@@ -25,7 +25,7 @@ def render(folders, out, keys=KEYS, model="hapke", options=OPTIONS, **others):
     return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).glob("*.png"))}
 
 
-def test_every_key_gets_a_twin_of_12_bits(folders, lens):
+def test_every_key_has_a_12_bit_twin(folders, lens):
     twins = render(folders, "twins")
     assert sorted(twins) == sorted(map(str, KEYS))
     for twin in twins.values():
@@ -35,7 +35,7 @@ def test_every_key_gets_a_twin_of_12_bits(folders, lens):
         assert twin.max() > 100
 
 
-def test_models_that_share_rays_get_the_twins_that_each_gets_alone(folders):
+def test_models_rendered_together_equal_separate_renderings(folders):
     both = {model: folders / "both" / model for model in ("hapke", "principled")}
     render_into(folders, both, KEYS, OPTIONS)
     for model, together in both.items():
@@ -53,7 +53,7 @@ def test_grey_values_double_with_the_exposure_until_they_clip(folders):
     assert np.abs(long - 2 * short)[free].max() <= 1  # rounding
 
 
-def test_another_box_has_no_walls_of_the_sandbox(folders):
+def test_terrain_13_has_no_walls(folders):
     """Walls that stand between the lamp and the block: they shade it on terrain 1, and terrain 13 has none."""
     for mesh in (folders / "meshes").iterdir():
         mesh.rename(mesh.with_name(mesh.name.replace("terrain01", "terrain13")))
@@ -81,7 +81,7 @@ def test_the_same_bytes_with_one_thread_and_two(folders):
         assert path.read_bytes() == (folders / "two" / path.name).read_bytes()
 
 
-def test_the_lens_darkens_and_blurs_every_photo_once(folders, lens):
+def test_vignetting_and_blur_are_applied_once(folders, lens):
     plain = OPTIONS.model_copy(update={"gain": {"hapke": 20.0}})
     faulty = plain.model_copy(update={"vignetting": True, "blur_px": 1.5})
     sharp, seen = render(folders, "plain", options=plain), render(folders, "faulty", options=faulty)
@@ -93,7 +93,7 @@ def test_the_lens_darkens_and_blurs_every_photo_once(folders, lens):
         assert np.abs(signal - expected).max() > 0.1 * signal.max()
 
 
-def test_a_position_without_a_pose_is_a_warning_and_a_gap(folders, caplog):
+def test_a_position_without_pose_is_skipped_with_a_warning(folders, caplog):
     with caplog.at_level(logging.WARNING):
         twins = render(folders, "twins", [KEYS[0], PhotoKey.parse("01_B_off_30_L_0256")])
     assert list(twins) == [str(KEYS[0])]
@@ -127,7 +127,7 @@ def photo_table(folders, twins, factor):
     return table
 
 
-def test_twins_take_their_brightness_from_the_photos(folders):
+def test_the_gain_is_calibrated_on_photos(folders):
     plain = render(folders, "plain", options=OPTIONS.model_copy(update={"gain": {"hapke": 60.0}}))
     table = photo_table(folders, plain, 0.8)
     matched = render(folders, "matched", photos=table)
@@ -136,7 +136,7 @@ def test_twins_take_their_brightness_from_the_photos(folders):
         assert np.abs(twin - expected[key]).max() <= 0.005 * WHITE_LEVEL
 
 
-def test_some_of_the_twins_are_those_of_the_whole_set_wherever_their_brightness_comes_from(folders):
+def test_a_subset_of_twins_equals_those_of_the_full_set(folders):
     table = photo_table(folders, render(folders, "plain"), 0.8)
     whole = render(folders, "whole", photos=table)
     for chosen in (KEYS[:1], KEYS[3:5], KEYS[6:]):  # of the view that sets the brightness, and of the other
@@ -149,7 +149,7 @@ def test_some_of_the_twins_are_those_of_the_whole_set_wherever_their_brightness_
         assert set(labels["key"]) == set(map(str, chosen))
 
 
-def test_a_terrain_of_whose_photos_none_is_asked_for_has_all_its_folders_and_an_empty_table(folders):
+def test_an_empty_selection_writes_folders_and_an_empty_table(folders):
     """Split by position a terrain may have no test photo; the gap's twins are of test photos."""
     render(folders, "none", only=set())
     for folder in (folders / "none", folders / "labels/boxes", folders / "labels/instances"):
@@ -159,7 +159,7 @@ def test_a_terrain_of_whose_photos_none_is_asked_for_has_all_its_folders_and_an_
     assert (folders / "labels/coco.json").is_file()
 
 
-def test_lamps_may_stand_where_another_folder_says(folders):
+def test_lamps_can_be_read_from_a_separate_folder(folders):
     from polarsim.run_files.lamps import write_suns
 
     write_suns(folders / "moved", {"30": np.array([-3.0, 1.0, 0.8])})
@@ -168,7 +168,7 @@ def test_lamps_may_stand_where_another_folder_says(folders):
     np.testing.assert_array_equal(moved["01_A_off_180_R_0256"], twins["01_A_off_180_R_0256"])
 
 
-def test_unusable_photos_leave_the_gain_as_it_is(folders, lens):
+def test_unusable_photos_do_not_change_the_gain(folders, lens):
     dark = np.full(lens.shape, BLACK_LEVEL, np.uint16)
     assert not len(gain_ratios(dark, np.ones(dark.shape, np.float32), 256))
     assert not len(gain_ratios(dark + 500, np.zeros(dark.shape, np.float32), 256))

@@ -6,7 +6,7 @@ import pytest
 from polarsim.scenes.background import add_background, draw_hall
 
 
-def test_the_hall_is_as_bright_as_stated_where_nothing_is_lit(rng):
+def test_the_hall_is_added_to_unlit_pixels_only(rng):
     for _ in range(10):
         hall = draw_hall((60, 90), rng)
         assert hall.mean() == pytest.approx(1)

@@ -15,14 +15,14 @@ from tests.scenes.conftest import block
 COARSE = {"cell_m": 0.1, "max_craters": 0}
 
 
-def test_a_scene_has_as_many_rocks_as_asked_for_and_an_albedo_for_every_vertex(shapes):
+def test_a_scene_has_the_given_number_of_rocks_and_vertex_albedo(shapes):
     scene = draw_scene(shapes, SceneRanges(rocks=(7, 7), **COARSE), generator(0, "test"))
     assert scene.mesh.rocks == list(range(1, 8))
     assert len(scene.albedo) == len(scene.mesh.vertices)
     assert (scene.albedo > 0).all()
 
 
-def test_no_layout_comes_twice_and_the_same_draw_gives_the_same_scene(shapes):
+def test_scenes_are_reproducible_and_differ_between_seeds(shapes):
     first, again, other = (draw_scene(shapes, SceneRanges(**COARSE), generator(n, "x")) for n in (3, 3, 4))
     np.testing.assert_array_equal(first.mesh.vertices, again.mesh.vertices)
     assert first.options == again.options
@@ -30,7 +30,7 @@ def test_no_layout_comes_twice_and_the_same_draw_gives_the_same_scene(shapes):
     assert not np.intersect1d(first.mesh.rock_vertices(1), other.mesh.rock_vertices(1)).size
 
 
-def test_a_scene_has_one_of_the_models_that_are_asked_for(shapes):
+def test_a_scene_has_one_of_the_given_models(shapes):
     def models(**options):
         chosen = SceneRanges(rocks=(1, 1), **COARSE, **options)
         return {draw_scene(shapes, chosen, generator(n, "x")).options.models for n in range(12)}
@@ -61,7 +61,7 @@ def test_rocks_are_scaled_within_the_limits_and_keep_their_shape(shapes, size, r
     assert {round(height / size, 3) for height in heights} == ratios
 
 
-def test_rocks_rest_on_the_sand_or_are_sunk_by_the_share(shapes):
+def test_rocks_are_sunk_by_the_given_share(shapes):
     grid = np.meshgrid(np.arange(-2, 2.01, 0.1), np.arange(-2, 2.01, 0.1))
     for sunk in (0.0, 0.4):
         options = SceneRanges(rocks=(9, 9), sunk=(sunk, sunk), piled_share=(0, 0))
@@ -70,7 +70,7 @@ def test_rocks_rest_on_the_sand_or_are_sunk_by_the_share(shapes):
             assert rock.vertices[:, 2].min() == pytest.approx(-sunk * np.ptp(rock.vertices[:, 2]), abs=1e-9)
 
 
-def test_rocks_lie_where_the_camera_sees_sand(shapes):
+def test_rocks_are_placed_on_visible_sand(shapes):
     options = SceneRanges(rocks=(30, 30), piled_share=(0, 0), camera_height_m=(1.2, 1.2))
     grid = np.meshgrid(np.arange(-3, 3.01, 0.1), np.arange(-3, 3.01, 0.1))
     camera, seen = _camera(options)
@@ -97,7 +97,7 @@ def test_piles_are_higher_than_any_of_their_rocks():
     assert np.median(highest) > 0.25  # of rocks 0.2 m high
 
 
-def test_tumbled_rocks_point_anywhere_and_the_others_stand_upright(rng):
+def test_tumbled_rocks_have_any_rotation_and_others_are_upright(rng):
     upright = [draw_rotation(SceneRanges(tumbled_share=0, tilt_sd_deg=5), rng).apply([0, 0, 1])[2] for _ in range(300)]
     assert np.degrees(np.arccos(min(upright))) < 30
     tumbled = [draw_rotation(SceneRanges(tumbled_share=1), rng).apply([0, 0, 1])[2] for _ in range(300)]
@@ -125,7 +125,7 @@ def _ball(count):
     return Mesh(points, faces)
 
 
-def test_ground_comes_first_and_is_no_rock():
+def test_ground_is_first_and_not_a_rock():
     scene = draw_scene([Shape(block(0.1, 0.1, 0.1))], SceneRanges(rocks=(2, 2), **COARSE), generator(2, "g"))
     assert scene.mesh.rock_of_face[0] == NO_ROCK
     assert np.count_nonzero(scene.mesh.rock_of_face == 1) == 12

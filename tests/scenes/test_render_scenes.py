@@ -31,7 +31,7 @@ def rendered(tmp_path):
     return render
 
 
-def test_every_scene_and_lamp_has_a_picture_and_labels(rendered):
+def test_every_scene_and_lamp_has_an_image_and_labels(rendered):
     folder = rendered("scenes", number=2)
     names = [path.stem for path in sorted((folder / "images").iterdir())]
     assert names == [f"t01_s00{scene}_l{lamp}" for scene in (0, 1) for lamp in (0, 1, 2)]
@@ -45,7 +45,7 @@ def test_every_scene_and_lamp_has_a_picture_and_labels(rendered):
     assert all(picture.std() > 3 for picture in pictures)
 
 
-def test_masks_show_what_has_a_label_and_ignore_what_has_none(rendered):
+def test_masks_contain_labelled_objects_and_ignore_others(rendered):
     folder = rendered("scenes", number=2)
     for path in sorted((folder / "images").iterdir()):
         mask = class_masks.read(folder / "masks" / path.name)
@@ -72,7 +72,7 @@ def test_the_same_options_write_the_same_bytes(rendered):
         assert path.read_bytes() == (again / path.relative_to(first)).read_bytes(), path.name
 
 
-def test_labelled_rocks_are_where_the_picture_is_bright(rendered):
+def test_labels_cover_the_bright_rocks(rendered):
     """Rocks twice as bright as smooth sand, lit from behind the camera or beside: boxes hold the brightest pixels."""
     flat = {"rough_sd_m": (0, 0), "max_layers": 0, "swell_sd_m": (0, 0), "max_craters": 0}
     folder = rendered(
@@ -94,14 +94,14 @@ def test_labelled_rocks_are_where_the_picture_is_bright(rendered):
     assert sum(outside) < 0.15 * sum(inside)
 
 
-def test_what_nobody_can_see_has_no_label(rendered):
+def test_objects_without_contrast_have_no_label(rendered):
     folders = rendered("seen", min_contrast=0), rendered("invisible", min_contrast=1.01)
     counts = [sum(len(path.read_text().splitlines()) for path in (folder / "labels").iterdir()) for folder in folders]
     assert counts[0] >= 6
     assert counts[1] == 0
 
 
-def test_contrast_is_that_of_the_picture():
+def test_contrast_is_measured_in_the_image():
     """A rock at 0.2 of white before sand at 0.6: of dark photos less is seen, of overexposed ones nothing."""
     ids = np.full((30, 40), GROUND, np.uint16)
     ids[10:20, 5:15] = ROCK_IDS + 4
@@ -121,14 +121,14 @@ def test_contrast_is_that_of_the_picture():
 
 
 @pytest.mark.parametrize("gamma", [1.0, 1.5, 2.0])
-def test_tones_go_from_black_to_white_whatever_the_curve(gamma):
+def test_the_tone_curve_runs_from_black_to_white(gamma):
     curve = tone_curve(gamma)
     assert (curve[: BLACK_LEVEL + 1] == 0).all()
     assert curve[WHITE_LEVEL] == 255
     assert curve[BLACK_LEVEL + (WHITE_LEVEL - BLACK_LEVEL) // 2] == pytest.approx(255 * 0.5 ** (1 / gamma), abs=1)
 
 
-def test_a_terrain_without_rocks_is_named(tmp_path):
+def test_a_folder_without_rocks_is_reported(tmp_path):
     (tmp_path / "meshes").mkdir()
     with pytest.raises(DetectError) as error:
         render_scenes(

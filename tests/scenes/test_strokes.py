@@ -24,14 +24,14 @@ def grainy(random: np.random.Generator, shape: tuple[int, int] = (160, 240)) -> 
     return np.clip(90 + smooth + random.normal(0, 2, shape), 0, 255).astype(np.uint8)
 
 
-def test_a_grey_picture_has_no_strokes_and_stays_as_it_is(rng):
+def test_a_grey_image_has_no_strokes_and_is_unchanged(rng):
     photo = grainy(rng)
     assert not find_strokes(np.repeat(photo[..., None], 3, axis=-1)).any()
     np.testing.assert_array_equal(erase_strokes(np.repeat(photo[..., None], 3, axis=-1)), photo)
 
 
 @pytest.mark.parametrize("colour", COLOURS)
-def test_nothing_but_strokes_is_touched(rng, colour):
+def test_only_strokes_are_changed(rng, colour):
     photo = grainy(rng)
     drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
     erased = erase_strokes(drawn)
@@ -40,7 +40,7 @@ def test_nothing_but_strokes_is_touched(rng, colour):
 
 
 @pytest.mark.parametrize("colour", COLOURS)
-def test_what_lies_below_strokes_is_told_to_a_few_grey_values(rng, colour):
+def test_erased_strokes_recover_the_photo_to_a_few_grey_values(rng, colour):
     photo = grainy(rng)
     drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
     strokes = find_strokes(drawn)
@@ -49,7 +49,7 @@ def test_what_lies_below_strokes_is_told_to_a_few_grey_values(rng, colour):
     assert abs(error.mean()) < 1.5
 
 
-def test_a_soft_edge_gives_its_grey_value_back():
+def test_the_grey_value_at_an_antialiased_edge_is_recovered():
     photo = np.full((40, 40), 100, np.uint8)
     picture = np.repeat(photo[..., None], 3, axis=-1)
     picture[10:30, 20] = (255, 0, 0)
@@ -62,7 +62,7 @@ def test_a_soft_edge_gives_its_grey_value_back():
     x=st.integers(20, 100), y=st.integers(40, 80), wide=st.integers(30, 100), high=st.integers(30, 60),
     width=st.sampled_from([1, 3]),
 )  # fmt: skip
-def test_drawn_boxes_are_found_within_their_lines(x, y, wide, high, width):
+def test_drawn_boxes_are_detected(x, y, wide, high, width):
     photo = np.full((160, 240), 80, np.uint8)
     drawn = draw_strokes(photo, np.array([[x, y, x + wide, y + high]]), [7], COLOURS[0], width, 12)
     inner = [box for box in drawn_boxes(find_strokes(drawn)) if box[2] - box[0] > wide / 2]
@@ -70,12 +70,12 @@ def test_drawn_boxes_are_found_within_their_lines(x, y, wide, high, width):
     np.testing.assert_allclose(inner, [[x + half, y + half, x + wide - half + 1, y + high - half + 1]], atol=1)
 
 
-def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_spots(rng):
+def test_random_strokes_are_independent_of_labels(rng):
     """Shares of touched pixels inside and outside of labels, over many pictures of the same flat grain."""
     labelled = np.zeros((160, 240), bool)
     labelled[50:110, 60:130] = True
     inside, outside = [], []
-    for _ in range(150):
+    for _ in range(80):
         photo = rng.integers(60, 120, labelled.shape).astype(np.uint8)
         touched = augment_with_annotations(photo, 12, rng, 480) != photo
         inside.append(touched[labelled].mean())
@@ -86,7 +86,7 @@ def test_practised_strokes_lie_alike_on_labelled_and_unlabelled_spots(rng):
     assert abs(difference.mean()) < 0.25 * np.mean(outside) + 3 * difference.std() / np.sqrt(len(difference))
 
 
-def test_erased_strokes_have_the_grain_of_their_surroundings(rng):
+def test_erased_strokes_have_the_grain_of_the_photo(rng):
     """Else a smooth stripe would tell a detector where somebody drew."""
     photo = (100 + ndimage.gaussian_filter(rng.normal(0, 6, (300, 400)), 0.7)).astype(np.uint8)
     drawn = draw_strokes(photo, np.array([[60.0, 60, 340, 240]]), [1], COLOURS[0], 4, 26)
@@ -95,12 +95,12 @@ def test_erased_strokes_have_the_grain_of_their_surroundings(rng):
     assert 0.5 < fine[strokes].mean() / fine[~strokes].mean() < 1.5
 
 
-def test_practice_without_strokes_leaves_the_picture(rng):
+def test_augmentation_without_strokes_returns_the_photo(rng):
     photo = grainy(rng)
     np.testing.assert_array_equal(augment_with_annotations(photo, 0, rng, 480), photo)
 
 
 @pytest.mark.parametrize(("terrain", "position", "boxes"), [(1, "A", 15), (1, "C", 15), (11, "C", 9), (4, "C", 0)])
-def test_published_covers_show_as_many_boxes_as_people_counted(release_root, terrain, position, boxes):
+def test_the_number_of_boxes_on_published_covers(release_root, terrain, position, boxes):
     picture = png.read(release.cover_photos(release_root, terrain)[position])[..., :3]
     assert len(drawn_boxes(find_strokes(picture))) == boxes  # counted by eye

@@ -27,7 +27,7 @@ def level(half, chosen):
 
 
 @pytest.mark.parametrize(("x", "height", "pitch"), [(-3.5, 1.5, 25), (-3.0, 0.5, 8), (0.0, 0.4, 20), (-2.2, 0.35, 10)])
-def test_the_sand_that_is_seen_is_that_which_rays_meet(x, height, pitch):
+def test_visible_sand_agrees_with_rays(x, height, pitch):
     """Against the renderer's rays: the camera outside the walls, near them, inside."""
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
     camera = Camera(looking(np.array([x, 0.3, height]), 0.1, np.radians(pitch)), LENS)
@@ -39,7 +39,7 @@ def test_the_sand_that_is_seen_is_that_which_rays_meet(x, height, pitch):
     assert np.abs(points).max() <= 2.0
 
 
-def test_cameras_stand_and_look_as_asked_and_see_sand():
+def test_random_cameras_are_in_their_ranges_and_show_sand():
     options = SceneRanges()
     chosen = RenderOptions(rim=True, rim_half_width_m=2.05, rim_height_m=0.25)
     headings = []
@@ -53,7 +53,7 @@ def test_cameras_stand_and_look_as_asked_and_see_sand():
     assert np.abs(np.exp(1j * np.array(headings)).mean()) < 3 / np.sqrt(40)  # all around
 
 
-def test_impossible_views_are_named():
+def test_cameras_that_show_no_sand_are_rejected():
     options = SceneRanges(camera_height_m=(0.3, 0.3), camera_distance_m=(900, 1000))
     chosen = RenderOptions(rim=True, rim_half_width_m=2, rim_height_m=0.36)
     with pytest.raises(DetectError):
@@ -61,7 +61,7 @@ def test_impossible_views_are_named():
 
 
 @pytest.mark.parametrize("near_share", [0.0, 1.0])
-def test_lamps_stand_as_high_and_as_far_as_asked(near_share):
+def test_random_lamps_are_in_their_ranges(near_share):
     options = SceneRanges(near_share=near_share, elevation_deg=(4, 9), lamp_distance_m=(3, 5), min_lit_share=0)
     chosen = RenderOptions(rim=False)
     surfaces = level(3.0, chosen)
@@ -75,7 +75,7 @@ def test_lamps_stand_as_high_and_as_far_as_asked(near_share):
         assert lamp.distant != bool(near_share)
 
 
-def test_a_lamp_lights_the_sand_over_the_walls():
+def test_lamps_light_the_minimum_share_of_sand():
     """Low suns leave the near part of the sand in the walls' shade: only high enough ones light three quarters."""
     options = SceneRanges(near_share=0, min_lit_share=0.75)
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)

@@ -17,19 +17,19 @@ def photo(rate, exposure_ms):
 
 
 @given(st.lists(st.floats(0.3, 100), min_size=4, max_size=4))
-def test_light_comes_back_from_exposures_of_which_some_clip(rates):
+def test_merging_recovers_light_from_partly_clipped_exposures(rates):
     rate = np.array(rates).reshape(2, 2)
     found = merged((photo(rate, ms), ms) for ms in (16.0, 64.0, 256.0))
     np.testing.assert_allclose(found.rate, rate, rtol=0.02)
     assert (found.variance > 0).all()
 
 
-def test_what_all_photos_clip_or_leave_black_is_unknown():
+def test_pixels_without_usable_exposure_have_infinite_variance():
     found = merged((photo([[1e4, 0.001, 1.0]], ms), ms) for ms in (16.0, 64.0))
     assert np.isinf(found.variance).tolist() == [[True, True, False]]
 
 
-def test_variance_is_what_noise_makes():
+def test_the_variance_agrees_with_the_noise():
     rng = np.random.default_rng(1)
     rate, ms = 2.0, 256.0
     light = rate * ms
@@ -38,7 +38,7 @@ def test_variance_is_what_noise_makes():
     assert found.rate.var() == pytest.approx(float(found.variance.mean()), rel=0.1)
 
 
-def test_no_photo_is_no_picture():
+def test_merging_no_photos_returns_none():
     assert merged([]) is None
 
 
@@ -52,18 +52,18 @@ def write(folder, rates):
     return paths
 
 
-def test_the_rover_light_is_what_a_sun_lamp_lacks_where_it_is_never_alone(tmp_path):
+def test_the_rover_light_is_a_difference_without_photos_of_it_alone(tmp_path):
     found = single_lamps(write(tmp_path, {"off_30": 2.0, "on_30": 5.0, "off_180": 1.0, "on_180": 4.0}), SMALL)
     assert list(found) == ["30", "180", "rover"]
     np.testing.assert_allclose(found["rover"].rate, 3.0, rtol=0.02)
 
 
-def test_the_rover_light_alone_goes_before_differences(tmp_path):
+def test_photos_of_only_the_rover_light_have_priority(tmp_path):
     found = single_lamps(write(tmp_path, {"off_30": 2.0, "on_30": 5.0, "on_no": 4.0, "off_no": 0.5}), SMALL)
     np.testing.assert_allclose(found["rover"].rate, 4.0, rtol=0.02)
 
 
-def test_a_mean_leans_to_what_is_sure_and_passes_over_what_is_unknown():
+def test_the_mean_is_weighted_by_inverse_variance():
     one = Linear(np.array([[2.0, 2.0, 0.0]]), np.array([[1.0, np.inf, np.inf]]))
     other = Linear(np.array([[5.0, 5.0, 0.0]]), np.array([[2.0, 2.0, np.inf]]))
     found = mean_of([one, other])
@@ -71,7 +71,7 @@ def test_a_mean_leans_to_what_is_sure_and_passes_over_what_is_unknown():
     np.testing.assert_allclose(found.variance, [[2 / 3, 2.0, np.inf]])
 
 
-def test_a_broken_photo_is_named_and_left_out(tmp_path, caplog):
+def test_an_invalid_photo_is_skipped_with_a_warning(tmp_path, caplog):
     paths = write(tmp_path, {"off_30": 2.0})
     broken = next(iter(paths.values()))
     broken.write_bytes(b"no picture")

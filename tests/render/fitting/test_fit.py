@@ -18,25 +18,25 @@ def found(studio, engine):
     return fit(studio.samples, studio.mesh, ["lambert"], engine, studio.options)
 
 
-def test_albedo_comes_back_from_noisy_photos(studio, found):
+def test_the_fit_recovers_albedo_from_noisy_photos(studio, found):
     seen = found.looks >= 2
     assert seen.sum() > 800
     error = found.models["lambert"].albedo[seen] / studio.albedo[seen] - 1
     assert np.median(np.abs(error)) < 0.02  # 0.25 of albedo's own spread
 
 
-def test_lamps_come_back_on_one_scale(found):
+def test_the_fit_recovers_lamp_brightness(found):
     lamps = found.models["lambert"].lamps
     assert set(lamps) == set(GAINS)
     ratios = np.array([lamps[name] / GAINS[name] for name in GAINS])
     np.testing.assert_allclose(ratios, 1, rtol=0.03)
 
 
-def test_falloff_is_recognised_and_vignetting_is_not_made_up(found):
+def test_the_fit_recovers_falloff_and_no_vignetting(found):
     assert (found.falloff, found.vignetting) == (True, False)
 
 
-def test_a_rock_that_no_photo_shows_has_the_mean_of_the_others(studio, found):
+def test_an_invisible_rock_gets_the_mean_of_the_other_rocks(studio, found):
     rocks = found.models["lambert"].rocks
     true = float(studio.albedo[rock_of_vertex(studio.mesh) == SEEN].mean())
     assert rocks[SEEN] == pytest.approx(true, rel=0.05)
@@ -45,14 +45,14 @@ def test_a_rock_that_no_photo_shows_has_the_mean_of_the_others(studio, found):
     np.testing.assert_allclose(unseen, rocks[UNSEEN], rtol=0.02)
 
 
-def test_the_held_out_azimuth_is_told_better_with_albedo_than_without(found):
+def test_fitted_albedo_reduces_the_error_on_the_held_out_azimuth(found):
     check = found.models["lambert"].check
     assert check["azimuth"] == "30"
     for scale in ("pixels", "texels"):
         assert check[scale]["fitted"]["median_stops"] < 0.5 * check[scale]["constant_albedo"]["median_stops"]
 
 
-def test_the_held_out_lamp_does_not_touch_parameters_but_its_albedo_is_used(studio, engine, found):
+def test_the_held_out_lamp_affects_albedo_but_not_parameters(studio, engine, found):
     without = studio.samples.part(studio.samples.lamp != LAMPS.index("30"))
     again = fit(without, studio.mesh, ["lambert"], engine, studio.options)
     assert again.models["lambert"].check == {}
@@ -62,12 +62,12 @@ def test_the_held_out_lamp_does_not_touch_parameters_but_its_albedo_is_used(stud
     assert found.looks.sum() > again.looks.sum()
 
 
-def test_samples_that_are_nothing_fit_nothing(studio, engine):
+def test_a_fit_without_samples_returns_none(studio, engine):
     nothing = studio.samples.part(np.zeros(len(studio.samples), bool))
     assert fit(nothing, studio.mesh, ["lambert"], engine, studio.options) is None
 
 
-def test_vertices_never_seen_keep_the_mean_of_their_thing(studio, engine):
+def test_invisible_vertices_get_the_mean_of_their_object(studio, engine):
     half = studio.samples.part(studio.samples.point[:, 0] > 0)
     albedo = fit(half, studio.mesh, ["lambert"], engine, studio.options).models["lambert"].albedo
     far = studio.mesh.vertices[:, 0] < -0.6
@@ -76,7 +76,7 @@ def test_vertices_never_seen_keep_the_mean_of_their_thing(studio, engine):
     assert np.median(albedo[far]) == pytest.approx(1, abs=0.1)
 
 
-def test_a_shadow_that_the_meshes_do_not_know_does_little_harm(studio, engine, found):
+def test_a_shadow_missing_in_the_meshes_has_little_effect(studio, engine, found):
     shaded = (studio.samples.lamp == LAMPS.index("180")) & (studio.samples.point[:, 0] > 0.4)
     rate = np.where(shaded, studio.samples.rate / 20, studio.samples.rate)
     assert 0.02 < shaded.mean() < 0.2
@@ -88,7 +88,7 @@ def test_a_shadow_that_the_meshes_do_not_know_does_little_harm(studio, engine, f
     assert dirty.models["lambert"].lamps["180"] == pytest.approx(GAINS["180"], rel=0.05)
 
 
-def test_parameters_come_back_whatever_the_albedo(engine):
+def test_the_fit_recovers_parameters_independently_of_albedo(engine):
     mesh = sandbox()
     options = RenderOptions(
         models=("hapke",), rim=False, bounce=0, falloff=True, skirt_m=0,

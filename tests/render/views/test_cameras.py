@@ -13,7 +13,7 @@ LEVEL = lambda points: np.zeros(len(points))  # noqa: E731
 
 
 @given(PLACES, PLACES, st.floats(-3, 3), st.floats(10, 120))
-def test_what_is_looked_at_is_seen_in_the_centre(position, target, roll, hfov_deg):
+def test_the_target_projects_to_the_image_centre(position, target, roll, hfov_deg):
     assume(np.linalg.norm(target - position) > 1e-3)
     lens = pinhole(hfov_deg, 640, 480)
     pixel = lens.project(looking_at(position, target, roll).inverse().apply(target))
@@ -21,14 +21,14 @@ def test_what_is_looked_at_is_seen_in_the_centre(position, target, roll, hfov_de
 
 
 @given(PLACES, PLACES)
-def test_cameras_stand_upright(position, target):
+def test_cameras_without_roll_are_upright(position, target):
     assume(np.hypot(*(target - position)[:2]) > 1e-3)
     right, down, _ = looking_at(position, target).rotation.T
     assert abs(right[2]) < 1e-12
     assert down[2] < 0
 
 
-def test_a_camera_cannot_look_at_its_own_position():
+def test_equal_position_and_target_are_rejected():
     with pytest.raises(ConfigError):
         looking_at(np.array([1.0, 2, 3]), np.array([1.0, 2, 3]))
 
@@ -50,12 +50,12 @@ def test_a_curve_through_waypoints_on_a_line_is_that_line():
     np.testing.assert_allclose(ahead[:, 1:], 0, atol=1e-12)
 
 
-def test_doubled_waypoints_are_refused():
+def test_equal_waypoints_are_rejected():
     with pytest.raises(ConfigError):
         curve(np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 0]]), 4)
 
 
-def test_orbits_look_at_their_centre_from_their_radius(views_of):
+def test_orbit_cameras_face_the_centre_at_the_radius(views_of):
     orbit = {"kind": "orbit", "centre_m": [0.5, 0, 0.1], "radius_m": 2, "height_m": 1, "number": 4, "from_deg": 90}
     cameras = cameras_of(views_of(cameras=[orbit]), LEVEL)
     points = np.array([camera.centre for camera in cameras])
@@ -79,7 +79,7 @@ def test_a_path_without_a_target_looks_ahead_and_down(views_of):
         np.testing.assert_allclose(ahead, [0, np.cos(np.radians(20)), -np.sin(np.radians(20))], atol=1e-12)
 
 
-def test_random_cameras_keep_clear_of_the_ground_and_are_the_same_every_time(views_of):
+def test_random_cameras_have_clearance_and_are_reproducible(views_of):
     box = {"kind": "random", "number": 30, "low_m": [-2, -2, 0], "high_m": [2, 2, 2], "clearance_m": 0.5}
 
     def hill(points):
@@ -96,7 +96,7 @@ def test_random_cameras_keep_clear_of_the_ground_and_are_the_same_every_time(vie
         cameras_of(views, lambda points: np.full(len(points), 5.0))
 
 
-def test_pairs_are_as_far_apart_as_stated_and_parallel(views_of):
+def test_stereo_pairs_have_the_baseline_and_are_parallel(views_of):
     left, right = cameras_of(views_of(stereo=True), LEVEL)
     assert (left.name, right.name) == ("point-000L", "point-000R")
     apart = left.world_from_camera.inverse().apply(right.centre)
@@ -104,13 +104,13 @@ def test_pairs_are_as_far_apart_as_stated_and_parallel(views_of):
     np.testing.assert_allclose(left.world_from_camera.rotation, right.world_from_camera.rotation)
 
 
-def test_a_pinhole_has_the_field_of_view_that_is_stated():
+def test_a_pinhole_has_the_given_field_of_view():
     lens = pinhole(90, 200, 100)
     left, right = lens.directions(np.array([[0.0, 50], [200, 50]]))
     np.testing.assert_allclose([left[0], right[0]], [-1, 1], atol=1e-12)
 
 
-def test_the_rigs_lens_may_be_that_of_a_localised_rig_and_scaled(views_of, folders, lens):
+def test_the_lens_of_a_localised_rig_is_used_and_scaled(views_of, folders, lens):
     (stated,) = cameras_of(views_of(lens={"kind": "rig"}), LEVEL)
     assert (stated.lens.width, stated.lens.height) == (1936, 1216)
     placed = {"kind": "rig", "localised": folders / "cameras/PosA.json"}

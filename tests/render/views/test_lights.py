@@ -11,13 +11,13 @@ from polarsim.render.views.plan import lights_of, rover_lamp
 LUNAR = {"kind": "lunar_sun", "latitude_deg": 20, "longitude_deg": 30, "start_utc": "2026-05-25T06:00:00Z"}
 
 
-def test_a_lamp_stands_at_its_azimuth_elevation_and_distance(views_of):
+def test_a_lamp_has_the_given_azimuth_elevation_and_distance(views_of):
     lamp = {"kind": "lamp", "azimuth_deg": [90], "elevation_deg": [30], "distance_m": 4, "centre_m": [1, 0, 0]}
     (light,) = lights_of(views_of(lights=[lamp]))
     np.testing.assert_allclose(light.lamp.position, [1, 4 * np.cos(np.pi / 6), 2], atol=1e-9)
 
 
-def test_lists_of_angles_make_a_light_of_every_pair_in_order(views_of):
+def test_lists_of_angles_are_combined_in_order(views_of):
     sun = {"kind": "sun", "azimuth_deg": [0, 90], "elevation_deg": [5, 10]}
     lights = lights_of(views_of(lights=[sun, sun]))
     assert [(light.azimuth_deg, light.elevation_deg) for light in lights[:4]] == [(0, 5), (0, 10), (90, 5), (90, 10)]
@@ -25,7 +25,7 @@ def test_lists_of_angles_make_a_light_of_every_pair_in_order(views_of):
 
 
 @pytest.mark.parametrize("north_deg", [90, 0, -35.5])
-def test_the_moons_sun_comes_from_its_compass_azimuth(views_of, north_deg):
+def test_the_lunar_sun_has_the_compass_azimuth(views_of, north_deg):
     (light,) = lights_of(views_of(lights=[{**LUNAR, "north_deg": north_deg}]))
     views = views_of(lights=[LUNAR])
     compass, elevation = sun_over(20, 30, views.lights[0].start_utc)
@@ -40,7 +40,7 @@ def test_the_moons_sun_comes_from_its_compass_azimuth(views_of, north_deg):
     np.testing.assert_allclose(light.sandbox_from_celestial @ celestial, towards, atol=1e-9)
 
 
-def test_moments_of_lunar_night_are_left_out(views_of, caplog):
+def test_lunar_nights_are_omitted(views_of, caplog):
     month = {**LUNAR, "number": 30, "every_h": 24}
     lights = lights_of(views_of(lights=[month]))
     assert 13 <= len(lights) <= 16  # half of a lunar day is night
@@ -48,7 +48,7 @@ def test_moments_of_lunar_night_are_left_out(views_of, caplog):
     assert len(caplog.records) == 30 - len(lights)
 
 
-def test_views_of_lunar_night_alone_are_refused(views_of):
+def test_views_with_only_lunar_nights_are_rejected(views_of):
     with pytest.raises(ConfigError):
         lights_of(views_of(lights=[{**LUNAR, "start_utc": "2026-06-10T00:00:00Z"}]))
 

@@ -41,15 +41,13 @@ def test_the_subsolar_point_is_that_of_meeus_worked_example():
         (-23.3856, -3.1975, "1969-11-20T14:25:47", 21.11, 90.33),
     ],
 )
-def test_the_sun_stood_over_the_apollo_sites_where_the_surface_journal_says(
-    longitude, latitude, moment, elevation, azimuth
-):
+def test_the_sun_over_the_apollo_sites_agrees_with_the_surface_journal(longitude, latitude, moment, elevation, azimuth):
     """Apollo Lunar Surface Journal, "Sun and Earth: Altitudes and Azimuths", computed by Scotti."""
     found = sun_over(latitude, longitude, datetime.fromisoformat(moment + "+00:00"))
     np.testing.assert_allclose(found, (azimuth, elevation), atol=0.03)
 
 
-def test_the_moon_is_rotated_as_spice_rotates_it():
+def test_the_rotation_of_the_moon_agrees_with_spice():
     """CSPICE's sxform("IAU_MOON", "J2000", 14610 days) with pck00011.tpc."""
     expected = [
         [0.5720547105837333, 0.8198082524397307, -0.025842548842481546],
@@ -60,13 +58,13 @@ def test_the_moon_is_rotated_as_spice_rotates_it():
 
 
 @given(MOMENTS)
-def test_the_sun_never_leaves_the_moons_tropics(moment):
+def test_the_subsolar_latitude_is_below_1_62_degrees(moment):
     """The Moon's equator is tilted by 1.54 degrees against the ecliptic (Cassini's laws)."""
     assert abs(subsolar_point(moment)[1]) < 1.62
 
 
 @given(MOMENTS, st.floats(-90, 90), st.floats(-180, 180))
-def test_the_sun_is_as_high_as_its_distance_from_the_subsolar_point_says(moment, latitude, longitude):
+def test_the_elevation_follows_from_the_distance_to_the_subsolar_point(moment, latitude, longitude):
     sun_longitude, sun_latitude = subsolar_point(moment)
     azimuth, elevation = sun_over(latitude, longitude, moment)
     apart = np.radians(longitude - sun_longitude)

@@ -17,7 +17,7 @@ VIEWS = {
 CAMERA, LIGHT = VIEWS["cameras"][0], VIEWS["lights"][0]
 
 
-def test_the_example_makes_one_thousand_pictures_of_one_terrain():
+def test_the_example_has_1000_images_of_one_terrain():
     views = read_views(Path(__file__).parents[3] / "config/views.yaml")
     cameras = sum(section.number for section in views.cameras)
     lights = sum(
@@ -28,7 +28,7 @@ def test_the_example_makes_one_thousand_pictures_of_one_terrain():
     assert len(views.scenes) == 1
 
 
-def test_meshes_are_found_from_the_files_folder_or_one_above_wherever_it_is_read(tmp_path, monkeypatch):
+def test_mesh_paths_are_relative_to_the_views_file_or_a_parent_folder(tmp_path, monkeypatch):
     (tmp_path / "clone/results/demo/meshes").mkdir(parents=True)
     (tmp_path / "clone/config/beside").mkdir(parents=True)
     for name, stated, wanted in (
@@ -66,7 +66,7 @@ def test_meshes_are_found_from_the_files_folder_or_one_above_wherever_it_is_read
         ({"render": {"modles": ["hapke"]}}, "render.modles"),
     ],
 )
-def test_a_wrong_key_or_value_is_named_in_one_line(tmp_path, change, key):
+def test_an_invalid_key_or_value_is_reported_in_one_line(tmp_path, change, key):
     path = tmp_path / "views.yaml"
     path.write_text(yaml.safe_dump(VIEWS | change))
     with pytest.raises(ConfigError, match=re.escape(key)) as error:
@@ -76,7 +76,7 @@ def test_a_wrong_key_or_value_is_named_in_one_line(tmp_path, change, key):
 
 
 @pytest.mark.parametrize("text", ["[unclosed", "just words", ""])
-def test_what_is_no_mapping_is_refused_in_one_line(tmp_path, text):
+def test_a_file_without_mapping_is_reported_in_one_line(tmp_path, text):
     path = tmp_path / "views.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError) as error:
@@ -85,7 +85,7 @@ def test_what_is_no_mapping_is_refused_in_one_line(tmp_path, text):
     assert "\n" not in str(error.value)
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_views_file_is_reported(tmp_path):
     with pytest.raises(ConfigError) as error:
         read_views(tmp_path / "nowhere.yaml")
     assert error.value.path == tmp_path / "nowhere.yaml"

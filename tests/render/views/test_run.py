@@ -37,7 +37,7 @@ def files(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_every_picture_has_its_labels_and_its_line_in_the_lists(tmp_path, grid, tone):
+def test_every_image_has_labels_and_a_row_in_the_listings(tmp_path, grid, tone):
     assert render_views(grid, tmp_path, tone=tone) == (12, 12)
     index = tables.read_csv(tmp_path / "index.csv")
     coco = json.loads((tmp_path / "annotations.json").read_text())
@@ -58,7 +58,7 @@ def test_every_picture_has_its_labels_and_its_line_in_the_lists(tmp_path, grid, 
     assert (tmp_path / "contact.jpg").stat().st_size > 1000
 
 
-def test_training_and_validation_share_no_camera_and_survive_a_move(tmp_path, folders, views_of, tone):
+def test_training_and_validation_share_no_camera_after_a_move(tmp_path, folders, views_of, tone):
     orbit = ORBIT | {"number": 7}
     views = views_of(cameras=[orbit], lights=[SUNS], render={"models": ["lambert"], "rim": False}, stereo=True)
     render_views(views, tmp_path / "made", tone=tone, scale=0.25)
@@ -75,7 +75,7 @@ def test_training_and_validation_share_no_camera_and_survive_a_move(tmp_path, fo
     assert not parts["train"] & parts["val"]
 
 
-def test_one_camera_is_divided_by_its_lights_and_one_picture_is_in_both_parts(views_of):
+def test_one_camera_is_divided_by_lights_and_one_image_is_in_both_parts(views_of):
     point = {"kind": "point", "position_m": [2, 0, 1], "look_at_m": [0, 0, 0]}
     parts = divided(plan(views_of(cameras=[point], lights=[SUNS], exposures_ms=[64])))
     assert {picture.light.name for picture in parts["train"]}.isdisjoint({p.light.name for p in parts["val"]})
@@ -83,7 +83,7 @@ def test_one_camera_is_divided_by_its_lights_and_one_picture_is_in_both_parts(vi
     assert divided(one) == {"train": one, "val": one}
 
 
-def test_a_rock_behind_another_is_labelled_whole_too(tmp_path, folders, views_of, tone):
+def test_an_occluded_rock_has_an_amodal_label(tmp_path, folders, views_of, tone):
     terrain = {"meshes": folders / "meshes", "terrain": 1}
     behind = {"name": "two", "terrains": [terrain, terrain | {"offset_m": [0.8, 0, 0]}]}
     camera = {"kind": "point", "position_m": [-1, 0.15, 0.3], "look_at_m": [0.4, 0, 0.1]}
@@ -98,7 +98,7 @@ def test_a_rock_behind_another_is_labelled_whole_too(tmp_path, folders, views_of
 @pytest.mark.parametrize(
     "faults", [{}, {"blur_px": 1.0, "bloom": 0.05, "veiling_glare": 0.01, "lens_flare": 0.01, "vignetting": True}]
 )
-def test_pictures_are_those_that_a_scene_renders(tmp_path, folders, views_of, tone, faults):
+def test_images_equal_those_of_a_scene(tmp_path, folders, views_of, tone, faults):
     views = views_of()
     views = views.model_copy(update={"render": views.render.model_copy(update=faults)})
     render_views(views, tmp_path, tone=tone)
@@ -107,13 +107,13 @@ def test_pictures_are_those_that_a_scene_renders(tmp_path, folders, views_of, to
     np.testing.assert_array_equal(png.read(tmp_path / f"images/{picture.name}.png"), one)
 
 
-def test_the_number_of_threads_changes_no_byte(tmp_path, grid, tone):
+def test_bytes_do_not_depend_on_threads(tmp_path, grid, tone):
     for threads in (1, 3):
         render_views(grid, tmp_path / str(threads), tone=tone, threads=threads)
     assert files(tmp_path / "1") == files(tmp_path / "3")
 
 
-def test_what_is_there_is_not_rendered_again(tmp_path, grid, tone, monkeypatch):
+def test_existing_images_are_not_rendered_again(tmp_path, grid, tone, monkeypatch):
     render_views(grid, tmp_path, tone=tone)
     before = files(tmp_path)
     monkeypatch.setattr(run, "render_view", None)  # a call would fail
@@ -121,13 +121,13 @@ def test_what_is_there_is_not_rendered_again(tmp_path, grid, tone, monkeypatch):
     assert files(tmp_path) == before
 
 
-def test_pictures_of_other_code_are_made_again(tmp_path, grid, tone, monkeypatch):
+def test_images_of_different_code_are_rendered_again(tmp_path, grid, tone, monkeypatch):
     render_views(grid, tmp_path, tone=tone)
     monkeypatch.setattr("polarsim.render.views.folder.code_digest", lambda name: f"other code of {name}")
     assert render_views(grid, tmp_path, tone=tone) == (12, 12)
 
 
-def test_a_stopped_run_goes_on_and_ends_as_if_it_had_not_been_stopped(tmp_path, grid, tone, monkeypatch):
+def test_an_interrupted_run_resumes_with_the_same_result(tmp_path, grid, tone, monkeypatch):
     render_views(grid, tmp_path / "whole", tone=tone)
     real, calls = run.render_view, []
 
@@ -147,7 +147,7 @@ def test_a_stopped_run_goes_on_and_ends_as_if_it_had_not_been_stopped(tmp_path, 
 
 
 @pytest.mark.parametrize("kind", ["images", "labels", "sidecars"])
-def test_a_picture_that_lost_a_file_is_made_again(tmp_path, grid, tone, kind):
+def test_an_image_with_a_missing_file_is_rendered_again(tmp_path, grid, tone, kind):
     render_views(grid, tmp_path, tone=tone)
     before = files(tmp_path)
     sorted((tmp_path / kind).iterdir())[5].unlink()
@@ -155,7 +155,7 @@ def test_a_picture_that_lost_a_file_is_made_again(tmp_path, grid, tone, kind):
     assert files(tmp_path) == before
 
 
-def test_an_instance_map_that_changed_is_made_again_with_all_its_pictures(tmp_path, grid, tone):
+def test_images_of_a_changed_instance_map_are_rendered_again(tmp_path, grid, tone):
     render_views(grid, tmp_path, tone=tone)
     before = files(tmp_path)
     path = sorted((tmp_path / "instances").iterdir())[1]
@@ -164,7 +164,7 @@ def test_an_instance_map_that_changed_is_made_again_with_all_its_pictures(tmp_pa
     assert files(tmp_path) == before
 
 
-def test_only_what_changed_is_made_again(tmp_path, views_of, tone):
+def test_only_changed_images_are_rendered_again(tmp_path, views_of, tone):
     render = {"models": ["lambert", "hapke"], "rim": False}
     render_views(views_of(render=render), tmp_path, tone=tone)
     brighter = render | {"materials": {"default": {"lambert": {"albedo": 0.4}}}, "models": ["lambert"]}
@@ -174,14 +174,14 @@ def test_only_what_changed_is_made_again(tmp_path, views_of, tone):
     assert render_views(views_of(render=more, exposures_ms=[64, 128]), tmp_path, tone=tone) == (4, 2)
 
 
-def test_limit_makes_the_first_pictures(tmp_path, grid, tone):
+def test_limit_renders_the_first_images(tmp_path, grid, tone):
     assert render_views(grid, tmp_path, tone=tone, limit=5) == (5, 5)
     names = [picture.name for picture in plan(grid)]
     assert sorted(path.stem for path in (tmp_path / "images").iterdir()) == sorted(names[:5])
     assert render_views(grid, tmp_path, tone=tone) == (12, 7)
 
 
-def test_pictures_of_other_views_in_the_folder_are_warned_of(tmp_path, grid, views_of, tone, caplog):
+def test_images_of_other_views_in_the_folder_cause_a_warning(tmp_path, grid, views_of, tone, caplog):
     render_views(grid, tmp_path, tone=tone, limit=2)
     render_views(views_of(), tmp_path, tone=tone)
     assert str(tmp_path / "images") in caplog.text
@@ -195,7 +195,7 @@ def test_previews_have_eight_bits(tmp_path, views_of, tone):
     assert json.loads((tmp_path / f"sidecars/{path.stem}.json").read_text())["bits"] == 8
 
 
-def test_rocks_of_terrains_side_by_side_keep_their_ids_apart(tmp_path, folders, views_of, tone):
+def test_rocks_of_several_terrains_have_different_ids(tmp_path, folders, views_of, tone):
     terrain = {"meshes": folders / "meshes", "terrain": 1}
     scene = {"name": "two", "terrains": [terrain, terrain | {"offset_m": [4, 0, 0], "heading_deg": 90}]}
     camera = {"kind": "point", "position_m": [2, -3, 3.5], "look_at_m": [2, 0, 0]}
@@ -228,7 +228,7 @@ def test_auto_exposures_give_the_stated_brightness(tmp_path, views_of, tone):
     assert tables.read_csv(tmp_path / "index.csv")["exposure_ms"].tolist() == pytest.approx([exposure], rel=1e-5)
 
 
-def test_a_picture_without_light_is_exposed_longest():
+def test_an_image_without_light_has_the_longest_exposure():
     assert auto_exposure(np.zeros((4, 4), np.float32), 3.0, AutoExposure(longest_ms=500)) == 500
     assert auto_exposure(np.full((4, 4), 1e6, np.float32), 3.0, AutoExposure(shortest_ms=2)) == 2
 
@@ -244,13 +244,13 @@ def test_zip_takes_cameras_and_lights_in_turn(views_of):
     assert len(one) == 6
 
 
-def test_exposures_have_names_of_their_own_however_near(views_of):
+def test_close_exposures_have_different_names(views_of):
     assert [picture.name.split("_")[-1] for picture in plan(views_of(exposures_ms=[64, 64.00001]))][:2] == [
         "0064", "64.00001",
     ]  # fmt: skip
 
 
-def test_many_lights_of_a_camera_are_shaded_in_parts(views_of):
+def test_many_lights_of_a_camera_are_rendered_in_units(views_of):
     suns = {"kind": "sun", "azimuth_deg": list(range(0, 300, 10)), "elevation_deg": [10]}
     pictures = plan(views_of(cameras=[ORBIT], lights=[suns], exposures_ms=[64, 128]))
     units = unit_starts(pictures, models=1)
@@ -260,7 +260,7 @@ def test_many_lights_of_a_camera_are_shaded_in_parts(views_of):
         assert len({picture.camera.name for picture in unit}) == 1
 
 
-def test_stars_show_where_there_is_no_surface_and_only_when_asked_for(tmp_path, views_of, tone):
+def test_stars_are_visible_only_in_the_sky_and_if_enabled(tmp_path, views_of, tone):
     camera = {"kind": "point", "position_m": [1.5, 1.2, 0.9], "look_at_m": [0, 0, 0.8]}
     for name, stars in (("black", None), ("real", {}), ("strong", {"intensity": 1e6})):
         render_views(views_of(cameras=[camera], stars=stars), tmp_path / name, tone=tone)

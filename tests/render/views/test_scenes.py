@@ -18,13 +18,13 @@ def ensemble(folder, *points, options=BARE):
     return Ensemble(SceneSection.model_validate({"name": "several", "terrains": terrains}), options)
 
 
-def test_a_terrain_alone_keeps_its_ids_and_position(folders):
+def test_a_single_terrain_keeps_ids_and_position(folders):
     scene = ensemble(folders, ((0, 0, 0), 0))
     assert scene.rocks == {1: (0, 1)}
     np.testing.assert_array_equal(scene.surfaces.vertices, scene.parts[0].scene.surfaces.vertices)
 
 
-def test_rocks_of_several_terrains_are_numbered_on(folders):
+def test_rocks_of_several_terrains_are_numbered_consecutively(folders):
     scene = ensemble(folders, ((0, 0, 0), 0), ((4, 0, 0), 90), ((8, 0, 0), 0))
     assert scene.rocks == {1: (0, 1), 2: (1, 1), 3: (2, 1)}
     surfaces = scene.surfaces
@@ -35,7 +35,7 @@ def test_rocks_of_several_terrains_are_numbered_on(folders):
     assert set(np.unique(surfaces.id_of_face)) == {GROUND, ROCK_IDS + 1, ROCK_IDS + 2, ROCK_IDS + 3}
 
 
-def test_heights_are_those_of_what_lies_on_top(folders):
+def test_heights_are_those_of_the_highest_surface(folders):
     scene = ensemble(folders, ((0, 0, 0), 0), ((4, 0, 0.5), 0))
     points = np.array([[0.0, 0], [1, 1], [4, 0], [5, 1], [50, 0]])
     np.testing.assert_allclose(scene.heights(points), [HEIGHT, 0, HEIGHT + 0.5, 0.5, -np.inf], atol=1e-6)
@@ -51,13 +51,13 @@ def test_a_rotated_terrain_has_its_normals_rotated(folders):
     assert corner.min() > SIDE
 
 
-def test_more_rocks_than_ids_are_refused(folders, monkeypatch):
+def test_more_rocks_than_ids_are_rejected(folders, monkeypatch):
     monkeypatch.setattr("polarsim.render.views.scenes.SHADOW_IDS", ROCK_IDS + 3)
     scene = ensemble(folders, *(((4 * position, 0, 0), 0) for position in range(3)))
     with pytest.raises(RenderError):
         _ = scene.surfaces
 
 
-def test_missing_meshes_are_named(tmp_path):
+def test_missing_meshes_are_reported(tmp_path):
     with pytest.raises(FormatError, match=r"terrain01_ground\.obj"):
         ensemble(tmp_path, ((0, 0, 0), 0))

@@ -26,7 +26,7 @@ def total(radiance, lens=LENS):
 
 
 @pytest.mark.parametrize(("magnitude", "number"), [(4, 480), (5, 1471), (6, 4559)])
-def test_there_are_as_many_stars_as_in_the_real_sky(magnitude, number):
+def test_the_number_of_stars_by_magnitude(magnitude, number):
     sky = sky_of(StarField())
     np.testing.assert_allclose(np.linalg.norm(sky.directions, axis=1), 1)
     assert (sky.irradiance > 10 ** (-0.4 * (magnitude - SUN_MAGNITUDE))).sum() == number
@@ -42,7 +42,7 @@ def test_there_are_as_many_stars_as_in_the_real_sky(magnitude, number):
         ((14, 15, 39.67207), (19, 10, 56.673), (-1093.39, -2000.06)),  # Arcturus
     ],
 )
-def test_bright_stars_stand_where_they_stand_in_2026(ra, dec, motion):
+def test_bright_stars_have_their_positions_of_2026(ra, dec, motion):
     """Within 10 seconds of arc, a tenth of a pixel of the POLAR cameras."""
     sexagesimal = np.array([1, 1 / 60, 1 / 3600])
     ra_deg, dec_deg = 15 * np.array(ra) @ sexagesimal, np.array(dec) @ sexagesimal
@@ -53,19 +53,19 @@ def test_bright_stars_stand_where_they_stand_in_2026(ra, dec, motion):
     assert np.degrees(off) < 10 / 3600
 
 
-def test_a_fainter_limit_moves_no_bright_star():
+def test_the_magnitude_limit_does_not_affect_bright_stars():
     few, many = sky_of(StarField(faintest_mag=4)), sky_of(StarField(faintest_mag=6))
     np.testing.assert_array_equal(few.directions, many.directions[: len(few.directions)])
     np.testing.assert_array_equal(few.irradiance, many.irradiance[: len(few.irradiance)])
 
 
-def test_intensity_multiplies_the_light_of_all_stars():
+def test_intensity_scales_all_stars():
     plain, strong = sky_of(StarField(faintest_mag=3)), sky_of(StarField(faintest_mag=3, intensity=50))
     np.testing.assert_allclose(strong.irradiance, 50 * plain.irradiance)
 
 
 @pytest.mark.parametrize("pixel", [[80.0, 60.0], [80.5, 60.5], [20.25, 100.9], [150.1, 5.4]])
-def test_a_star_lights_the_pixels_around_its_position_and_keeps_its_light(pixel):
+def test_a_star_is_distributed_over_the_nearest_pixels(pixel):
     radiance = star_radiance(one_star(pixel), np.eye(3), Camera(UPWARDS, LENS))
     rows, columns = np.nonzero(radiance)
     assert len(rows) <= 4
@@ -101,7 +101,7 @@ def test_the_sky_rotates_with_time():
     )
 
 
-def test_stars_stand_behind_the_scene(surfaces):
+def test_stars_are_hidden_by_the_scene(surfaces):
     pose = looking(np.array([2.5, -0.3, 1.0]), np.pi, 0.1)
     empty = sky_mask(surfaces, Camera(pose, LENS), 1)
     assert 0.2 < empty.mean() < 0.9
@@ -112,6 +112,6 @@ def test_stars_stand_behind_the_scene(surfaces):
     assert olat_images["one"] is olat_images["two"]
 
 
-def test_stars_behind_the_camera_are_not_seen():
+def test_stars_behind_the_camera_are_not_visible():
     backwards = Sky(-one_star([80.0, 60.0]).directions, np.ones(1))
     assert not star_radiance(backwards, np.eye(3), Camera(UPWARDS, LENS)).any()
