@@ -6,9 +6,9 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 
-BALL_RADIUS = 0.15  # metres, of the ball that conftest puts into the scene
+BALL_RADIUS = 0.15  # metres, radius of the ball in conftest
 
-SCANNER = Pose(np.diag([-1.0, -1.0, 1.0]), np.array([3.5, 0.0, 1.5]))  # x ahead, y left, z up; it looks to -X
+SCANNER = Pose(np.diag([-1.0, -1.0, 1.0]), np.array([3.5, 0.0, 1.5]))  # x ahead (towards -X), y left, z up
 CLEAN = {"mixed_pixels": 0.0, "range_noise_mm": 2.0, "scan_step_deg": 0.25}
 
 
@@ -17,7 +17,7 @@ def scanned(scene, caster, **options):
 
 
 def on_sand(points):
-    """Points over open sand, away from ball and walls."""
+    """Return the points on open sand, without ball and walls."""
     near = np.abs(points[..., :2]).max(axis=-1) < 1.5
     return near & (np.linalg.norm(points[..., :2], axis=-1) > 0.5) & (np.abs(points[..., 2]) < 0.1)
 
@@ -26,7 +26,7 @@ def test_ranges_scatter_by_the_noise_along_the_ray(ball_scene, ball_caster):
     points = scanned(ball_scene, ball_caster).points
     points = points[on_sand(points)]
     away = points - SCANNER.translation
-    along = points[:, 2] / away[:, 2] * np.linalg.norm(away, axis=1)  # how far beyond the plane z = 0 the point lies
+    along = points[:, 2] / away[:, 2] * np.linalg.norm(away, axis=1)  # distance along the ray below the plane z = 0
     assert len(points) > 1000
     assert along.std() == pytest.approx(0.002, rel=0.1)
     assert abs(along.mean()) < 2e-4
@@ -35,7 +35,7 @@ def test_ranges_scatter_by_the_noise_along_the_ray(ball_scene, ball_caster):
 def test_there_are_no_points_in_the_scanner_shadow_of_a_rock(ball_scene, ball_caster):
     points = scanned(ball_scene, ball_caster).points
     behind = (points[..., 0] < -BALL_RADIUS) & (np.abs(points[..., 1]) < 0.02) & (np.abs(points[..., 2]) < 0.02)
-    # The ray over the ball's top (z about 0.25) meets the sand about 0.5 m behind it.
+    # The ray over the top of the ball (z about 0.25) hits the sand about 0.5 m after the ball.
     assert not (behind & (points[..., 0] > -0.4)).any()
     assert (behind & (points[..., 0] < -0.9)).any()
 

@@ -1,4 +1,4 @@
-"""A terrain small enough to check by hand: level ground, a cube as rock 1, a camera above, lamps where a test wants."""
+"""Small terrain that can be checked by hand: level ground, a block as rock 1, a camera above."""
 
 import numpy as np
 import pytest
@@ -50,19 +50,19 @@ def lens():
 
 @pytest.fixture
 def plain():
-    """Nothing but surfaces and lamps: no walls, no indirect light."""
+    """Options without walls and without indirect light."""
     return PLAIN
 
 
 @pytest.fixture
 def camera():
-    """Above and beside the block."""
+    """Pose of a camera above and to the side of the block."""
     return looking(np.array([2.5, -0.3, 1.8]), np.pi, np.radians(35))
 
 
 @pytest.fixture
 def above():
-    """Straight above the block, image right is +X, image down is -Y."""
+    """Pose of a camera directly above the block; image right is +X, image down is -Y."""
     return Pose(np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1]], float), np.array([0, 0, 3.0]))
 
 
@@ -73,7 +73,7 @@ def surfaces(plain):
 
 @pytest.fixture
 def ids_of():
-    """`ids_of(surfaces, pose, lens, lamps)`: pictures of ids under lamps by name, all of which throw shadows."""
+    """`ids_of(surfaces, pose, lens, lamps)`: id maps by name of the lamp that casts the shadows."""
 
     def ids(surfaces, pose, lens, lamps, threads=1, options=PLAIN):
         return render_view(surfaces, Camera(pose, lens), lamps, [], sorted(lamps), options, threads).ids
@@ -95,7 +95,7 @@ def folders(tmp_path, camera, lens):
 
 
 def render_into(folders, twins, keys, options, labels="labels", **others):
-    """Render the terrain of `folders` into folders by model; its labels and maps go to `folders / labels`."""
+    """Render the twins of the terrain in `folders` by model; write labels and maps to `folders / labels`."""
     files = ("boxes", "instances", "coco.json", "table.parquet", "maps")
     given = {
         "terrain": 1,

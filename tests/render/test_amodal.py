@@ -1,4 +1,4 @@
-"""Amodal masks against pictures of every rock alone with the ground."""
+"""Amodal masks compared with id maps of each single rock on the ground."""
 
 import numpy as np
 import pytest
@@ -22,18 +22,18 @@ WALLED = RenderOptions(rim=True, rim_half_width_m=1.4, rim_height_m=0.15, bounce
 
 
 def alone(mesh, rock):
-    """The terrain without any other rock."""
+    """Return the terrain without all other rocks."""
     stays = (mesh.rock_of_face == NO_ROCK) | (mesh.rock_of_face == rock)
     return TerrainMesh(mesh.vertices, mesh.faces[stays], mesh.rock_of_face[stays], mesh.normals)
 
 
 def whole_by_brute_force(mesh, rock, pose, ids_of):
-    """(h, w) bool: rock and ground alone in a picture, without walls."""
+    """Return the mask (h, w) of a rock in an image of only rock and ground."""
     return ids_of(surfaces_of(alone(mesh, rock), PLAIN), pose, SMALL, {})[NO_LAMP] == 1000 + rock
 
 
 def whole(surfaces, pose, ids_of):
-    """The same by rock, from `hidden_parts`."""
+    """Return the masks by rock from `hidden_parts`."""
     ids = ids_of(surfaces, pose, SMALL, {})[NO_LAMP]
     found = {}
     for rock, behind in hidden_parts(surfaces, Camera(pose, SMALL), ids).items():
@@ -44,7 +44,7 @@ def whole(surfaces, pose, ids_of):
 
 
 def assert_equal_but_where_rocks_meet(mask, expected):
-    """Where two rocks meet, a ray that comes upon both within `START_OFFSET` sees only the first of them."""
+    """Allow a small share of differences: a ray that hits two rocks within `START_OFFSET` reports only the first."""
     assert (mask != expected).sum() <= 1e-4 * mask.size
 
 
@@ -66,7 +66,7 @@ def test_amodal_masks_equal_renderings_of_single_rocks(ids_of, pose, options):
         st.tuples(st.integers(-240, 240), st.integers(-240, 240), st.integers(-30, 20)),
         min_size=2,
         max_size=5,
-        unique_by=(lambda r: r[0] % 80, lambda r: r[1] % 80, lambda r: r[2] % 40),  # no two faces in nearly one plane
+        unique_by=(lambda r: r[0] % 80, lambda r: r[1] % 80, lambda r: r[2] % 40),  # no nearly coplanar faces
     ),
     st.floats(0, 2 * np.pi),
     st.floats(0.1, 1.0),
@@ -77,7 +77,7 @@ def test_amodal_masks_are_correct_for_random_rocks_and_cameras(rocks_5_mm, headi
     rocks = 0.005 * np.array(rocks_5_mm)
     mesh = block(range(1, len(rocks) + 1), [(x, y) for x, y, _ in rocks])
     vertices = mesh.vertices.copy()
-    for rock, (_, _, lift) in enumerate(rocks, 1):  # some float, some are half buried; some stand in each other
+    for rock, (_, _, lift) in enumerate(rocks, 1):  # floating, half buried or intersecting rocks
         vertices[mesh.faces[mesh.rock_of_face == rock], 2] += lift
     mesh = TerrainMesh(vertices, mesh.faces, mesh.rock_of_face, mesh.normals)
     centre = np.array([2 * np.cos(heading), 2 * np.sin(heading), height])
@@ -88,7 +88,7 @@ def test_amodal_masks_are_correct_for_random_rocks_and_cameras(rocks_5_mm, headi
 
     for rock, mask in whole(surfaces_of(mesh, PLAIN), pose, ids_of).items():
         expected = whole_by_brute_force(mesh, rock, pose, ids_of)
-        assert (mask != expected).sum() <= 0.002 * expected.sum()  # surfaces that touch within 0.1 mm count as one
+        assert (mask != expected).sum() <= 0.002 * expected.sum()  # surfaces closer than 0.1 mm are not separated
 
 
 def test_annotations_contain_the_visible_share(ids_of):
@@ -103,7 +103,7 @@ def test_annotations_contain_the_visible_share(ids_of):
     for rock, label in labels.items():
         shown, all_of_it = label.mask.mask(), label.amodal.mask.mask()
         assert (all_of_it | ~shown).all()
-        assert (all_of_it & expected[rock]).sum() >= 0.98 * expected[rock].sum()  # small components are left out
+        assert (all_of_it & expected[rock]).sum() >= 0.98 * expected[rock].sum()  # small components are excluded
         assert label.visible_share == shown.sum() / all_of_it.sum()
         rows, columns = np.nonzero(all_of_it)
         np.testing.assert_array_equal(label.amodal.box, [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])

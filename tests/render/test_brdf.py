@@ -30,7 +30,7 @@ SAMPLES = [*RECIPROCAL, HapkeChronoParameters()]
 
 
 def parameters_of(row):
-    """The parameters of a row of the pinned table; K and eta are computed again."""
+    """Return the parameters of a row of the pinned table; K and eta are recomputed."""
     if row.model.startswith("hapke"):
         soil = HapkeParameters(
             w=row.w, b=row.b, c=row.c, b_s0=row.B_S0, h_s=row.h_S, b_c0=row.B_C0, h_c=row.h_C,
@@ -52,12 +52,12 @@ def parameters_of(row):
 
 
 def pinned_value(row):
-    """f_r of a row; the table gives that of Chrono's Hapke without its diffuse colour."""
+    """Return f_r of a row; the value of Chrono's Hapke does not include the diffuse colour."""
     return row.shader_factor if row.model == "hapke_chrono" else row.f_r
 
 
 def directions(incidence_deg, emergence_deg, azimuth_deg, dtype=float):
-    """Normal, to_lamp, to_viewer of angles (n,)."""
+    """Return normal, to_lamp and to_viewer for angles (n,)."""
     return [v.astype(dtype) for v in goniometer.directions(incidence_deg, emergence_deg, azimuth_deg)]
 
 
@@ -69,7 +69,7 @@ def random_directions(rng, n, widest_deg=89.9):
 
 
 def off_the_step(normal, to_lamp, to_viewer):
-    """(n,) bool: not at i = g, where Chrono's Hapke jumps and rounding decides to which side."""
+    """Return which directions (n,) are not at i = g, where Chrono's Hapke is discontinuous."""
     return np.abs((normal * to_lamp).sum(axis=1) - (to_viewer * to_lamp).sum(axis=1)) > 1e-5
 
 
@@ -92,7 +92,7 @@ def test_reflectance_is_reciprocal(parameters, rng):
 
 
 def test_chronos_hapke_differs_only_where_the_branch_is_wrong(rng):
-    """It takes the wrong branch in 38 % of all directions, and is off by 1 % in 27 % of them."""
+    """The branch is wrong for 38 % of all directions; the error exceeds 1 % for 27 % of all directions."""
     vectors = random_directions(rng, 20_000)
     slipped = brdf.reflectance(HapkeChronoParameters(k_d=1), *vectors) / brdf.reflectance(
         HAPKE_SETS["chrono_lunar"], *vectors
@@ -137,7 +137,7 @@ def test_float32_stays_close_to_double(parameters, rng):
     (
         "parameters",
         "expected",
-    ),  # directional-hemispherical reflectance at i = 0, 30, 60: Gauss quadrature by another program
+    ),  # directional-hemispherical reflectance at i = 0, 30, 60: Gauss quadrature by an independent program
     [
         (HAPKE_SETS["chrono_lunar"], (0.1221, 0.1268, 0.1318)),
         (HAPKE_SETS["sato_mare_643"], (0.0629, 0.0657, 0.0693)),

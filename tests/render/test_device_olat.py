@@ -1,4 +1,4 @@
-"""OLAT images made on Taichi's device from ray to sum, beside those of NumPy and Embree."""
+"""OLAT images rendered on the Taichi device compared with NumPy and Embree."""
 
 import numpy as np
 import pytest
@@ -16,18 +16,18 @@ LAMPS = {"sun": Lamp(np.array([1.2, 0.9, 1.1])), "rover": Lamp(np.array([2.4, -0
 
 
 def both(mesh, pose, lens, options, models, albedo=None, shadow_lamps=("sun",)):
-    """Renderings of a view by NumPy and Embree, and by the device."""
+    """Return the renderings of a view by NumPy with Embree and by the device."""
     return [
         render_view(surfaces_of(mesh, each, albedo), Camera(pose, lens), LAMPS, models, shadow_lamps, each)
         for each in (options, options.model_copy(update=DEVICE))
     ]
 
 
-def assert_alike(device, reference):
+def assert_close(device, reference):
     for key, expected in reference.olat_images.items():
         assert expected.any()
         off = np.abs(device.olat_images[key] - expected) > 2e-4 * expected.max()
-        assert off.mean() < 3e-3, key  # pixels that have a sample on an edge
+        assert off.mean() < 3e-3, key  # pixels with a sample on an edge
         np.testing.assert_allclose(device.olat_images[key].mean(), expected.mean(), rtol=1e-3)
 
 
@@ -36,7 +36,7 @@ def test_device_and_numpy_render_equal_olat_images_and_ids(blocks, camera, lens,
     options = RenderOptions(samples=samples, falloff=True, ambient=0.02)
     models = ["principled", "hapke", "lunar_lambert", "hapke_chrono", "principled_chrono"]
     reference, device = both(blocks(), camera, lens, options, models)
-    assert_alike(device, reference)
+    assert_close(device, reference)
     for name, ids in reference.ids.items():
         assert (device.ids[name] != ids).mean() < 2e-3
 
@@ -48,7 +48,7 @@ def test_the_device_supports_materials_vertex_albedo_and_diffuse_walls(blocks, c
     rng = np.random.default_rng(0)
     albedo = {"hapke": rng.uniform(0.5, 1.5, len(mesh.vertices)).astype(np.float32)}
     reference, device = both(mesh, camera, lens, options, ["hapke", "lambert"], albedo)
-    assert_alike(device, reference)
+    assert_close(device, reference)
 
 
 def test_the_sky_is_black_on_the_device(blocks, camera, lens, plain):

@@ -1,4 +1,4 @@
-"""Twins of a run that fits materials to its photos, files to files."""
+"""Twins of a run with materials fitted to photos."""
 
 import json
 
@@ -21,7 +21,7 @@ from .conftest import render_into
 
 OPTIONS = RenderOptions(models=("lambert",), rim=False, bounce=0, fitting=FittingOptions(parameters={}))
 KEYS = [PhotoKey.parse(f"01_A_{name}_L_{ms:04d}") for name in ("off_30", "off_180", "on_no") for ms in (32, 128, 512)]
-LIT = 60  # grey values above black
+LIT = 60  # DN above black
 
 
 def fit_of(parameters, **lamps):
@@ -55,12 +55,12 @@ def _small_pictures(monkeypatch):
 
 @pytest.fixture
 def photographed(folders):
-    """Photos of a terrain whose rock is twice as bright as its ground, under lamps of which one is twice as bright."""
+    """Photos of a terrain with a rock twice as bright as the ground and a lamp twice as bright as the first."""
     mesh = read_terrain(folders / "meshes", 1)
     albedo = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 2.0)
     lamps = {"30": 60.0, "180": 120.0, "rover": 90.0}
-    made_of = Fitted({"albedo": 0.2}, lamps, {1: 2.0}, albedo.astype(np.float32))
-    truth = FittedMaterials(False, False, {"lambert": made_of}, np.ones(len(albedo), int))
+    fit = Fitted({"albedo": 0.2}, lamps, {1: 2.0}, albedo.astype(np.float32))
+    truth = FittedMaterials(False, False, {"lambert": fit}, np.ones(len(albedo), int))
     write_materials(folders / "truth", mesh, truth)
     return twins_of(folders, "photos", materials=folders / "truth")
 
@@ -73,14 +73,14 @@ def test_twins_with_fitted_materials_reproduce_the_photos(folders, photographed)
     for key, path in photographed.items():
         photo, twin, constant = (png.read(one).astype(float) - BLACK_LEVEL for one in (path, again[key], plain[key]))
         lit = (photo > LIT) & (photo < WHITE_LEVEL - BLACK_LEVEL) & (constant > 0)
-        if not lit.any():  # too short under the rover light
+        if not lit.any():  # exposure too short for the rover light
             continue
         differ[key] = [np.median(np.abs(np.log2(np.maximum(one[lit], 1) / photo[lit]))) for one in (twin, constant)]
     with_fit_stops, without = np.array(list(differ.values())).T
     assert len(differ) >= 6
     assert with_fit_stops.max() < 0.02
-    told = json.loads(again[KEYS[0]].with_suffix(".json").read_text())
-    assert "materials" in told["sources"]
+    sidecar = json.loads(again[KEYS[0]].with_suffix(".json").read_text())
+    assert "materials" in sidecar["sources"]
     assert "materials" not in json.loads(plain[KEYS[0]].with_suffix(".json").read_text())["sources"]
     assert without.max() > 0.5
 
@@ -92,14 +92,14 @@ def test_a_fit_has_the_same_bytes_with_one_thread_and_two(folders, photographed)
         assert path.read_bytes() == (two / path.name).read_bytes()
 
 
-@pytest.mark.parametrize("there", ["no table", "no photo", "dark photos"])
-def test_without_usable_photos_materials_are_constant_with_a_warning(folders, there, caplog):
+@pytest.mark.parametrize("photos", ["no table", "no photo", "dark photos"])
+def test_without_usable_photos_materials_are_constant_with_a_warning(folders, photos, caplog):
     paths = {}
-    if there == "dark photos":
+    if photos == "dark photos":
         paths = {key: folders / "dark" / f"{key}.png" for key in KEYS}
         for path in paths.values():
             png.write(path, np.full((140, 200), BLACK_LEVEL, np.uint16))
-    materials = fitted(folders, None if there == "no table" else index(folders, paths))
+    materials = fitted(folders, None if photos == "no table" else index(folders, paths))
     assert [record.levelname for record in caplog.records].count("WARNING") >= 1
     assert read_materials(materials, read_terrain(folders / "meshes", 1)).models == {}
     plain, with_nothing = twins_of(folders, "plain"), twins_of(folders, "nothing", materials=materials)
@@ -126,7 +126,7 @@ def test_fitted_intensities_are_relative_to_the_median_sun_lamp():
     )
     active_lamps = as_bright_as_fitted(lamps, found, "lambert")
     brightness = {name: lamp.intensity for name, lamp in active_lamps.items()}
-    assert brightness == pytest.approx({"30": 2 / 3, "180": 4, "350": 1, ROVER: 1})  # no photo shows 350
+    assert brightness == pytest.approx({"30": 2 / 3, "180": 4, "350": 1, ROVER: 1})  # there is no photo of 350
     assert as_bright_as_fitted(lamps, None, "lambert") is lamps
     assert as_bright_as_fitted(lamps, found, "hapke") is lamps
 

@@ -49,18 +49,18 @@ def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, 
     shadow = next(box for kind, rock, box in boxes_of(ids, plain) if kind == "shadow")
     expected = projected_box(np.concatenate([tips, [[-SIDE / 2, SIDE / 2, 0], [SIDE / 2, SIDE / 2, 0]]]), above, lens)
     np.testing.assert_allclose(shadow[[0, 1, 2]], expected[[0, 1, 2]], atol=1.0)
-    centre = ids[:, 100]  # through block and shadow: one begins where the other ends
+    centre = ids[:, 100]  # through block and shadow, which are adjacent
     assert np.flatnonzero(centre == 2001)[-1] + 1 == np.flatnonzero(centre == 1001)[0]
 
 
 def test_a_thin_line_of_dark_pixels_does_not_widen_a_shadows_box(plain):
     ids = np.zeros((60, 120), np.uint16)
     ids[20:40, 50:80] = SHADOW_IDS + 1
-    ids[38:40, 10:50] = SHADOW_IDS + 1  # two pixels wide, along the foot of the rock
-    ids[5:7, 10:100] = ROCK_IDS + 1  # a rock that is seen so is one all the same
+    ids[38:40, 10:50] = SHADOW_IDS + 1  # two pixels wide, along the base of the rock
+    ids[5:7, 10:100] = ROCK_IDS + 1  # thin rocks are not excluded
     boxes = {kind: box.tolist() for kind, _, box in boxes_of(ids, plain)}
     assert boxes["shadow"][2:] == [80, 40]
-    assert boxes["shadow"][0] >= 50 - 3  # where it broadens
+    assert boxes["shadow"][0] >= 50 - 3  # the start of the wide part
     assert boxes["rock"] == [10, 5, 100, 7]
     every = {kind: box.tolist() for kind, _, box in boxes_of(ids, plain.model_copy(update={"min_shadow_width_px": 1}))}
     assert every["shadow"] == [10, 20, 80, 40]
@@ -71,7 +71,7 @@ def test_shadows_are_labelled_with_the_rock_that_casts_them(blocks, above, lens,
     ids = ids_of(surfaces, above, lens, {"sun": SUN})["sun"]
     found = {(kind, rock): box for kind, rock, box in boxes_of(ids, plain)}
     assert sorted(found) == [("rock", 4), ("rock", 7), ("shadow", 4), ("shadow", 7)]
-    for rock in (4, 7):  # the lamp stands at -Y, so shadows lie above the rocks in the picture, straight behind them
+    for rock in (4, 7):  # the lamp is at -Y, so shadows are directly above the rocks in the image
         assert found["shadow", rock][1] < found["rock", rock][1]
         assert found["shadow", rock][0] < found["rock", rock][2]
         assert found["shadow", rock][2] > found["rock", rock][0]
@@ -101,7 +101,7 @@ def test_known_lit_pixels_give_the_same_shadow_ids(blocks, camera, lens, plain):
     dark, unknown = np.ones((2, len(surface_ids)), bool)
     dark[lit] = False
     np.testing.assert_array_equal(
-        *(ground_shadows(surfaces, hits, surface_ids, SUN, asked, samples=1) for asked in (dark, unknown))
+        *(ground_shadows(surfaces, hits, surface_ids, SUN, mask, samples=1) for mask in (dark, unknown))
     )
 
 
@@ -117,7 +117,7 @@ def test_ids_do_not_depend_on_the_number_of_samples(surfaces, camera, lens, plai
 def test_small_components_are_excluded_from_a_box():
     mask = np.zeros((20, 30), bool)
     mask[5:9, 6:16] = True
-    mask[15, 25] = True  # a crumb
+    mask[15, 25] = True  # a small component
     np.testing.assert_array_equal(box_of_parts(mask, 30, 5), [6, 5, 16, 9])
     np.testing.assert_array_equal(box_of_parts(mask, 30, 1), [6, 5, 26, 16])
     assert box_of_parts(mask, 41, 5) is None
@@ -126,7 +126,7 @@ def test_small_components_are_excluded_from_a_box():
 
 @pytest.fixture
 def labelled(folders, lens, monkeypatch):
-    monkeypatch.setattr(yolo, "_SIZE", np.array([lens.width, lens.height], float))  # the small lens's photos
+    monkeypatch.setattr(yolo, "_SIZE", np.array([lens.width, lens.height], float))  # size of photos with the small lens
     for path in (folders / "meshes").iterdir():
         path.rename(path.with_name(path.name.replace("terrain01", "terrain03")))
     render_into(folders, {"lambert": folders / "twins"}, KEYS, RenderOptions(rim=False), labels=".", terrain=3)
@@ -181,5 +181,5 @@ def test_coco_has_the_boxes_and_masks_of_the_instances(labelled, lens):
             number = {"rock": 1000, "shadow": 2000}[annotation.kind] + annotation.rock
             shown = annotation.mask.mask()
             assert (ids[shown] == number).all()
-            assert shown.sum() >= 0.95 * (ids == number).sum()  # small components outside the box are left out
+            assert shown.sum() >= 0.95 * (ids == number).sum()  # small components outside the box are excluded
             np.testing.assert_array_equal(of_mask(shown), annotation.box)

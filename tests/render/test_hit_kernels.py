@@ -1,4 +1,4 @@
-"""Compiled loops beside the same steps in NumPy: not a bit differs."""
+"""Compiled loops equal the same steps in NumPy bit for bit."""
 
 import numpy as np
 import pytest

@@ -18,12 +18,12 @@ from polarsim.render.surfaces import Surfaces, surfaces_of
 from polarsim.run_files.instances import BACKGROUND, GROUND
 
 RADIUS, ALBEDO = 2.0, 0.5  # of the integrating sphere
-LAMP = Lamp(np.array([3.0, 0.0, 1.0]))  # low: behind the block lies a shadow
-TRACED = RenderOptions(rim=False, falloff=True, bounces=1, bounce_rays=64, bounce_scale=1)
+LAMP = Lamp(np.array([3.0, 0.0, 1.0]))  # low, so that the block casts a long shadow
+TRACED = RenderOptions(rim=False, falloff=True, bounces=1, bounce_rays=32, bounce_scale=1)
 
 
 def sphere():
-    """A sphere seen from inside."""
+    """Return a sphere with inward normals."""
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=4)
@@ -36,19 +36,19 @@ def traced(surfaces, pose, lens, options, model="lambert", lamp=LAMP, threads=1)
 
 
 def shadow(above, lens):
-    """A pixel of ground that the block hides from the lamp, seen from above."""
+    """Return row and column of a pixel in the shadow of the block."""
     column, row = np.floor(lens.project(above.inverse().apply(np.array([-0.4, 0.0, 0.0])))).astype(int)
     return row, column
 
 
-@pytest.mark.parametrize("bounces", [1, 2, 4])
+@pytest.mark.parametrize("bounces", [1, 3])
 def test_each_bounce_in_an_integrating_sphere_is_scaled_by_the_albedo(lens, bounces):
     lambert = LambertParameters(albedo=ALBEDO)
     options = TRACED.model_copy(update={"bounces": bounces, "bounce_rays": 32}).with_default(lambert=lambert)
     pose = looking(np.array([0.3, 0.2, 0.1]), 0.5, 0.2)
-    view = traced(sphere(), pose, lens.scaled(0.5), options, lamp=Lamp(np.zeros(3)))
+    view = traced(sphere(), pose, lens.scaled(0.25), options, lamp=Lamp(np.zeros(3)))
     direct = ALBEDO / np.pi * REFERENCE_DISTANCE**2 / RADIUS**2
-    assert view.olat_images["lambert", "lamp"].mean() == pytest.approx(direct, rel=0.01)  # facets, not a sphere
+    assert view.olat_images["lambert", "lamp"].mean() == pytest.approx(direct, rel=0.01)  # the sphere has flat facets
     expected = direct * sum(ALBEDO**k for k in range(1, bounces + 1))  # Goebel, Appl. Opt. 6 (1967) 125
     assert view.indirect["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
 
@@ -64,16 +64,16 @@ def test_the_sign_of_zeros_in_the_pose_has_no_effect(lens):
 
 @given(st.tuples(*3 * [st.floats(-1, 1)]).filter(lambda v: np.linalg.norm(v) > 0.1))
 def test_the_cosine_over_any_hemisphere_integrates_to_pi(direction):
-    normal = np.tile((np.array(direction) / np.linalg.norm(direction)).astype(np.float32), (40_000, 1))
-    number = np.arange(40_000)
+    normal = np.tile((np.array(direction) / np.linalg.norm(direction)).astype(np.float32), (10_000, 1))
+    number = np.arange(10_000)
     hits = Hits(slice(0, 1), number, number, 0 * normal, normal, normal, normal, 0 * normal[:, :2])
-    even = np.stack(np.meshgrid(*2 * [(np.arange(200) + 0.5) / 200]), axis=-1).reshape(-1, 2).astype(np.float32)
+    even = np.stack(np.meshgrid(*2 * [(np.arange(100) + 0.5) / 100]), axis=-1).reshape(-1, 2).astype(np.float32)
     away, weight = scattered(hits, even)
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), 1, atol=1e-5)
     cosine = (away * normal).sum(axis=1)
     assert (cosine[weight > 0] > 0).all()
     assert weight.mean() == pytest.approx(np.pi, rel=0.01)
-    assert (weight * cosine).mean() == pytest.approx(2 * np.pi / 3, rel=0.01)  # of the squared cosine
+    assert (weight * cosine).mean() == pytest.approx(2 * np.pi / 3, rel=0.01)  # integral of the squared cosine
 
 
 def test_a_level_plane_has_no_indirect_light(blocks, above, lens):
@@ -115,7 +115,7 @@ def test_the_wall_albedo_affects_only_the_walls(blocks, camera, lens):
 
 def test_traced_and_constant_ambient_light_agree_on_a_plane(blocks, above, lens):
     bare = surfaces_of(blocks((), ()), TRACED)
-    below = Lamp(np.array([0.0, 0.0, -3.0]))  # its own light does not come here
+    below = Lamp(np.array([0.0, 0.0, -3.0]))  # contributes no direct light
     options = TRACED.model_copy(update={"ambient": 0.2, "bounce": 0.0, "bounces": 0})
     plain = traced(bare, above, lens, options, lamp=below).whole["lambert", "lamp"]
     options = options.model_copy(update={"bounces": 2})
@@ -129,7 +129,7 @@ def test_ambient_light_in_a_closed_sphere_is_scaled_by_every_bounce(lens):
     lambert = LambertParameters(albedo=ALBEDO)
     options = TRACED.model_copy(update={"ambient": 0.2, "bounces": 2, "bounce_rays": 32}).with_default(lambert=lambert)
     outside = Lamp(np.array([0.0, 0.0, 3 * RADIUS]))
-    view = traced(sphere(), looking(np.zeros(3), 0.5, 0.2), lens.scaled(0.5), options, lamp=outside)
+    view = traced(sphere(), looking(np.zeros(3), 0.5, 0.2), lens.scaled(0.25), options, lamp=outside)
     expected = 0.2 / np.pi * ALBEDO**3
     assert view.whole["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
 
@@ -176,7 +176,7 @@ def test_chronos_models_have_no_indirect_light(surfaces, camera, lens, model):
 def test_traced_light_replaces_the_constant_light(folders, above, lens):
     shot = Shot(Camera(above, lens), {"mine": LAMP}, 4000.0, "lambert")
     position = shadow(above, lens)
-    options = RenderOptions(rim_half_width_m=1.3, rim_albedo=0.6, bounce_scale=1)
+    options = RenderOptions(rim_half_width_m=1.3, rim_albedo=0.6, bounce_scale=1, bounce_rays=16)
     constant, traced_light, off = (
         Scene(folders / "meshes", 1, options.model_copy(update=changes)).picture(shot)
         for changes in ({"bounce": 0.05}, {"bounce": 0.05, "bounces": 1}, {"bounce": 0.0})

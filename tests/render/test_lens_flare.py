@@ -6,7 +6,7 @@ from polarsim.geometry.poses import looking
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.optics import lens_flare_of, scattering
 
-SEEN = Lamp(np.array([-1.0, 0.2, 0.5]))  # by the camera, behind the block
+VISIBLE = Lamp(np.array([-1.0, 0.2, 0.5]))  # in the image, on the other side of the block
 
 
 @pytest.fixture
@@ -29,13 +29,13 @@ def test_veiling_glare_follows_stiles_and_holladay():
 
 
 def test_veiling_glare_is_maximal_at_the_lamp(surfaces, camera, lens, options):
-    glare = lens_flare_of(surfaces, Camera(camera, lens), SEEN, options)
-    column, row = np.floor(lens.project(camera.inverse().apply(SEEN.position)))
+    glare = lens_flare_of(surfaces, Camera(camera, lens), VISIBLE, options)
+    column, row = np.floor(lens.project(camera.inverse().apply(VISIBLE.position)))
     assert np.unravel_index(glare.argmax(), glare.shape) == (row, column)
 
 
 def test_a_lamp_outside_the_image_veils_the_adjacent_side(surfaces, camera, lens, options):
-    position = camera.apply(np.array([2.0, 0.0, 2.0]))  # 45 degrees to the right, the picture ends at 25
+    position = camera.apply(np.array([2.0, 0.0, 2.0]))  # 45 degrees to the right; the image ends at 25
     glare = lens_flare_of(surfaces, Camera(camera, lens), Lamp(position), options)
     assert (glare.argmax(axis=1) == lens.width - 1).all()
     assert glare.min() > 0
@@ -43,7 +43,7 @@ def test_a_lamp_outside_the_image_veils_the_adjacent_side(surfaces, camera, lens
 
 def test_veiling_glare_is_a_share_of_the_light_on_the_lens(surfaces, lens, options):
     pose = looking(np.array([2.0, 0.0, 1.0]), np.pi, 0.0)
-    lamp = Lamp(np.array([-1.0, 0.0, 1.0]), intensity=2.0)  # straight ahead, 3 m away
+    lamp = Lamp(np.array([-1.0, 0.0, 1.0]), intensity=2.0)  # 3 m ahead
     centre = lens_flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
     angle = np.arctan(np.hypot(0.5, 0.5) / 220)
     light = 2.0 * (REFERENCE_DISTANCE / 3) ** 2

@@ -1,4 +1,4 @@
-"""Materials of single things and albedo of vertices change what they name, and nothing else."""
+"""Materials of objects and vertex albedo affect only the named objects."""
 
 import numpy as np
 import pytest
@@ -38,18 +38,22 @@ def with_(options, **changed):
 
 
 @pytest.mark.parametrize("engine", ["numba", "numpy", "taichi"])
-@pytest.mark.parametrize("surround", [{}, {"bounce": 0.05}, {"ambient": 0.05}])
 @pytest.mark.parametrize(
-    ("name", "shown"), [("ground", [GROUND]), ("rocks", [ROCK_IDS + 1, ROCK_IDS + 2]), ("2", [ROCK_IDS + 2])]
+    ("name", "shown", "surround"),
+    [
+        ("ground", [GROUND], {"ambient": 0.05}),
+        ("rocks", [ROCK_IDS + 1, ROCK_IDS + 2], {"bounce": 0.05}),
+        ("2", [ROCK_IDS + 2], {}),
+    ],
 )
 def test_an_albedo_factor_scales_only_the_named_objects(mesh, camera, lens, plain, engine, surround, name, shown):
     options = with_(plain, engine=engine, **surround)
     plainly, ids = olat_image(mesh, camera, lens, options, "hapke")
     brighter, _ = olat_image(mesh, camera, lens, with_(options, materials={name: Material(albedo=1.5)}), "hapke")
-    own = np.isin(ids, shown)
-    assert (plainly[own] > 0).sum() > 50
-    np.testing.assert_allclose(brighter[own], 1.5 * plainly[own], rtol=1e-6)
-    np.testing.assert_array_equal(brighter[~own], plainly[~own])
+    named = np.isin(ids, shown)
+    assert (plainly[named] > 0).sum() > 50
+    np.testing.assert_allclose(brighter[named], 1.5 * plainly[named], rtol=1e-6)
+    np.testing.assert_array_equal(brighter[~named], plainly[~named])
 
 
 def test_walls_have_a_material(mesh, camera, lens, plain):
@@ -122,8 +126,8 @@ def test_vertex_albedo_scales_indirect_light(mesh, camera, lens, plain):
     grey = options.with_default(lambert=LambertParameters(albedo=0.1))
     factor = {"lambert": np.full(len(mesh.vertices), 0.5)}
     one, other = (
-        render_view(surfaces_of(mesh, own, paint), Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, own).whole
-        for own, paint in ((grey, None), (options, factor))
+        render_view(surfaces_of(mesh, each, paint), Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, each).whole
+        for each, paint in ((grey, None), (options, factor))
     )
     np.testing.assert_allclose(other["lambert", "lamp"], one["lambert", "lamp"], rtol=1e-5)
 

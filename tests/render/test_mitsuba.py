@@ -1,4 +1,4 @@
-"""Our renderer beside Mitsuba 3, an independent one: reflectance, direct light, and light over several bounces."""
+"""Reflectance, direct light and indirect light compared with the independent renderer Mitsuba 3."""
 
 import numpy as np
 import pytest
@@ -19,8 +19,8 @@ mi = pytest.importorskip("mitsuba", reason="mitsuba is not installed: pip instal
 mi.set_variant(variant())
 
 BLOCK = 16  # pixels
-LENS = Lens(150.0, 150.0, 61.0, 45.0, width=128, height=96)  # off-centre, to see that offsets are understood
-# Rolled, so that the walls' edges cross rows of pixels: four rays a pixel are not enough for edges along a row.
+LENS = Lens(150.0, 150.0, 61.0, 45.0, width=128, height=96)  # off-centre, to test the principal point
+# Rolled, so that edges of walls are not parallel to pixel rows: four rays per pixel are too few for such edges.
 CAMERA = looking(np.array([2.6, -0.3, 1.5]), np.pi, np.radians(30), np.radians(15))
 LAMP = Lamp(np.array([1.2, 2.9, 1.4]))
 OPTIONS = RenderOptions(
@@ -46,7 +46,7 @@ SETS = [
 
 
 def sandbox():
-    """Bumpy ground 4 m wide and three smooth rocks, half in it."""
+    """Return bumpy ground, 4 m wide, with three smooth, half buried rocks."""
     import trimesh
 
     axis = np.linspace(-2, 2, 81)
@@ -70,13 +70,13 @@ def sandbox():
 
 
 def blocks(picture):
-    """Means over blocks of 16 x 16 pixels."""
+    """Return means over blocks of 16 x 16 pixels."""
     high, wide = picture.shape
     return picture.reshape(high // BLOCK, BLOCK, wide // BLOCK, BLOCK).mean(axis=(1, 3))
 
 
 def mitsuba_values(parameters, to_lamp, to_viewer):
-    """(n,) f_r cos(i) of directions (n, 3) in the frame of the surface, all above it."""
+    """Return f_r cos(i) (n,) for directions (n, 3) above the surface, in the surface frame."""
     plugin = mi.load_dict(bsdf(parameters)["side"])
     values = []
     for lamp, viewer in zip(to_lamp, to_viewer, strict=True):
@@ -87,7 +87,7 @@ def mitsuba_values(parameters, to_lamp, to_viewer):
 
 
 def hemisphere(rng, count):
-    """Directions whose cosines to +Z are even between 0 and 1."""
+    """Return random directions with a uniform cosine to +Z between 0 and 1."""
     cosine, angle = 1 - rng.random(count), rng.uniform(0, 2 * np.pi, count)
     level = np.sqrt(1 - cosine**2)
     return np.stack([level * np.cos(angle), level * np.sin(angle), cosine], axis=1)
@@ -100,12 +100,12 @@ def test_the_principled_model_agrees_with_mitsuba(values, scalar):
     rng = np.random.default_rng(5)
     to_lamp, to_viewer = hemisphere(rng, 2000), hemisphere(rng, 2000)
     ours = brdf.reflectance(parameters, np.tile([0.0, 0, 1], (2000, 1)), to_lamp, to_viewer) * to_lamp[:, 2]
-    np.testing.assert_allclose(ours, mitsuba_values(parameters, to_lamp, to_viewer), rtol=1e-3)  # 6e-6 seen
+    np.testing.assert_allclose(ours, mitsuba_values(parameters, to_lamp, to_viewer), rtol=1e-3)  # measured: 6e-6
 
 
 @pytest.fixture
 def scalar():
-    """Mitsuba without vectors, for single directions."""
+    """Select the scalar variant of Mitsuba, for single directions."""
     mi.set_variant("scalar_rgb")
     yield
     mi.set_variant(variant())
@@ -119,7 +119,7 @@ def test_direct_light_agrees_with_mitsuba(model):
     )
     scene = mitsuba_scene(surfaces, CAMERA, LENS, LAMP, OPTIONS.parameters(model))
     theirs = blocks(render(scene, samples=256))
-    bright = theirs > 0.3 * np.median(theirs)  # else a shadow's edge through a dark block, 4 rays a pixel, decides
+    bright = theirs > 0.3 * np.median(theirs)  # excludes dark blocks dominated by a shadow edge
     assert bright.mean() > 0.7
     np.testing.assert_allclose(ours[bright], theirs[bright], rtol=0.01)
     assert ours.mean() == pytest.approx(theirs.mean(), rel=1e-3)
@@ -138,14 +138,15 @@ def test_indirect_light_agrees_with_mitsubas_path_tracer(model, bounces, changes
     options = OPTIONS.model_copy(update={"bounces": bounces, **changes})
     surfaces = surfaces_of(sandbox(), options)
     view = render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, options)
-    look = (surfaces, CAMERA, LENS, LAMP, options.parameters(model))
-    path = render(mitsuba_scene(*look, rim_albedo=options.rim_albedo, integrator="path", bounces=bounces), samples=256)
-    direct = render(mitsuba_scene(*look, rim_albedo=options.rim_albedo), samples=256)
+    view_of = (surfaces, CAMERA, LENS, LAMP, options.parameters(model))
+    traced = mitsuba_scene(*view_of, rim_albedo=options.rim_albedo, integrator="path", bounces=bounces)
+    path = render(traced, samples=256)
+    direct = render(mitsuba_scene(*view_of, rim_albedo=options.rim_albedo), samples=256)
     ours, theirs = blocks(view.whole[model, "lamp"]), blocks(path)
     bright = theirs > 0.3 * np.median(theirs)
     assert bright.mean() > 0.7
     assert np.abs(ours / theirs - 1)[bright].mean() < 0.01
     np.testing.assert_allclose(ours[bright], theirs[bright], rtol=0.03)
     indirect = view.indirect[model, "lamp"].mean()
-    assert indirect > 0.04 * path.mean()  # so 3 % of the whole would not pass without it
+    assert indirect > 0.04 * path.mean()  # larger than the tolerance of 3 % above
     assert indirect == pytest.approx((path - direct).mean(), rel=0.03)

@@ -18,7 +18,7 @@ LAMPS = {"front": Lamp(np.array([1.2, 0.9, 1.1])), "seen": Lamp(np.array([-1.0, 
 
 
 def second_moment(image):
-    """Of the 41 x 41 pixels about the point, down and across: rounding far from it would count too much."""
+    """Return the vertical and horizontal variance in a window of 41 x 41 pixels, which limits rounding errors."""
     near, steps = image[20:61, 30:71].astype(float), np.arange(-20, 21)
     return np.array([(near.sum(axis=axis) * steps**2).sum() for axis in (1, 0)]) / near.sum()
 
@@ -63,7 +63,7 @@ def test_halo_and_veiling_glare_have_the_given_shares():
     assert seen[0, 0] == pytest.approx(glare, rel=1e-3)
     rows, columns = np.indices(POINT.shape)
     within = (rows - 40) ** 2 + (columns - 50) ** 2 <= 12**2
-    assert (seen - glare)[within].sum() - 0.7 == pytest.approx(0.2 * (1 - np.exp(-2)), rel=0.02)  # two sd of a disc
+    assert (seen - glare)[within].sum() - 0.7 == pytest.approx(0.2 * (1 - np.exp(-2)), rel=0.02)  # within two sigma
 
 
 def test_shares_above_1_are_rejected():

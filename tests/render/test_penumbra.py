@@ -11,23 +11,23 @@ from polarsim.run_files.instances import GROUND, SHADOW_IDS
 from .conftest import HEIGHT, SIDE
 
 LAMP = Lamp(np.array([3.0, 0.0, 1.5]), radius_m=0.2)
-EDGE = -SIDE / 2  # x of the block's top edge that throws the shadow's end, at z = HEIGHT
+EDGE = -SIDE / 2  # x of the top edge of the block that casts the end of the shadow, at z = HEIGHT
 
 
 def shares(surfaces, x, lamp=LAMP, samples=400):
-    """Seen shares of the lamp from points (x, 0, 0) on the sand behind the block."""
+    """Return the visible share of the lamp at points (x, 0, 0) on the sand."""
     points = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1).astype(np.float32)
     to_lamp = (lamp.position - points).astype(np.float32)
     return visible_share(surfaces, points, to_lamp, lamp.radius_m, samples, np.zeros(len(x)))
 
 
 def end_of_shadow(lamp_x, lamp_z):
-    """x where the ray from a point of the lamp over the block's far edge meets the sand."""
+    """Return x of the intersection of the sand and the ray from a lamp point over the edge of the block."""
     return EDGE - HEIGHT * (lamp_x - EDGE) / (lamp_z - HEIGHT)
 
 
 def test_the_width_of_a_penumbra_follows_from_the_disc(surfaces):
-    """The disc faces the point: its highest and lowest points lie across the line of sight."""
+    """The disc faces the point, so the highest and lowest disc points are normal to the line of sight."""
     centre = end_of_shadow(*LAMP.position[[0, 2]])
     along = LAMP.position - [centre, 0, 0]
     up = np.array([-along[2], 0, along[0]]) / np.linalg.norm(along) * LAMP.radius_m
@@ -40,7 +40,7 @@ def test_the_width_of_a_penumbra_follows_from_the_disc(surfaces):
 
 
 def test_a_disc_hidden_to_half_the_radius_shows_a_circular_segment(surfaces):
-    """Beyond half a radius from its centre a disc has (1 / 3 - sqrt(3) / (4 pi)) of its area."""
+    """A segment of a disc more than half a radius from the centre has a share of 1 / 3 - sqrt(3) / (4 pi)."""
     centre = end_of_shadow(*LAMP.position[[0, 2]])
     along = LAMP.position - [centre, 0, 0]
     up = np.array([-along[2], 0, along[0]]) / np.linalg.norm(along) * LAMP.radius_m / 2
@@ -96,7 +96,7 @@ def test_the_sun_is_half_a_degree_wide_and_uniform(surfaces):
 
 @pytest.mark.parametrize("every", [4, 8])
 def test_sparse_and_full_probes_agree(surfaces, every):
-    """Across the shadow, point by point: umbra, penumbra on both sides of it, open ground."""
+    """Points across the shadow: open ground, penumbra, umbra, penumbra, open ground."""
     x = np.linspace(EDGE - 1.2, EDGE + 0.3, 4000)
     points = np.stack([x, np.zeros_like(x), np.zeros_like(x)], axis=1).astype(np.float32)
     to_lamp = (LAMP.position - points).astype(np.float32)

@@ -16,7 +16,7 @@ from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import surfaces_of
 
 SD_OF_BOX = 1 / np.sqrt(12)
-ROTATION = 0.13  # radians, of edges against the rows: the slanted edges of ISO 12233
+ROTATION = 0.13  # radians, angle between edge and pixel rows (slanted edge of ISO 12233)
 
 
 def offsets(samples, **options):
@@ -72,7 +72,7 @@ def test_a_gaussian_filter_with_one_sample_is_rejected():
     ],
 )
 def test_a_rendered_edge_is_as_wide_as_the_filter(blocks, options, sd_px):
-    """The variance of an edge's profile F, centred, is the integral of 2 |x| (1 - F or F): here over its pixels."""
+    """The variance of a centred edge profile F is the integral of 2 |x| (1 - F or F), here a sum over pixels."""
     lens, height = Lens(220.0, 220.0, 100.0, 70.0, width=200, height=140), 6.0
     cos, sin = np.cos(ROTATION), np.sin(ROTATION)
     pose = Pose(np.array([[cos, sin, 0], [sin, -cos, 0], [0, 0, -1]]), np.array([0.0, 0, height]))

@@ -14,7 +14,7 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 from .conftest import HEIGHT, PLAIN
 
-ABOVE = 3.0  # metres, of the camera that looks straight down
+ABOVE = 3.0  # metres, height of the camera with a vertical optical axis
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Shadows by brute force: rays against every rock, the relief and the walls, one after the other."""
+"""Shadows compared with brute force: separate rays for every rock, the relief and the walls."""
 
 from dataclasses import replace
 
@@ -26,11 +26,11 @@ CAMERA = looking(np.array([2.4, -1.2, 1.7]), 2.7, 0.6)
 ROCKS, PLACES = (3, 4, 8, 9), ((0.2, 0.3), (0.5, 0.75), (-0.7, -0.6), (-0.1, -1.0))
 OPTIONS = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.25, bounce=0)
 LOW = Lamp(np.array([1.0, 3.6, 0.9]))
-BEHIND = Lamp(np.array([-0.32, 3.6, 0.8]))  # the mound, of block 8
+BEHIND = Lamp(np.array([-0.32, 3.6, 0.8]))  # the mound is between this lamp and block 8
 
 
 def hills():
-    """(n, n) grid of ground with a mound, and its triangles."""
+    """Return vertices and faces of ground with a mound."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-2, 2, 81), np.linspace(-2, 2, 81)))
     z = 0.25 * np.exp(-((x + 0.6) ** 2 + (y - 0.5) ** 2) / 0.08) + 0.01 * np.sin(4 * x) * np.cos(3 * y)
     first = (np.arange(80)[:, None] * 81 + np.arange(80)).ravel()
@@ -40,7 +40,7 @@ def hills():
 
 @pytest.fixture(scope="module")
 def mesh():
-    """A mound, an L-shaped rock that shades itself, three blocks of which two stand behind each other; walls."""
+    """A mound, an L-shaped rock with self shadow, three blocks (two in line), and walls."""
     vertices, faces = hills()
     rocks = block(ROCKS, PLACES)
     tower = block((3,), ((0.4, 0.1),))  # with block 3 it makes an L
@@ -71,7 +71,7 @@ def hits(surfaces):
 
 
 def of(surfaces, ids):
-    """Some of the surfaces alone."""
+    """Return only the surfaces with the given ids."""
     some = np.isin(surfaces.id_of_face, list(ids))
     return replace(surfaces, faces=surfaces.faces[some], id_of_face=surfaces.id_of_face[some])
 
@@ -81,10 +81,10 @@ def without(surfaces, *rocks):
 
 
 def lit(surfaces, hits, lamp):
-    """(n,) bool: hits that the lamp lights past these surfaces."""
-    found = np.zeros(len(hits.pixel), bool)
-    found[lighting(surfaces, hits, lamp, falloff=False)[0]] = True
-    return found
+    """Return which hits (n,) the lamp lights in a scene of these surfaces."""
+    is_lit = np.zeros(len(hits.pixel), bool)
+    is_lit[lighting(surfaces, hits, lamp, falloff=False)[0]] = True
+    return is_lit
 
 
 def iou(first, second):
@@ -93,9 +93,9 @@ def iou(first, second):
 
 @pytest.mark.parametrize("lamp", [LOW, Lamp(np.array([-1.2, 3.4, 1.1])), Lamp(np.array([3.5, -1.4, 0.8]))])
 def test_cast_shadows_are_ground_that_is_lit_without_the_rock(surfaces, hits, ids_of, lamp):
-    """Of ground that several rocks hide the first one counts, so that there only all of them together are tested.
+    """Ground shaded by several rocks is tested only against all rocks together, because the first rock decides.
 
-    Ground in a rock's shadow that were dark without any rock, grains that face away, is left out: it belongs to it.
+    Ground that is dark without any rock (grains facing away) is excluded, because it belongs to the rock shadow.
     """
     ids = ids_of(surfaces, CAMERA, LENS, {"sun": lamp})["sun"].reshape(-1)[hits.pixel]
     ground = surfaces.id_of_face[hits.face] == GROUND
@@ -110,7 +110,7 @@ def test_cast_shadows_are_ground_that_is_lit_without_the_rock(surfaces, hits, id
 
 
 def blocking(surfaces, hits, towards):
-    """By id of a thing, (n,) bool: it alone stands between the hits and what `towards` leads to."""
+    """Return, by object id, whether only this object occludes the hits (n,) along `towards`."""
     return {
         number: of(surfaces, [number]).all.occluded(hits.point, towards, 1.0)
         for number in np.unique(surfaces.id_of_face).tolist()
@@ -118,7 +118,7 @@ def blocking(surfaces, hits, towards):
 
 
 def named(shading):
-    """(n,) id of the thing that a code names; -1 for LIT and FACES_AWAY."""
+    """Return the id (n,) of the occluder of each code; -1 for LIT and FACES_AWAY."""
     return np.select(
         [shading == BY_RELIEF, shading == BY_WALL, shading >= SHADOW_IDS, shading >= ROCK_IDS],
         [GROUND, BACKGROUND, shading.astype(int) - SHADOW_IDS + ROCK_IDS, shading],
@@ -139,7 +139,7 @@ def test_the_code_of_a_dark_pixel_is_its_occluder(surfaces, hits):
         away = (np.sum(hits.plane * towards, axis=1) <= 0) | (np.sum(hits.normal * towards, axis=1) <= 0)
         np.testing.assert_array_equal(shading == FACES_AWAY, away)
         thing, by = named(shading), blocking(surfaces, hits, towards)
-        assert all(by[number][thing == number].all() for number in by)  # it does hide the lamp
+        assert all(by[number][thing == number].all() for number in by)  # the object does occlude the lamp
         alone = (thing >= 0) & (np.sum(list(by.values()), axis=0) == 1)
         assert alone.sum() > 0.6 * (thing >= 0).sum()
         for number, blocks in by.items():

@@ -1,4 +1,4 @@
-"""The JSON beside a picture tells all that made it."""
+"""Sidecar files of images."""
 
 import hashlib
 import json
@@ -37,24 +37,27 @@ def test_every_twin_has_a_sidecar_and_there_are_no_other_files(folders):
     )
 
 
-@pytest.mark.parametrize("key", KEYS, ids=str)
-def test_a_twin_can_be_rendered_again_from_sidecar_and_meshes(folders, key):
+def test_a_twin_can_be_rendered_again_from_sidecar_and_meshes(folders):
     twins = make(folders)
-    told = read_sidecar(twins / f"{key}.json")
-    again = Scene(folders / "meshes", told.terrain, told.options).picture(told.shot)
-    assert (again != png.read(twins / f"{key}.png")).mean() < 1e-3  # a pose that is read is made orthogonal anew
-    assert (again > 16).any() == (key != KEYS[3])
+    for key in KEYS:
+        sidecar = read_sidecar(twins / f"{key}.json")
+        again = Scene(folders / "meshes", sidecar.terrain, sidecar.options).picture(sidecar.shot)
+        assert (again != png.read(twins / f"{key}.png")).mean() < 1e-3  # the stored pose is orthogonalised
+        assert (again > 16).any() == (key != KEYS[3])
 
 
 def test_the_noise_seed_reproduces_the_noise(folders):
     twins = make(folders, options=OPTIONS.model_copy(update={"noise": True}))
     for key in KEYS[:2]:
-        told = read_sidecar(twins / f"{key}.json")
-        quiet = Scene(folders / "meshes", 1, told.options.model_copy(update={"noise": False})).picture(told.shot)
-        draw = generator(*told.noise_seed).standard_normal(quiet.shape, np.float32)
+        sidecar = read_sidecar(twins / f"{key}.json")
+        options = sidecar.options.model_copy(update={"noise": False})
+        quiet = Scene(folders / "meshes", 1, options).picture(sidecar.shot)
+        draw = generator(*sidecar.noise_seed).standard_normal(quiet.shape, np.float32)
         noise = png.read(twins / f"{key}.png").astype(float) - quiet
         free = (quiet > 100) & (quiet < 3500)
-        assert np.corrcoef(noise[free], draw[free])[0, 1] > 0.95  # the rest: rounding, more noise where it is bright
+        assert (
+            np.corrcoef(noise[free], draw[free])[0, 1] > 0.95
+        )  # below 1 because of rounding and signal-dependent noise
 
 
 def test_mesh_points_can_be_projected_with_the_sidecar(folders):
@@ -107,34 +110,33 @@ def test_the_digest_of_files_equals_sha256sum(tmp_path):
     assert digest_of([tmp_path / "b", tmp_path / "a"]) == hashlib.sha256(line.encode()).hexdigest()
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("lens", {"fx_px": 3}),
-        ("sandbox_from_camera", [[1, 0], [0, 1]]),
-        ("lamps", {"30": {"position": [1, 2]}}),
-        ("lamps", {"30": {"position": [1, 2, 3], "colour": "red"}}),
-        ("lamps", []),
-        ("model", "phong"),
-        ("parameters", {"w": 3}),
-        ("options", {"rimm": True}),
-        ("gain_per_ms", None),
-        ("gain_per_ms", -1),
-        ("exposure_ms", "long"),
-        ("sources", 7),
-        ("noise_seed", 1),
-    ],
-)
-def test_an_invalid_sidecar_is_reported_in_one_line(folders, name, value):
-    path = make(folders) / f"{KEYS[0]}.json"
-    content = json.loads(path.read_text())
-    write_sidecar(path, {**content, name: value})
-    with pytest.raises(FormatError, match=f"^{path}: [^\n]*$"):
-        read_sidecar(path)
-    del content[name]
-    write_sidecar(path, content)
-    with pytest.raises(FormatError, match=f"^{path}: [^\n]*$"):
-        read_sidecar(path)
+INVALID = [
+    ("lens", {"fx_px": 3}),
+    ("sandbox_from_camera", [[1, 0], [0, 1]]),
+    ("lamps", {"30": {"position": [1, 2]}}),
+    ("lamps", {"30": {"position": [1, 2, 3], "colour": "red"}}),
+    ("lamps", []),
+    ("model", "phong"),
+    ("parameters", {"w": 3}),
+    ("options", {"rimm": True}),
+    ("gain_per_ms", None),
+    ("gain_per_ms", -1),
+    ("exposure_ms", "long"),
+    ("sources", 7),
+    ("noise_seed", 1),
+]
+
+
+def test_an_invalid_sidecar_is_reported_in_one_line(folders):
+    content = json.loads((make(folders) / f"{KEYS[0]}.json").read_text())
+    path = folders / "invalid.json"
+    for name, value in INVALID:
+        for changed in (content | {name: value}, {key: other for key, other in content.items() if key != name}):
+            write_sidecar(path, changed)
+            with pytest.raises(FormatError) as error:
+                read_sidecar(path)
+            assert error.value.path == path, name
+            assert "\n" not in str(error.value)
 
 
 def test_a_scene_s_sidecar_reads_back(folders, lens, camera):
@@ -142,10 +144,10 @@ def test_a_scene_s_sidecar_reads_back(folders, lens, camera):
     made = make(folders)
     shot = read_sidecar(made / f"{KEYS[1]}.json").shot
     write_sidecar(folders / "shot.json", scene.sidecar(replace(shot, exposure_ms=12.5)))
-    told = read_sidecar(folders / "shot.json")
-    assert told.shot.exposure_ms == 12.5
-    assert told.shot.camera.lens == lens
-    assert told.options.parameters("hapke") == OPTIONS.parameters("hapke")
-    assert told.gain_per_ms == 40
-    np.testing.assert_allclose(told.shot.camera.world_from_camera.matrix, camera.matrix, atol=1e-12)
-    assert set(told.sources) == {obj.ground_name(1), obj.rock_name(1, 1)}
+    sidecar = read_sidecar(folders / "shot.json")
+    assert sidecar.shot.exposure_ms == 12.5
+    assert sidecar.shot.camera.lens == lens
+    assert sidecar.options.parameters("hapke") == OPTIONS.parameters("hapke")
+    assert sidecar.gain_per_ms == 40
+    np.testing.assert_allclose(sidecar.shot.camera.world_from_camera.matrix, camera.matrix, atol=1e-12)
+    assert set(sidecar.sources) == {obj.ground_name(1), obj.rock_name(1, 1)}

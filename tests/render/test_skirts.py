@@ -6,12 +6,12 @@ from polarsim.render.olat import NO_LAMP
 from polarsim.render.surfaces import hang, low_rim, surfaces_of, with_skirts
 from polarsim.run_files.scene import TerrainMesh
 
-GAP = 0.03  # metres between the ground and the block's open foot
+GAP = 0.03  # metres between the ground and the open base of the block
 
 
 @pytest.fixture
 def floating(blocks):
-    """The block without its underside, lifted off the ground; no two sides share a vertex."""
+    """Block without underside, above the ground; the sides share no vertices."""
     mesh = blocks()
     below = (mesh.vertices[mesh.faces][:, :, 2] == 0).all(axis=1) & (mesh.rock_of_face == 1)
     vertices = mesh.vertices + np.where(np.arange(len(mesh.vertices)) >= 4, GAP, 0.0)[:, None] * [0, 0, 1]
@@ -32,7 +32,7 @@ def test_a_closed_rock_has_no_skirt(blocks):
 
 
 def test_skirts_face_the_same_side_as_the_faces_above():
-    start, end = np.array([[0.0, 0, 1]]), np.array([[1.0, 0, 1]])  # under a face whose third corner is (0, 0, 2)
+    start, end = np.array([[0.0, 0, 1]]), np.array([[1.0, 0, 1]])  # under a face with the third corner (0, 0, 2)
     vertices, faces, normals = hang(start, end, 0.1)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     flat = np.cross(b - a, c - a)
@@ -42,11 +42,11 @@ def test_skirts_face_the_same_side_as_the_faces_above():
 
 
 def test_skirts_prevent_light_leaks(floating, camera, lens, plain, ids_of):
-    lamp = Lamp(np.array([-3.5, 0.0, 0.1]))  # behind the block, low: shines through the gap towards the camera
+    lamp = Lamp(np.array([-3.5, 0.0, 0.1]))  # low, opposite the camera: shines through the gap
     for depth, leaks in ((0.0, True), (0.05, False)):
         surfaces = surfaces_of(floating, plain.model_copy(update={"skirt_m": depth}))
         ids = ids_of(surfaces, camera, lens, {"sun": lamp})
-        edge = lens.project(camera.inverse().apply(np.array([0.23, 0.0, 0.0])))  # ground in front of the foot
+        edge = lens.project(camera.inverse().apply(np.array([0.23, 0.0, 0.0])))  # ground in front of the block
         column, row = np.floor(edge).astype(int)
         assert (ids["sun"][row, column] == 1) == leaks
         if not leaks:

@@ -54,7 +54,7 @@ def test_grey_values_double_with_the_exposure_until_they_clip(folders):
 
 
 def test_terrain_13_has_no_walls(folders):
-    """Walls that stand between the lamp and the block: they shade it on terrain 1, and terrain 13 has none."""
+    """Walls between the lamp and the block, which would shade the block on terrain 1."""
     for mesh in (folders / "meshes").iterdir():
         mesh.rename(mesh.with_name(mesh.name.replace("terrain01", "terrain13")))
     keys = [PhotoKey.parse("13_A_off_30_L_0128")]
@@ -86,7 +86,7 @@ def test_vignetting_and_blur_are_applied_once(folders, lens):
     faulty = plain.model_copy(update={"vignetting": True, "blur_px": 1.5})
     sharp, seen = render(folders, "plain", options=plain), render(folders, "faulty", options=faulty)
     for key, twin in seen.items():
-        assert sharp[key].max() < WHITE_LEVEL  # nothing is clipped
+        assert sharp[key].max() < WHITE_LEVEL  # no pixel is clipped
         signal = (sharp[key] - BLACK_LEVEL).astype(np.float32)
         expected = spread(signal, faulty) * vignette(lens)
         assert np.abs(twin - BLACK_LEVEL - expected).max() < 1.5  # both are rounded
@@ -108,11 +108,11 @@ def test_level_ground_at_the_centre_has_the_stated_brightness(lens):
 
         unit = [v[None] / np.linalg.norm(v) for v in (np.array([0, 0, 1.0]), to_lamp, to_viewer)]
         radiance = reflectance(options.parameters(model), *unit)[0] * unit[1][0, 2]
-        assert default_gain(model, options) * radiance == pytest.approx(3.0)  # grey values per ms
+        assert default_gain(model, options) * radiance == pytest.approx(3.0)  # DN per ms
 
 
 def photo_table(folders, twins, factor):
-    """Photos that are `factor` as bright as twins, with grey rims and broken files that must not matter."""
+    """Write photos with `factor` times the brightness of twins, with grey rims and an invalid file."""
     rows = []
     for key, twin in twins.items():
         path = folders / "photos" / f"{key}.png"
@@ -139,7 +139,7 @@ def test_the_gain_is_calibrated_on_photos(folders):
 def test_a_subset_of_twins_equals_those_of_the_full_set(folders):
     table = photo_table(folders, render(folders, "plain"), 0.8)
     whole = render(folders, "whole", photos=table)
-    for chosen in (KEYS[:1], KEYS[3:5], KEYS[6:]):  # of the view that sets the brightness, and of the other
+    for chosen in (KEYS[:1], KEYS[3:5], KEYS[6:]):  # of the calibrated view and of the second view
         out = f"some_{chosen[0]}"
         render(folders, out, labels=out, only=chosen, photos=table)
         assert sorted(path.stem for path in (folders / out).glob("*.png")) == sorted(map(str, chosen))

@@ -7,7 +7,7 @@ from polarsim.scenes.layout import Shape
 
 
 def block(*size):
-    """An upright box of a size (x, y, z), metres, with its centre away from the origin."""
+    """Return an axis-aligned box of a size (x, y, z), metres, not centred at the origin."""
     high = np.array([*size, 0.0][:3])
     vertices, faces, _ = box(np.zeros(3), high)
     return Mesh(vertices + 5, faces)

@@ -1,4 +1,4 @@
-"""The background covers neither sand nor rocks, and is as bright as stated."""
+"""Background of scenes: brightness, and only at unlit pixels."""
 
 import numpy as np
 import pytest

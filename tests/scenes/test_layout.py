@@ -1,4 +1,4 @@
-"""Strewn scenes: rocks of the sizes that are asked for lie where the camera looks, on or in what is below them."""
+"""Layout of scenes: sizes, positions, burial and piles of rocks."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_a_scene_has_one_of_the_given_models(shapes):
 
 
 def test_the_number_of_larger_rocks_falls_with_the_power_of_their_size(rng):
-    """By the law itself: share above d is (d^-2 - D^-2) / (s^-2 - D^-2) for sizes from s to D."""
+    """Expected share above d: (d^-2 - D^-2) / (s^-2 - D^-2) for sizes from s to D."""
     options = SceneRanges(rock_size_m=(0.05, 0.6), size_power=(2.0, 2.0))
     sizes = draw_sizes(20000, options, rng)
     assert sizes.min() >= 0.05
@@ -52,7 +52,7 @@ def test_the_number_of_larger_rocks_falls_with_the_power_of_their_size(rng):
 
 @pytest.mark.parametrize(("size", "ratios"), [(0.05, {0.5}), (0.15, {0.5, 0.667}), (0.5, {0.667})])
 def test_rocks_are_scaled_within_the_limits_and_keep_their_shape(shapes, size, ratios):
-    """Upright blocks of 0.1 and 0.3 m, 0.5 and 2/3 as high as long, may be scaled by 0.3 to 2."""
+    """Blocks of 0.1 and 0.3 m with a height of 0.5 and 2/3 of the length may be scaled by 0.3 to 2."""
     options = SceneRanges(
         rocks=(1, 1), rock_size_m=(size, size), tumbled_share=0, tilt_sd_deg=0, piled_share=(0, 0), **COARSE
     )
@@ -94,7 +94,7 @@ def test_piles_are_higher_than_any_of_their_rocks():
         )
         for random in (generator(n, "pile") for n in range(6))
     ]
-    assert np.median(highest) > 0.25  # of rocks 0.2 m high
+    assert np.median(highest) > 0.25  # single rocks are 0.2 m high
 
 
 def test_tumbled_rocks_have_any_rotation_and_others_are_upright(rng):
@@ -113,7 +113,7 @@ def test_a_coarse_copy_keeps_the_rocks_size():
 
 
 def _ball(count):
-    """Points evenly on the unit ball (Fibonacci's lattice), and the faces of their hull."""
+    """Return the convex hull of evenly distributed points on the unit sphere (Fibonacci lattice)."""
     number = np.arange(count)
     height, angle = 1 - (2 * number + 1) / count, number * np.pi * (3 - np.sqrt(5))
     level = np.sqrt(1 - height**2)

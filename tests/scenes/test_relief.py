@@ -1,4 +1,4 @@
-"""Made-up relief has the heights and directions that were asked for."""
+"""Random relief has the given heights and directions."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_noise_has_mean_0_and_sd_1(rng):
 
 @pytest.mark.parametrize(("angle", "smooth_axis"), [(0.0, 1), (np.pi / 2, 0)])
 def test_ridges_run_along_their_angle(rng, angle, smooth_axis):
-    """Steps along a ridge are smaller than across it by the ratio of the two lengths."""
+    """Steps along a ridge are smaller than across the ridge by the ratio of the correlation lengths."""
     noise = smooth_noise((256, 256), 12, 3, angle, rng)
     along = np.abs(np.diff(noise, axis=smooth_axis)).mean()
     across = np.abs(np.diff(noise, axis=1 - smooth_axis)).mean()
@@ -53,7 +53,7 @@ def test_relief_without_craters_has_the_spread_of_its_layers_together(rng):
 
 
 def test_rough_sand_has_no_structure_below_its_finest_size(rng):
-    """Steps between neighbours: with the finest size of 8 cells, less than half of those with 1 cell."""
+    """Steps between neighbours with a finest size of 8 cells are less than half of the steps with 1 cell."""
     steps = []
     for finest in (1, 8):
         noise = summed_noise((256, 256), [(1.0, rough_waves((256, 256), finest, 40))], rng)

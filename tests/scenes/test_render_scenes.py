@@ -1,4 +1,4 @@
-"""Pictures of scenes have exact labels of what can be seen, and come out the same every time."""
+"""Images of scenes: exact labels of visible objects, and reproducible bytes."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ def test_masks_contain_labelled_objects_and_ignore_others(rendered):
             assert (mask[y0:y1, x0:x1] == 1 + kind).any()
         for kind, inside in labelled.items():
             shown = mask == 1 + kind
-            assert not shown.any() or inside[shown].mean() > 0.95  # parts too small for a box reach out of it
+            assert not shown.any() or inside[shown].mean() > 0.95  # small components may be outside the box
     invisible = rendered("invisible", min_contrast=1.01)
     assert {value for path in (invisible / "masks").iterdir() for value in np.unique(class_masks.read(path))} == {
         0,
@@ -73,7 +73,7 @@ def test_the_same_options_write_the_same_bytes(rendered):
 
 
 def test_labels_cover_the_bright_rocks(rendered):
-    """Rocks twice as bright as smooth sand, lit from behind the camera or beside: boxes hold the brightest pixels."""
+    """Rocks brighter than smooth sand: the boxes contain the brightest pixels."""
     flat = {"rough_sd_m": (0, 0), "max_layers": 0, "swell_sd_m": (0, 0), "max_craters": 0}
     folder = rendered(
         "bright", **flat, rock_albedo=(4, 4), rock_spread=0, patch_sd=(0, 0), walled_share=0, noise=False,
@@ -102,7 +102,7 @@ def test_objects_without_contrast_have_no_label(rendered):
 
 
 def test_contrast_is_measured_in_the_image():
-    """A rock at 0.2 of white before sand at 0.6: of dark photos less is seen, of overexposed ones nothing."""
+    """A rock at 0.2 and sand at 0.6 of white: dark photos have less contrast, overexposed photos have none."""
     ids = np.full((30, 40), GROUND, np.uint16)
     ids[10:20, 5:15] = ROCK_IDS + 4
     box = np.array([5, 10, 15, 20.0])

@@ -1,4 +1,4 @@
-"""Strokes are found, taken out, and leave nothing that tells where rocks are."""
+"""Detection and removal of strokes without traces that depend on rocks."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def test_erased_strokes_recover_the_photo_to_a_few_grey_values(rng, colour):
     drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
     strokes = find_strokes(drawn)
     error = erase_strokes(drawn)[strokes].astype(float) - photo[strokes]
-    assert np.abs(error).mean() < 6  # of a photo whose sd is about 12; 2 of them are its grain
+    assert np.abs(error).mean() < 6  # the photo has a standard deviation of about 12, of which 2 are grain
     assert abs(error.mean()) < 1.5
 
 
@@ -71,7 +71,7 @@ def test_drawn_boxes_are_detected(x, y, wide, high, width):
 
 
 def test_random_strokes_are_independent_of_labels(rng):
-    """Shares of touched pixels inside and outside of labels, over many pictures of the same flat grain."""
+    """Compare the shares of changed pixels inside and outside of labels over many images of flat grain."""
     labelled = np.zeros((160, 240), bool)
     labelled[50:110, 60:130] = True
     inside, outside = [], []
@@ -81,13 +81,13 @@ def test_random_strokes_are_independent_of_labels(rng):
         inside.append(touched[labelled].mean())
         outside.append(touched[~labelled].mean())
     difference = np.array(inside) - np.array(outside)
-    # The centre has a few strokes more than the border, whose boxes reach out of the picture.
+    # The centre has slightly more strokes than the border, where boxes extend outside the image.
     assert np.mean(inside) > 0.005
     assert abs(difference.mean()) < 0.25 * np.mean(outside) + 3 * difference.std() / np.sqrt(len(difference))
 
 
 def test_erased_strokes_have_the_grain_of_the_photo(rng):
-    """Else a smooth stripe would tell a detector where somebody drew."""
+    """A smooth stripe would mark the annotated boxes for a detector."""
     photo = (100 + ndimage.gaussian_filter(rng.normal(0, 6, (300, 400)), 0.7)).astype(np.uint8)
     drawn = draw_strokes(photo, np.array([[60.0, 60, 340, 240]]), [1], COLOURS[0], 4, 26)
     strokes, erased = find_strokes(drawn), erase_strokes(drawn).astype(float)

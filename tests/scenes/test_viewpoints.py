@@ -1,4 +1,4 @@
-"""Cameras see sand past the walls, lamps light it from where they are asked to stand."""
+"""Random cameras and lamps of scenes."""
 
 import numpy as np
 import pytest
@@ -28,14 +28,14 @@ def level(half, chosen):
 
 @pytest.mark.parametrize(("x", "height", "pitch"), [(-3.5, 1.5, 25), (-3.0, 0.5, 8), (0.0, 0.4, 20), (-2.2, 0.35, 10)])
 def test_visible_sand_agrees_with_rays(x, height, pitch):
-    """Against the renderer's rays: the camera outside the walls, near them, inside."""
+    """Comparison with rays of the renderer for cameras outside, near and inside the walls."""
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
     camera = Camera(looking(np.array([x, 0.3, height]), 0.1, np.radians(pitch)), LENS)
     points = level_sand(camera, chosen)
     surfaces = level(2.0, chosen)
     hits = cast_strip(surfaces, camera, slice(0, 38), smooth=False)
     hit = hits.point[surfaces.id_of_face.take(hits.face) == 1][:, :2]
-    assert len(points) == pytest.approx(len(hit), rel=0.06)  # the wall's thickness hides a little more
+    assert len(points) == pytest.approx(len(hit), rel=0.06)  # the thickness of the walls occludes slightly more sand
     assert np.abs(points).max() <= 2.0
 
 
@@ -76,7 +76,7 @@ def test_random_lamps_are_in_their_ranges(near_share):
 
 
 def test_lamps_light_the_minimum_share_of_sand():
-    """Low suns leave the near part of the sand in the walls' shade: only high enough ones light three quarters."""
+    """Walls shade a part of the sand under a low Sun; only a sufficiently high Sun lights three quarters."""
     options = SceneRanges(near_share=0, min_lit_share=0.75)
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
     surfaces = level(2.0, chosen)

@@ -1,4 +1,4 @@
-"""A sandbox with a known pattern of albedo and lamps of known brightness, photographed from two positions."""
+"""Sandbox with known albedo and lamp brightness, photographed from two positions."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, looking
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
-from polarsim.render import brdf
+from polarsim.render import brdf_numba
 from polarsim.render.fitting import samples as sampling
 from polarsim.render.fitting.exposures import merged
 from polarsim.render.fitting.fit import LAMPS
@@ -31,8 +31,8 @@ LIGHTS = {
     "270": Lamp(np.array([0.2, -3.6, 1.7])),
     ROVER: Lamp(np.array([2.5, -0.3, 2.3]), 0.2),
 }
-GAINS = {"30": 60.0, "180": 300.0, "270": 90.0, ROVER: 200.0}  # grey values per ms and unit radiance
-UNSEEN, SEEN = 7, 1  # rocks: one out of all pictures
+GAINS = {"30": 60.0, "180": 300.0, "270": 90.0, ROVER: 200.0}  # DN per ms per unit radiance
+UNSEEN, SEEN = 7, 1  # rock numbers: outside and inside the photos
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Studio:
 
 
 def sandbox() -> TerrainMesh:
-    """Ground of 5 cm triangles, 2 m wide, and two blocks: one in its centre, one far outside the pictures."""
+    """Return ground of 5 cm triangles, 2 m wide, with a block in the centre and a block outside the photos."""
     axis = np.linspace(-1, 1, 41)
     x, y = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
     vertices = [np.stack([x, y, 0.02 * np.sin(3 * x) * np.cos(4 * y)], axis=1)]
@@ -60,7 +60,7 @@ def sandbox() -> TerrainMesh:
 
 
 def pattern(mesh: TerrainMesh) -> np.ndarray:
-    """Patches of a quarter on the ground, and rocks of 1.5."""
+    """Return albedo factors: patches with an amplitude of 25 % on the ground, and 1.5 for rocks."""
     x, y, _ = mesh.vertices.T
     factor = np.exp(0.25 * np.sin(6 * x + 1) * np.cos(5 * y))
     factor[np.unique(mesh.faces[mesh.rock_of_face != NO_ROCK])] = 1.5
@@ -69,7 +69,7 @@ def pattern(mesh: TerrainMesh) -> np.ndarray:
 
 
 def photographed(olat_image: np.ndarray, gain: float, rng: np.random.Generator) -> list[tuple[np.ndarray, float]]:
-    """Noisy 12-bit photos of an OLAT image, some of them clipped."""
+    """Return noisy, partly clipped 12-bit photos of an OLAT image."""
     photos = []
     for exposure_ms in (32.0, 128.0, 512.0):
         light = gain * exposure_ms * olat_image
@@ -79,7 +79,7 @@ def photographed(olat_image: np.ndarray, gain: float, rng: np.random.Generator) 
 
 
 def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, points: tuple[Pose, ...] = PLACES) -> Samples:
-    """What the fit sees of the sandbox under its true albedo."""
+    """Return the samples of photos of the sandbox with the true albedo."""
     rng = np.random.default_rng(3)
     painted, plain = surfaces_of(mesh, options, {"lambert": albedo, "hapke": albedo}), surfaces_of(mesh, options)
     model = "hapke" if options.models == ("hapke",) else "lambert"
@@ -93,7 +93,7 @@ def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, points:
 
 @pytest.fixture(scope="package", autouse=True)
 def small_pictures():
-    """Sample every pixel up to the edges: these pictures are small."""
+    """Sample every pixel up to the edges, because the photos are small."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sampling, "STEP_PX", 1)
         patch.setattr(sampling, "BORDER_PX", 1)
@@ -112,4 +112,4 @@ def studio(small_pictures) -> Studio:
 
 @pytest.fixture(scope="package")
 def engine():
-    return brdf.reflectance
+    return brdf_numba.reflectance

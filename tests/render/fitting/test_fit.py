@@ -1,4 +1,4 @@
-"""From photos back to the albedo and the lamps that made them."""
+"""Recovery of albedo and lamp brightness from photos."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def test_the_fit_recovers_albedo_from_noisy_photos(studio, found):
     seen = found.looks >= 2
     assert seen.sum() > 800
     error = found.models["lambert"].albedo[seen] / studio.albedo[seen] - 1
-    assert np.median(np.abs(error)) < 0.02  # 0.25 of albedo's own spread
+    assert np.median(np.abs(error)) < 0.02  # the albedo varies by 0.25
 
 
 def test_the_fit_recovers_lamp_brightness(found):

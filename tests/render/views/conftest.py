@@ -1,4 +1,4 @@
-"""Views of the small terrain: a block on level ground."""
+"""Novel views of the small terrain: a block on level ground."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ SIZE = {"width_px": 96, "height_px": 64}
 
 @pytest.fixture
 def views_of(folders):
-    """`views_of(**changes)`: views of the block, 96 x 64 px, one camera, one Sun."""
+    """`views_of(**changes)`: views of the block with a single camera and Sun, 96 x 64 px."""
 
     def make(**changes):
         return Views.model_validate(
@@ -30,5 +30,5 @@ def views_of(folders):
 
 @pytest.fixture
 def tone():
-    """The simplest: the upper eight of twelve bits."""
+    """Tone curve that returns the upper eight of twelve bits."""
     return lambda grey: np.repeat((grey >> 4).astype(np.uint8)[..., None], 3, axis=2)

@@ -1,4 +1,4 @@
-"""Where cameras of novel views stand, and what they look at."""
+"""Camera poses of novel views."""
 
 import numpy as np
 import pytest

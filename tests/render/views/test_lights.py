@@ -1,4 +1,4 @@
-"""Lamps of novel views: where they stand, in which frame."""
+"""Lamps of novel views."""
 
 import numpy as np
 import pytest

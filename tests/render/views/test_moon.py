@@ -20,7 +20,7 @@ MOMENTS = st.datetimes(datetime(1950, 1, 1), datetime(2099, 1, 1)).map(lambda mo
 
 
 def subsolar_point(moment):
-    """Selenographic longitude (-180 to 180, east positive) and latitude where the Sun stands overhead, degrees."""
+    """Return selenographic longitude (-180 to 180, east positive) and latitude of the subsolar point, degrees."""
     days = days_since_j2000(moment)
     x, y, z = moon_from_celestial(days) @ sun_seen_from_moon(days)
     return np.degrees(np.arctan2(y, x)), np.degrees(np.arcsin(z))

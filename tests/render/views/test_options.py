@@ -1,4 +1,4 @@
-"""Files of views: what is wrong is told in one line with file and key."""
+"""Views files: errors are reported in a single line with file and key."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A folder of labelled pictures: what is in it, and that nothing is made twice."""
+"""Folder of labelled images: content, and reuse of existing images."""
 
 import json
 import shutil

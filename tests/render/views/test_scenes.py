@@ -1,4 +1,4 @@
-"""Terrains side by side: geometry at its position, rocks told apart."""
+"""Scenes of several terrains: geometry and rock ids."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The real sky: stars where and as bright as they are, fixed in space, behind everything."""
+"""Stars: positions, brightness, rotation with time, occlusion by the scene."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def one_star(pixel, pose=UPWARDS, lens=LENS):
 
 
 def total(radiance, lens=LENS):
-    """Irradiance of a picture: radiance times the solid angle of each pixel."""
+    """Return the irradiance of an image: radiance times the solid angle of each pixel."""
     cosine = 1 / np.linalg.norm(lens.pixel_directions(), axis=-1)
     return (radiance * cosine**3).sum() / (lens.fx * lens.fy)
 
@@ -75,7 +75,7 @@ def test_a_star_is_distributed_over_the_nearest_pixels(pixel):
 
 
 def test_stars_rotate_with_the_camera():
-    """A rotated camera sees a star where its direction says; a moved one sees it where it was."""
+    """The pixel of a star follows the rotation of the camera and does not depend on the position."""
     star = one_star([80.5, 60.5])
     rotated = Pose(Rotation.from_rotvec([0, 0, 0.1]).as_matrix() @ UPWARDS.rotation, np.array([5.0, 3, 2]))
     radiance = star_radiance(star, np.eye(3), Camera(rotated, LENS))
