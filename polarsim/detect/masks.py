@@ -1,4 +1,4 @@
-"""Masks of ground, rocks and shadows, by detectors that were trained with masks."""
+"""Masks of ground, rocks and shadows, predicted by detectors trained with masks."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.progress import track
 from polarsim.run_files import class_masks
 
-LoadedAt = tuple[detectors.LoadedMasks, tuple[int, ...]]  # what makes masks, and the widths that it looks at
+LoadedAt = tuple[detectors.LoadedMasks, tuple[int, ...]]  # mask inference and its widths
 
 
 def segment_pictures(
     *, weights: Sequence[Path], dataset: Path, masks: Path, options: PredictionOptions, threads: int
 ) -> None:
-    """Write what a detector takes every pixel of the test part of a data set for: `KEY.png` as large as a photo.
+    """Write the class mask `KEY.png`, as large as a photo, of each image in the test part of a data set.
 
     Parameters
     ----------
     weights
-        A detector, or several whose probabilities are averaged.
+        Detectors. The probabilities of several detectors are averaged.
 
     Raises
     ------
     PolarsimError
-        Weights without a head for masks, a broken picture or data set.
+        Weights without a mask head, invalid image or data set.
     """
     loaded = []
     for path in weights:
@@ -50,28 +50,28 @@ def segment_pictures(
 
 
 def mask_widths(detector: detectors.Detector, options: PredictionOptions) -> tuple[int, ...]:
-    """At which widths a detector looks at a picture for its mask: those that the options name, else those for boxes."""
+    """Return the inference widths of masks: `mask_widths` of the options, else the widths for boxes."""
     return options.mask_widths or tuple(sizes_of(detector, options).widths)
 
 
 def class_mask(loaded: Sequence[LoadedAt], picture: np.ndarray, full: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
-    """(height, width) uint8: the likeliest class of every pixel of a whole picture.
+    """Return the most probable class (height, width) uint8 of each pixel of an image.
 
-    Detectors' probabilities are averaged, each over the widths that it looks at.
+    Probabilities are averaged over detectors and inference widths.
 
     Parameters
     ----------
     picture
-        (h, w) uint8, maybe smaller than the whole picture, which is `full` wide and high.
+        (h, w) uint8, may be a reduced copy of the image of size `full` (width, height).
     """
-    shown = [_probabilities(one, picture, widths, full) for one, widths in loaded]
-    return np.asarray(sum(shown[1:], start=shown[0])).argmax(axis=-1).astype(np.uint8)
+    probabilities = [_probabilities(detector, picture, widths, full) for detector, widths in loaded]
+    return np.asarray(sum(probabilities[1:], start=probabilities[0])).argmax(axis=-1).astype(np.uint8)
 
 
 def within_boxes(mask: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """A class mask (h, w) with ground for the rocks and shadows that lie in no box (n, 6) of their kind.
+    """Replace rocks and shadows outside the boxes (n, 6) of their class in a class mask (h, w) by ground.
 
-    A detector's boxes are surer than its mask: they leave out most of what looks like rock on walls and relief.
+    The boxes of a detector have fewer false positives than the mask on walls and relief.
     """
     kept = np.full_like(mask, class_masks.CLASSES.index("ground"))
     for x0, y0, x1, y1, _, kind in found:
@@ -84,9 +84,9 @@ def within_boxes(mask: np.ndarray, found: np.ndarray) -> np.ndarray:
 def _probabilities(
     loaded: detectors.LoadedMasks, picture: np.ndarray, widths: Sequence[int], full: tuple[int, int]
 ) -> np.ndarray:
-    """(height, width, classes) float32 for every pixel of a whole picture, mean over the widths it is looked at."""
-    shown = [_probabilities_at(loaded, picture, width, full) for width in widths]
-    return np.asarray(sum(shown[1:], start=shown[0]) / np.float32(len(shown)))
+    """Return class probabilities (height, width, classes) float32 of each pixel, mean over the inference widths."""
+    by_width = [_probabilities_at(loaded, picture, width, full) for width in widths]
+    return np.asarray(sum(by_width[1:], start=by_width[0]) / np.float32(len(by_width)))
 
 
 def _probabilities_at(
@@ -97,7 +97,7 @@ def _probabilities_at(
     framed, offset, scale = frame(picture, width, full)
     cells = np.ascontiguousarray(loaded(framed[None])[0].transpose(1, 2, 0))
     cell_px = framed.shape[1] / cells.shape[1]
-    # From a pixel's centre in the whole picture to cells; OpenCV counts both from the first one's centre.
+    # From pixels of the full image to cells; the origin of OpenCV is the centre of the first pixel.
     factor = 1 / (scale * cell_px)
     start = HALF_PIXEL * factor + offset / cell_px - HALF_PIXEL
     matrix = np.column_stack([np.diag(factor), start])

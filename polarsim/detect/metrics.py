@@ -1,8 +1,8 @@
-"""Detection figures of one class: average precision as COCO defines it, and the best overlap of every label.
+"""Detection metrics: average precision as defined by COCO, and the maximum overlap of each label.
 
-All functions take one entry a picture; boxes are (n, 4) as x0, y0, x1, y1. The rules are those of COCO's evaluation
-(Lin et al., ECCV 2014; pycocotools `COCOeval`), interpolation included: the mean, over the recalls 0, 0.01 ... 1, of
-the highest precision at that recall or beyond. Only its limit of 100 boxes a picture is left out.
+Arguments have one entry per image; boxes are (n, 4) as x0, y0, x1, y1. The rules follow COCO (Lin et al., ECCV 2014;
+pycocotools `COCOeval`) including interpolation: the mean over recalls 0, 0.01 ... 1 of the maximum precision at that
+recall or above. The COCO limit of 100 boxes per image is not applied.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ import numpy as np
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
 
-IOU_THRESHOLDS = np.linspace(0.5, 0.95, 10)  # mAP@[0.5:0.95]; the first one is mAP@0.5
+IOU_THRESHOLDS = np.linspace(0.5, 0.95, 10)  # mAP@[0.5:0.95]; the first threshold gives mAP@0.5
 RECALLS = np.linspace(0, 1, 101)
 ANY_AREA = ((0.0, np.inf),)
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """All predictions of a class, matched with labels once, from sure to unsure: sums over them give any figure.
+    """Predictions of a class in descending order of confidence, matched with labels.
 
-    There are n predictions, p pictures, t thresholds of IoU, and g ranges of area.
+    Shapes: n predictions, p images, t IoU thresholds, g ranges of area.
     """
 
-    confidence: np.ndarray  # (n,) falling
-    picture: np.ndarray  # (n,) its number
-    right: np.ndarray  # (g, t, n) bool: takes a label of the range
-    counted: np.ndarray  # (g, t, n) bool: right or wrong; the others are neither, for they concern another range
-    labels: np.ndarray  # (g, p) labels of the range in each picture
+    confidence: np.ndarray  # (n,) descending
+    picture: np.ndarray  # (n,) index of the image
+    right: np.ndarray  # (g, t, n) bool: true positive in the range of area
+    counted: np.ndarray  # (g, t, n) bool: true or false positive; predictions of different ranges are ignored
+    labels: np.ndarray  # (g, p) number of labels in the range for each image
 
     def of_pictures(self, chosen: np.ndarray) -> Ranked:
-        """The same for the chosen (p,) bool pictures alone; they keep their numbers."""
+        """Return the predictions and labels of the images in a mask (p,). Image indices are unchanged."""
         kept = chosen[self.picture]
         return Ranked(
             self.confidence[kept],
@@ -52,11 +52,11 @@ def rank(
     thresholds: np.ndarray = IOU_THRESHOLDS,
     areas: Sequence[tuple[float, float]] = ANY_AREA,
 ) -> Ranked:
-    """Match predictions with labels, picture by picture.
+    """Match predictions with labels in each image.
 
-    The surest prediction first takes the label with the largest IoU that is still free. Where only some areas (px^2,
-    both ends included) are asked for, labels of others are free for all: a prediction on them is neither right nor
-    wrong, nor is one of another area that takes no label.
+    In descending order of confidence, each prediction is matched with the unmatched label of maximum IoU. For a range
+    of area (px^2, limits included), predictions matched with labels outside the range are ignored, as are unmatched
+    predictions outside the range.
     """
     from polarsim.geometry import matching_numba
 
@@ -91,7 +91,7 @@ def mean_precision(
     found: Sequence[np.ndarray],
     thresholds: np.ndarray = IOU_THRESHOLDS,
 ) -> np.ndarray:
-    """(t,) average precision at each IoU threshold, mean over the classes that have labels; 0 where none has.
+    """Return the average precision (t,) at each IoU threshold, mean over classes with labels; 0 without labels.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def mean_precision(
 def rank_classes(
     labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray], thresholds: np.ndarray
 ) -> list[Ranked]:
-    """What `rank` says of each class, in the order of `BOX_CLASSES`; arguments as of `mean_precision`."""
+    """Apply `rank` to each class in the order of `BOX_CLASSES`; arguments as in `mean_precision`."""
     return [
         rank(
             [corners[classes == kind] for classes, corners in labels],
@@ -120,14 +120,16 @@ def rank_classes(
 
 
 def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | None = None) -> np.ndarray:
-    """(t, 101) highest precision at each of `RECALLS` or beyond, 0 where no recall goes so far; NaN without labels.
+    """Return the maximum precision (t, 101) at each of `RECALLS` or above; 0 above the maximum recall.
+
+    NaN without labels.
 
     Parameters
     ----------
     area
-        Number of the range of area.
+        Index of the range of area.
     weights : (p,)
-        How often each picture counts; once when None.
+        Weight of each image; None: 1.
     """
     weights = np.ones(ranked.labels.shape[1]) if weights is None else weights
     count = float(ranked.labels[area] @ weights)
@@ -136,9 +138,9 @@ def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | No
     weight = weights[ranked.picture]
     curves = np.zeros((ranked.right.shape[1], len(RECALLS)))
     for curve, right, counted in zip(curves, ranked.right[area], ranked.counted[area], strict=True):
-        found = np.flatnonzero(right)  # the highest precisions stand where a label has just been found
+        found = np.flatnonzero(right)  # precision has its local maxima at true positives
         so_far = weight[found].cumsum()
-        best = so_far / np.maximum((weight * counted).cumsum()[found], 1e-12)  # 0 before the first that counts
+        best = so_far / np.maximum((weight * counted).cumsum()[found], 1e-12)  # 0 before the first counted prediction
         best = np.maximum.accumulate(best[::-1])[::-1]
         indices = np.searchsorted(so_far / count, RECALLS, side="left")
         curve[indices < len(found)] = best[indices[indices < len(found)]]
@@ -146,7 +148,7 @@ def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | No
 
 
 def best_overlap(labels: np.ndarray, predictions: np.ndarray) -> np.ndarray:
-    """(n,) largest IoU of each label with any prediction, 0 without one; its mean is the paper's IOU_mean."""
+    """Return the maximum IoU (n,) of each label with a prediction, 0 without predictions; the mean is IOU_mean."""
     if not len(predictions):
         return np.zeros(len(labels))
     return boxes.iou(labels, predictions).max(axis=1)

@@ -1,4 +1,4 @@
-"""A detector that looks at every picture as it is and mirrored left to right: it finds more, in twice the time."""
+"""Test-time augmentation by mirroring each image left to right: more detections in twice the time."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from polarsim.detect.fusion import fuse
 
 
 def boxes_both_ways(loaded: LoadedDetector, nms_iou: float) -> LoadedDetector:
-    """A detector whose boxes of a picture and of the mirrored one are merged by `fuse`, as those of two detectors are.
+    """Return a detector that merges the boxes of an image and the mirrored image by `fuse`.
 
-    A thing that is found in one of the two alone keeps half of its confidence.
+    A box detected in only one of the two images keeps half of its confidence.
     """
 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         width = pictures.shape[2]
-        both = zip(loaded(pictures), loaded(_mirrored(pictures)), strict=True)
-        return [fuse([own, _mirrored_boxes(other, width)], nms_iou, MAX_BOXES) for own, other in both]
+        pairs = zip(loaded(pictures), loaded(_mirrored(pictures)), strict=True)
+        return [fuse([boxes, _mirrored_boxes(mirrored, width)], nms_iou, MAX_BOXES) for boxes, mirrored in pairs]
 
     return detect
 
 
 def masks_both_ways(loaded: LoadedMasks) -> LoadedMasks:
-    """The mean of the probabilities of a picture and of the mirrored one."""
+    """Return mask inference that averages the probabilities of an image and the mirrored image."""
     return lambda pictures: (loaded(pictures) + _mirrored(loaded(_mirrored(pictures)))) / np.float32(2)
 
 
 def _mirrored(pictures: np.ndarray) -> np.ndarray:
-    """Pictures (..., w), the last column first."""
+    """Reverse the columns of images (..., w)."""
     return np.ascontiguousarray(pictures[..., ::-1])
 
 
 def _mirrored_boxes(boxes: np.ndarray, width: int) -> np.ndarray:
-    """Boxes (n, 6) x0, y0, x1, y1, confidence, class of a mirrored picture, in pixels of the picture itself."""
+    """Transform boxes (n, 6) x0, y0, x1, y1, confidence, class of a mirrored image to the original image."""
     turned = boxes.copy()
     turned[:, [0, 2]] = width - boxes[:, [2, 0]]
     return turned

@@ -1,4 +1,4 @@
-"""Non-maximum suppression by OpenCV: torchvision's wheel is built against CUDA and fails beside a CPU torch."""
+"""Non-maximum suppression by OpenCV. The torchvision wheel requires CUDA and fails with a CPU build of torch."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from polarsim.photo import BOX_CLASSES
 
 
 def suppress(boxes: np.ndarray, scores: np.ndarray, iou_threshold: float) -> np.ndarray:
-    """Indices of the boxes that no more confident box overlaps by more than a threshold, the most confident first.
+    """Return the indices of boxes after greedy non-maximum suppression, in descending order of confidence.
 
-    OpenCV's greedy loop is compiled; the one in plain torch that Ultralytics has takes fifty times as long, and most
-    of the time of a prediction.
+    The compiled loop of OpenCV is 50 times faster than the torch implementation of Ultralytics, which dominates the
+    inference time.
 
     Parameters
     ----------
@@ -34,29 +34,29 @@ def suppress(boxes: np.ndarray, scores: np.ndarray, iou_threshold: float) -> np.
 
 
 def suppress_by_class(rows: np.ndarray, iou_threshold: float, most: int) -> np.ndarray:
-    """Boxes (n, 6) without those that a more confident one of their class overlaps by more than a threshold.
+    """Apply non-maximum suppression to boxes (n, 6) of each class.
 
     Parameters
     ----------
     rows : (n, 6)
         x0, y0, x1, y1, confidence, class.
     most
-        Boxes that are kept, the most confident ones.
+        Maximum number of returned boxes.
 
     Returns
     -------
-    (k, 6), the most confident first
+    (k, 6), in descending order of confidence
     """
     kept = [rows[:0]]
     for kind in range(len(BOX_CLASSES)):
-        own = rows[rows[:, 5] == kind]
-        kept.append(own[suppress(own[:, :4], own[:, 4], iou_threshold)] if len(own) else own)
+        of_class = rows[rows[:, 5] == kind]
+        kept.append(of_class[suppress(of_class[:, :4], of_class[:, 4], iou_threshold)] if len(of_class) else of_class)
     table = np.concatenate(kept)
     return table[np.argsort(-table[:, 4], kind="stable")[:most]]
 
 
 def nms(boxes: Any, scores: Any, iou_threshold: float) -> Any:
-    """`suppress` of tensors, its indices on the boxes' device."""
+    """Apply `suppress` to tensors; return indices on the device of the boxes."""
     import torch
 
     kept = suppress(boxes.detach().cpu().numpy(), scores.detach().cpu().numpy(), iou_threshold)

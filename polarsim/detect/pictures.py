@@ -1,4 +1,4 @@
-"""A domain's pictures and boxes as YOLO wants them, converted once: all data sets share these."""
+"""Conversion of the images and boxes of a domain to YOLO format, shared by all data sets."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ log = logging.getLogger("polarsim")
 
 @dataclass(frozen=True)
 class Source:
-    """A picture to convert."""
+    """Image to convert."""
 
     key: str
-    path: Path | None  # none: it is known to be missing
-    camera: str  # pictures of one camera are alike
-    terrains: tuple[int, ...]  # that are to be seen
-    size: tuple[int, int] | None = (WIDTH, HEIGHT)  # px; none: any
+    path: Path | None  # None: missing
+    camera: str  # group of correlated images
+    terrains: tuple[int, ...]  # visible terrains
+    size: tuple[int, int] | None = (WIDTH, HEIGHT)  # expected size, px; None: any
 
 
 def convert_domain(
@@ -50,7 +50,7 @@ def convert_domain(
     options: PicturesOptions,
     masks: Sequence[Path] = (),
 ) -> None:
-    """`convert_views` for the domain of novel views, which have labels of their own, else `convert_photos`."""
+    """Apply `convert_views` to the domain of novel views, `convert_photos` to all other domains."""
     if domain == VIEWS:
         convert_views(views=pictures, folder=folder, options=options)
     else:
@@ -69,31 +69,31 @@ def convert_photos(
     options: PicturesOptions,
     masks: Sequence[Path] = (),
 ) -> None:
-    """Write a domain's photos or twins as 8-bit pictures with YOLO labels.
+    """Write the photos or twins of a domain as 8-bit images with YOLO labels.
 
     Parameters
     ----------
     domain : str
-        Name of the domain, noted in `domain.json`.
+        Name of the domain, written to `domain.json`.
     pictures : Path
-        Either `photos.parquet` (columns key and path) or the folder of a reflectance model's twins.
+        Either `photos.parquet` (columns key and path) or the folder of the twins of a reflectance model.
     labels : Path
         Label table of the domain, `LABEL_COLUMNS`.
     folder : Path
-        Folder to write: `images/KEY.png`, `labels/KEY.txt`, `domain.json`, and `pictures.csv` with the state of every
-        picture: used, missing or corrupt. A corrupt picture or label is a warning.
+        Folder to write: `images/KEY.png`, `labels/KEY.txt`, `domain.json`, and `pictures.csv` with the state of each
+        image: used, missing or corrupt. Corrupt images and labels are skipped with a warning.
     masks : sequence of Path
-        Folders `TerrainTT` of grey maps by photo or instance maps by exposure bracket. With them every picture has
-        `masks/KEY.png` too, see `formats.class_masks`.
+        Folders `TerrainTT` of grey maps by photo or instance maps by exposure bracket. If given, `masks/KEY.png` is
+        written for each image, see `class_masks`.
 
     Raises
     ------
     PolarsimError
-        A broken table, or a full disk.
+        Invalid table, or full disk.
     """
     paths = picture_paths(pictures, list(keys))
     if missing := len(keys) - len(paths):
-        log.warning("%s: %d of %d pictures are missing, left out", pictures, missing, len(keys))
+        log.warning("%s: %d of %d images are missing and skipped", pictures, missing, len(keys))
     sources = [Source(str(key), paths.get(key), f"{key.position} {key.camera}", (key.terrain,)) for key in sorted(keys)]
     table = _read_labels(labels)
     names = [source.key for source in sources]
@@ -111,12 +111,12 @@ def convert_photos(
 
 
 def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> None:
-    """As `convert_photos`, for what `polarsim render VIEWS.yaml` wrote: 12-bit pictures with labels beside them.
+    """Convert the output of `polarsim render VIEWS.yaml`, 12-bit images and labels, like `convert_photos`.
 
     Raises
     ------
     PolarsimError
-        No such folder, or a broken index in it.
+        Missing folder or invalid index.
     """
     index = tables.read_csv(views / "index.csv", VIEW_COLUMNS)
     terrains_of: dict[str, tuple[int, ...]] = {}
@@ -140,11 +140,11 @@ def _terrains_of_view(sidecar: Path) -> tuple[int, ...]:
     try:
         return tuple(sorted({int(terrain["terrain"]) for terrain in read_json(sidecar)["terrains"]}))
     except (KeyError, TypeError, ValueError) as error:
-        raise DetectError("does not say which terrains are to be seen", path=sidecar) from error
+        raise DetectError("no list of visible terrains, expected key 'terrains'", path=sidecar) from error
 
 
 def picture_paths(pictures: Path, keys: list[PhotoKey]) -> dict[PhotoKey, Path]:
-    """File of each photo that has one: from a photo table, or from a folder of twins `TerrainTT/KEY.png`."""
+    """Return the existing file of each photo, from a photo table or a folder of twins `TerrainTT/KEY.png`."""
     if pictures.is_dir():
         found = {key: pictures / f"Terrain{key.terrain:02d}" / f"{key}.png" for key in keys}
     else:
@@ -155,7 +155,7 @@ def picture_paths(pictures: Path, keys: list[PhotoKey]) -> dict[PhotoKey, Path]:
 
 
 def read_states(folder: Path) -> pd.DataFrame:
-    """The row of every picture, `STATE_COLUMNS`, all of them texts; terrains are parted by spaces."""
+    """Read the row of each image, `STATE_COLUMNS`, as text; terrains are separated by spaces."""
     table = tables.read_csv(folder / "pictures.csv", STATE_COLUMNS)
     return table[list(STATE_COLUMNS)].astype(str)
 
@@ -172,7 +172,7 @@ def _convert(
     with writing_folder(folder) as made:
         for name in ("images", "labels", *(["masks"] if masked else [])):
             (made / name).mkdir()
-        for source in track(sources, f"{domain} pictures"):
+        for source in track(sources, f"{domain} images"):
             state = _convert_one(source, labelled, masked, made, options)
             rows.append((source.key, state, source.camera, " ".join(map(str, source.terrains))))
         table = pd.DataFrame(rows, columns=list(STATE_COLUMNS))
@@ -189,7 +189,7 @@ def _convert_one(
     made: Path,
     options: PicturesOptions,
 ) -> str:
-    """Write one picture and its labels, unless there is a reason against; its state."""
+    """Write an image with labels if possible; return the state of the image."""
     if source.path is None:
         return MISSING
     try:
@@ -198,7 +198,7 @@ def _convert_one(
         classes, corners = labelled(source, size)
         mask = masked(source) if masked else None
     except PolarsimError as error:
-        log.warning("left out: %s", error)
+        log.warning("skipped: %s", error)
         return CORRUPT
     small = tone.shrink(picture, min(options.longer_side, max(picture.shape)))
     png.write(made / "images" / f"{source.key}.png", tone.to_8_bits(small))
@@ -211,9 +211,9 @@ def _convert_one(
 
 
 def _read(path: Path, size: tuple[int, int] | None) -> np.ndarray:
-    """(h, w) uint16 with 12-bit values."""
+    """Read a 12-bit image (h, w) uint16."""
     try:
-        header = png.parse_header(path.read_bytes())  # OpenCV reads a cut picture without a word
+        header = png.parse_header(path.read_bytes())  # OpenCV accepts truncated files without an error
     except OSError as error:
         raise DetectError(f"cannot be read, {error.strerror or error}", path=path) from error
     except PolarsimError as error:
@@ -222,12 +222,12 @@ def _read(path: Path, size: tuple[int, int] | None) -> np.ndarray:
 
 
 def _read_mask(folders: Sequence[Path], key: PhotoKey, labelled: Collection[int]) -> np.ndarray:
-    """The class mask (h, w) of a photo or twin.
+    """Read the class mask (h, w) of a photo or twin.
 
     Raises
     ------
     PolarsimError
-        A broken map, or none.
+        Missing or invalid map.
     """
     name = f"Terrain{key.terrain:02d}"
     folder = next((folder for folder in folders if folder.name == name), None)
@@ -248,22 +248,22 @@ def _read_labels(path: Path) -> pd.DataFrame:
 
 
 def _things_by_photo(table: pd.DataFrame) -> dict[str, set[int]]:
-    """Ids in instance maps of the labelled rocks and shadows of every photo."""
+    """Return the instance ids of the labelled rocks and shadows of each photo."""
     numbered = table[table["rock"] != NO_ROCK]
     ids = numbered["rock"] + numbered["kind"].map({ROCK: instances.ROCK_IDS, SHADOW: instances.SHADOW_IDS})
     return {str(key): set(own.tolist()) for key, own in ids.groupby(numbered["key"])}
 
 
 def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> Labels:
-    """What of the boxes lies in the picture.
+    """Clip boxes at the border of the image and drop boxes outside.
 
     Raises
     ------
     DetectError
-        A box without corners, or with its right one on the left.
+        Non-finite corners, or x1 < x0 or y1 < y0.
     """
     if not np.isfinite(corners).all() or (corners[:, 2:] < corners[:, :2]).any():
-        raise DetectError("a label that is no box")
+        raise DetectError("invalid box, expected finite x0 <= x1 and y0 <= y1")
     clipped = boxes.clip(corners, *size)
     seen = boxes.area(clipped) > 0
     return classes[seen], clipped[seen]

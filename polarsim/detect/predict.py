@@ -1,4 +1,4 @@
-"""Predictions of a detector on the test pictures of a domain."""
+"""Predictions of a detector on the test images of a domain."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from polarsim.schemas.detect import PREDICTIONS
 
 PREDICTION_COLUMNS = PREDICTIONS.columns
 BATCH = 8
-PART = 25 * BATCH  # pictures whose predictions are held in memory
+PART = 25 * BATCH  # number of images with predictions in memory
 
 
 def predict_domains(
@@ -40,7 +40,7 @@ def predict_domains(
     cameras: Sequence[Path] = (),
     meshes: Sequence[Path] = (),
 ) -> None:
-    """Write the predictions of a detector on the test part of each data set, as `predict`."""
+    """Apply `predict` to the test part of each data set."""
     for dataset, table in zip(datasets, predictions, strict=True):
         predict(
             weights=weights,
@@ -63,19 +63,19 @@ def predict(
     cameras: Sequence[Path] = (),
     meshes: Sequence[Path] = (),
 ) -> None:
-    """Write what a detector sees in the test part of a data set, boxes in pixels of the full photo.
+    """Write the predictions of a detector on the test part of a data set, boxes in pixels of the full photo.
 
-    Memory does not grow with the number of pictures; a call that was stopped goes on where it stopped.
+    Memory does not grow with the number of images. An interrupted call resumes.
 
     Parameters
     ----------
     cameras, meshes : sequence of Path
-        Folders of poses, and of meshes, one a terrain: boxes off the sand are left out there.
+        Folders of camera poses and meshes, one per terrain. Boxes outside the sand are dropped on these terrains.
 
     Raises
     ------
     PolarsimError
-        Weights that are no detector, a broken picture or data set.
+        Invalid weights, image or data set.
     """
     detector = detectors.read_detector(weights)
     sizes = sizes_of(detector, options)
@@ -103,7 +103,7 @@ def predict(
 
 
 def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> ClassSizes:
-    """The widths that the options name, else those that were chosen for the detector, else that of its training."""
+    """Return the inference widths of the options, else the widths stored in the detector, else the training width."""
     if named := ClassSizes.named(options):
         return named
     if detector.sizes:
@@ -118,20 +118,20 @@ def detect(
     nms_iou: float,
     full: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> Iterator[np.ndarray]:
-    """What a detector sees in pictures (h, w) uint8 of one size: for each (n, 6) x0, y0, x1, y1, confidence, class.
+    """Yield the boxes (n, 6) x0, y0, x1, y1, confidence, class of each image (h, w) uint8; images have equal sizes.
 
     Parameters
     ----------
     nms_iou
-        IoU above which one of two boxes from pictures of different widths is dropped.
+        IoU threshold of the suppression of boxes from different inference widths.
     full
-        Width and height of the whole picture whose pixels the boxes are in, whatever the size of `pictures`.
+        Width and height of the original image. Boxes are in pixels of the original image.
     """
     if len({picture.shape for picture in pictures}) > 1:
-        raise DetectError(f"pictures of sizes {sorted({picture.shape for picture in pictures})}, expected one size")
+        raise DetectError(f"images of sizes {sorted({picture.shape for picture in pictures})}, expected equal sizes")
     widths = sizes.widths
     by_width = [_detect_at(loaded, pictures, width, full) for width in widths]
-    in_full = sizes.scaled(full[0] / WIDTH)  # gates are in pixels of a photo
+    in_full = sizes.scaled(full[0] / WIDTH)  # from pixels of a photo
     for found in zip(*by_width, strict=True):
         yield merge(dict(zip(widths, found, strict=True)), in_full, nms_iou, detectors.MAX_BOXES)
 
@@ -148,7 +148,7 @@ def _detect_at(
 
 
 def prediction_table(rows: Sequence[tuple[Any, ...]]) -> pd.DataFrame:
-    """Rows of `PREDICTION_COLUMNS` as a table, rounded and ordered: by photo and kind, the surest first."""
+    """Return rows of `PREDICTION_COLUMNS` as a rounded table, sorted by photo, kind and descending confidence."""
     table = pd.DataFrame(list(rows), columns=list(PREDICTION_COLUMNS)).astype(PREDICTIONS.dtypes)
     table = table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)})
     order = [True, True, False, *[True] * 4]

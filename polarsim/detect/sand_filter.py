@@ -1,4 +1,4 @@
-"""Boxes that stand on the sandbox's sand, where the camera's pose is known: others are of cards, cloth and lamps."""
+"""Removal of boxes outside the sand (cards, cloth, lamps) in photos with a known camera pose."""
 
 from __future__ import annotations
 
@@ -20,44 +20,43 @@ from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, wall_he
 
 @dataclass(frozen=True)
 class Sandbox:
-    """What says where a terrain's sand lies in photos."""
+    """Camera poses and sand level of a terrain."""
 
     rigs: Mapping[str, LocalisedRig]  # by position
-    level_m: float  # height of the sand in the sandbox frame: frames of published meshes have it at -0.15 to 0.18 m
+    level_m: float  # height of the sand in the sandbox frame; -0.15 to 0.18 m in published meshes
 
 
 class Sand:
-    """Where the sand lies in the photos of some terrains.
+    """Filter of boxes by the sand of the terrains.
 
-    Photos of other terrains and positions keep all their boxes, and so do those of rigs of unproven pose,
-    which may be decimetres off.
+    Photos without known terrain or position, and photos with unverified poses (errors of decimetres), keep all boxes.
     """
 
     def __init__(self, terrains: Mapping[int, Sandbox], files: Sequence[Path]) -> None:
         self._terrains = terrains
-        self.files = tuple(files)  # that say so
+        self.files = tuple(files)  # pose and mesh files of the filter
 
     @classmethod
     def read(cls, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> Sand:
-        """The sand in photos of some terrains, from their folders of poses, and of meshes: two of a name are a pair.
+        """Read the folders of poses and meshes of several terrains, paired by folder name.
 
         Raises
         ------
         PolarsimError
-            A folder without its other half, without the ground of one terrain, or with a broken file.
+            Poses without meshes of the same name, folder without a ground mesh, or invalid file.
         """
         grounds = {Path(folder).name: _ground_in(Path(folder)) for folder in meshes}
         terrains, files = {}, []
         for folder in map(Path, cameras):
             if folder.name not in grounds:
-                raise DetectError("poses of a terrain without a folder of meshes that has the same name", path=folder)
+                raise DetectError("no mesh folder with the name of this pose folder", path=folder)
             terrain, ground = grounds[folder.name]
             terrains[terrain] = Sandbox(read_all_localised(folder), _level_of(ground))
             files += [*localised_files(folder).values(), ground]
         return cls(terrains, files)
 
     def keep(self, key: str, found: np.ndarray) -> np.ndarray:
-        """Those of the boxes (n, 6) of a photo (x0, y0, x1, y1, confidence, class) that stand on the sand."""
+        """Return the boxes (n, 6) of a photo (x0, y0, x1, y1, confidence, class) that are on the sand."""
         photo = PhotoKey.parse(key)
         sandbox = self._terrains.get(photo.terrain)
         rig = sandbox.rigs.get(photo.position) if sandbox else None
@@ -70,20 +69,20 @@ class Sand:
 def on_sand(
     found: np.ndarray, camera: Camera, level_m: float, half: float = SANDBOX_HALF_WIDTH, wall: float = SURELY_WALL
 ) -> np.ndarray:
-    """(n,) bool: whether the foot of each of the boxes (n, 6) of a photo lies on the sand that the camera sees.
+    """Return a mask (n,) of boxes (n, 6) of a photo with their foot on visible sand.
 
-    A rock stands on the middle of its box's lower side, a shadow lies about the centre of its box. A camera outside the
-    sandbox sees no sand behind the wall before it; the box of a rock that this wall hides in part ends at its edge, so
-    that here the centre decides.
+    The foot is the middle of the lower side for a rock, and the centre of the box for a shadow. For a camera outside
+    the sandbox, the near wall hides sand. Because the box of a partly hidden rock ends at the edge of this wall, the
+    centre of the box is tested against the wall.
 
     Parameters
     ----------
     camera : Camera
-        Its world is the sandbox.
+        Camera in the sandbox frame.
     level_m : float
         Height of the sand in the sandbox frame, m.
     half, wall : float
-        Half width of the sand, and how high walls stand above it at least, m.
+        Half width of the sand, and minimum height of the walls above the sand, m.
     """
     centres = boxes.centres(found[:, :4])
     rocks = found[:, 5] == BOX_CLASSES.index("rock")
@@ -97,16 +96,16 @@ def on_sand(
     outside = np.abs(start[:2]) > half
     entry_heights = start[2] + np.max(entered[outside], axis=0, initial=0) * rays[:, 2]
     inside = np.abs(points).max(axis=1) <= half
-    # Above the horizon rays meet the sand's plane behind the camera.
+    # Rays above the horizon have negative depths.
     return np.asarray(inside & (depths > 0) & (entry_heights >= level_m + wall))
 
 
 def _ground_in(folder: Path) -> tuple[int, Path]:
-    """The terrain whose meshes a folder holds, and the file of its ground."""
+    """Return the terrain of a mesh folder and the file of the ground mesh."""
     terrain = terrain_in(folder)
     return terrain, mesh_files(folder, terrain)[NO_ROCK]
 
 
 def _level_of(ground: Path) -> float:
-    """Height of the sand: the median of the ground's, for craters and heaps are less than half of it."""
+    """Return the median height of the ground; craters and heaps cover less than half of the ground."""
     return float(np.median(obj.read(ground).vertices[:, 2]))

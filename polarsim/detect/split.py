@@ -1,4 +1,4 @@
-"""Which photos train a detector, which choose its weights, which test it."""
+"""Division of photos into training, validation and test."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from polarsim.randomness import generator
 from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
 TRAIN, VAL, TEST = PARTS = ("train", "val", "test")
-VAL_SHARE = 0.1  # of what is not tested, to select weights; drawn by photo where it is less than half a unit
+VAL_SHARE = 0.1  # share of the photos outside the test part that selects weights
 SPLIT_COLUMNS = PARTS_TABLE.columns
 PHOTO, TERRAIN = "photo", "terrain"
 
 
 def unit(key: PhotoKey, by: str) -> Any:
-    """What is drawn as a whole: the photo, its view, its station, or its terrain. Units of one kind have an order."""
+    """Return the unit of a photo that is not divided by a split: the key, the view, the station or the terrain."""
     if by == "view":
         return key.view
     if by == "position":
@@ -32,11 +32,11 @@ def unit(key: PhotoKey, by: str) -> Any:
 
 
 def draw_split(keys: Sequence[PhotoKey], by: str, options: SplitOptions) -> dict[PhotoKey, str]:
-    """Part of every photo, in the order of the keys.
+    """Return the part of each photo, in the order of the keys.
 
-    By photo, the test part is a random share of the photos (the paper's 2 : 1): photos of one view lie on both sides.
-    By view, position or terrain whole ones are drawn; terrains may be given. The val part is drawn alike from what is
-    left, or by photo where its share is less than half a unit.
+    By photo, the test part is a random share of the photos (2 : 1 in the paper), so photos of a view are in several
+    parts. By view, position or terrain, entire units are selected; test terrains can be given. The validation part is
+    selected from the remaining photos by the same unit, or by photo if its share is less than half a unit.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def draw_split(keys: Sequence[PhotoKey], by: str, options: SplitOptions) -> dict
 
 
 def _draw(units: Sequence[Hashable], share: float, seed: int, *purpose: str) -> set[Hashable]:
-    """A share of the units, one at least."""
+    """Return a random share of the units, at least one unit."""
     order = generator(seed, "detect", *purpose).permutation(len(units))
     return {units[n] for n in order[: max(1, round(share * len(units)))]}
 
@@ -71,30 +71,30 @@ def _draw(units: Sequence[Hashable], share: float, seed: int, *purpose: str) -> 
 def _given_terrains(terrains: Sequence[int], options: SplitOptions) -> set[Hashable]:
     absent = set(options.test_terrains) - set(terrains)
     if absent:
-        raise DetectError(f"test terrain {min(absent)} has no photos, there are terrains {list(terrains)}")
+        raise DetectError(f"test terrain {min(absent)} has no photos, available terrains: {list(terrains)}")
     return set(options.test_terrains)
 
 
 def draw_val(groups: Iterable[str], options: SplitOptions) -> dict[str, str]:
-    """Train or val for every group of pictures that are no photos, such as those of one novel camera."""
+    """Return the part (train or val) of each group of images without photo keys, such as a camera of novel views."""
     ordered = sorted(set(groups))
     val = _draw(ordered, VAL_SHARE, options.seed, "val", "group")
     return {group: VAL if group in val else TRAIN for group in ordered}
 
 
 def leaks(parts: Mapping[PhotoKey, str]) -> list[tuple[int, str, CameraSide]]:
-    """Views (terrain, position, camera) with photos in the test part and outside it: their scenes are no news."""
+    """Return views (terrain, position, camera) with photos both inside and outside the test part."""
     test = {key.view for key, part in parts.items() if part == TEST}
     return sorted(test & {key.view for key, part in parts.items() if part != TEST})
 
 
 def check_split(parts: Mapping[PhotoKey, str], by: str) -> None:
-    """Refuse a strict split with a view, position or terrain in the test part and outside it.
+    """Check that a split by view, position or terrain does not divide a unit.
 
     Raises
     ------
     DetectError
-        It has one; named is the first.
+        A unit is both inside and outside the test part.
     """
     if by == PHOTO:
         return
@@ -102,11 +102,11 @@ def check_split(parts: Mapping[PhotoKey, str], by: str) -> None:
     shared = sorted(test & {unit(key, by) for key, part in parts.items() if part != TEST})
     if shared:
         name = shared[0] if by == TERRAIN else " ".join(map(str, shared[0]))
-        raise DetectError(f"split by {by}, but {by} {name} is in the test part and outside it")
+        raise DetectError(f"split by {by}, but {by} {name} is both inside and outside the test part")
 
 
 def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: SplitOptions) -> None:
-    """Draw the split of these photos and write it as CSV: key, part; beside it, as JSON, how it was drawn."""
+    """Write a split of the photos as CSV (key, part), and a JSON file with the parameters of the split."""
     with about(split):
         parts = draw_split(keys, by, options)
         check_split(parts, by)
@@ -130,7 +130,7 @@ def read_split(split: Path, by: str = PHOTO) -> dict[PhotoKey, str]:
     Raises
     ------
     PolarsimError
-        No readable table, a key that is none, an unknown part, or a leak where the split is by more than photos.
+        Unreadable table, invalid key, unknown part, or a unit both inside and outside the test part.
     """
     table = tables.read_csv(split, SPLIT_COLUMNS)
     unknown = sorted(set(table["part"].astype(str)) - set(PARTS))
@@ -143,5 +143,5 @@ def read_split(split: Path, by: str = PHOTO) -> dict[PhotoKey, str]:
 
 
 def tested_keys(splits: Sequence[Path]) -> set[PhotoKey]:
-    """Keys that are in the test part of some split."""
+    """Return the keys in the test part of at least one split."""
     return {key for split in splits for key, part in read_split(split).items() if part == TEST}

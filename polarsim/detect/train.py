@@ -1,4 +1,4 @@
-"""Training of one detector on one domain's data set."""
+"""Training of one detector on the data set of one domain."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ def train_detector(
     work: Path,
     start: Path | None = None,
 ) -> None:
-    """Train on a data set and keep the weights of the best validation, as the paper does.
+    """Train on a data set and write the weights of the best validation, as in the paper.
 
     Parameters
     ----------
     dataset : Path
-        Folder that `make_dataset` wrote; nothing is written into it.
+        Folder written by `make_dataset`; it is not modified.
     weights : Path
         Detector to write, see `detectors.write_detector`.
     curve : Path
-        CSV to write, a row an epoch: losses, and mAP on the val part.
+        CSV to write, one row per epoch: losses, and mAP on the validation part.
     prediction : PredictionOptions
-        How validation looks at pictures: as the test will.
+        Inference options of validation, equal to those of the test.
     imgsz : int
-        Longer side of the pictures, px.
+        Longer side of the images, px.
     threads : int
-        Threads of torch on a CPU. Weights are the same bytes only for the same number of threads.
+        Number of torch threads on a CPU. Weights are bit-equal only for equal numbers of threads.
     work : Path
-        Folder for checkpoints. A training that was stopped goes on from there when nothing that decides it has changed.
+        Folder for checkpoints. An interrupted training resumes if data and options are unchanged.
     start : Path, optional
-        Detector of the same model to start from, in place of the options' pretrained weights.
+        Detector of the same model with the initial weights; overrides the pretrained weights of the options.
 
     Raises
     ------
     PolarsimError
-        A broken data set, one without labels or masks to train on, or a disk that is full.
+        Invalid data set, data set without labels or masks, or full disk.
     """
     if not any(path.stat().st_size for path in (dataset / "labels" / TRAIN).glob("*.txt")):
-        raise DetectError("not one labelled box in its train part", path=dataset)
+        raise DetectError("no labelled box in the train part", path=dataset)
     if start:
         options = options.model_copy(update={"pretrained": start})
     if options.masks:
@@ -73,18 +73,18 @@ def train_detector(
         )
         shutil.rmtree(training.folder, ignore_errors=True)
     except OSError as error:
-        raise PolarsimError(f"training cannot go on, {error.strerror or error}", path=work) from error
+        raise PolarsimError(f"training failed, {error.strerror or error}", path=work) from error
 
 
 def _check_masks(dataset: Path) -> None:
     for part in (TRAIN, VAL):
         for key in read_pictures(dataset, part):
             if not (dataset / MASKS / part / f"{key}.png").is_file():
-                raise DetectError(f"detect.training.masks: {part} picture {key} has no mask", path=dataset)
+                raise DetectError(f"detect.training.masks: {part} image {key} has no mask", path=dataset)
 
 
 def _prepare(training: detectors.Training) -> None:
-    """Empty the folder of a training unless it holds the same one."""
+    """Empty the training folder unless it contains a checkpoint of the same training."""
     files = (
         training.dataset / kind / part / f"{key}{ending}"
         for part in (TRAIN, VAL)

@@ -1,4 +1,4 @@
-"""Windows of labelled pictures, shrunk at random: what detectors of small pictures are fine-tuned on."""
+"""Random crops of labelled images at random scales, for fine-tuning of detectors."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from polarsim.geometry.boxes import area, clip
 from polarsim.geometry.images import resize_longer_side
 from polarsim.run_files import class_masks
 
-_LEAST_SEEN = 0.3  # share of a labelled box that a window must show
-_TRIES = 20  # to draw a window that shows a label
-_WHOLE = 10  # of so many windows one is the whole picture
+_LEAST_SEEN = 0.3  # minimum visible share of a labelled box in a window
+_TRIES = 20  # maximum number of attempts to find a window with a label
+_WHOLE = 10  # every tenth window is the entire image
 
 
 @dataclass(frozen=True)
 class Window:
-    """Pixels (h, w) uint8, the classes (n,) of the boxes in it, and these (n, 4), x0, y0, x1, y1 in its pixels."""
+    """Pixels (h, w) uint8, and classes (n,) and boxes (n, 4) x0, y0, x1, y1 in pixels of the window."""
 
     pixels: np.ndarray
     classes: np.ndarray
@@ -37,16 +37,16 @@ def draw_windows(
     widest_px: int,
     random: np.random.Generator,
 ) -> Iterator[Window]:
-    """Windows `width` px wide of a picture (h, w) uint8 that is resized at random, every tenth of the whole picture.
+    """Yield windows of `width` px from an image (h, w) uint8 resized at random; every tenth is the entire image.
 
     Parameters
     ----------
     classes, boxes : (n,), (n, 4)
-        Labels, x0, y0, x1, y1 in pixels of the picture.
+        Labels, x0, y0, x1, y1 in pixels of the image.
     numbers : range
-        Numbers of the windows: those that tens divide are of the whole picture.
+        Numbers of the windows. Multiples of ten show the entire image.
     widest_px : int
-        Widths to which the picture is resized go from `width` to this, if it is more.
+        Maximum width of the resized image; the minimum is `width`.
     """
     rows, columns = picture.shape
     height = round(width * rows / columns)
@@ -67,13 +67,13 @@ def draw_windows(
 
 
 def make_folders(folder: Path) -> None:
-    """Make the folders of a data set that `write_window` fills."""
+    """Create the folders for `write_window`."""
     for kind in (*(name for name, _ in KINDS), MASKS):
         (folder / kind).mkdir(parents=True)
 
 
 def write_window(folder: Path, name: str, window: Window) -> None:
-    """Write a window's picture, its labels, and a mask that tells nothing: of pixels beside boxes nothing is known."""
+    """Write the image and labels of a window, and a mask that is ignored in training because it is unknown."""
     png.write(folder / "images" / f"{name}.png", window.pixels)
     yolo.write_boxes(folder / "labels" / f"{name}.txt", window.classes, window.boxes, window.pixels.shape[::-1])
     class_masks.write(folder / MASKS / f"{name}.png", np.full(window.pixels.shape, class_masks.IGNORED, np.uint8))
