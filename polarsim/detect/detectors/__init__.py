@@ -1,4 +1,4 @@
-"""Detectors of several families behind one interface, `families.Family`."""
+"""Detectors of several families with a common interface, `families.Family`."""
 
 from polarsim.detect.detectors.devices import choose_device, load_torch
 from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector, LoadedMasks, Trained, Training

@@ -1,4 +1,4 @@
-"""Torch, and where it computes."""
+"""Import of torch and choice of the device."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from polarsim.errors import DetectError
 
 
 def load_torch() -> Any:
-    """The module torch.
+    """Import torch.
 
     Raises
     ------
     DetectError
-        It is not installed.
+        Torch is not installed.
     """
-    # Read when torch is first imported. Its threads spin while they wait for each other; where other jobs hold the
-    # cores that makes two threads many times slower than one.
+    # Effective only before the first import of torch. Actively waiting threads are many times slower if other jobs use
+    # the cores.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
         import torch
@@ -27,25 +27,25 @@ def load_torch() -> Any:
 
 
 def choose_device(device: str) -> str:
-    """`cpu` or `cuda`.
+    """Return `cpu` or `cuda`.
 
     Raises
     ------
     DetectError
-        CUDA is asked for and is not there.
+        `cuda` is requested but not available.
     """
-    there = bool(load_torch().cuda.is_available())
-    if device == "cuda" and not there:
-        raise DetectError("device cuda is configured, torch finds none: set detect.prediction.device to cpu or auto")
-    return "cuda" if there and device != "cpu" else "cpu"
+    has_cuda = bool(load_torch().cuda.is_available())
+    if device == "cuda" and not has_cuda:
+        raise DetectError("device cuda is not available: set detect.prediction.device to cpu or auto")
+    return "cuda" if has_cuda and device != "cpu" else "cpu"
 
 
 def computes_bfloat16(precision: str, device: str) -> bool:
-    """Whether a training computes in bfloat16, see `TrainingOptions.precision`; emulated it would be slower."""
+    """Return whether to train in bfloat16, see `TrainingOptions.precision`. Emulated bfloat16 is slow."""
     return has_bfloat16(device) if precision == "auto" else precision == "bfloat16"
 
 
 def has_bfloat16(device: str) -> bool:
-    """Return whether `cpu` or `cuda` has instructions for bfloat16; torch emulates them elsewhere."""
+    """Return whether `cpu` or `cuda` has instructions for bfloat16, which torch otherwise emulates."""
     torch = load_torch()
     return bool(torch.cuda.is_bf16_supported() if device == "cuda" else torch.cpu._is_avx512_bf16_supported())

@@ -1,4 +1,4 @@
-"""What every family of detectors can do."""
+"""Interface of the families of detectors."""
 
 from __future__ import annotations
 
@@ -13,65 +13,65 @@ import pandas as pd
 from polarsim.detect.detectors.files import Detector
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 
-# Pictures (b, h, w) uint8 of one size, as `frame` makes them -> for each what is in it, (n, 6) float64: x0, y0, x1, y1
-# in px of the picture, confidence, class; the surest first.
+# Images (b, h, w) uint8 of equal size, as returned by `frame` -> boxes (n, 6) float64 of each image: x0, y0, x1, y1 in
+# px of the input, confidence, class; in descending order of confidence.
 LoadedDetector = Callable[[np.ndarray], list[np.ndarray]]
-# Such pictures -> the probability of each class of `formats.class_masks` in each cell, (b, classes, h / n, w / n)
-# float32; a cell has n x n px.
+# The same images -> probability of each class of `class_masks` in each cell, (b, classes, h / n, w / n) float32; a cell
+# has n x n px.
 LoadedMasks = Callable[[np.ndarray], np.ndarray]
-MAX_BOXES = 300  # that a detector gives of a picture, the surest ones: as many as in YOLOv5's own validation
+MAX_BOXES = 300  # maximum number of boxes per image, as in the validation of YOLOv5
 
 
 @dataclass(frozen=True)
 class Training:
-    """What a training is told."""
+    """Parameters of a training."""
 
-    dataset: Path  # folder that `make_dataset` wrote, read only
-    folder: Path  # for checkpoints; what lies there is of this very training, stopped before its end
+    dataset: Path  # folder written by `make_dataset`, read only
+    folder: Path  # checkpoints; contains only files of the same training, if it was interrupted
     options: TrainingOptions
-    prediction: PredictionOptions  # how validation looks at pictures: as the test will
-    imgsz: int  # longer side of the pictures, px
+    prediction: PredictionOptions  # inference options of validation
+    imgsz: int  # longer side of the images, px
     seed: int
-    threads: int  # of torch on a CPU
+    threads: int  # number of torch threads on a CPU
 
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training gives."""
+    """Result of a training."""
 
-    state: dict[str, Any]  # tensors by name in half precision: the weights of the best validation
-    curve: pd.DataFrame  # a row an epoch: epoch, losses, val_map50, val_map50_95, and with masks val_mask_iou
+    state: dict[str, Any]  # weights of the best validation, tensors by name in half precision
+    curve: pd.DataFrame  # one row per epoch: epoch, losses, val_map50, val_map50_95, with masks also val_mask_iou
 
 
 class Family(Protocol):
-    """A kind of detector: one module implements it."""
+    """Family of detectors, implemented by a module."""
 
     def train(self, training: Training) -> Trained:
-        """Train, or go on with what was stopped.
+        """Train, or resume an interrupted training.
 
         Raises
         ------
         PolarsimError
-            A broken data set or pretrained weights, or a training that diverges.
+            Invalid data set or pretrained weights, or divergence.
         """
         ...
 
     def load(self, detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
-        """A detector that is ready to predict; `folder` is for files of its library, until the process ends.
+        """Load a detector for inference; `folder` stores temporary files of the library until the process ends.
 
         Raises
         ------
         DetectError
-            The weights do not fit the model.
+            The weights do not match the model.
         """
         ...
 
     def load_masks(self, detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
-        """What tells ground, rocks and shadows apart, pixel by pixel.
+        """Load a detector for the inference of class masks.
 
         Raises
         ------
         DetectError
-            The weights do not fit the model, or it was trained without masks.
+            The weights do not match the model, or the detector was trained without masks.
         """
         ...

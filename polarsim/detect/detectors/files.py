@@ -1,4 +1,4 @@
-"""Detectors as files."""
+"""Reading and writing of detector files."""
 
 from __future__ import annotations
 
@@ -22,66 +22,66 @@ _FORMAT = "polarsim judge 1"
 
 @dataclass(frozen=True)
 class Detector:
-    """A trained detector: its architecture, how it was trained, and its tensors."""
+    """Trained detector: architecture, training parameters and weights."""
 
     model: str  # architecture, such as yolov5n
-    imgsz: int  # px, longer side of the pictures it was trained on
+    imgsz: int  # longer side of the training images, px
     epochs: int
-    start: str  # "scratch", or the name of the weights it started from
+    start: str  # "scratch", or the name of the initial weights
     state: dict[str, Any]  # tensors by name, half precision
-    # By class, widths at which it looks at pictures best, px, and gates between them, see `detect.sizes`; none: imgsz.
+    # Best inference widths by class, px, and the gates between them, see `inference_widths`. Empty: imgsz.
     sizes: tuple[tuple[tuple[int, ...], tuple[float, ...]], ...] = ()
     calibration: tuple[tuple[float, float], ...] = ()  # slope and offset of each class, see `detect.calibration`
 
 
 def write_detector(path: Path, detector: Detector) -> None:
-    """Tensors and plain values only: no code to run on loading, no paths or dates, same detector same bytes."""
+    """Write tensors and plain values without code, paths or dates. Equal detectors give equal bytes."""
     save(path, {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(detector)})
 
 
 @reader("detector", error=DetectError)
 def read_detector(path: Path) -> Detector:
-    """Read what `write_detector` wrote; nothing in the file is executed.
+    """Read a file of `write_detector` without executing code.
 
     Raises
     ------
     DetectError
-        The file is missing, or is no detector of ours.
+        Missing file, or not a detector written by polarsim.
     """
     content = load(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise DetectError(f"not weights that polarsim wrote, expected format {_FORMAT!r}", path=path)
+        raise DetectError(f"not a detector written by polarsim, expected format {_FORMAT!r}", path=path)
     if content.get("classes") != list(BOX_CLASSES):
-        raise DetectError(f"a detector of classes {content.get('classes')}, expected {list(BOX_CLASSES)}", path=path)
-    known = {name: content[name] for name in Detector.__dataclass_fields__ if name in content}  # older ones have fewer
+        raise DetectError(f"detector with classes {content.get('classes')}, expected {list(BOX_CLASSES)}", path=path)
+    fields = {name: content[name] for name in Detector.__dataclass_fields__ if name in content}  # fewer in older files
     try:
-        detector = TypeAdapter(Detector).validate_python(known)
+        detector = TypeAdapter(Detector).validate_python(fields)
         TrainingOptions(model=detector.model)
     except ValidationError as error:
         raise DetectError(describe_error(error, "detector"), path=path) from error
     count = len(BOX_CLASSES)
     if not {len(detector.sizes), len(detector.calibration)} <= {0, count}:
-        raise DetectError(f"widths or calibration not of {count} classes", path=path)
+        raise DetectError(f"widths or calibration do not have {count} classes", path=path)
     if any(len(gates) != len(widths) - 1 for widths, gates in detector.sizes):
-        raise DetectError("widths and gates that do not go together: there is one gate fewer", path=path)
+        raise DetectError("widths and gates do not match, expected one gate between adjacent widths", path=path)
     return detector
 
 
 def save(path: Path, content: dict[str, Any]) -> None:
-    """Write tensors and plain values; same content, same bytes."""
-    buffer = io.BytesIO()  # torch would put a file's name into the archive
+    """Write tensors and plain values. Equal content gives equal bytes."""
+    buffer = io.BytesIO()  # with a path, torch writes the file name into the archive
     load_torch().save(content, buffer)
     write_bytes(path, buffer.getvalue())
 
 
 @reader("detector", error=DetectError)
 def load(path: Path) -> Any:
-    """Read what `save` wrote; nothing in the file is executed.
+    """Read a file of `save` without executing code.
 
     Raises
     ------
     DetectError
-        The file is missing, or is none.
+        Missing or invalid file.
     """
     torch = load_torch()
     return torch.load(path, map_location="cpu", weights_only=True)

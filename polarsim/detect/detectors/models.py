@@ -1,4 +1,4 @@
-"""Which family of detectors a model is of, and how tables name it."""
+"""Family of a model, loading of detectors, and model names in tables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Predicted = TypeVar("Predicted")
 
 
 def family(model: str) -> Family:
-    """The family of a model that `TrainingOptions.model` allows. Only what is asked for is imported."""
+    """Return the family of a model allowed by `TrainingOptions.model`. Only this family is imported."""
     if _is_compact(model):
         from polarsim.detect.detectors.compact import family as compact
 
@@ -31,14 +31,14 @@ def family(model: str) -> Family:
 
 
 def load_detector(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
-    """See `Family.load`; in the options' precision, and with mirrored pictures where they ask for it.
+    """Load a detector with the precision, mirroring and device of the options, see `Family.load`.
 
-    Confidences are calibrated where the detector has a calibration.
+    Confidences are calibrated if the detector has a calibration.
 
     Raises
     ------
     DetectError
-        Detector or processor do not have the precision.
+        The detector or processor does not support the precision.
     """
     loaded = _in_precision(family(detector.model).load(detector, folder, options, threads), detector.model, options)
     if options.mirrored:
@@ -47,7 +47,7 @@ def load_detector(detector: Detector, folder: Path, options: PredictionOptions, 
 
 
 def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
-    """See `Family.load_masks`; precision and mirrored pictures as `load_detector`."""
+    """Load mask inference with the precision, mirroring and device of the options, see `Family.load_masks`."""
     loaded = _in_precision(family(detector.model).load_masks(detector, options, threads), detector.model, options)
     return masks_both_ways(loaded) if options.mirrored else loaded
 
@@ -55,14 +55,14 @@ def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> 
 def _in_precision(
     loaded: Callable[[np.ndarray], Predicted], model: str, options: PredictionOptions
 ) -> Callable[[np.ndarray], Predicted]:
-    """Return the detector with its convolutions in `options.precision`; never in another one."""
+    """Return the detector with convolutions in `options.precision`, without fallback."""
     device = choose_device(options.device)
     if options.precision == "float32":
         return loaded if device == "cpu" else _without_tf32(loaded)
     if not _is_compact(model):
-        raise DetectError(f"precision bfloat16: detector {model} predicts in float32 alone")
+        raise DetectError(f"precision bfloat16: model {model} supports only float32")
     if not has_bfloat16(device):
-        raise DetectError(f"precision bfloat16: the {device} here has no instructions for it, choose float32")
+        raise DetectError(f"precision bfloat16: not supported by this {device}, choose float32")
     torch = load_torch()
 
     def predict(pictures: np.ndarray) -> Predicted:
@@ -73,7 +73,7 @@ def _in_precision(
 
 
 def _without_tf32(loaded: Callable[[np.ndarray], Predicted]) -> Callable[[np.ndarray], Predicted]:
-    """Return the detector with convolutions on CUDA in float32; torch rounds their factors to ten bits by default."""
+    """Return the detector with CUDA convolutions in float32 instead of TF32, the default of torch."""
     torch = load_torch()
 
     def predict(pictures: np.ndarray) -> Predicted:
@@ -84,9 +84,9 @@ def _without_tf32(loaded: Callable[[np.ndarray], Predicted]) -> Callable[[np.nda
 
 
 def detector_name(model: str) -> str:
-    """A model as tables name it.
+    """Return the name of a model in tables.
 
-    Ultralytics builds YOLOv5's body with its later anchor-free head; the tables must not call that YOLOv5.
+    The YOLOv5 models of Ultralytics have a newer anchor-free head and are therefore named YOLOv5u.
     """
     if _is_compact(model):
         return f"{model} (polarsim's own)"

@@ -1,1 +1,1 @@
-"""A second kind of detector: depth from a pair of photos, against the depth of the meshes."""
+"""Stereo depth of pairs of photos or twins, compared with the depth of the meshes."""

@@ -1,4 +1,4 @@
-"""All terrains' stereo depths together, and how differently the same rocks come out in two domains."""
+"""Stereo tables of all terrains, and the IPD of stereo depth between domains."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from polarsim.schemas.detect import STEREO_IPD
 def compare_stereo(
     *, pairs: list[Path], rocks: list[Path], stereo: Path, instances: Path, ipd: Path, options: ComparisonOptions
 ) -> None:
-    """Merge what `measure_stereo` wrote for every terrain, and write the IPD of every pair of domains.
+    """Merge the tables of `measure_stereo` of all terrains, and write the IPD of every pair of domains.
 
-    A rock's performance stands where IoU stands for detectors: the share of its pixels with the right depth.
+    The performance of a rock is the share of its pixels with correct depth. It replaces the IoU of detectors.
     """
     tables.write_parquet(stereo, stereo_table(pd.concat([tables.read_parquet(path, PAIR_COLUMNS) for path in pairs])))
-    seen = stereo_table(pd.concat([tables.read_parquet(path, ROCK_COLUMNS) for path in rocks]))
-    tables.write_parquet(instances, seen)
+    performances = stereo_table(pd.concat([tables.read_parquet(path, ROCK_COLUMNS) for path in rocks]))
+    tables.write_parquet(instances, performances)
     by_domain = {
         str(domain): rows.rename(columns={"performance": "iou"}).assign(kind=ROCK)
-        for domain, rows in seen.groupby("domain")
+        for domain, rows in performances.groupby("domain")
     }
     differences = [
         {"first": first, "second": second}

@@ -8,21 +8,21 @@ import numpy as np
 
 from polarsim.detect.stereo.rectify import Rectification
 
-_STEP = 16  # OpenCV's disparities: their number is a multiple of it, their unit a sixteenth of a pixel
-_BLOCK = 5  # px, side of the compared windows
-_UNIQUE_PERCENT, _LEFT_RIGHT_PX, _SPECKLE_PX, _SPECKLE_STEP = 10, 1, 100, 2  # OpenCV's own examples
+_STEP = 16  # OpenCV: the number of disparities is a multiple of 16, their unit is 1/16 px
+_BLOCK = 5  # side of the compared windows, px
+_UNIQUE_PERCENT, _LEFT_RIGHT_PX, _SPECKLE_PX, _SPECKLE_STEP = 10, 1, 100, 2  # as in the OpenCV examples
 
 
 def match(left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: float, farthest_m: float) -> np.ndarray:
-    """(h, w) depth along z in the rectified left camera's frame, metres, float32; NaN where nothing is matched.
+    """Return depth (h, w) float32 along z in the frame of the rectified left camera, metres; NaN without a match.
 
-    Semi-global block matching (Hirschmueller, IEEE TPAMI 30 (2008) 328; OpenCV's `StereoSGBM`) between the disparities
-    of the nearest and the farthest depth.
+    Semi-global block matching (Hirschmueller, IEEE TPAMI 30 (2008) 328; `StereoSGBM` of OpenCV) between the disparities
+    of the minimum and the maximum depth.
 
     Parameters
     ----------
     left, right : (h, w) uint8
-        Pictures as large as `Rectification` expects, not rectified yet.
+        Unrectified images of the size expected by `Rectification`.
     """
     import cv2
 
@@ -32,7 +32,7 @@ def match(left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: fl
     ]
     least = math.floor(float(rig.disparity(farthest_m)))
     count = _STEP * math.ceil((float(rig.disparity(nearest_m)) - least) / _STEP)
-    margin = least + count  # OpenCV leaves out as many columns: give it some that are not needed
+    margin = least + count  # padding, since OpenCV skips this number of columns
     first, second = (cv2.copyMakeBorder(side, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for side in sides)
     matcher = cv2.StereoSGBM.create(
         minDisparity=least,
@@ -44,13 +44,13 @@ def match(left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: fl
         uniquenessRatio=_UNIQUE_PERCENT,
         speckleWindowSize=_SPECKLE_PX,
         speckleRange=_SPECKLE_STEP,
-        # All eight directions: of the usual five none comes from below, which puts ground that recedes up the picture
-        # 0.3 to 0.5 px too far.
+        # Eight directions. The default five directions do not include paths from below, which biases the disparity of
+        # receding ground by 0.3 to 0.5 px.
         mode=cv2.STEREO_SGBM_MODE_HH,
     )
     disparity = matcher.compute(first, second)[:, margin:].astype(np.float32) / _STEP
     depth = np.full(disparity.shape, np.nan, np.float32)
     matched = disparity > max(least - 1, 0)
-    matched &= disparity <= np.arange(disparity.shape[1])  # else it lies beyond the right picture's edge
+    matched &= disparity <= np.arange(disparity.shape[1])  # inside the right image
     depth[matched] = rig.lens.fx * rig.baseline / disparity[matched]
     return depth

@@ -1,4 +1,4 @@
-"""Stereo depth of all pairs of a terrain, in every domain."""
+"""Stereo depth of all image pairs of a terrain in each domain."""
 
 from __future__ import annotations
 
@@ -40,25 +40,25 @@ def measure_stereo(
     options: StereoOptions,
     threads: int,
 ) -> None:
-    """Match every pair of left and right pictures of a terrain and write a row a pair, and a row a rock in it.
+    """Compute stereo depth of each pair of images of a terrain; write one row per pair and one row per rock.
 
     Parameters
     ----------
     keys
-        Photos of the terrain; right ones are found by their left ones.
+        Keys of left and right photos of the terrain.
     cameras : Path
         Folder with `PosX.json` of the terrain.
     meshes : Path
-        Folder of the terrain's meshes.
+        Folder with the meshes of the terrain.
     pictures : mapping of str to Path
-        By domain, the table of photos or the folder of twins, see `pictures.picture_paths`.
+        Table of photos or folder of twins by domain, see `pictures.picture_paths`.
     pairs, rocks : Path
-        Parquet files to write, `PAIR_COLUMNS` and `ROCK_COLUMNS`; key is that of the left photo.
+        Parquet files to write, `PAIR_COLUMNS` and `ROCK_COLUMNS`; key is the key of the left photo.
 
     Raises
     ------
     PolarsimError
-        Something is missing or broken, or no domain has a pair.
+        Missing or invalid file, or no pair in any domain.
     """
     import cv2
 
@@ -85,19 +85,19 @@ def measure_stereo(
             pair_rows.append(name | score(depth, truth))
             rock_rows += [name | row for row in rock_performance(depth, truth)]
     if not pair_rows:
-        raise DetectError(f"terrain {terrain} has no pair of pictures for stereo", path=cameras)
+        raise DetectError(f"terrain {terrain} has no stereo pair of images", path=cameras)
     _write(pairs, pair_rows, PAIR_COLUMNS)
     _write(rocks, rock_rows, ROCK_COLUMNS)
 
 
 def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
-    """Left photos whose right one is there too."""
+    """Return pairs of left and right photos that both exist."""
     lefts = [(key, replace(key, camera="R")) for key in paths if key.camera == "L"]
     return [(left, right) for left, right in lefts if right in paths]
 
 
 def _picture(path: Path, rig: Rectification) -> np.ndarray:
-    """A photo as the matcher takes it: shrunk, then 8 bits by the detectors' tone curve."""
+    """Read a photo, reduce it, and convert it to 8 bits by the tone curve of detectors."""
     with about(path):
         pixels = png.read_photo(path)
     return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)))
@@ -108,7 +108,7 @@ def _write(path: Path, rows: list[dict[str, object]], columns: tuple[str, ...]) 
 
 
 def stereo_table(table: pd.DataFrame) -> pd.DataFrame:
-    """Typed, rounded, in the order of domain and photo."""
+    """Set types, round, and sort by domain and photo."""
     for name in ("domain", "key", "position", "light", "azimuth"):
         if name in table.columns:
             table[name] = table[name].astype("str")

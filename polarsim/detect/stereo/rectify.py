@@ -1,4 +1,4 @@
-"""A rig's pictures rotated and bent so that the same point lies in the same row of both."""
+"""Stereo rectification."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from polarsim.geometry.stereo import StereoRig
 
 @dataclass(frozen=True)
 class Rectification:
-    """The left camera as a pinhole whose rows are those of the right one, and where its pixels lie in the pictures."""
+    """Rectified left camera (pinhole) and pixel maps of both images."""
 
-    lens: Lens  # of the rectified left picture
+    lens: Lens  # lens of the rectified left image
     left_from_rectified: Pose
-    baseline: float  # metres from the left camera to the right one, along x
-    left_maps: tuple[np.ndarray, np.ndarray]  # (h, w) float32 x and y for `cv2.remap`, in the shrunken left picture
+    baseline: float  # distance of the cameras along x, metres
+    left_maps: tuple[np.ndarray, np.ndarray]  # (h, w) float32 x and y for `cv2.remap`, px of the scaled left image
     right_maps: tuple[np.ndarray, np.ndarray]
 
     def disparity(self, depth: np.ndarray | float) -> np.ndarray:
-        """Pixels by which a point at a depth (metres along z) lies farther left in the right picture."""
+        """Return the disparity of a point at a depth (metres along z), px."""
         return self.lens.fx * self.baseline / np.asarray(depth)
 
 
 def rectify(rig: StereoRig, scale: float) -> Rectification:
-    """Bouguet's rectification (`cv2.stereoRectify`, alpha 0) of pictures that are `scale` times as large as photos.
+    """Compute the rectification by Bouguet (`cv2.stereoRectify`, alpha 0) of images scaled by `scale`.
 
     Raises
     ------
     DetectError
-        The right camera does not stand to the right of the left one.
+        The right camera is not to the right of the left camera.
     """
     import cv2
 
@@ -53,7 +53,7 @@ def rectify(rig: StereoRig, scale: float) -> Rectification:
     )
     baseline = -float(right_projection[0, 3] / right_projection[0, 0])
     if not baseline > 0:
-        raise DetectError(f"the right camera stands {-baseline:.3f} m to the left of the left one, no rig for stereo")
+        raise DetectError(f"the right camera is {-baseline:.3f} m to the left of the left camera; check the rig pose")
     maps = [
         cv2.initUndistortRectifyMap(
             lens.opencv_matrix(), np.array(lens.distortion), rotation, projection[:, :3], size, cv2.CV_32FC1

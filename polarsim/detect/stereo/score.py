@@ -1,4 +1,4 @@
-"""How good depths are: of a pair of photos, and of every rock in it."""
+"""Accuracy of stereo depth for a pair of photos and for each rock."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from polarsim.detect.stereo.truth import DepthTruth
 from polarsim.photo import NO_ROCK
 from polarsim.schemas.detect import BAD_DEPTH_MM, BAD_DEPTH_PERCENT
 
-NEAREST_M, FARTHEST_M = 1.5, 9.0  # evaluated depths: from the nearest sand of NASA's rig to the far wall
-MIN_ROCK_PX = 25  # of the matched image: on smaller rocks a share of pixels says little
+NEAREST_M, FARTHEST_M = 1.5, 9.0  # range of evaluated depths: from the nearest sand to the far wall
+MIN_ROCK_PX = 25  # minimum number of pixels of an evaluated rock
 
 
 def score(depth: np.ndarray, truth: DepthTruth) -> dict[str, float]:
-    """Figures of a pair over the pixels that both cameras see, between the nearest and the farthest depth.
+    """Return the metrics of a pair over pixels visible in both cameras and within the range of depths.
 
-    A pixel without a depth is a bad one, so that leaving out what is hard does not pay.
+    Pixels without depth count as bad, so that omitting difficult pixels does not improve the metrics.
 
     Parameters
     ----------
     depth : (h, w)
-        Metres, NaN for none.
+        Metres, NaN for missing values.
     """
     evaluated = _evaluated(truth)
     error, true = np.abs(depth - truth.depth)[evaluated], truth.depth[evaluated]
@@ -33,13 +33,13 @@ def score(depth: np.ndarray, truth: DepthTruth) -> dict[str, float]:
         "pixels": len(error),
         "valid_share": float(valid.mean()),
         "median_abs_error_mm": 1000 * float(np.median(error[valid])) if valid.any() else float("nan"),
-        "bad_share": float(1 - (error <= BAD_DEPTH_MM / 1000).mean()),  # NaN is not within any limit
+        "bad_share": float(1 - (error <= BAD_DEPTH_MM / 1000).mean()),  # comparisons with NaN are false
         "bad_relative_share": float(1 - (error <= BAD_DEPTH_PERCENT / 100 * true).mean()),
     }
 
 
 def rock_performance(depth: np.ndarray, truth: DepthTruth) -> list[dict[str, float]]:
-    """Return rock, pixels and performance of every rock with enough pixels: their share within `BAD_DEPTH_MM`."""
+    """Return rock, pixels and performance (share of pixels within `BAD_DEPTH_MM`) of each rock with enough pixels."""
     evaluated = _evaluated(truth) & (truth.rock != NO_ROCK)
     rocks, number = np.unique(truth.rock[evaluated], return_inverse=True)
     right = np.abs(depth - truth.depth)[evaluated] <= BAD_DEPTH_MM / 1000

@@ -1,4 +1,4 @@
-"""What the rectified left camera would measure: depth and rock of every pixel, from the meshes."""
+"""Reference depth and rock of each pixel of the rectified left camera, computed from the meshes."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from polarsim.run_files.scene import TerrainMesh
 
 @dataclass(frozen=True)
 class DepthTruth:
-    """Of every pixel of the rectified left picture."""
+    """Reference values of each pixel of the rectified left image."""
 
-    depth: np.ndarray  # (h, w) metres along z, NaN beside the meshes
-    rock: np.ndarray  # (h, w) rock id, NO_ROCK elsewhere
-    shared: np.ndarray  # (h, w) bool: the right camera sees the same point
+    depth: np.ndarray  # (h, w) metres along z, NaN outside the meshes
+    rock: np.ndarray  # (h, w) rock id or NO_ROCK
+    shared: np.ndarray  # (h, w) bool: the point is visible in the right camera
 
 
 def depth_truth(mesh: TerrainMesh, caster: Caster, localised: LocalisedRig, rig: Rectification) -> DepthTruth:
-    """Cast a ray through every pixel, and one back to the right camera."""
+    """Cast a ray through each pixel, and a ray from each hit to the right camera."""
     sandbox_from_rectified = localised.sandbox_from_left @ rig.left_from_rectified
     shape = rig.lens.shape
     directions = sandbox_from_rectified.rotate(rig.lens.pixel_directions().reshape(-1, 3))
@@ -34,7 +34,7 @@ def depth_truth(mesh: TerrainMesh, caster: Caster, localised: LocalisedRig, rig:
     shared = np.zeros(len(depth), bool)
     pixels = localised.project("R", points)
     size = np.array([localised.rig.right.width, localised.rig.right.height])
-    inside = (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)  # NaN behind the camera is not
+    inside = (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)  # False for NaN, behind the camera
     back = localised.sandbox_from("R").translation - points
     shared[hit] = inside & ~caster.occluded(points, back, 1.0)
     rock = np.full(len(depth), NO_ROCK)

@@ -1,1 +1,1 @@
-"""The detector `compact`: an anchor-free detector in plain torch, under polarsim's own licence."""
+"""Anchor-free detector `compact` in torch, under the licence of polarsim (BSD-3-Clause)."""

@@ -1,4 +1,4 @@
-"""Which cells answer for which label, and how wrong their answers are."""
+"""Assignment of labels to cells, and loss functions."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from torch.nn import functional
 from polarsim.detect.detectors.compact.network import STRIDE, cell_centres
 
 BOX_WEIGHT, MASK_WEIGHT = 2.0, 2.0
-_CORE = 0.25  # cells this share of the box's sides around its centre answer for it
+_CORE = 0.25  # half size of the region of assigned cells around the centre of a box, relative to the box
 
 
 def assign(classes: Tensor, boxes: Tensor, shape: tuple[int, int, int]) -> Tensor:
-    """The label (c, h, w) that each cell answers for, -1 for none.
+    """Return the index of the label (c, h, w) assigned to each cell, -1 for none.
 
-    A label has the cells in the central half of its box, and always the cell of its centre; of several labels of a
-    class the smallest has a cell.
+    A label is assigned to the cells in the central half of its box, including the cell of its centre. If several labels
+    of a class cover a cell, the smallest label is assigned.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def assign(classes: Tensor, boxes: Tensor, shape: tuple[int, int, int]) -> Tenso
     boxes : (n, 4)
         x0, y0, x1, y1, px.
     shape
-        Classes, rows and columns of the map.
+        Number of classes, rows and columns of the map.
     """
     _, rows, columns = shape
     owner = torch.full(shape, -1, dtype=torch.int64, device=boxes.device)
@@ -35,26 +35,26 @@ def assign(classes: Tensor, boxes: Tensor, shape: tuple[int, int, int]) -> Tenso
     reach = _CORE * sides
     across = (x - centre[:, :1]).abs() <= reach[:, :1]  # (n, w)
     down = (y - centre[:, 1:]).abs() <= reach[:, 1:]  # (n, h)
-    own = (centre / STRIDE).long()
-    one = torch.arange(len(boxes), device=boxes.device)
-    across[one, own[:, 0].clamp(0, columns - 1)] = True
-    down[one, own[:, 1].clamp(0, rows - 1)] = True
+    centre_cell = (centre / STRIDE).long()
+    index = torch.arange(len(boxes), device=boxes.device)
+    across[index, centre_cell[:, 0].clamp(0, columns - 1)] = True
+    down[index, centre_cell[:, 1].clamp(0, rows - 1)] = True
     for n in torch.argsort(sides.prod(dim=1), descending=True, stable=True).tolist():
         owner[classes[n]][down[n][:, None] & across[n]] = n
     return owner
 
 
 def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
-    """Class loss and box loss of a batch, each a sum over cells divided by the number of cells with a label.
+    """Return class loss and box loss of a batch, each summed over cells and divided by the number of labelled cells.
 
-    A cell's score is to be the IoU of its box with its label (quality focal loss, Li et al., NeurIPS 2020), so that
-    the best of several boxes is the surest; the box loss is 1 - GIoU (Rezatofighi et al., CVPR 2019).
+    The target score of a cell is the IoU of its box with its label (quality focal loss, Li et al., NeurIPS 2020), so
+    that the confidence ranks boxes by accuracy. The box loss is 1 - GIoU (Rezatofighi et al., CVPR 2019).
 
     Parameters
     ----------
     logits, boxes : see `Compact.forward`
     labels
-        Classes (n,) and boxes (n, 4) of each picture.
+        Classes (n,) and boxes (n, 4) of each image.
     """
     target = torch.zeros_like(logits)
     wanted, found, indices = [], [], []
@@ -75,13 +75,13 @@ def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]
 
 
 def mask_loss(logits: Tensor, shares: Tensor) -> Tensor:
-    """Cross entropy of what cells show, mean over all that is known of them.
+    """Return the cross entropy of masks, mean over labelled pixels.
 
     Parameters
     ----------
     logits : (b, classes, h, w)
     shares : (b, classes, h, w)
-        Of each cell's pixels; pixels of which nothing is known are in none.
+        Share of the pixels of each cell by class; unlabelled pixels belong to no class.
     """
     entropy = -(shares * functional.log_softmax(logits, dim=1)).sum()
     return MASK_WEIGHT * entropy / shares.sum().clamp(min=1)
@@ -93,7 +93,7 @@ def _quality_focal(logits: Tensor, target: Tensor) -> Tensor:
 
 
 def _overlaps(first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
-    """IoU and GIoU (n,) of boxes (n, 4) pair by pair."""
+    """Return IoU and GIoU (n,) of corresponding boxes (n, 4)."""
     shared = (torch.minimum(first[:, 2:], second[:, 2:]) - torch.maximum(first[:, :2], second[:, :2])).clamp(min=0)
     around = torch.maximum(first[:, 2:], second[:, 2:]) - torch.minimum(first[:, :2], second[:, :2])
     intersection, hull = shared.prod(dim=1), around.prod(dim=1)

@@ -1,8 +1,8 @@
-"""The network: a small residual trunk to stride 32, a pyramid back to stride 4, one dense head there.
+"""Network: small residual backbone down to stride 32, feature pyramid up to stride 4, one dense head.
 
-Half of all rocks are under ten pixels wide at the picture sizes that a CPU can train on, so there is one fine map
-instead of three coarse ones (cf. Zhou et al., Objects as Points, arXiv 1904.07850), and every class has a box of its
-own at a cell, since a rock and its shadow touch (cf. Tian et al., FCOS, ICCV 2019).
+At image sizes suitable for training on a CPU, half of all rocks are narrower than ten pixels. So the head has one
+fine map instead of three coarse maps (cf. Zhou et al., Objects as Points, arXiv 1904.07850). Because rocks touch their
+shadows, each cell predicts a separate box for each class (cf. Tian et al., FCOS, ICCV 2019).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-STRIDE = 4  # px of the picture a cell of the head's map
+STRIDE = 4  # side of a cell of the head, px of the input
 WIDTHS = {"compact": (16, 32, 64, 96, 128), "compact-l": (32, 64, 128, 192, 256)}  # channels at strides 2 to 32
-_FIRST_SCORE = 0.01  # of every cell before training: nearly all are empty
+_FIRST_SCORE = 0.01  # initial score of every cell, low because nearly all cells are empty
 
 
 class Compact(nn.Module):
-    """Scores and boxes of every cell and, with a head for masks, what every cell shows."""
+    """Scores and boxes of every cell, and class masks with the optional mask head."""
 
     def __init__(self, widths: tuple[int, ...], classes: int, mask_classes: int = 0) -> None:
         super().__init__()
@@ -39,18 +39,18 @@ class Compact(nn.Module):
         nn.init.constant_(self.score.bias, -math.log((1 - _FIRST_SCORE) / _FIRST_SCORE))
         nn.init.zeros_(self.edges.weight)
         nn.init.constant_(self.edges.bias, math.log(1.5))
-        # Drawn last, so that the rest starts alike with a head for masks and without one.
+        # Created last, so that the initial weights of the other layers do not depend on the mask head.
         self.mask = nn.Sequential(_conv(neck, neck), nn.Conv2d(neck, mask_classes, 1)) if mask_classes else None
 
     def forward(self, pictures: Tensor) -> tuple[Tensor, Tensor]:
-        """Logits (b, classes, h, w) and boxes (b, classes, 4, h, w), x0, y0, x1, y1 in px, of pictures (b, 1, H, W).
+        """Return logits (b, classes, h, w) and boxes (b, classes, 4, h, w), x0, y0, x1, y1 in px.
 
-        Pictures are grey values 0 to 1; H and W are multiples of 32.
+        Images (b, 1, H, W) have grey values 0 to 1. H and W are multiples of 32.
         """
         return self.boxes(self.features(pictures))
 
     def features(self, pictures: Tensor) -> Tensor:
-        """What the heads look at, (b, c, h, w) of pictures (b, 1, H, W)."""
+        """Return the input features (b, c, h, w) of the heads for images (b, 1, H, W)."""
         levels, value = [], self.stem((pictures - 0.4).mul_(4))
         for stage in self.stages:
             value = stage(value)
@@ -62,33 +62,33 @@ class Compact(nn.Module):
         return cast("Tensor", merged)
 
     def boxes(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """See `forward`."""
+        """Return logits and boxes, see `forward`."""
         merged = self.tower(features)
-        # A distance is an exponential, so that small and large boxes are off by shares of their size.
+        # Exponential distances make errors proportional to the size of boxes.
         distance = self.edges(merged).float().clamp(-4, 6).exp().unflatten(1, (self.classes, 4)) * STRIDE
         return self.score(merged).float(), _boxes(distance)
 
     def masks(self, features: Tensor) -> Tensor:
-        """Logits (b, mask_classes, h, w) of what cells show; for a network with a head for masks."""
+        """Return the mask logits (b, mask_classes, h, w) of cells; requires a mask head."""
         assert self.mask is not None
         return cast("Tensor", self.mask(features)).float()
 
 
 def cell_centres(height: int, width: int, device: torch.device | str = "cpu") -> tuple[Tensor, Tensor]:
-    """Centres x (w,) and y (h,) of the cells of a map, px."""
+    """Return the centres x (w,) and y (h,) of the cells of a map, px."""
     x, y = (torch.arange(count, device=device, dtype=torch.float32) for count in (width, height))
     return (x + 0.5) * STRIDE, (y + 0.5) * STRIDE
 
 
 def _boxes(distance: Tensor) -> Tensor:
-    """Corners of distances (b, classes, 4, h, w) left, up, right, down of the cells' centres, px."""
+    """Convert distances (b, classes, 4, h, w) to the left, top, right, bottom from cell centres to corners, px."""
     x, y = cell_centres(distance.shape[-2], distance.shape[-1], distance.device)
     left, up, right, down = distance.unbind(2)
     return torch.stack([x - left, y[:, None] - up, x + right, y[:, None] + down], dim=2)
 
 
 class _Residual(nn.Module):
-    """Two convolutions beside a straight way (He et al., CVPR 2016)."""
+    """Residual block of two convolutions (He et al., CVPR 2016)."""
 
     def __init__(self, width: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Pictures of a data set with their boxes, in the order and with the changes that a training asks for."""
+"""Loading and augmentation of training images with boxes and masks."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files import class_masks
 
-_CACHE_BYTES = 1 << 30  # pictures beyond are read again in every epoch
-_TRANSLATION, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # largest random changes, as shares, as those of the other detectors
-_LEAST_SEEN = 0.25  # share of a box that must stay inside a moved picture
-_LEAST_SIDE = 0.5  # px
+_CACHE_BYTES = 1 << 30  # memory of cached images; the remaining images are read in every epoch
+_TRANSLATION, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # maximum relative changes, equal to those of YOLO detectors
+_LEAST_SEEN = 0.25  # minimum visible share of a box in an augmented image
+_LEAST_SIDE = 0.5  # minimum side of a box, px
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One picture as the network takes it."""
+    """Network input with labels."""
 
     pixels: np.ndarray  # (h, w) uint8
     classes: np.ndarray  # (n,) int64
     boxes: np.ndarray  # (n, 4) x0, y0, x1, y1 in px of the picture
-    mask: np.ndarray | None = None  # (h, w) uint8, see `formats.class_masks`, where masks are asked for
+    mask: np.ndarray | None = None  # (h, w) uint8, see `class_masks`; None without mask training
 
 
 class Pictures:
-    """A part of a data set; pictures stay in memory while there is room for them."""
+    """Images of a part of a data set, cached in memory up to `_CACHE_BYTES`."""
 
     def __init__(self, dataset: Path, part: str, imgsz: int, masks: bool = False) -> None:
         self._dataset, self._part, self._imgsz, self._masks = dataset, part, imgsz, masks
@@ -65,7 +65,7 @@ class Pictures:
 
 
 def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """A mask (h, w) as large as the picture that `frame` made, the padding ignored."""
+    """Resize a mask (h, w) to the output of `frame`; padding gets the value `IGNORED`."""
     width, height = (round(side) for side in (WIDTH, HEIGHT) / scale)
     left, top = offset.astype(int)
     framed = np.full(pixels.shape, class_masks.IGNORED, np.uint8)
@@ -74,7 +74,7 @@ def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.
 
 
 def shares(mask: np.ndarray, cell: int) -> np.ndarray:
-    """(classes, h / cell, w / cell) float32: the share of each class in the cells of a mask (h, w)."""
+    """Return the share of each class (classes, h / cell, w / cell) float32 in the cells of a mask (h, w)."""
     height, width = mask.shape
     cells = mask.reshape(height // cell, cell, width // cell, cell)
     return np.stack(
@@ -83,22 +83,22 @@ def shares(mask: np.ndarray, cell: int) -> np.ndarray:
 
 
 def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[Picture]]:
-    """The pictures in an order, some at a time.
+    """Yield batches of images in the given order.
 
     Raises
     ------
     DetectError
-        Pictures of a batch have different sizes.
+        Images of a batch have different sizes.
     """
     for start in range(0, len(order), size):
         batch = [pictures[int(index)] for index in order[start : start + size]]
         if len({picture.pixels.shape for picture in batch}) > 1:
-            raise DetectError(f"pictures of sizes {sorted({one.pixels.shape for one in batch})}, expected one size")
+            raise DetectError(f"images of sizes {sorted({x.pixels.shape for x in batch})}, expected equal sizes")
         yield batch
 
 
 def changed(picture: Picture, random: np.random.Generator) -> Picture:
-    """A picture mirrored at random, moved, scaled, made brighter or darker; its boxes and its mask go with it."""
+    """Mirror, shift, scale and brighten or darken an image with its boxes and mask at random."""
     import cv2
 
     height, width = picture.pixels.shape
@@ -107,8 +107,8 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
     mirror = -1 if random.random() < 0.5 else 1
     centre = np.array([width, height]) / 2
     factor = np.array([mirror * scale, scale])
-    offset = centre + translation - factor * centre  # in coordinates counted from the picture's corner
-    # OpenCV counts from the first pixel's centre.
+    offset = centre + translation - factor * centre  # origin at the corner of the image
+    # The origin of OpenCV is the centre of the first pixel.
     matrix = np.column_stack([np.diag(factor), offset + HALF_PIXEL * factor - HALF_PIXEL])
     pixels = np.asarray(
         cv2.warpAffine(

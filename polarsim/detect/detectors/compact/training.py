@@ -1,4 +1,4 @@
-"""Training of `compact`: AdamW, a rate that rises and falls once, averaged weights, a checkpoint an epoch."""
+"""Training of `compact`: AdamW, warm-up and cosine schedule, averaged weights, one checkpoint per epoch."""
 
 from __future__ import annotations
 
@@ -26,40 +26,40 @@ from polarsim.geometry import masks
 from polarsim.randomness import generator
 from polarsim.run_files.class_masks import CLASSES, IGNORED
 
-_WARM_UP = 100  # steps over which the rate rises
-_LAST_RATE = 0.02  # of the largest one
-_DECAY = 0.01  # of convolutions' weights, not of biases and norms
-_AVERAGE = 0.98  # of the averaged weights that a step keeps; Polyak and Juditsky, SIAM J. Control 30 (1992) 838
-_LARGEST_GRADIENT = 10.0
-_MOSTLY = 0.5  # share of a cell from which it is of a class, for the IoU of validation
+_WARM_UP = 100  # number of warm-up steps
+_LAST_RATE = 0.02  # final learning rate relative to the peak
+_DECAY = 0.01  # weight decay of convolutions; none for biases and norms
+_AVERAGE = 0.98  # decay of the averaged weights per step; Polyak and Juditsky, SIAM J. Control 30 (1992) 838
+_LARGEST_GRADIENT = 10.0  # maximum norm of the gradient
+_MOSTLY = 0.5  # minimum share of the class of a cell in the IoU of validation
 log = logging.getLogger("polarsim")
 
 
 @dataclass
 class State:
-    """All that a training needs to go on."""
+    """State of a training, stored in checkpoints."""
 
     module: Compact
-    average: Compact  # what is validated and kept
+    average: Compact  # averaged weights, used for validation and output
     optimizer: torch.optim.Optimizer
     steps: int = 0
     best: dict[str, Any] = field(default_factory=dict)
     best_fitness: float = -1.0
-    curve: list[dict[str, float]] = field(default_factory=list)  # a row an epoch done
+    curve: list[dict[str, float]] = field(default_factory=list)  # one row per finished epoch
 
 
 class Answers(NamedTuple):
-    """Of a network to a batch, see `Compact`."""
+    """Network output of a batch, see `Compact`."""
 
     logits: torch.Tensor
     boxes: torch.Tensor
-    masks: torch.Tensor | None  # logits; none of a network without a head for masks
+    masks: torch.Tensor | None  # logits; None without a mask head
 
 
 def train(training: Training) -> Trained:
-    """See `Family.train`. A training that was stopped ends with the bytes of one that was not.
+    """Train, see `Family.train`. A resumed training gives the same bytes as an uninterrupted training.
 
-    One that diverges after its first epoch says so and ends there, with the best weights until then.
+    If the training diverges after the first epoch, it stops with a warning and returns the best weights.
     """
     options, checkpoint = training.options, training.folder / "checkpoint.pt"
     device = _set_up_torch(training)
@@ -72,7 +72,7 @@ def train(training: Training) -> Trained:
             if not state.best:
                 raise DetectError("training diverged: lower detect.training.learning_rate")
             log.warning(
-                "training diverged in epoch %d of %d: the best weights until then are kept; "
+                "training diverged in epoch %d of %d, using the best weights of earlier epochs; "
                 "lower detect.training.learning_rate", epoch + 1, options.epochs,
             )  # fmt: skip
             break
@@ -80,7 +80,7 @@ def train(training: Training) -> Trained:
         row |= _validate(state.average, held_out, training, device)
         state.curve.append(row)
         fitness = fitness_of(row)
-        if fitness >= state.best_fitness:  # of equals the later one: the rate was lower
+        if fitness >= state.best_fitness:  # the later epoch in a tie, because of its lower learning rate
             state.best_fitness, state.best = fitness, _half(state.average)
         _write_checkpoint(state, checkpoint)
         log.info(
@@ -91,7 +91,7 @@ def train(training: Training) -> Trained:
 
 
 def fitness_of(row: dict[str, float]) -> float:
-    """How good the weights of an epoch are: of boxes as Ultralytics weighs them, and with masks their IoU as much."""
+    """Return the selection criterion of weights: mAP weighted as by Ultralytics, plus the mask IoU."""
     return 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"] + row.get("val_mask_iou", 0.0)
 
 
@@ -103,7 +103,7 @@ def _set_up_torch(training: Training) -> str:
 
 def _start(training: Training, device: str) -> State:
     options = training.options
-    with torch.random.fork_rng(devices=[]):  # on the CPU for all devices: same seed, same start
+    with torch.random.fork_rng(devices=[]):  # on the CPU, so that initial weights do not depend on the device
         torch.manual_seed(int(generator(training.seed, "detect", "weights").integers(2**31)))
         module, average = (network(options.model, masks=options.masks) for _ in range(2))
         if options.start_weights:
@@ -118,7 +118,7 @@ def _start(training: Training, device: str) -> State:
 
 
 def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Training, device: str) -> dict[str, float]:
-    """One pass over the pictures; mean losses of its steps. Its randomness depends on nothing but seed and epoch."""
+    """Train one epoch; return mean losses. Random numbers depend only on seed and epoch."""
     options = training.options
     random = generator(training.seed, "detect", "epoch", epoch)
     order = random.permutation(len(pictures))
@@ -145,17 +145,17 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
 
 
 def _rate(step: int, steps: int) -> float:
-    """Return the share of the peak learning rate: a linear warm-up times a cosine.
+    """Return the learning rate relative to the peak: a linear warm-up multiplied by a cosine.
 
-    torch's SequentialLR puts the cosine after the warm-up instead, and its recursion rounds otherwise.
+    `SequentialLR` of torch starts the cosine after the warm-up and has different rounding.
     """
     falling = _LAST_RATE + (1 - _LAST_RATE) * (1 + math.cos(math.pi * step / steps)) / 2
     return min(1.0, (step + 1) / min(_WARM_UP, steps)) * falling
 
 
 def _update_average(state: State) -> None:
-    """Update the moving average of the weights; torch's AveragedModel takes the first step's weights as a whole."""
-    keep = min(_AVERAGE, (1 + state.steps) / (10 + state.steps))  # at first the start would weigh too much
+    """Update the moving average of the weights. Unlike this, `AveragedModel` of torch copies the first step."""
+    keep = min(_AVERAGE, (1 + state.steps) / (10 + state.steps))  # lower weight of the initial values in early steps
     with torch.no_grad():
         for mean, value in zip(state.average.state_dict().values(), state.module.state_dict().values(), strict=True):
             if mean.is_floating_point():
@@ -165,7 +165,7 @@ def _update_average(state: State) -> None:
 
 
 def _validate(module: Compact, pictures: Pictures, training: Training, device: str) -> dict[str, float]:
-    """Losses, mAP@0.5 and mAP@[0.5:0.95], the mean over classes that have labels, and IoU of rocks and shadows."""
+    """Return losses, mAP@0.5 and mAP@[0.5:0.95] over classes with labels, and mask IoU of rocks and shadows."""
     totals, seen, detections = [], [], []
     confusion = np.zeros((len(CLASSES), len(CLASSES)), int)
     for batch in batches(pictures, np.arange(len(pictures)), training.options.batch):
@@ -201,19 +201,19 @@ def _means(part: str, steps: list[dict[str, float]]) -> dict[str, float]:
 
 
 def _mean_iou(confusion: np.ndarray) -> float:
-    """Of rocks and shadows, of what there is of them; 0 without either."""
-    own = masks.iou(confusion)[1:]
-    return float(own[~np.isnan(own)].mean()) if not np.isnan(own).all() else 0.0
+    """Return the mean IoU of rocks and shadows over classes with pixels; 0 without pixels."""
+    by_class = masks.iou(confusion)[1:]
+    return float(by_class[~np.isnan(by_class)].mean()) if not np.isnan(by_class).all() else 0.0
 
 
 def _confusion(logits: torch.Tensor, wanted: np.ndarray) -> np.ndarray:
-    """Of cells that show mostly one class."""
+    """Return the confusion matrix of cells with a majority class."""
     truth = np.where(wanted.max(axis=1) > _MOSTLY, wanted.argmax(axis=1), IGNORED)
     return masks.confusion(truth, logits.argmax(dim=1).cpu().numpy(), len(CLASSES))
 
 
 def _shares(batch: list[Picture]) -> np.ndarray | None:
-    """(b, classes, h, w) of the cells; None of pictures without masks."""
+    """Return the class shares (b, classes, h, w) of cells; None without masks."""
     found = [shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None]
     return np.stack(found) if found else None
 
@@ -248,14 +248,14 @@ def _write_checkpoint(state: State, path: Path) -> None:
 
 
 def _go_on(state: State, path: Path) -> None:
-    """Bring a fresh state to where a checkpoint was written, if there is one."""
+    """Restore a state from a checkpoint, if a valid checkpoint exists."""
     try:
         content = load(path)
-    except DetectError:  # there is none, or none that is whole
+    except DetectError:  # missing or incomplete
         return
     state.module.load_state_dict(content["module"])
     state.average.load_state_dict(content["average"])
     state.optimizer.load_state_dict(content["optimizer"])
     state.steps, state.best = content["steps"], content["best"]
     state.best_fitness, state.curve = content["best_fitness"], content["curve"]
-    log.info("going on with the training in %s after epoch %d", path.parent, len(state.curve))
+    log.info("resuming the training in %s after epoch %d", path.parent, len(state.curve))

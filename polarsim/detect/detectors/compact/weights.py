@@ -1,4 +1,4 @@
-"""Networks with fresh or given weights, and how they predict."""
+"""Networks with initial or given weights, and inference."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.run_files.class_masks import CLASSES
 
 Module = TypeVar("Module", bound=nn.Module)
-_MASK_HEAD = "mask."  # how its tensors' names begin
-_MOST = 1000  # boxes of a picture and class that suppression looks at, the surest
+_MASK_HEAD = "mask."  # prefix of the tensor names of the mask head
+_MOST = 1000  # maximum number of boxes of an image and class before suppression
 
 
 def network(model: str, state: dict[str, Any] | None = None, masks: bool | None = None) -> Compact:
-    """A network, its weights drawn from torch's generator where no state is given.
+    """Create a network with the weights `state`, or with random weights of the torch generator.
 
     Parameters
     ----------
     masks
-        Whether it has a head for masks; none: where the state has one. A head that the state lacks is drawn, and one
-        that is not asked for is left out.
+        Whether to add a mask head; None: if the state has a mask head. A head missing in the state gets random weights.
+        With False, a mask head in the state is ignored.
 
     Raises
     ------
     DetectError
-        The state is of another network.
+        The state belongs to a different network.
     """
     masks = has_masks(state) if masks is None else masks
     module = Compact(WIDTHS[model], len(BOX_CLASSES), len(CLASSES) if masks else 0)
@@ -47,7 +47,7 @@ def network(model: str, state: dict[str, Any] | None = None, masks: bool | None 
         own = {name: value for name, value in module.state_dict().items() if name.startswith(_MASK_HEAD)}
         given = {name: value for name, value in state.items() if masks or not name.startswith(_MASK_HEAD)}
         try:
-            # Copies into the network's own precision.
+            # Converts to the precision of the network.
             module.load_state_dict(given if has_masks(given) else given | own)
         except RuntimeError as error:
             raise DetectError(f"weights do not fit {model}: {str(error).splitlines()[0]}") from error
@@ -55,12 +55,12 @@ def network(model: str, state: dict[str, Any] | None = None, masks: bool | None 
 
 
 def has_masks(state: dict[str, Any] | None) -> bool:
-    """Whether weights have a head for masks."""
+    """Return whether weights include a mask head."""
     return any(name.startswith(_MASK_HEAD) for name in state or {})
 
 
 def load(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:  # noqa: ARG001 - of the interface
-    """See `Family.load`."""
+    """Load a detector for inference, see `Family.load`."""
     torch.set_num_threads(threads)
     device = choose_device(options.device)
     module = _fused(network(detector.model, detector.state).eval()).to(device)
@@ -74,9 +74,9 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
 
 
 def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
-    """See `Family.load_masks`."""
+    """Load a detector for mask inference, see `Family.load_masks`."""
     if not has_masks(detector.state):
-        raise DetectError("a detector without a head for masks: train one with detect.training.masks")
+        raise DetectError("the detector has no mask head: train a detector with detect.training.masks")
     torch.set_num_threads(threads)
     device = choose_device(options.device)
     module = _fused(network(detector.model, detector.state).eval()).to(device)
@@ -90,7 +90,7 @@ def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> 
 
 
 def _fused(module: Module) -> Module:
-    """The same network with every batch norm in the convolution before it; it can predict and no longer train."""
+    """Fuse every batch norm into the preceding convolution, for inference only."""
     for child in module.children():
         _fused(child)
     if isinstance(module, nn.Sequential):
@@ -101,13 +101,13 @@ def _fused(module: Module) -> Module:
 
 
 def as_input(pictures: np.ndarray, device: str) -> Tensor:
-    """Pictures (b, h, w) uint8 as the network takes them."""
+    """Convert images (b, h, w) uint8 to network input."""
     batch = torch.from_numpy(pictures)[:, None].to(device).float().div_(255)
     return batch.contiguous(memory_format=torch.channels_last)
 
 
 def found(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> list[np.ndarray]:
-    """What the network's answers mean, as a `LoadedDetector` gives it."""
+    """Convert network output to the boxes of a `LoadedDetector`."""
     scores, boxes = logits.sigmoid().flatten(2).cpu(), boxes.flatten(3).cpu()
     pictures = []
     for score, box in zip(scores, boxes, strict=True):

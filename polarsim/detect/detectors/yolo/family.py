@@ -1,4 +1,4 @@
-"""Ultralytics' models as a family of detectors."""
+"""Ultralytics models as a family of detectors."""
 
 from polarsim.detect.detectors.yolo.training import train
 from polarsim.detect.detectors.yolo.weights import load, load_masks

@@ -1,4 +1,4 @@
-"""The one module that imports Ultralytics (AGPL-3.0): offline, and inside our folders."""
+"""Import of Ultralytics (AGPL-3.0), only in this module, offline and with local settings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from polarsim.errors import DetectError
 
 
 def ultralytics(folder: Path) -> SimpleNamespace:
-    """The parts of Ultralytics that we use; its settings live in `folder` until the process ends.
+    """Import the required parts of Ultralytics. Its settings are stored in `folder` until the process ends.
 
     Raises
     ------
@@ -38,12 +38,12 @@ def ultralytics(folder: Path) -> SimpleNamespace:
         from ultralytics.utils.nms import non_max_suppression
     except ImportError as error:
         raise DetectError(f"Ultralytics cannot be imported ({error}): pip install 'polarsim[detect]'") from error
-    finally:  # its import sets limits of threads, which the processes that we start would inherit
+    finally:  # remove thread limits set by the import, which subprocesses would inherit
         for name in os.environ.keys() - environment.keys():
             del os.environ[name]
         os.environ.update(environment)
-    tasks.SAFE_LOAD = True  # whoever imported it first: no code in checkpoints is run
-    LOGGER.setLevel(logging.ERROR)  # its progress comes through our log, from callbacks
+    tasks.SAFE_LOAD = True  # do not execute code of checkpoints, even if Ultralytics was imported before
+    LOGGER.setLevel(logging.ERROR)  # callbacks log the progress instead
     if settings["sync"]:
         uses = ("sync", "clearml", "comet", "dvc", "mlflow", "neptune", "raytune", "tensorboard", "wandb")
         settings.update({name: False for name in uses if name in settings})
@@ -54,13 +54,13 @@ def ultralytics(folder: Path) -> SimpleNamespace:
         DetectionValidator=DetectionValidator,
         DetectionModel=DetectionModel,
         load_checkpoint=load_checkpoint,
-        # By itself it stops after some seconds, and on a busy machine the rest of the pictures would have no boxes.
+        # Disable the time limit, which drops boxes on a busy machine.
         non_max_suppression=partial(non_max_suppression, multi_label=True, max_time_img=1e9),
     )
 
 
 def _isolate(config: Path) -> None:
-    """Ultralytics reads these when it is imported: no network, no pip, no code in checkpoints, no file elsewhere."""
+    """Set environment variables for the import: no network, pip, code in checkpoints, or files outside `config`."""
     config.mkdir(parents=True, exist_ok=True)
     atexit.register(shutil.rmtree, config, ignore_errors=True)
     os.environ.update(
@@ -73,10 +73,9 @@ def _isolate(config: Path) -> None:
 
 
 def _ensure_torchvision() -> None:
-    """Put a module with `ops.nms` in torchvision's place where its wheel cannot run.
+    """Replace torchvision by a module with `ops.nms` if torchvision cannot be imported.
 
-    The wheel on the package index is built against CUDA; beside a CPU torch its import fails, although detection needs
-    nothing of it but `nms`.
+    The wheel on the package index requires CUDA and fails with a CPU build of torch. Detection needs only `nms`.
     """
     if getattr(sys.modules.get("torchvision"), "stands_in", False):
         return

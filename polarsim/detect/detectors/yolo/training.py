@@ -1,4 +1,4 @@
-"""Training by Ultralytics' trainer."""
+"""Training by the Ultralytics trainer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from polarsim.formats import tables
 from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES
 
-CURVE_COLUMNS = {  # of Ultralytics' results.csv -> ours
+CURVE_COLUMNS = {  # column of results.csv of Ultralytics -> column of the curve
     "epoch": "epoch",
     "train/box_loss": "train_box_loss",
     "train/cls_loss": "train_class_loss",
@@ -39,7 +39,7 @@ log = logging.getLogger("polarsim")
 
 
 def train(training: Training) -> Trained:
-    """See `Family.train`."""
+    """Train, see `Family.train`."""
     run = training.folder
     _link(training.dataset, run)
     trainer = _fit(run, training)
@@ -48,10 +48,9 @@ def train(training: Training) -> Trained:
 
 
 def _link(dataset: Path, run: Path) -> None:
-    """Lists of pictures, and links to the data set.
+    """Write image lists and links to the folders of the data set.
 
-    Ultralytics puts caches beside the labels that it reads and follows no link when it names them, so it gets links to
-    the data set's folders in a folder of its own.
+    Ultralytics writes caches next to the labels without resolving links. The links keep the caches out of the data set.
     """
     for part in (TRAIN, VAL):
         for kind in ("images", "labels"):
@@ -65,12 +64,12 @@ def _link(dataset: Path, run: Path) -> None:
 
 
 def _fit(run: Path, training: Training) -> Any:
-    """Ultralytics' trainer after its work, new or gone on with."""
+    """Run the Ultralytics trainer, new or resumed, and return it."""
     options, library = training.options, ultralytics(run.parent)
     last = run / "out" / "weights" / "last.pt"
     arguments = _arguments(run, training)
     if _unfinished(last, library):
-        log.info("going on with the training in %s", run)
+        log.info("resuming the training in %s", run)
         arguments |= {"model": str(last), "resume": str(last)}
     start = None
     if options.start_weights:
@@ -88,7 +87,7 @@ def _fit(run: Path, training: Training) -> Any:
         def build_optimizer(self, *args: Any, **kwargs: Any) -> Any:
             optimizer = super().build_optimizer(*args, **kwargs)
             for group in optimizer.param_groups:
-                group["fused"] = True  # Ultralytics asks for one kernel instead of hundreds on GPUs only
+                group["fused"] = True  # one kernel instead of hundreds; Ultralytics sets this on GPUs only
             return optimizer
 
         def get_validator(self) -> Any:
@@ -105,15 +104,15 @@ def _fit(run: Path, training: Training) -> Any:
 
 
 def _unfinished(checkpoint: Path, library: Any) -> bool:
-    """Whether a training can go on from a checkpoint: it is whole, and not the last one."""
+    """Return whether a checkpoint is complete and belongs to an unfinished training."""
     try:
         return bool(checkpoint.is_file() and library.load_checkpoint(str(checkpoint))[1]["epoch"] >= 0)
-    except Exception:  # cut in the middle of writing: torch raises many kinds
+    except Exception:  # torch raises various exceptions for truncated files
         return False
 
 
 def _arguments(run: Path, training: Training) -> dict[str, Any]:
-    """Every argument that is not Ultralytics' default, and why."""
+    """Return all arguments that differ from the defaults of Ultralytics."""
     options, augment = training.options, training.options.augment
     return {
         "model": f"{options.model}.yaml",
@@ -122,59 +121,59 @@ def _arguments(run: Path, training: Training) -> dict[str, Any]:
         "name": "out",
         "exist_ok": True,
         "epochs": options.epochs,
-        "patience": options.epochs,  # no early stop: detectors of a table are trained alike
+        "patience": options.epochs,  # no early stop, so that all detectors have equal training
         "imgsz": training.imgsz,
         "batch": options.batch,
-        "nbs": options.batch,  # a step a batch; else gradients of 64 pictures are gathered before each step
-        "optimizer": "AdamW",  # "auto" would overrule lr0
+        "nbs": options.batch,  # one step per batch, without accumulation of gradients over 64 images
+        "optimizer": "AdamW",  # "auto" overrides lr0
         "lr0": options.learning_rate,
         "lrf": 0.05,
         "cos_lr": True,
         "warmup_epochs": min(1.0, options.epochs / 10),
         "warmup_bias_lr": 0.0,
         "device": "0" if choose_device(training.prediction.device) == "cuda" else "cpu",
-        "iou": training.prediction.nms_iou,  # of validation, as in prediction
+        "iou": training.prediction.nms_iou,  # validation as in prediction
         "max_det": MAX_BOXES,
         "seed": training.seed,
         "deterministic": True,
-        "pretrained": False,  # or it would download; `Trainer.get_model` loads the weights that options name
-        "amp": False,  # its check would download
-        "plots": False,  # would download a font
+        "pretrained": False,  # avoids a download; `Trainer.get_model` loads the weights of the options
+        "amp": False,  # avoids a download by the AMP check
+        "plots": False,  # avoids the download of a font
         "verbose": False,
-        "rect": not options.mosaic,  # pictures of one shape need no padding to a square
+        "rect": not options.mosaic,  # images of equal shape need no padding to a square
         "mosaic": float(options.mosaic),
         "close_mosaic": min(10, options.epochs // 3),
         "fliplr": 0.5 if augment else 0.0,
         "translate": 0.1 if augment else 0.0,
         "scale": 0.3 if augment else 0.0,
-        "hsv_h": 0.0,  # pictures are grey
+        "hsv_h": 0.0,  # images are grey
         "hsv_s": 0.0,
         "hsv_v": 0.3 if augment else 0.0,
     }
 
 
 def _set_up_torch(trainer: Any, training: Training) -> None:
-    """Undo Ultralytics' choice of one thread; channels last and bfloat16, which it keeps for GPUs, are faster."""
+    """Set the number of threads, and enable channels last and bfloat16, which Ultralytics uses on GPUs only."""
     import torch
 
     if trainer.device.type == "cpu":
         torch.set_num_threads(training.threads)
         trainer.model.to(memory_format=torch.channels_last)
-        trainer.amp = computes_bfloat16(training.options.precision, "cpu")  # set earlier, it would try a download
+        trainer.amp = computes_bfloat16(training.options.precision, "cpu")  # an earlier setting starts a download
 
 
 def _report(trainer: Any) -> None:
     if trainer.epoch >= trainer.epochs:
-        return  # called once more after the last epoch, for the best weights
+        return  # additional call after the last epoch, for the best weights
     losses = ", ".join(f"{name.removesuffix('_loss')} {float(value):.3f}" for name, value in trainer.tloss.items())
     map50 = float(trainer.metrics.get("metrics/mAP50(B)", 0))
     log.info("epoch %d of %d: losses %s; val mAP50 %.3f", trainer.epoch + 1, trainer.epochs, losses, map50)
 
 
 def _read_curve(path: Path) -> pd.DataFrame:
-    """Ultralytics' own log without its times."""
+    """Read the log of Ultralytics without the time columns."""
     table = tables.read_csv(path)
     table.columns = [str(name).strip() for name in table.columns]
-    absent = sorted(set(CURVE_COLUMNS) - set(table.columns) - set(EDGE_COLUMNS))  # YOLO26 has none of these
-    assert not absent, f"Ultralytics' log lacks {absent}"
+    absent = sorted(set(CURVE_COLUMNS) - set(table.columns) - set(EDGE_COLUMNS))  # YOLO26 has no edge columns
+    assert not absent, f"the log of Ultralytics lacks {absent}"
     return table[[name for name in CURVE_COLUMNS if name in table.columns]].rename(columns=CURVE_COLUMNS)

@@ -1,4 +1,4 @@
-"""Weights in and out: detectors as networks that predict, and weights to start from."""
+"""Loading of weights for inference and for the start of a training."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from polarsim.photo import BOX_CLASSES
 
 
 def load(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
-    """See `Family.load`."""
+    """Load a detector for inference, see `Family.load`."""
     torch, library = load_torch(), ultralytics(folder)
     torch.set_num_threads(threads)
     device = choose_device(options.device)
@@ -39,12 +39,12 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
 
 
 def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:  # noqa: ARG001 - of the interface
-    """See `Family.load_masks`."""
-    raise DetectError(f"{detector.model} has no masks, choose a detector of compact or compact-l")
+    """Raise an error, because YOLO models have no masks."""
+    raise DetectError(f"model {detector.model} has no masks, choose a detector of model compact or compact-l")
 
 
 def network(detector: Detector, folder: Path) -> Any:
-    """The detector as a torch module that is ready to predict. `folder`: see `ultralytics`."""
+    """Return the detector as a torch module for inference. `folder`: see `ultralytics`."""
     module = ultralytics(folder).DetectionModel(f"{detector.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
     try:
         module.load_state_dict({name: value.float() for name, value in detector.state.items()})
@@ -54,19 +54,19 @@ def network(detector: Detector, folder: Path) -> Any:
 
 
 def load_start(path: Path, model: str, folder: Path) -> Any:
-    """Weights to start a training from, as a torch module: a detector of ours or an Ultralytics checkpoint.
+    """Load the initial weights of a training as a torch module, from a polarsim detector or an Ultralytics checkpoint.
 
     Raises
     ------
     DetectError
-        The file holds no such weights.
+        The file has no weights of the model.
     """
     library = ultralytics(folder)
     try:
         detector = read_detector(path)
     except DetectError:
         try:
-            return library.load_checkpoint(str(path))[0]  # runs no code in it: `library` has seen to that
+            return library.load_checkpoint(str(path))[0]  # safe mode, see `library`
         except Exception as error:
             raise DetectError(f"no weights of {model}, {reason_of(error)}", path=path) from error
     module = library.DetectionModel(f"{detector.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
