@@ -1,7 +1,7 @@
-"""Published cover photos, on which detectors are tested and fine-tuned.
+"""Test and fine-tuning of detectors on the published cover photos.
 
-1. `photos`: photos without the boxes drawn into them, their photo keys and labels.
-2. `datasets`: scenes to train, photos to test, by fold; `windows`: windows of photos for fine-tuning.
-3. `widths`: predictions at several inference widths, and the choice of widths; `merging`: several seeds as one.
-4. `scores`: average precision with intervals; `publish`: a detector of all terrains and its card.
+1. `photos`: removal of drawn boxes, assignment of photo keys, labels.
+2. `datasets`: training scenes and test photos of each fold; `windows`: crops of photos for fine-tuning.
+3. `widths`: predictions at several inference widths, choice of widths; `merging`: fusion of training seeds.
+4. `scores`: average precision with intervals; `publish`: detector trained on all terrains, with a model card.
 """

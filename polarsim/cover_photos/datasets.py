@@ -1,4 +1,4 @@
-"""What detectors of cover photos are trained and tested on: strewn scenes to train on, cover photos to test on."""
+"""Data sets of detectors for cover photos: randomised scenes for training, cover photos for the test."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
 from polarsim.scenes.names import SCENE_NAME
 
-DOMAIN = "covers"  # of the data sets
+DOMAIN = "covers"  # domain of the data sets
 
 
 def make_cover_dataset(
@@ -26,23 +26,23 @@ def make_cover_dataset(
     dataset: Path,
     seed: int,
 ) -> None:
-    """Write a data set as `detect.dataset.share_pictures` does: scenes to train and validate, cover photos to test.
+    """Write a data set of scenes for training and validation, and cover photos for the test.
 
-    A scene lies in one part with all its pictures.
+    All images of a scene are in the same part. The layout is described in `detect.dataset.share_pictures`.
 
     Parameters
     ----------
     scenes : mapping of int to Path
-        Folders that `render_scenes` wrote, by the terrain whose rocks they show.
+        Folders written by `render_scenes`, by the terrain of the rocks.
     covers : Path, optional
-        Folder of cover photos that `read_covers` wrote. Labels of these are not part of the data set.
+        Folder of cover photos written by `read_covers`. The data set does not include their labels.
     test : sequence of int
-        Terrains whose cover photos are the test part; without any there is no test part.
+        Test terrains. If empty, the data set has no test part.
 
     Raises
     ------
     DetectError
-        A terrain is to be trained on and tested, a folder shows rocks of another terrain, or a part would be empty.
+        A terrain is in training and test, a folder has images of a wrong terrain, or a part would be empty.
     """
     _check_apart(test, scenes)
     entries = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
@@ -63,21 +63,21 @@ def make_fine_tuning_dataset(
     dataset: Path,
     seed: int,
 ) -> None:
-    """Write a data set of windows of the cover photos of all terrains but some, and of pictures of scenes.
+    """Write a data set of windows of cover photos, without the test terrains, and of images of scenes.
 
     Parameters
     ----------
     scenes : mapping of int to Path
-        Folders that `render_scenes` wrote, by the terrain whose rocks they show.
+        Folders written by `render_scenes`, by the terrain of the rocks.
     windows : Path
-        Folder that `cut_windows` wrote.
+        Folder written by `cut_windows`.
     test : sequence of int
-        Terrains that are left out.
+        Excluded terrains.
 
     Raises
     ------
     DetectError
-        A terrain is to be trained on and tested, a folder shows rocks of another terrain, or a part would be empty.
+        A terrain is in training and test, a folder has images of a wrong terrain, or a part would be empty.
     """
     _check_apart(test, scenes)
     random = generator(seed, "covers", "fine tuning", *sorted(test))
@@ -91,25 +91,25 @@ def make_fine_tuning_dataset(
 
 
 def _check_apart(test: Sequence[int], trained: Collection[int]) -> None:
-    both = sorted(set(test) & set(trained))
-    if both:
-        raise DetectError(f"terrain {both[0]:02d} is to be trained on and to be tested")
+    shared = sorted(set(test) & set(trained))
+    if shared:
+        raise DetectError(f"terrain {shared[0]:02d} is in both training and test, remove it from one of them")
 
 
 def _scenes(terrain: int, folder: Path, seed: int) -> list[Entry]:
-    """Return the pictures of a terrain's rocks, whole scenes drawn for validation, at least one."""
-    found: dict[int, list[str]] = {}
+    """Return the images of the scenes of a terrain; a random share of the scenes, at least one, is for validation."""
+    images: dict[int, list[str]] = {}
     for path in sorted((folder / "images").glob("*.png")):
         name = SCENE_NAME.fullmatch(path.stem)
         if not name or int(name[1]) != terrain:
-            raise LabelError(f"{path.stem!r} is no picture of rocks of terrain {terrain:02d}", path=path)
-        found.setdefault(int(name[2]), []).append(path.stem)
-    if len(found) < 2:
-        raise DetectError(f"{len(found)} scenes of terrain {terrain:02d}, at least 2 are needed", path=folder)
-    order = generator(seed, "covers", "val", terrain).permutation(sorted(found))
-    val = set(order[: max(1, round(VAL_SHARE * len(found)))].tolist())
+            raise LabelError(f"{path.stem!r} is not an image of rocks of terrain {terrain:02d}", path=path)
+        images.setdefault(int(name[2]), []).append(path.stem)
+    if len(images) < 2:
+        raise DetectError(f"{len(images)} scenes of terrain {terrain:02d}, expected at least 2", path=folder)
+    order = generator(seed, "covers", "val", terrain).permutation(sorted(images))
+    val = set(order[: max(1, round(VAL_SHARE * len(images)))].tolist())
     return [
         entry_of(folder, name, VAL if scene in val else TRAIN)
-        for scene, names in sorted(found.items())
+        for scene, names in sorted(images.items())
         for name in names
     ]

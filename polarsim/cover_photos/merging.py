@@ -1,4 +1,4 @@
-"""What the detectors of several seeds see in cover photos, as one detector would."""
+"""Fusion of the predictions of several training seeds."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from polarsim.schemas.detect import PREDICTIONS
 
 
 def merge_seeds(*, predictions: Sequence[Path], merged: Path, options: PredictionOptions) -> None:
-    """Write one prediction table of several, which detectors of other seeds made of the same photos: see `fusion.fuse`.
+    """Merge prediction tables of several training seeds on the same photos, see `fusion.fuse`.
 
     Raises
     ------
     PolarsimError
-        A file is missing or broken.
+        Missing or invalid file.
     """
-    found = [tables.read_parquet(path, PREDICTIONS.columns) for path in predictions]
-    keys = sorted(set().union(*(table["key"] for table in found)))
-    boxes = [detections_by_photo(table, keys) for table in found]
-    fused = {key: fuse([own[key] for own in boxes], options.nms_iou, MAX_BOXES) for key in keys}
+    parts = [tables.read_parquet(path, PREDICTIONS.columns) for path in predictions]
+    keys = sorted(set().union(*(table["key"] for table in parts)))
+    boxes = [detections_by_photo(table, keys) for table in parts]
+    fused = {key: fuse([of_seed[key] for of_seed in boxes], options.nms_iou, MAX_BOXES) for key in keys}
     rows = [row for key in keys for row in detection_rows(key, fused[key])]
     tables.write_parquet(merged, prediction_table(rows))

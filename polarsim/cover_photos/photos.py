@@ -1,4 +1,4 @@
-"""The published cover photos as a small real test: what each of them shows, without strokes, with people's boxes."""
+"""Published cover photos: removal of drawn strokes, assignment of photo keys, and human labels."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from polarsim.geometry.images import resize
 from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey
 from polarsim.scenes.strokes import drawn_boxes, erase_strokes, find_strokes
 
-SOURCE = "annotated"  # of labels that people made
+SOURCE = "annotated"  # source of human labels
 PAIRING_COLUMNS = (
     "cover", "key", "shown", "named_by", "drawn", "labels", "matched", "drawn_iou", "shadow_contrast",
 )  # fmt: skip
 BY_CONFIGURATION, BY_SHADOWS, BY_BOXES = "configuration", "shadows", "boxes"
-_SAME_FORM = 0.01  # relative error of the sides' ratio up to which a picture shows a whole photo
-_LEAST_WIDTH = 256  # px of a picture that is still looked at
-_LEAST_PX = 20  # of a shadow and of what is around it
+_SAME_FORM = 0.01  # maximum relative error of the aspect ratio of an uncropped photo
+_LEAST_WIDTH = 256  # minimum width of an image, px
+_LEAST_PX = 20  # minimum number of pixels of a shadow and of its surroundings
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
 class Cover:
-    """A cover photo as large as a photo: its grey values (h, w) uint8 without strokes, and the boxes (n, 4) drawn."""
+    """Cover photo in the size of a photo: grey values (h, w) uint8 without strokes, and the drawn boxes (n, 4)."""
 
     photo: np.ndarray
     drawn: np.ndarray
@@ -49,25 +49,25 @@ def read_covers(
     labels: Path,
     pairing: Path,
 ) -> None:
-    """Write every cover photo without its strokes as `KEY.png` (8 bits, a photo's size), and the labels of their keys.
+    """Write every cover photo without strokes as `KEY.png` (8 bits, size of a photo), and the labels of the keys.
 
-    A cover photo says its terrain and position. Camera and azimuth are those of the labelled exposure bracket whose
-    shadows it shows: inside their boxes the photo is darker than around them. A cover photo that cannot be read, or
-    that no label fits, is left out with a warning.
+    Terrain and position of a cover photo are known from the file name. Camera and azimuth follow from the labelled
+    exposure bracket with the best matching shadows: the photo is darker inside shadow boxes than around them.
+    Unreadable cover photos and cover photos without matching labels are skipped with a warning.
 
     Parameters
     ----------
     root : Path
         Folder of the published release.
     keys : sequence of str
-        Photo keys that are known, whatever the shadows say.
+        Known photo keys, which override the match of shadows.
     pairing : Path
-        CSV to write: a row a cover photo and exposure bracket, with all that tells which of them it shows.
+        CSV to write: one row per cover photo and exposure bracket, with the measures of the match.
 
     Raises
     ------
     DetectError
-        Not one cover photo can be used, or a key names none.
+        No usable cover photo, or a key without a cover photo.
     """
     named = {key.station: key for key in map(PhotoKey.parse, keys)}
     rows: list[tuple[object, ...]] = []
@@ -81,16 +81,16 @@ def read_covers(
                 cover = read_cover(path)
                 paired = pair_cover(cover, _brackets(files, position, key), key)
             except PolarsimError as error:
-                log.warning("%s is left out: %s", path.name, error)
+                log.warning("%s: skipped: %s", path.name, error)
                 continue
             rows += [(path.name, *row) for row in paired.itertuples(index=False)]
             key = PhotoKey.parse(str(paired.loc[paired["shown"], "key"].item()))
             found[key] = cover.photo
             annotated += label_rows(key, files[key])
     if named:
-        raise DetectError(f"no cover photo of key {next(iter(named.values()))}", path=root)
+        raise DetectError(f"no cover photo for key {next(iter(named.values()))}", path=root)
     if not found:
-        raise DetectError(f"no cover photo of terrains {', '.join(map(str, terrains))} can be used", path=root)
+        raise DetectError(f"no usable cover photo of terrains {', '.join(map(str, terrains))}", path=root)
     with writing_folder(pictures) as folder:
         for key, photo in found.items():
             png.write(folder / f"{key}.png", photo)
@@ -100,20 +100,20 @@ def read_covers(
 
 
 def read_cover(path: Path) -> Cover:
-    """A cover photo of any size and depth, grey or in colour, scaled to a photo's size.
+    """Read a cover photo of any size and bit depth, grey or colour, and resize it to the size of a photo.
 
     Raises
     ------
     DetectError
-        No picture of a whole photo.
+        Image too small, or wrong aspect ratio.
     FormatError
-        No picture.
+        Not an image.
     """
     picture = png.read(path)
     height, width = picture.shape[:2]
     if width < _LEAST_WIDTH or abs(width * HEIGHT / (height * WIDTH) - 1) > _SAME_FORM:
         raise DetectError(
-            f"{width} x {height} pixels, expected a whole photo of {WIDTH} x {HEIGHT} or another size of that form"
+            f"{width} x {height} px, expected {WIDTH} x {HEIGHT} or the same aspect ratio, width {_LEAST_WIDTH} or more"
         )
     picture = in_eight_bits(picture)
     if picture.ndim == 2:
@@ -124,24 +124,24 @@ def read_cover(path: Path) -> Cover:
 
 
 def in_eight_bits(picture: np.ndarray) -> np.ndarray:
-    """uint8 of a picture with 8, 12 in 16, or 16 bits."""
+    """Convert an image with 8, 12 (stored as 16) or 16 bits to uint8."""
     return (picture >> (bits_in_use(picture, picture.dtype) - 8)).astype(np.uint8)
 
 
 def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey | None) -> pd.DataFrame:
-    """A row of `PAIRING_COLUMNS` without the first for each exposure bracket, by its key; one of them is `shown`.
+    """Match a cover photo with exposure brackets: a row of `PAIRING_COLUMNS[1:]` per bracket; one row is `shown`.
 
     Parameters
     ----------
     brackets : mapping of PhotoKey to Path
-        Label file of one photo of each bracket of the cover photo's position.
+        Label file of one photo of each exposure bracket of the position.
     known : PhotoKey or None
-        The key that the cover photo is known to have.
+        Known key of the cover photo.
 
     Raises
     ------
     DetectError
-        No labels fit.
+        No matching labels.
     """
     rows = []
     for key, path in sorted(brackets.items()):
@@ -162,15 +162,15 @@ def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey 
     elif (table["drawn_iou"] > 0).any():
         number, by = int(table["drawn_iou"].argmax()), BY_BOXES
     else:
-        raise DetectError(f"none of {len(table)} labelled exposure brackets has its shadows or boxes")
+        raise DetectError(f"none of {len(table)} labelled exposure brackets matches its shadows or boxes")
     return table.assign(shown=np.arange(len(table)) == number, named_by=by)
 
 
 def shadow_contrast(photo: np.ndarray, shadows: np.ndarray, rocks: np.ndarray) -> float:
-    """How much darker a photo (h, w) is inside boxes of shadows (n, 4) than around them, mean over the boxes.
+    """Return the mean contrast of shadow boxes (n, 4) with their surroundings in a photo (h, w).
 
-    Each is the difference of the mean grey values over their sum, from -1 to 1; boxes of rocks (m, 4) count for
-    neither. NaN without a shadow.
+    The contrast is (outside - inside) / (outside + inside) of mean grey values, from -1 to 1, without pixels in boxes
+    of rocks (m, 4). NaN without shadows.
     """
     bare = np.ones(photo.shape, bool)
     for window in map(_window, rocks):
@@ -188,7 +188,7 @@ def shadow_contrast(photo: np.ndarray, shadows: np.ndarray, rocks: np.ndarray) -
 
 
 def label_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
-    """Rows of the label table of the boxes that people drew."""
+    """Return rows of the label table for the human boxes of a label file."""
     classes, corners = yolo.read_boxes(path)
     return [
         tables.key_columns(key)
@@ -199,7 +199,7 @@ def label_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
 
 
 def _brackets(files: Mapping[PhotoKey, Path], position: str, known: PhotoKey | None) -> dict[PhotoKey, Path]:
-    """Return a label file of each bracket without the rover light: of the usual exposure, or of the nearest one."""
+    """Return a label file of each bracket without rover light, with the exposure closest to `USUAL_EXPOSURE_MS`."""
     if known is not None and known not in files:
         raise DetectError(f"no label file {known}.txt")
     own = [key for key in files if key.position == position and key.light == "off" and key.azimuth != "no"]

@@ -1,4 +1,4 @@
-"""A detector to take away: trained on the rocks of all terrains, with its widths, its calibration and its card."""
+"""Published detector, trained on the rocks of all terrains, with inference widths, calibration and model card."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, ONE
 
 @dataclass(frozen=True)
 class Check:
-    """How well confidences say how often a box is right, on photos that neither calibration nor detector has seen."""
+    """Expected calibration error on photos used neither for training nor for the calibration."""
 
-    before: float  # expected calibration error
+    before: float  # without calibration
     after: float
 
 
@@ -42,27 +42,27 @@ def publish_detector(
     card: Path,
     options: PredictionOptions,
 ) -> None:
-    """Write the detector with what was chosen for it, and its card in Markdown.
+    """Write the detector with inference widths, calibration and a model card in Markdown.
 
-    Widths and calibration are chosen on the predictions of the folds' detectors for photos of terrains that they were
-    not trained on, because the detector itself was trained on all rocks. The card shows the metrics of the folds.
+    The detector was trained on all rocks. Therefore widths and calibration are selected on predictions of the detectors
+    of the folds for photos of their test terrains. The card contains the metrics of the folds.
 
     Parameters
     ----------
     weights : Path
-        Detector that was trained on all terrains.
+        Detector trained on all terrains.
     found, datasets : mapping of fold to Path
         As in `widths.choose_widths`.
     scores : Path
-        Table that `score_covers` wrote.
+        Table written by `score_covers`.
 
     Raises
     ------
     DetectError
-        With fewer than two folds nothing can be left out.
+        Fewer than two folds.
     """
     if len(found) < 2:
-        raise DetectError(f"{len(found)} fold: a detector's card needs figures of terrains left out of two or more")
+        raise DetectError(f"{len(found)} fold, the model card requires metrics of at least 2 folds (covers.folds)")
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     seen = read_folds(found, datasets)
     trained = detectors.read_detector(weights)
@@ -71,7 +71,7 @@ def publish_detector(
     whole = replace(trained, sizes=tuple((own.widths, own.gates_px) for own in sizes.by_class), calibration=calibration)
     detectors.write_detector(detector, whole)
     figures = tables.read_parquet(scores, COVER_SCORES.columns)
-    write_text(card, _card(whole, figures[figures["detectors"] == ONE], check))  # it is one detector itself
+    write_text(card, _card(whole, figures[figures["detectors"] == ONE], check))
 
 
 def _chosen(
@@ -83,10 +83,10 @@ def _chosen(
 
 
 def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
-    """Calibrate each fold's boxes with widths and calibration of the other folds.
+    """Calibrate the boxes of each fold with widths and calibration from the remaining folds.
 
-    Widths are chosen again: `widths.choose_widths` chose on boxes on the sand, while a published detector has no camera
-    pose and keeps all boxes.
+    Widths are selected again without the sand filter of `widths.choose_widths`, because users of the published detector
+    have no camera poses.
     """
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
@@ -107,36 +107,36 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> s
         for row in scores.itertuples()
     ]
     worst = scores[(scores["terrain"] != ALL) & (scores["kind"] == BOX_CLASSES[0])].sort_values("map50").iloc[0]
-    looked_at = "; ".join(
-        f"{kind}s at {' and '.join(map(str, widths))} px of width"
-        + (f", those below {gates[0]:g} px of 1,936 at the larger one" if gates else "")
-        for kind, (widths, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
+    widths = "; ".join(
+        f"{kind}s {' and '.join(map(str, sizes))} px"
+        + (f" (boxes below {gates[0]:g} px of 1,936: the larger width)" if gates else "")
+        for kind, (sizes, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
     )
     tuned = (scores["trained"] == FINE_TUNED).all()
     photos = (
-        f"Then windows of the {images} published cover photos with the boxes that people drew; the detectors of the "
-        "table have seen those of other terrains than the tested one."
+        f"Fine-tuned on windows of the {images} published cover photos with human boxes; the detectors of the table "
+        "were fine-tuned without photos of the test terrains."
         if tuned
-        else "It has seen no photo."
+        else "No photos."
     )
     return f"""# Detector of rocks and shadows on ground under low light
 
-`polarsim detect PICTURES --out FOLDER` uses it where no other weights are named.
+Default detector of `polarsim detect PICTURES --out FOLDER`.
 
-- **What it is**: {detectors.detector_name(detector.model)}, {_count(detector):,} numbers in half precision; boxes of
-  classes {" and ".join(BOX_CLASSES)}; grey pictures of any size; {looked_at}.
-- **Data**: rendered pictures{" first" if tuned else " alone"}: rocks that a generator carves, then scanned rocks of the
-  POLAR-Sim release, strewn on made-up sand, cameras and lamps drawn at random. {photos}
-- **Confidences** say how often a box is right (IoU 0.5): expected calibration error {check.after:.3f}, without
-  calibration {check.before:.3f}, each fold's boxes calibrated by those of the other folds.
-- **Where it fails**: rocks of terrain {worst.terrain} ({worst.map50:.2f}); rocks of less than about ten pixels of the
-  looked-at picture, the dark sides of rocks in shade, piles that people label as one rock, cards and cloth behind the
-  sand, the rims of craters.
-- **Licence**: BSD-3-Clause, as the code; the release's meshes are CC0.
+- **Model**: {detectors.detector_name(detector.model)}, {_count(detector):,} parameters in half precision. Predicts boxes
+  of the classes {" and ".join(BOX_CLASSES)} in grey images of any size. Inference widths: {widths}.
+- **Training data**: rendered images: generated rocks, then scanned rocks of the POLAR-Sim release, on generated sand
+  with random cameras and lamps. {photos}
+- **Calibration**: expected calibration error {check.after:.3f} (IoU 0.5), without calibration {check.before:.3f}; the
+  boxes of each fold were calibrated on the remaining folds.
+- **Limitations**: low accuracy for rocks of terrain {worst.terrain} ({worst.map50:.2f}), rocks smaller than about ten
+  pixels of the input, dark sides of rocks in shadow, piles annotated as one rock, cards and cloth behind the sand, and
+  rims of craters.
+- **Licence**: BSD-3-Clause, as the code. The meshes of the release are CC0.
 
-mAP@0.5 on {images} published cover photos, by {folds} detectors trained alike, each on terrains other than those that
-it is tested on ({seeds} seed{"s" if seeds > 1 else ""}; 95 % intervals of a bootstrap over photos). The detector of
-this card was trained on the rocks of all these terrains, so that it cannot be tested on them itself.
+mAP@0.5 on {images} published cover photos, by {folds} detectors with equal training, each tested on terrains excluded
+from its training ({seeds} seed{"s" if seeds > 1 else ""}; 95 % bootstrap intervals over photos). The published detector
+was trained on the rocks of all these terrains and cannot be tested on them.
 
 | terrain | labels | seed | count | mAP@0.5 | interval |
 |---|---|---|---|---|---|

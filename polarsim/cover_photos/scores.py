@@ -1,4 +1,4 @@
-"""How well detectors find the labels of cover photos of terrains that they have not seen, with intervals."""
+"""Metrics of detectors on cover photos of terrains excluded from training, with intervals."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from polarsim.randomness import generator
 from polarsim.schemas.covers import COVER_SCORES, MEAN, MERGED, NO_SEED, ONE
 from polarsim.schemas.detect import PREDICTIONS
 
-ALL = "all"  # terrains together
+ALL = "all"  # all terrains
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What was seen in all cover photos."""
+    """Predictions in all cover photos."""
 
     predictions: pd.DataFrame
-    calibrated: dict[str, np.ndarray]  # as `calibrated_by_others` gives it
+    calibrated: dict[str, np.ndarray]  # boxes from `calibrated_by_others`
 
 
 def score_covers(
@@ -47,34 +47,34 @@ def score_covers(
     start: str,
     options: ComparisonOptions,
 ) -> None:
-    """Write the figures of every seed of training, their mean, and those of the merged detectors.
+    """Write the metrics of each training seed, their mean, and the metrics of the merged seeds.
 
-    Over all cover photos, and of each terrain. Each photo's predictions are those of the fold that has not seen its
-    terrain. One seed alone has no mean.
+    Metrics are computed over all cover photos and for each terrain. Each photo is evaluated with the fold that excludes
+    its terrain from training. A single seed has no mean.
 
     Parameters
     ----------
     labels : Path
-        Label table that `read_covers` wrote.
+        Label table written by `read_covers`.
     predictions : mapping of seed to Path
-        What the folds' detectors see in all cover photos, each in those of its own test part.
+        Predictions in all cover photos; each photo is predicted by the fold that tests it.
     merged : Path, optional
-        The same of every fold's detectors of all seeds, merged.
+        Predictions merged over all seeds.
     datasets : mapping of fold to Path
-        Data sets whose test parts are the folds' cover photos.
+        Data sets of the folds, with the cover photos as test part.
     trained_on : sequence of Path
-        Data sets that the folds' detectors were trained on last.
+        Data sets of the last training of each fold.
     trained : str
-        On what the detectors were trained, RENDERED or FINE_TUNED of `formats.schemas`.
+        Kind of training: RENDERED or FINE_TUNED of `schemas.covers`.
     training : TrainingOptions
-        How they were trained last.
+        Options of the last training.
     start : str
-        What the first training started from, as the table is to name it.
+        Name in the table of the initial weights of the first training.
 
     Raises
     ------
     PolarsimError
-        A file is missing or broken.
+        Missing or invalid file.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     folds = {fold: read_pictures(folder, TEST) for fold, folder in datasets.items()}
@@ -104,7 +104,7 @@ def _read(path: Path, labels: pd.DataFrame, folds: Mapping[str, Sequence[str]]) 
 
 
 def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
-    """Photo keys of all terrains, and of each."""
+    """Return the photo keys of all terrains, and of each terrain."""
     chosen = {ALL: list(keys)}
     for terrain in sorted({PhotoKey.parse(key).terrain for key in keys}):
         chosen[f"{terrain:02d}"] = [key for key in keys if PhotoKey.parse(key).terrain == terrain]
@@ -114,11 +114,12 @@ def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
 def _figures(
     labels: pd.DataFrame, seen: Sequence[_Seen], keys: Sequence[str], options: ComparisonOptions
 ) -> pd.DataFrame:
-    """What `cover_figures` gives, with the calibration error."""
-    predictions = [one.predictions for one in seen]
+    """Return the metrics of `cover_figures` with the calibration error."""
+    predictions = [of_seed.predictions for of_seed in seen]
     figures = cover_figures(labels, predictions, keys, resamples=options.resamples)
     errors = [
-        np.mean([_calibration_error(labels, one.calibrated, keys, kind) for one in seen]) for kind in figures["kind"]
+        np.mean([_calibration_error(labels, of_seed.calibrated, keys, kind) for of_seed in seen])
+        for kind in figures["kind"]
     ]
     return figures.assign(calibration_error=errors)
 
@@ -126,11 +127,11 @@ def _figures(
 def cover_figures(
     labels: pd.DataFrame, predictions: Sequence[pd.DataFrame], keys: Sequence[str], *, seed: int = 0, resamples: int
 ) -> pd.DataFrame:
-    """Average precision of each labelled kind, photos pooled, with 95 % intervals of a bootstrap over the photos.
+    """Return average precision of each labelled kind over all photos, with 95 % bootstrap intervals over photos.
 
-    Of several tables of predictions the mean, and its interval: each is scored alone, on the same drawn photos.
-    Columns: kind, images, labels, map50, map50_low, map50_high, map50_95, iou_mean (every prediction counts). One photo
-    has no interval.
+    For several prediction tables, the mean and its interval are returned; all tables share the bootstrap replicates.
+    Columns: kind, images, labels, map50, map50_low, map50_high, map50_95, iou_mean (without confidence threshold). A
+    single photo has no interval.
     """
     rows = []
     labels = labels[labels["key"].isin(keys)]
@@ -149,7 +150,7 @@ def cover_figures(
 def _precision(
     truth: Sequence[np.ndarray], predictions: pd.DataFrame, keys: Sequence[str], drawn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Of one kind: average precision by IoU (t,), at 0.5 on drawn photos (resamples,), and mean largest IoU."""
+    """Return average precision by IoU (t,), its bootstrap replicates at IoU 0.5, and the mean maximum IoU."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 
     found = boxes_by_photo(predictions, keys, DETECTION[:5])
@@ -162,26 +163,26 @@ def _precision(
 def calibrated_by_others(
     labels: pd.DataFrame, predictions: pd.DataFrame, folds: Mapping[str, Sequence[str]]
 ) -> dict[str, np.ndarray]:
-    """Boxes (n, 6) of every photo, each fold's with confidences that the boxes of all other folds calibrate.
+    """Return boxes (n, 6) of each photo with confidences calibrated on the boxes of the remaining folds.
 
-    Empty for one fold alone, which nothing calibrates.
+    Empty with a single fold.
 
     Parameters
     ----------
     folds : mapping of fold to photo keys
     """
-    keys = [key for own in folds.values() for key in own]
-    found = detections_by_photo(predictions, keys)
+    keys = [key for fold_keys in folds.values() for key in fold_keys]
+    detections = detections_by_photo(predictions, keys)
     boxes: dict[str, np.ndarray] = {}
-    for fold, own in folds.items() if len(folds) > 1 else ():
-        others = [key for other, photos in folds.items() if other != fold for key in photos]
-        calibration = fit_calibration(labels_by_photo(labels, others), [found[key] for key in others])
-        boxes |= {key: calibrated(found[key], calibration) for key in own}
+    for fold, fold_keys in folds.items() if len(folds) > 1 else ():
+        fit_keys = [key for name, photos in folds.items() if name != fold for key in photos]
+        calibration = fit_calibration(labels_by_photo(labels, fit_keys), [detections[key] for key in fit_keys])
+        boxes |= {key: calibrated(detections[key], calibration) for key in fold_keys}
     return boxes
 
 
 def _calibration_error(labels: pd.DataFrame, boxes: Mapping[str, np.ndarray], keys: Sequence[str], kind: str) -> float:
-    """Expected calibration error of one kind in some photos; NaN without calibrated boxes."""
+    """Return the expected calibration error of a kind in some photos; NaN without calibrated boxes."""
     if not boxes:
         return float("nan")
     of_kind = [boxes[key][boxes[key][:, 5] == BOX_CLASSES.index(kind)] for key in keys]
@@ -189,5 +190,5 @@ def _calibration_error(labels: pd.DataFrame, boxes: Mapping[str, np.ndarray], ke
 
 
 def _times(count: int, random: np.random.Generator) -> np.ndarray:
-    """(n,) how often each of n photos is drawn when n are drawn."""
+    """Return the draw counts (n,) of n photos sampled n times with replacement."""
     return np.bincount(random.integers(count, size=count), minlength=count).astype(float)

@@ -1,4 +1,4 @@
-"""Inference widths for cover photos, chosen on the photos of the other folds."""
+"""Inference widths for cover photos, selected by cross-validation over folds."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.covers import COVER_FOUND
 from polarsim.schemas.detect import PREDICTIONS
 
-Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) as detectors give them
+Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) of a detector
 
 
 def predict_multiscale(
     *, weights: Path, dataset: Path, found: Path, widths: Sequence[int], options: PredictionOptions, threads: int
 ) -> None:
-    """Write what a detector finds in the cover photos of a data set's test part, at each of some widths, px.
+    """Write the predictions of a detector in the test photos of a data set at several inference widths, px.
 
     Raises
     ------
     PolarsimError
-        Weights that are no detector, a broken picture or data set.
+        Invalid weights, image or data set.
     """
     detector = detectors.read_detector(weights)
     with about(weights):
@@ -61,32 +61,32 @@ def choose_widths(
     cameras: Sequence[Path] = (),
     meshes: Sequence[Path] = (),
 ) -> None:
-    """Write one prediction table of all cover photos, and the widths and gates of every fold.
+    """Write one prediction table of all cover photos, and the widths and gates of each fold.
 
-    A fold's widths are those with the largest AP@0.5 of rocks, and of shadows, on the photos of all other folds, as
-    predicted by their own detectors: neither detector nor choice has used the terrain. With one fold the width is that
-    of the training. Widths that the options name are taken as they are.
+    The widths of a fold maximise AP@0.5 of rocks, and of shadows, on the test photos of the remaining folds, predicted
+    by the detectors of these folds. Thus neither training nor selection uses the test terrain. With a single fold, the
+    training width is used. Widths of the options override the selection.
 
     Parameters
     ----------
     found : mapping of fold to Path
         Tables of `predict_multiscale`.
     datasets : mapping of fold to Path
-        Data sets of the folds, whose test parts name the photos.
+        Data sets of the folds, with the photos as test part.
     sizes : Path
-        CSV to write: fold, kind, widths, gates_px (spaces between numbers), width_of_training.
+        CSV to write: fold, kind, widths, gates_px (separated by spaces), width_of_training.
     imgsz : int
-        Width of the training's pictures, px.
+        Width of the training images, px.
     cameras, meshes : sequence of Path
-        Folders of poses, and of meshes, one a terrain: boxes off the sand are left out there, before widths are chosen.
+        Folders of camera poses and meshes, one per terrain. Boxes outside the sand are dropped before the selection.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     sand = Sand.read(cameras, meshes)
-    seen = {fold: kept_on_sand(own, sand) for fold, own in read_folds(found, datasets).items()}
+    by_fold = {fold: kept_on_sand(boxes, sand) for fold, boxes in read_folds(found, datasets).items()}
     parts, rows = [], []
-    for fold, own in seen.items():
-        chosen = widths_for(truth, together(seen, but=fold), imgsz, options)
-        parts.append(_table(own, chosen, options.nms_iou))
+    for fold, boxes in by_fold.items():
+        chosen = widths_for(truth, together(by_fold, but=fold), imgsz, options)
+        parts.append(_table(boxes, chosen, options.nms_iou))
         rows += [
             (fold, kind, _joined(sizes_of_class.widths), _joined(sizes_of_class.gates_px), imgsz)
             for kind, sizes_of_class in zip(BOX_CLASSES, chosen.by_class, strict=True)
@@ -97,7 +97,7 @@ def choose_widths(
 
 
 def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions) -> ClassSizes:
-    """Return the widths that the options name, else the best on these photos, else that of the training."""
+    """Return the widths of the options, else the best widths on these photos, else the training width."""
     if named := ClassSizes.named(options):
         return named
     if not others:
@@ -108,32 +108,32 @@ def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: Predict
 
 
 def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, Found]:
-    """What every fold's detector found, see `read_found`."""
+    """Read the predictions of each fold, see `read_found`."""
     return {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
 
 
 def kept_on_sand(found: Found, sand: Sand) -> Found:
-    """What stands on the sand of what was found."""
+    """Return the predictions on the sand."""
     return {key: {w: sand.keep(key, rows) for w, rows in by_width.items()} for key, by_width in found.items()}
 
 
 def together(seen: Mapping[str, Found], but: str = "") -> Found:
-    """What was found in the photos of all folds but one."""
-    return {key: by_width for fold, own in seen.items() if fold != but for key, by_width in own.items()}
+    """Return the predictions of all folds except `but`."""
+    return {key: by_width for fold, photos in seen.items() if fold != but for key, by_width in photos.items()}
 
 
 def read_found(path: Path, keys: Sequence[str]) -> Found:
-    """What `predict_multiscale` wrote of these photos; those in which nothing was found too."""
+    """Read the predictions of `predict_multiscale`, including photos without predictions."""
     table = tables.read_parquet(path, COVER_FOUND.columns)
     widths = sorted(table["width"].unique().tolist())
     if not widths:
-        raise DetectError("the detector found nothing in any cover photo at any width", path=path)
+        raise DetectError("no predictions in any cover photo at any inference width", path=path)
     by_width = {width: detections_by_photo(table[table["width"] == width], keys) for width in widths}
     return {key: {width: by_width[width][key] for width in widths} for key in keys}
 
 
 def merged(by_width: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float) -> np.ndarray:
-    """Boxes (n, 6) of one photo at the chosen widths."""
+    """Merge the boxes (n, 6) of a photo at the selected widths."""
     return merge(by_width, sizes, nms_iou, detectors.MAX_BOXES)
 
 

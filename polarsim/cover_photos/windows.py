@@ -1,4 +1,4 @@
-"""Windows of labelled cover photos, as large as the pictures of scenes: what detectors are fine-tuned on."""
+"""Windows of labelled cover photos for fine-tuning, in the size of scene images."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from polarsim.formats.files import writing_folder
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
 from polarsim.randomness import generator
 
-_SIZE = WIDTH, HEIGHT  # of the photos that labels lie in
+_SIZE = WIDTH, HEIGHT  # size of the photos of labels
 
 
 def cut_windows(*, photos: Path, labels: Path, windows: Path, count: int, stored_px: int, seed: int) -> None:
-    """Write windows of every cover photo as pictures of a data set: `images/`, `labels/`, `masks/` of `KEY_wNN`.
+    """Write windows of each cover photo as images of a data set: `images/`, `labels/`, `masks/` of `KEY_wNN`.
 
     Parameters
     ----------
     photos, labels : Path
-        What `read_covers` wrote.
+        Files of `read_covers`.
     count : int
-        Windows of each photo.
+        Number of windows of each photo.
     stored_px : int
-        Width of a window, px: that of the pictures of scenes.
+        Width of a window, px, equal to the width of scene images.
 
     Raises
     ------
     PolarsimError
-        A file is missing or broken.
+        Missing or invalid file.
     """
     table = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     with writing_folder(windows) as folder:
         make_folders(folder)
         for path in sorted(photos.glob("*.png")):
-            own = table[table["key"] == path.stem]
-            classes = own["kind"].map(BOX_CLASSES.index).to_numpy(int)
+            rows = table[table["key"] == path.stem]
+            classes = rows["kind"].map(BOX_CLASSES.index).to_numpy(int)
             with about(path):
                 photo = read_picture(path)
-            boxes = own[list(BOX_COLUMNS)].to_numpy(float) * np.tile(photo.shape[::-1], 2) / (*_SIZE, *_SIZE)
+            boxes = rows[list(BOX_COLUMNS)].to_numpy(float) * np.tile(photo.shape[::-1], 2) / (*_SIZE, *_SIZE)
             random = generator(seed, "covers", "windows", path.stem)
             numbers = range(count)
             drawn = draw_windows(photo, classes, boxes, numbers, stored_px, WIDEST_PX, random)
@@ -53,17 +53,17 @@ def cut_windows(*, photos: Path, labels: Path, windows: Path, count: int, stored
 
 
 def window_name(key: PhotoKey, number: int) -> str:
-    """Name of a window of a photo, such as `01_A_off_30_L_0256_w03`."""
+    """Return the name of a window of a photo, such as `01_A_off_30_L_0256_w03`."""
     return f"{key}_w{number:02d}"
 
 
 def terrain_of_window(path: Path) -> int:
-    """The terrain that the window in a file shows.
+    """Return the terrain of a window file.
 
     Raises
     ------
     DetectError
-        The file's name is no window's.
+        The file name is not the name of a window.
     """
     key, _, number = path.stem.rpartition("_w")
     if not number.isdigit():

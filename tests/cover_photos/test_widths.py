@@ -144,8 +144,8 @@ def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
     assert len(detector.calibration) == 2
     card = (tmp_path / "detector.md").read_text()
     assert "| all | rock | 0 | 6 | 0.410 | [0.300, 0.500] |" in card
-    assert "rocks of terrain 03 (0.20)" in card
-    assert "the 3 published cover photos with the boxes that people drew" in " ".join(card.split())
+    assert "terrain 03 (0.20)" in card
+    assert "the 3 published cover photos with human boxes" in " ".join(card.split())
     only = {name: {"01": folds[name]["01"]} for name in ("found", "datasets")}
     with pytest.raises(DetectError):
         publish_detector(
