@@ -71,7 +71,7 @@ def read_covers(
     """
     named = {key.station: key for key in map(PhotoKey.parse, keys)}
     rows: list[tuple[object, ...]] = []
-    found: dict[PhotoKey, np.ndarray] = {}
+    photos: dict[PhotoKey, np.ndarray] = {}
     annotated: list[dict[str, object]] = []
     for terrain in terrains:
         files = release.label_files(root, terrain)
@@ -85,14 +85,14 @@ def read_covers(
                 continue
             rows += [(path.name, *row) for row in paired.itertuples(index=False)]
             key = PhotoKey.parse(str(paired.loc[paired["shown"], "key"].item()))
-            found[key] = cover.photo
+            photos[key] = cover.photo
             annotated += label_rows(key, files[key])
     if named:
         raise DetectError(f"no cover photo for key {next(iter(named.values()))}", path=root)
-    if not found:
+    if not photos:
         raise DetectError(f"no usable cover photo of terrains {', '.join(map(str, terrains))}", path=root)
     with writing_folder(pictures) as folder:
-        for key, photo in found.items():
+        for key, photo in photos.items():
             png.write(folder / f"{key}.png", photo)
     tables.write_parquet(labels, tables.label_table(annotated))
     table = pd.DataFrame(rows, columns=list(PAIRING_COLUMNS))
@@ -149,9 +149,9 @@ def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey 
         rocks, shadows = (corners[classes == BOX_CLASSES.index(kind)] for kind in (ROCK, SHADOW))
         overlap = boxes.iou(cover.drawn, rocks) if len(cover.drawn) and len(rocks) else np.zeros((0, 0))
         total = overlap[boxes.match_sum(overlap)] if overlap.size else np.zeros(0)
-        most = max(len(cover.drawn), len(rocks), 1)
+        count = max(len(cover.drawn), len(rocks), 1)
         rows.append(
-            (str(key), False, "", len(cover.drawn), len(rocks), int((total > 0).sum()), total.sum() / most,
+            (str(key), False, "", len(cover.drawn), len(rocks), int((total > 0).sum()), total.sum() / count,
              shadow_contrast(cover.photo, shadows, rocks))
         )  # fmt: skip
     table = pd.DataFrame(rows, columns=list(PAIRING_COLUMNS[1:]))
@@ -202,9 +202,9 @@ def _brackets(files: Mapping[PhotoKey, Path], position: str, known: PhotoKey | N
     """Return a label file of each bracket without rover light, with the exposure closest to `USUAL_EXPOSURE_MS`."""
     if known is not None and known not in files:
         raise DetectError(f"no label file {known}.txt")
-    own = [key for key in files if key.position == position and key.light == "off" and key.azimuth != "no"]
+    keys = [key for key in files if key.position == position and key.light == "off" and key.azimuth != "no"]
     nearest: dict[object, PhotoKey] = {}
-    for key in sorted(own, key=lambda key: (abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key)):
+    for key in sorted(keys, key=lambda key: (abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key)):
         nearest.setdefault(key.bracket, key)
     if known is not None:
         nearest[known.bracket] = known

@@ -64,25 +64,29 @@ def publish_detector(
     if len(found) < 2:
         raise DetectError(f"{len(found)} fold, the model card requires metrics of at least 2 folds (covers.folds)")
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    seen = read_folds(found, datasets)
+    by_fold = read_folds(found, datasets)
     trained = detectors.read_detector(weights)
-    check = _check(truth, seen, trained.imgsz, options)
-    sizes, calibration = _chosen(truth, together(seen), trained.imgsz, options)
-    whole = replace(trained, sizes=tuple((own.widths, own.gates_px) for own in sizes.by_class), calibration=calibration)
-    detectors.write_detector(detector, whole)
+    check = _check(truth, by_fold, trained.imgsz, options)
+    sizes, calibration = _chosen(truth, together(by_fold), trained.imgsz, options)
+    complete = replace(
+        trained,
+        sizes=tuple((of_class.widths, of_class.gates_px) for of_class in sizes.by_class),
+        calibration=calibration,
+    )
+    detectors.write_detector(detector, complete)
     figures = tables.read_parquet(scores, COVER_SCORES.columns)
-    write_text(card, _card(whole, figures[figures["detectors"] == ONE], check))
+    write_text(card, _card(complete, figures[figures["detectors"] == ONE], check))
 
 
 def _chosen(
-    labels: pd.DataFrame, seen: Found, imgsz: int, options: PredictionOptions
+    labels: pd.DataFrame, by_photo: Found, imgsz: int, options: PredictionOptions
 ) -> tuple[ClassSizes, Calibration]:
-    sizes = widths_for(labels, seen, imgsz, options)
-    boxes = [merged(rows, sizes, options.nms_iou) for rows in seen.values()]
-    return sizes, fit_calibration(labels_by_photo(labels, list(seen)), boxes)
+    sizes = widths_for(labels, by_photo, imgsz, options)
+    boxes = [merged(rows, sizes, options.nms_iou) for rows in by_photo.values()]
+    return sizes, fit_calibration(labels_by_photo(labels, list(by_photo)), boxes)
 
 
-def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
+def _check(labels: pd.DataFrame, by_fold: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
     """Calibrate the boxes of each fold with widths and calibration from the remaining folds.
 
     Widths are selected again without the sand filter of `widths.choose_widths`, because users of the published detector
@@ -90,18 +94,18 @@ def _check(labels: pd.DataFrame, seen: Mapping[str, Found], imgsz: int, options:
     """
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
-    for fold, own in seen.items():
-        sizes, calibration = _chosen(labels, together(seen, but=fold), imgsz, options)
-        boxes = [merged(rows, sizes, options.nms_iou) for rows in own.values()]
+    for fold, photos in by_fold.items():
+        sizes, calibration = _chosen(labels, together(by_fold, but=fold), imgsz, options)
+        boxes = [merged(rows, sizes, options.nms_iou) for rows in photos.values()]
         before += boxes
         after += [calibrated(rows, calibration) for rows in boxes]
-    truth = labels_by_photo(labels, list(together(seen)))
+    truth = labels_by_photo(labels, list(together(by_fold)))
     return Check(calibration_error(truth, before), calibration_error(truth, after))
 
 
 def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> str:
-    whole = scores[scores["terrain"] == ALL]
-    images, folds, seeds = int(whole["images"].iloc[0]), int(whole["folds"].iloc[0]), whole["seed"].nunique()
+    overall = scores[scores["terrain"] == ALL]
+    images, folds, seeds = int(overall["images"].iloc[0]), int(overall["folds"].iloc[0]), overall["seed"].nunique()
     rows = [
         f"| {row.terrain} | {row.kind} | {row.seed} | {row.labels} | {row.map50:.3f} | {_interval(row)} |"
         for row in scores.itertuples()
@@ -123,8 +127,8 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> s
 
 Default detector of `polarsim detect PICTURES --out FOLDER`.
 
-- **Model**: {detectors.detector_name(detector.model)}, {_count(detector):,} parameters in half precision. Predicts boxes
-  of the classes {" and ".join(BOX_CLASSES)} in grey images of any size. Inference widths: {widths}.
+- **Model**: {detectors.detector_name(detector.model)}, {_count(detector):,} parameters in half precision. Predicts
+  boxes of the classes {" and ".join(BOX_CLASSES)} in grey images of any size. Inference widths: {widths}.
 - **Training data**: rendered images: generated rocks, then scanned rocks of the POLAR-Sim release, on generated sand
   with random cameras and lamps. {photos}
 - **Calibration**: expected calibration error {check.after:.3f} (IoU 0.5), without calibration {check.before:.3f}; the

@@ -79,15 +79,15 @@ def score_covers(
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     folds = {fold: read_pictures(folder, TEST) for fold, folder in datasets.items()}
     of_seed = {seed: _read(path, truth, folds) for seed, path in sorted(predictions.items())}
-    rows = [(ONE, seed, [seen]) for seed, seen in of_seed.items()]
+    rows = [(ONE, seed, [evaluated]) for seed, evaluated in of_seed.items()]
     rows += [(MEAN, NO_SEED, list(of_seed.values()))] if len(of_seed) > 1 else []
     rows += [(MERGED, NO_SEED, [_read(merged, truth, folds)])] if merged else []
-    found = [
-        _figures(truth, seen, keys, options).assign(terrain=name, detectors=detectors, seed=seed)
-        for detectors, seed, seen in rows
-        for name, keys in _by_terrain([key for own in folds.values() for key in own]).items()
+    parts = [
+        _figures(truth, evaluated, keys, options).assign(terrain=name, detectors=detectors, seed=seed)
+        for detectors, seed, evaluated in rows
+        for name, keys in _by_terrain([key for fold_keys in folds.values() for key in fold_keys]).items()
     ]
-    table = pd.concat(found, ignore_index=True).assign(
+    table = pd.concat(parts, ignore_index=True).assign(
         trained=trained,
         detector=detector_name(training.model),
         start=start,
@@ -112,13 +112,13 @@ def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _figures(
-    labels: pd.DataFrame, seen: Sequence[_Seen], keys: Sequence[str], options: ComparisonOptions
+    labels: pd.DataFrame, by_seed: Sequence[_Seen], keys: Sequence[str], options: ComparisonOptions
 ) -> pd.DataFrame:
     """Return the metrics of `cover_figures` with the calibration error."""
-    predictions = [of_seed.predictions for of_seed in seen]
+    predictions = [of_seed.predictions for of_seed in by_seed]
     figures = cover_figures(labels, predictions, keys, resamples=options.resamples)
     errors = [
-        np.mean([_calibration_error(labels, of_seed.calibrated, keys, kind) for of_seed in seen])
+        np.mean([_calibration_error(labels, of_seed.calibrated, keys, kind) for of_seed in by_seed])
         for kind in figures["kind"]
     ]
     return figures.assign(calibration_error=errors)
@@ -140,9 +140,9 @@ def cover_figures(
         random = generator(seed, "covers", "bootstrap", kind)
         drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
         each = [_precision(truth, table[table["kind"] == kind], keys, drawn) for table in predictions]
-        whole, precision, best = (np.mean(values, axis=0) for values in zip(*each, strict=True))
+        by_iou, precision, best = (np.mean(values, axis=0) for values in zip(*each, strict=True))
         low, high = intervals.interval(precision, len(keys))
-        rows.append((kind, len(keys), sum(map(len, truth)), whole[0], low, high, whole.mean(), best))
+        rows.append((kind, len(keys), sum(map(len, truth)), by_iou[0], low, high, by_iou.mean(), best))
     names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
     return pd.DataFrame(rows, columns=names)
 
@@ -153,10 +153,10 @@ def _precision(
     """Return average precision by IoU (t,), its bootstrap replicates at IoU 0.5, and the mean maximum IoU."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 
-    found = boxes_by_photo(predictions, keys, DETECTION[:5])
-    ranked = metrics.rank(truth, [rows[:, :4] for rows in found], [rows[:, 4] for rows in found])
+    detections = boxes_by_photo(predictions, keys, DETECTION[:5])
+    ranked = metrics.rank(truth, [rows[:, :4] for rows in detections], [rows[:, 4] for rows in detections])
     resampled = resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
-    best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, found, strict=True)])
+    best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, detections, strict=True)])
     return metrics.precision_at_recalls(ranked).mean(axis=1), resampled, float(best.mean())
 
 

@@ -96,15 +96,15 @@ def choose_widths(
     tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "kind", "widths", "gates_px", "width_of_training"]))
 
 
-def widths_for(labels: pd.DataFrame, others: Found, imgsz: int, options: PredictionOptions) -> ClassSizes:
+def widths_for(labels: pd.DataFrame, photos: Found, imgsz: int, options: PredictionOptions) -> ClassSizes:
     """Return the widths of the options, else the best widths on these photos, else the training width."""
     if named := ClassSizes.named(options):
         return named
-    if not others:
+    if not photos:
         return ClassSizes.same(Sizes((imgsz,)))
-    widths = sorted(next(iter(others.values())))
-    by_width = {width: [found[width] for found in others.values()] for width in widths}
-    return choose_sizes(labels_by_photo(labels, list(others)), by_width, options.nms_iou, detectors.MAX_BOXES)
+    widths = sorted(next(iter(photos.values())))
+    by_width = {width: [by_photo_width[width] for by_photo_width in photos.values()] for width in widths}
+    return choose_sizes(labels_by_photo(labels, list(photos)), by_width, options.nms_iou, detectors.MAX_BOXES)
 
 
 def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, Found]:
@@ -117,9 +117,9 @@ def kept_on_sand(found: Found, sand: Sand) -> Found:
     return {key: {w: sand.keep(key, rows) for w, rows in by_width.items()} for key, by_width in found.items()}
 
 
-def together(seen: Mapping[str, Found], but: str = "") -> Found:
+def together(by_fold: Mapping[str, Found], but: str = "") -> Found:
     """Return the predictions of all folds except `but`."""
-    return {key: by_width for fold, photos in seen.items() if fold != but for key, by_width in photos.items()}
+    return {key: by_width for fold, photos in by_fold.items() if fold != but for key, by_width in photos.items()}
 
 
 def read_found(path: Path, keys: Sequence[str]) -> Found:

@@ -89,13 +89,13 @@ def write_ablation(
     facts = {"model": twin, **detector_facts(training, imgsz)}
     parts = []
     for trained in track(sorted({trained for trained, _ in predictions}), "ablation"):
-        seen = {
+        evaluations = {
             domain: DomainEvaluation(keys, truth[domain], tables.read_parquet(path, PREDICTION_COLUMNS), options)
             for (detector, domain), path in predictions.items()
             if detector == trained
         }
         for component, words in replaced.items():
-            rows = effect_of(seen[photo], seen[twin], seen[component])
+            rows = effect_of(evaluations[photo], evaluations[twin], evaluations[component])
             parts.append(rows.assign(component=component, replaced=words, trained=trained, **facts))
     table = pd.concat(parts, ignore_index=True)[list(ABLATION_COLUMNS)]
     tables.write_parquet(ablation, table.round(_DIGITS))

@@ -64,13 +64,13 @@ def match_predictions(
         `ipd.instance_performance` of the labels.
     """
     index = {key: n for n, key in enumerate(keys)}
-    own = {kind: performance[performance["kind"] == kind] for kind in BOX_CLASSES}
+    by_kind = {kind: performance[performance["kind"] == kind] for kind in BOX_CLASSES}
     return Matches(
         [PhotoKey.parse(key) for key in keys],
         rank_by_kind(keys, labels, predictions, areas=[*metrics.ANY_AREA, *SIZES.values()]),
-        {kind: rows["iou"].to_numpy(float) for kind, rows in own.items()},
-        {kind: rows["area_px"].to_numpy(float) for kind, rows in own.items()},
-        {kind: rows["key"].map(index).to_numpy(int) for kind, rows in own.items()},
+        {kind: rows["iou"].to_numpy(float) for kind, rows in by_kind.items()},
+        {kind: rows["area_px"].to_numpy(float) for kind, rows in by_kind.items()},
+        {kind: rows["key"].map(index).to_numpy(int) for kind, rows in by_kind.items()},
         unit,
     )
 
@@ -87,8 +87,8 @@ def rank_by_kind(
     for kind in BOX_CLASSES:
         labelled = boxes_by_photo(labels[labels["kind"] == kind], keys)
         predicted = boxes_by_photo(predictions[predictions["kind"] == kind], keys, DETECTION[:5])
-        corners, sure = [found[:, :4] for found in predicted], [found[:, 4] for found in predicted]
-        ranked[kind] = metrics.rank(labelled, corners, sure, thresholds, areas)
+        corners, confidences = [rows[:, :4] for rows in predicted], [rows[:, 4] for rows in predicted]
+        ranked[kind] = metrics.rank(labelled, corners, confidences, thresholds, areas)
     return ranked
 
 
@@ -108,8 +108,8 @@ def breakdown(
         groups = np.array([group_of(key) for key in matched.keys], str)
         parts += [(by, str(group), groups == group, 0) for group in np.unique(groups)]
     for by, group, chosen, area in parts:
-        again = resamples if by == ALL else group_resamples
-        rows += [{"by": by, "group": group} | row for row in _figures(matched, chosen, area, seed, again)]
+        replicates = resamples if by == ALL else group_resamples
+        rows += [{"by": by, "group": group} | row for row in _figures(matched, chosen, area, seed, replicates)]
     return pd.DataFrame(rows, columns=list(BREAKDOWN_COLUMNS))
 
 
@@ -145,9 +145,9 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
         counted = chosen[matched.picture[kind]] & _in_size(matched.area[kind], area)
         overlap, owner = matched.overlap[kind][counted], unit[matched.picture[kind][counted]]
         values.append(np.array([precision[0], precision.mean(), overlap.mean() if len(overlap) else np.nan]))
-        again = resampled_precision(ranked, area, unit, drawn)
+        replicates = resampled_precision(ranked, area, unit, drawn)
         means = intervals.resampled_means(overlap, owner, drawn)
-        samples.append(np.stack([again[:, 0], again.mean(axis=1), means], axis=1))
+        samples.append(np.stack([replicates[:, 0], replicates.mean(axis=1), means], axis=1))
         counts.append(len(overlap))
     values.append(_mean(np.array(values)))
     samples.append(_mean(np.array(samples)))
@@ -162,9 +162,9 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
 
 def _mean(values: np.ndarray) -> np.ndarray:
     """Return the mean over the first axis without NaN; NaN if all values are NaN."""
-    known = ~np.isnan(values)
-    total = np.where(known, values, 0).sum(axis=0)
-    return np.divide(total, known.sum(axis=0), out=np.full(total.shape, np.nan), where=known.any(axis=0))
+    valid = ~np.isnan(values)
+    total = np.where(valid, values, 0).sum(axis=0)
+    return np.divide(total, valid.sum(axis=0), out=np.full(total.shape, np.nan), where=valid.any(axis=0))
 
 
 def _in_size(area: np.ndarray, number: int) -> np.ndarray:

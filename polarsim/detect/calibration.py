@@ -16,17 +16,17 @@ _PRIOR = 2.0  # weight of the prior on slope 1 and offset 0, in numbers of boxes
 Calibration = tuple[tuple[float, float], ...]  # slope and offset of the logit, by class
 
 
-def calibrated(found: np.ndarray, calibration: Calibration) -> np.ndarray:
+def calibrated(boxes: np.ndarray, calibration: Calibration) -> np.ndarray:
     """Return boxes (n, 6) of a detector with calibrated confidences; unchanged without a calibration."""
     if not calibration:
-        return found
-    slope, offset = np.array(calibration)[found[:, 5].astype(int)].T
-    changed = found.copy()
-    changed[:, 4] = expit(slope * _logits(found[:, 4]) + offset)
+        return boxes
+    slope, offset = np.array(calibration)[boxes[:, 5].astype(int)].T
+    changed = boxes.copy()
+    changed[:, 4] = expit(slope * _logits(boxes[:, 4]) + offset)
     return changed
 
 
-def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray]) -> Calibration:
+def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], detections: Sequence[np.ndarray]) -> Calibration:
     """Fit slope and offset of the logit of confidences by class, by maximum likelihood (Platt, 1999).
 
     A class without detections keeps its confidences.
@@ -39,7 +39,7 @@ def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequ
         x0, y0, x1, y1, confidence, class.
     """
     fitted = []
-    for ranked in metrics.rank_classes(labels, found, _SAME):
+    for ranked in metrics.rank_classes(labels, detections, _SAME):
         score, right = _logits(ranked.confidence), ranked.right[0, 0].astype(float)
 
         def loss(values: np.ndarray, score: np.ndarray = score, right: np.ndarray = right) -> float:
@@ -54,14 +54,17 @@ def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequ
 
 
 def calibration_error(
-    labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray], least: float = 0.05, bins: int = 10
+    labels: Sequence[tuple[np.ndarray, np.ndarray]],
+    detections: Sequence[np.ndarray],
+    least: float = 0.05,
+    bins: int = 10,
 ) -> float:
     """Return the expected calibration error over all classes: mean of |precision - mean confidence|.
 
     The mean is over bins of equal width, weighted by the number of boxes with a confidence of at least `least` (Naeini
     et al., AAAI 2015). NaN without such a box.
     """
-    parts = metrics.rank_classes(labels, found, _SAME)
+    parts = metrics.rank_classes(labels, detections, _SAME)
     confidence = np.concatenate([ranked.confidence for ranked in parts])
     right = np.concatenate([ranked.right[0, 0] for ranked in parts])
     kept = confidence >= least

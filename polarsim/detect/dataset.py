@@ -178,11 +178,11 @@ def _parts_of_views(
 ) -> dict[str, str]:
     """Return the part of each novel view, by camera. In a split by terrain, views of test terrains have no part."""
     part_of_camera = draw_val(states["camera"], options)
-    left = {key.terrain for key, part in parts.items() if part == TEST} if by == TERRAIN else set()
+    test_terrains = {key.terrain for key, part in parts.items() if part == TEST} if by == TERRAIN else set()
     return {
         str(key): part_of_camera[str(camera)]
-        for key, camera, shown in zip(states["key"], states["camera"], states["terrains"], strict=True)
-        if not left & set(map(int, shown.split()))
+        for key, camera, terrains in zip(states["key"], states["camera"], states["terrains"], strict=True)
+        if not test_terrains & set(map(int, terrains.split()))
     }
 
 

@@ -120,8 +120,10 @@ def find_in_pictures(
             rows += detection_rows(path.name, found)
             yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], finds.size, found[:, 4])
             image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
-            own = [coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
-            annotated.append((image, own))
+            annotations = [
+                coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found
+            ]
+            annotated.append((image, annotations))
         if not annotated:
             raise DetectError(f"none of {len(paths)} images can be read", path=pictures[0])
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
@@ -152,8 +154,8 @@ def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOpti
     return loaded, mask_widths(detector, options)
 
 
-def _merged(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
-    return fuse(found, nms_iou, detectors.MAX_BOXES) if len(found) > 1 else found[0]
+def _merged(parts: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
+    return fuse(parts, nms_iou, detectors.MAX_BOXES) if len(parts) > 1 else parts[0]
 
 
 def prediction_options(
@@ -219,11 +221,11 @@ def _listed(pictures: Sequence[Path]) -> list[Path]:
             paths.append(path)
         else:
             raise DetectError("no such image or folder", path=path)
-    seen: dict[str, Path] = {}
+    by_name: dict[str, Path] = {}
     for path in paths:
-        if path.stem in seen:
-            raise DetectError(f"same file name as {seen[path.stem]}, names must be unique", path=path)
-        seen[path.stem] = path
+        if path.stem in by_name:
+            raise DetectError(f"same file name as {by_name[path.stem]}, names must be unique", path=path)
+        by_name[path.stem] = path
     return paths
 
 
@@ -233,7 +235,7 @@ def _in_order(paths: Sequence[Path], work: Callable[[Path], Result], threads: in
         ahead: deque[Future[Result]] = deque()
         later = iter(paths)
         for path in track(paths, "detecting"):
-            ahead.extend(pool.submit(work, other) for other in islice(later, 2 * threads - len(ahead)))
+            ahead.extend(pool.submit(work, following) for following in islice(later, 2 * threads - len(ahead)))
             yield path, ahead.popleft().result()
 
 
@@ -253,15 +255,15 @@ def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
     return tone.to_8_bits(light)
 
 
-def _draw(path: Path, pixels: np.ndarray, found: Iterable[np.ndarray], mask: np.ndarray | None) -> None:
+def _draw(path: Path, pixels: np.ndarray, boxes: Iterable[np.ndarray], mask: np.ndarray | None) -> None:
     import cv2
 
     canvas = cv2.cvtColor(_eight_bits(pixels, pixels.dtype), cv2.COLOR_GRAY2BGR)
     for kind, colour in COLOURS.items() if mask is not None else ():
-        shown = mask == class_masks.CLASSES.index(kind)
-        canvas[shown] = ((1 - _TINT) * canvas[shown] + _TINT * np.array(colour[::-1])).astype(np.uint8)
+        of_kind = mask == class_masks.CLASSES.index(kind)
+        canvas[of_kind] = ((1 - _TINT) * canvas[of_kind] + _TINT * np.array(colour[::-1])).astype(np.uint8)
     line = max(1, round(canvas.shape[1] / 700))
-    for row in found:
+    for row in boxes:
         x0, y0, x1, y1 = np.rint(row[:4]).astype(int).tolist()
         cv2.rectangle(canvas, (x0, y0), (x1, y1), COLOURS[BOX_CLASSES[int(row[5])]][::-1], line)
     write_bytes(path, cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes())

@@ -21,7 +21,7 @@ _VALUES = ("value", "other_value", "difference", "difference_low", "difference_h
 DIFFERENCE_COLUMNS = DIFFERENCES.without("split", "seed")
 
 
-def paired_differences(seen: Mapping[tuple[str, str], DomainEvaluation]) -> pd.DataFrame:
+def paired_differences(evaluations: Mapping[tuple[str, str], DomainEvaluation]) -> pd.DataFrame:
     """Return `DIFFERENCE_COLUMNS` of all comparisons.
 
     - mAP@0.5 of a detector on its training domain and on a different domain.
@@ -35,49 +35,51 @@ def paired_differences(seen: Mapping[tuple[str, str], DomainEvaluation]) -> pd.D
     seen
         Evaluations by (trained, evaluated), all with the same photos and options.
     """
-    some = next(iter(seen.values()))
-    units = some.draws[1].shape[1]
+    any_evaluation = next(iter(evaluations.values()))
+    units = any_evaluation.draws[1].shape[1]
     rows: list[dict[str, object]] = []
-    for one, other in _compared_precisions(seen):
+    for first_side, second_side in _compared_precisions(evaluations):
         for kind in BOX_CLASSES:
-            first, second = seen[one].precision[kind], seen[other].precision[kind]
-            rows.append(_row("map50", kind, "", one, other, change("map50", second, first, units)))
-    for against, one, other in _compared_ipds(seen):
+            first, second = evaluations[first_side].precision[kind], evaluations[second_side].precision[kind]
+            rows.append(_row("map50", kind, "", first_side, second_side, change("map50", second, first, units)))
+    for against, first_side, second_side in _compared_ipds(evaluations):
         for kind in BOX_CLASSES:
-            changed = ipd_change(kind, seen[against], seen[other], seen[one])
+            changed = ipd_change(kind, evaluations[against], evaluations[second_side], evaluations[first_side])
             if changed["pairs"]:
-                rows.append(_row("ipd", kind, against[1], one, other, changed) | {"pairs": changed["pairs"]})
+                rows.append(
+                    _row("ipd", kind, against[1], first_side, second_side, changed) | {"pairs": changed["pairs"]}
+                )
     table = pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
-    return table.assign(images=len(some.keys), units=units, unit=some.options.resampled)
+    return table.assign(images=len(any_evaluation.keys), units=units, unit=any_evaluation.options.resampled)
 
 
 def _compared_precisions(
-    seen: Mapping[tuple[str, str], DomainEvaluation],
+    evaluations: Mapping[tuple[str, str], DomainEvaluation],
 ) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
     """Yield pairs of domains of each detector, then pairs of detectors on each domain; the first has equal domains."""
-    same_domain = sorted(sides for sides in seen if sides[0] == sides[1])
+    same_domain = sorted(sides for sides in evaluations if sides[0] == sides[1])
     for same in same_domain:
-        yield from ((same, other) for other in sorted(seen) if other[0] == same[0] and other != same)
+        yield from ((same, other) for other in sorted(evaluations) if other[0] == same[0] and other != same)
     for same in same_domain:
-        yield from ((same, other) for other in sorted(seen) if other[1] == same[1] and other != same)
+        yield from ((same, other) for other in sorted(evaluations) if other[1] == same[1] and other != same)
 
 
 def _compared_ipds(
-    seen: Mapping[tuple[str, str], DomainEvaluation],
+    evaluations: Mapping[tuple[str, str], DomainEvaluation],
 ) -> Iterator[tuple[tuple[str, str], tuple[str, str], tuple[str, str]]]:
     """Yield each domain with each pair of the remaining domains, for every detector."""
-    for trained in sorted({trained for trained, _ in seen}):
-        domains = sorted(evaluated for detector, evaluated in seen if detector == trained)
+    for trained in sorted({trained for trained, _ in evaluations}):
+        domains = sorted(evaluated for detector, evaluated in evaluations if detector == trained)
         for against in domains:
-            for one, other in combinations([domain for domain in domains if domain != against], 2):
-                yield (trained, against), (trained, one), (trained, other)
+            for first, second in combinations([domain for domain in domains if domain != against], 2):
+                yield (trained, against), (trained, first), (trained, second)
 
 
 def _row(
-    metric: str, kind: str, against: str, one: tuple[str, str], other: tuple[str, str], changed: Mapping[str, object]
+    metric: str, kind: str, against: str, first: tuple[str, str], second: tuple[str, str], changed: Mapping[str, object]
 ) -> dict[str, object]:
     """Return a row. In `changed`, the second side of the comparison has the suffix `_twin`."""
     ends = ("", "_twin", "_change", "_change_low", "_change_high")
     values = [changed[f"{metric}{end}"] for end in ends]
-    sides = dict(zip((*SIDES, *OTHER_SIDES), (*one, *other), strict=True))
+    sides = dict(zip((*SIDES, *OTHER_SIDES), (*first, *second), strict=True))
     return {"metric": metric, "kind": kind, "against": against, **sides, **dict(zip(_VALUES, values, strict=True))}

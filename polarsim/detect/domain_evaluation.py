@@ -42,8 +42,8 @@ class DomainEvaluation:
 
     @cached_property
     def performance(self) -> pd.DataFrame:
-        labels, found = (table[table["key"].isin(self.keys)] for table in (self.labels, self.predictions))
-        return instance_performance(labels, found, self.options.iou_confidence)
+        labels, predictions = (table[table["key"].isin(self.keys)] for table in (self.labels, self.predictions))
+        return instance_performance(labels, predictions, self.options.iou_confidence)
 
     @cached_property
     def false_positives(self) -> pd.DataFrame:
@@ -60,11 +60,11 @@ class DomainEvaluation:
         from polarsim.detect.bootstrap_numba import resampled_precision
 
         unit, drawn = self.draws
-        found = {}
+        precision = {}
         for kind, ranked in rank_by_kind(self.keys, self.labels, self.predictions, _AT_HALF).items():
-            again = resampled_precision(ranked, 0, unit, drawn)[:, 0]
-            found[kind] = np.concatenate([metrics.precision_at_recalls(ranked).mean(axis=1), again])
-        return found
+            replicates = resampled_precision(ranked, 0, unit, drawn)[:, 0]
+            precision[kind] = np.concatenate([metrics.precision_at_recalls(ranked).mean(axis=1), replicates])
+        return precision
 
     def rates(self, column: str) -> np.ndarray:
         """Return a column of `false_positives` per rock-free area (1 + resamples,): point estimate, then replicates."""
@@ -86,9 +86,11 @@ def ipd_change(
     """Return mean IoU, IPD and the change of the IPD over the rocks that photos and both twins contain."""
     options = photo.options
     rules = Rules(unit=options.resampled)
-    own = [seen.performance[seen.performance["kind"] == kind] for seen in (photo, twin, replaced)]
-    as_is, other = (pair(own[0], side, rules) for side in own[1:])
-    pairs = as_is.merge(other.drop(columns="first"), on=_CELL, suffixes=("", "_replaced"), validate="one_to_one")
+    performances = [
+        evaluation.performance[evaluation.performance["kind"] == kind] for evaluation in (photo, twin, replaced)
+    ]
+    unchanged, modified = (pair(performances[0], side, rules) for side in performances[1:])
+    pairs = unchanged.merge(modified.drop(columns="first"), on=_CELL, suffixes=("", "_replaced"), validate="one_to_one")
     if pairs.empty:
         return {"pairs": 0}
     unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)

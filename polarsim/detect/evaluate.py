@@ -105,13 +105,13 @@ def evaluate(
         truth[domain] = read_labels(labels[domain])
     parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": []}
     performances: dict[tuple[str, str], pd.DataFrame] = {}
-    seen: dict[tuple[str, str], DomainEvaluation] = {}
+    evaluations: dict[tuple[str, str], DomainEvaluation] = {}
     common = sorted(set.intersection(*map(set, keys.values()))) if keys else []
     for (trained, evaluated), path in track(sorted(named.items()), "evaluate"):
-        found = tables.read_parquet(path, PREDICTION_COLUMNS)
-        figures = _figures(keys[evaluated], truth[evaluated], found, options)
+        detections = tables.read_parquet(path, PREDICTION_COLUMNS)
+        figures = _figures(keys[evaluated], truth[evaluated], detections, options)
         performances[trained, evaluated] = figures.pop("instances")
-        seen[trained, evaluated] = DomainEvaluation(common, truth[evaluated], found, options)
+        evaluations[trained, evaluated] = DomainEvaluation(common, truth[evaluated], detections, options)
         for name, table in figures.items():
             parts[name].append(_named(table, SIDES, (trained, evaluated)))
     matched = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))
@@ -123,8 +123,8 @@ def evaluate(
     _write(tables_of.false_positives, _joined(parts["false_positives"], (*SIDES, *FALSE_POSITIVE_COLUMNS)))
     _write(tables_of.ipd, _ipd_table(performances, options))
     _write(tables_of.rocks, _rock_table(performances, options))
-    compared = paired_differences(seen) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
-    _write(tables_of.differences, compared)
+    differences = paired_differences(evaluations) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
+    _write(tables_of.differences, differences)
     instances = [_named(table, SIDES, sides) for sides, table in sorted(performances.items())]
     _write(tables_of.instances, _joined(instances, INSTANCES.columns))
 
@@ -157,14 +157,14 @@ def _figures(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of one detector on one domain."""
-    own = labels[labels["key"].isin(keys)]
-    found = predictions[predictions["key"].isin(keys)]
-    performance = instance_performance(own, found, options.iou_confidence)
-    matched = match_predictions(keys, own, found, performance, options.resampled)
-    found_wrong = false_positives(
+    tested_labels = labels[labels["key"].isin(keys)]
+    tested_predictions = predictions[predictions["key"].isin(keys)]
+    performance = instance_performance(tested_labels, tested_predictions, options.iou_confidence)
+    matched = match_predictions(keys, tested_labels, tested_predictions, performance, options.resampled)
+    wrong = false_positives(
         keys,
         labels,
-        found,
+        tested_predictions,
         confidence=options.iou_confidence,
         unit=options.resampled,
         resamples=options.resamples,
@@ -173,7 +173,7 @@ def _figures(
         "instances": performance,
         "breakdown": breakdown(matched, resamples=options.resamples),
         "curves": curves(matched),
-        "false_positives": found_wrong,
+        "false_positives": wrong,
     }
 
 
@@ -199,9 +199,9 @@ def _detection_table(
     matched: pd.DataFrame, left_out: Mapping[tuple[str, str], int], facts: Mapping[str, Any]
 ) -> pd.DataFrame:
     """Return `DETECTION_COLUMNS` over all photos."""
-    found = matched[matched["by"] == ALL].assign(**facts)
-    found["left_out"] = [left_out[sides] for sides in zip(found["trained"], found["evaluated"], strict=True)]
-    return found[list(DETECTION_COLUMNS)]
+    table = matched[matched["by"] == ALL].assign(**facts)
+    table["left_out"] = [left_out[sides] for sides in zip(table["trained"], table["evaluated"], strict=True)]
+    return table[list(DETECTION_COLUMNS)]
 
 
 def _pairs_of_domains(
@@ -216,7 +216,7 @@ def _pairs_of_domains(
 
 def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     rules = Rules(unit=options.resampled)
-    told = {"undetected": rules.undetected, "unpaired": rules.unpaired, "confidence": options.iou_confidence}
+    settings = {"undetected": rules.undetected, "unpaired": rules.unpaired, "confidence": options.iou_confidence}
     rows = []
     for names, *sides in _pairs_of_domains(performances):
         for kind in BOX_CLASSES:
@@ -225,16 +225,16 @@ def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: Co
                 rules=rules,
                 resamples=options.resamples,
             )
-            rows.append(dict(zip(PAIR, names, strict=True)) | {"kind": kind} | told | asdict(difference))
+            rows.append(dict(zip(PAIR, names, strict=True)) | {"kind": kind} | settings | asdict(difference))
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
 def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
-    found = [
+    parts = [
         _named(of_rocks(pair(first, second, Rules(unit=options.resampled))), PAIR, names)
         for names, first, second in _pairs_of_domains(performances)
     ]
-    return _joined(found, (*PAIR, *ROCK_COLUMNS))
+    return _joined(parts, (*PAIR, *ROCK_COLUMNS))
 
 
 def _named(table: pd.DataFrame, columns: Sequence[str], names: Sequence[str]) -> pd.DataFrame:

@@ -55,13 +55,13 @@ def compare_sets(
         Invalid file, or no image that both sets contain.
     """
     sides = [read_labels(path) for path in labels]
-    found = [read_predictions(path) for path in predictions]
+    predicted = [read_predictions(path) for path in predictions]
     common = sorted(set(sides[0]["key"]) & set(sides[1]["key"]))
     if not common:
         raise DetectError(f"{labels[0]} and {labels[1]}: no image has labels in both")
-    unseen = [sorted(set(common) - _looked_at(*pair)) for pair in zip(predictions, found, strict=True)]
+    unpredicted = [sorted(set(common) - _looked_at(*pair)) for pair in zip(predictions, predicted, strict=True)]
     if missing == "left_out":
-        common = sorted(set(common).difference(*unseen))
+        common = sorted(set(common).difference(*unpredicted))
         if not common:
             raise DetectError(f"{predictions[0]} and {predictions[1]}: no labelled image has predictions in both")
         sides = [side[side["key"].isin(common)] for side in sides]
@@ -69,7 +69,7 @@ def compare_sets(
     if not by_id:
         sides = list(identify(sides[0], sides[1], pair_iou))
     rules = replace(rules or Rules(), unit=unit or ("view" if all(map(_is_key, common)) else "photo"))
-    performances = [instance_performance(*pair, confidence) for pair in zip(sides, found, strict=True)]
+    performances = [instance_performance(*pair, confidence) for pair in zip(sides, predicted, strict=True)]
     report: dict[str, Any] = {
         "pictures": len(common),
         "paired_by": "rock id" if by_id else f"overlap of labels, IoU {pair_iou:g} or more",
@@ -78,15 +78,15 @@ def compare_sets(
         "unpaired": rules.unpaired,
         "unit": rules.unit,
         "missing": missing,
-        "without_predictions_a": unseen[0],
-        "without_predictions_b": unseen[1],
+        "without_predictions_a": unpredicted[0],
+        "without_predictions_b": unpredicted[1],
         "classes": {},
     }
     for kind in sorted(set(sides[0]["kind"]) | set(sides[1]["kind"])):
-        own = [performance[performance["kind"] == kind] for performance in performances]
-        difference = instance_performance_difference(*own, rules=rules, seed=seed, resamples=resamples)
+        of_kind = [performance[performance["kind"] == kind] for performance in performances]
+        difference = instance_performance_difference(*of_kind, rules=rules, seed=seed, resamples=resamples)
         figures: dict[str, Any] = {key: value for key, value in asdict(difference).items() if key != "unit"}
-        for name, performance in zip(("a", "b"), own, strict=True):
+        for name, performance in zip(("a", "b"), of_kind, strict=True):
             figures |= {f"labels_{name}": len(performance), f"iou_mean_{name}": float(performance["iou"].mean())}
         report["classes"][kind] = {
             key: None if isinstance(value, float) and np.isnan(value) else value for key, value in figures.items()
@@ -123,9 +123,9 @@ def _refuse_missing(path: Path) -> None:
         raise FormatError("no such folder of YOLO files or table", path=path)
 
 
-def _looked_at(path: Path, found: pd.DataFrame) -> set[str]:
+def _looked_at(path: Path, predictions: pd.DataFrame) -> set[str]:
     """Return images with predictions. An empty YOLO file counts as an image without detections."""
-    return {file.stem for file in release.box_folder(path).glob("*.txt")} if path.is_dir() else set(found["key"])
+    return {file.stem for file in release.box_folder(path).glob("*.txt")} if path.is_dir() else set(predictions["key"])
 
 
 def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -134,10 +134,12 @@ def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tupl
     ids = [np.arange(1, len(tables_of[0]) + 1), np.arange(1, len(tables_of[1]) + 1) + len(tables_of[0])]
     indices = [table.groupby(["key", "kind"]).indices for table in tables_of]
     for name in set(indices[0]) & set(indices[1]):  # any order, because groups are disjoint
-        own = [rows[name] for rows in indices]
-        corners = [table[list(BOX_COLUMNS)].to_numpy(float)[rows] for table, rows in zip(tables_of, own, strict=True)]
+        group_rows = [rows[name] for rows in indices]
+        corners = [
+            table[list(BOX_COLUMNS)].to_numpy(float)[rows] for table, rows in zip(tables_of, group_rows, strict=True)
+        ]
         rows, columns = boxes.match(boxes.iou(*corners), pair_iou)
-        ids[1][own[1][columns]] = ids[0][own[0][rows]]
+        ids[1][group_rows[1][columns]] = ids[0][group_rows[0][rows]]
     return tables_of[0].assign(rock=ids[0]), tables_of[1].assign(rock=ids[1])
 
 

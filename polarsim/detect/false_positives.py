@@ -57,8 +57,8 @@ def false_positives(
         of a box determines its tile. `area_share`: share of the rock-free area covered by false positives, overlaps
         counted once.
     """
-    found = false_positives_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
-    parts = [(region, found[found["region"] == region]) for region in REGIONS]
+    by_photo = false_positives_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
+    parts = [(region, by_photo[by_photo["region"] == region]) for region in REGIONS]
     rows = [_rates(region, part, unit, seed, resamples) for region, part in parts if len(part)]
     return pd.DataFrame(rows, columns=list(FALSE_POSITIVE_COLUMNS))
 
@@ -70,18 +70,18 @@ def false_positives_of_photos(
 
     `free` is the rock-free area, `area` the part of it that false positives cover; a photo has area 1.
     """
-    sure = predictions[predictions["confidence"] >= confidence]
-    marked = mark_false_positives(labels, sure, overlap=overlap)
-    counts = sure["key"][marked["false_positive"].to_numpy()].value_counts()
+    confident = predictions[predictions["confidence"] >= confidence]
+    marked = mark_false_positives(labels, confident, overlap=overlap)
+    counts = confident["key"][marked["false_positive"].to_numpy()].value_counts()
     rocks = values_by(labels[labels["kind"] == ROCK], ["key"], BOX_COLUMNS)
-    strange = values_by(sure[marked["unlabelled"].to_numpy()], ["key"], BOX_COLUMNS)
-    nothing = np.zeros((0, 4))
+    unlabelled = values_by(confident[marked["unlabelled"].to_numpy()], ["key"], BOX_COLUMNS)
+    empty = np.zeros((0, 4))
     with_rocks = {PhotoKey.parse(str(key)).terrain for key in rocks}
     rows = []
     for key in keys:
-        free = _free_tiles(rocks.get(key, nothing))
+        free = _free_tiles(rocks.get(key, empty))
         region = TILES if PhotoKey.parse(key).terrain in with_rocks else TERRAIN
-        area = _area_on(strange.get(key, nothing), free) / (WIDTH * HEIGHT)
+        area = _area_on(unlabelled.get(key, empty), free) / (WIDTH * HEIGHT)
         rows.append((key, region, float(free.mean()), int(counts.get(key, 0)), area))
     return pd.DataFrame(rows, columns=["key", "region", "free", "false_positives", "area"])
 
@@ -109,10 +109,10 @@ def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame, *, ove
     corners = predictions[list(BOX_COLUMNS)].to_numpy(float)
     is_rock = (predictions["kind"] == ROCK).to_numpy(bool)
     for key, rows in predictions.groupby("key").indices.items():
-        own = rows[is_rock[rows]]
+        rock_rows = rows[is_rock[rows]]
         label = rocks.get(str(key), np.zeros((0, 4)))
-        unlabelled[own] = boxes.largest_covered_share(corners[own], label) < overlap
-        counted[own] = unlabelled[own] & _centre_in(corners[own], _free_tiles(label))
+        unlabelled[rock_rows] = boxes.largest_covered_share(corners[rock_rows], label) < overlap
+        counted[rock_rows] = unlabelled[rock_rows] & _centre_in(corners[rock_rows], _free_tiles(label))
     return pd.DataFrame({"unlabelled": unlabelled, "false_positive": counted}, index=predictions.index)
 
 

@@ -36,14 +36,14 @@ def fuse(found: Sequence[np.ndarray], nms_iou: float, most: int) -> np.ndarray:
     (m, 6), in descending order of confidence
     """
     rows = np.concatenate(found)
-    detector = np.repeat(np.arange(len(found)), [len(own) for own in found])
+    detector = np.repeat(np.arange(len(found)), [len(detections) for detections in found])
     # By descending confidence, then by corners, so that the result does not depend on the order of the detectors.
     order = np.lexsort((*rows[:, 3::-1].T, -rows[:, 4]))
     rows, detector = rows[order], detector[order]
     fused = []
     for kind in range(len(BOX_CLASSES)):
-        own = rows[:, 5] == kind
-        fused.append(_merged(rows[own], detector[own], len(found), nms_iou))
+        detections = rows[:, 5] == kind
+        fused.append(_merged(rows[detections], detector[detections], len(found), nms_iou))
     return suppress_by_class(np.concatenate(fused), nms_iou, most)
 
 
@@ -64,12 +64,12 @@ def _merged(rows: np.ndarray, detector: np.ndarray, detectors: int, nms_iou: flo
 
 def _groups(corners: np.ndarray, nms_iou: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the group (n,) of each sorted box (n, 4) and the most confident box (m,) of each group."""
-    near = boxes.iou(corners, corners) > nms_iou
+    overlapping = boxes.iou(corners, corners) > nms_iou
     group_of = np.full(len(corners), -1)
     surest: list[int] = []
     for box in range(len(corners)):
         if group_of[box] < 0:
-            group_of[near[box] & (group_of < 0)] = len(surest)
+            group_of[overlapping[box] & (group_of < 0)] = len(surest)
             group_of[box] = len(surest)  # a box without area has IoU 0 even with itself
             surest.append(box)
     return group_of, np.array(surest, int)

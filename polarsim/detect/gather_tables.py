@@ -35,14 +35,14 @@ def gather_tables(
 
 
 def _gathered(parts: Sequence[Path], splits: Sequence[str], seeds: Sequence[int]) -> pd.DataFrame:
-    found: list[pd.DataFrame] = []
+    tables: list[pd.DataFrame] = []
     for path, split, seed in zip(parts, splits, seeds, strict=True):
         part = read_parquet(path)
         if "split" not in part.columns:
             part.insert(0, "split", pd.Series([split] * len(part), dtype="str"))
         if "seed" not in part.columns:
             part.insert(list(part.columns).index("split") + 1, "seed", seed)
-        if found and list(part.columns) != list(found[0].columns):
+        if tables and list(part.columns) != list(tables[0].columns):
             raise DetectError(f"columns {', '.join(part.columns)}, expected those of {parts[0]}", path=path)
-        found.append(part)
-    return pd.concat(found, ignore_index=True)
+        tables.append(part)
+    return pd.concat(tables, ignore_index=True)

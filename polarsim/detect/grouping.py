@@ -35,8 +35,8 @@ def values_by(table: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) ->
 
 def boxes_by_photo(table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str] = BOX_COLUMNS) -> list[np.ndarray]:
     """Return the values (n, columns) of each photo in the order of the keys; n is 0 for photos without rows."""
-    found = values_by(table, ["key"], columns)
-    return [found.get(key, np.zeros((0, len(columns)))) for key in keys]
+    by_key = values_by(table, ["key"], columns)
+    return [by_key.get(key, np.zeros((0, len(columns)))) for key in keys]
 
 
 def detections_by_photo(predictions: pd.DataFrame, keys: Sequence[str]) -> dict[str, np.ndarray]:
@@ -52,7 +52,7 @@ def detection_rows(key: object, boxes: np.ndarray) -> list[tuple[object, ...]]:
 
 def labels_by_photo(labels: pd.DataFrame, keys: Sequence[str]) -> list[Labels]:
     """Return the labels of each photo in the order of the keys, without kinds that are not in `BOX_CLASSES`."""
-    own = labels[labels["kind"].isin(BOX_CLASSES)]
-    numbered = own.assign(kind=own["kind"].map(BOX_CLASSES.index))
+    boxes = labels[labels["kind"].isin(BOX_CLASSES)]
+    numbered = boxes.assign(kind=boxes["kind"].map(BOX_CLASSES.index))
     rows = boxes_by_photo(numbered, keys, ("kind", *BOX_COLUMNS))
-    return [(own[:, 0].astype(int), own[:, 1:]) for own in rows]
+    return [(boxes[:, 0].astype(int), boxes[:, 1:]) for boxes in rows]

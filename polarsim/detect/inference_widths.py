@@ -64,15 +64,15 @@ class ClassSizes:
     @property
     def widths(self) -> list[int]:
         """All inference widths, ascending."""
-        return sorted({width for own in self.by_class for width in own.widths})
+        return sorted({width for sizes in self.by_class for width in sizes.widths})
 
     def scaled(self, factor: float) -> ClassSizes:
         """See `Sizes.scaled`."""
-        return ClassSizes(tuple(own.scaled(factor) for own in self.by_class))
+        return ClassSizes(tuple(sizes.scaled(factor) for sizes in self.by_class))
 
     def within(self, widest: int) -> ClassSizes:
         """See `Sizes.within`."""
-        return ClassSizes(tuple(own.within(widest) for own in self.by_class))
+        return ClassSizes(tuple(sizes.within(widest) for sizes in self.by_class))
 
 
 def merge(found: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float, most: int) -> np.ndarray:
@@ -93,13 +93,13 @@ def merge(found: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float, mo
     """
     if len(sizes.widths) == 1:
         return found[sizes.widths[0]]
-    taken = []
-    for kind, own in enumerate(sizes.by_class):
-        for width, (least, largest) in zip(own.widths, own.ranges_px(), strict=True):
+    selected = []
+    for kind, class_sizes in enumerate(sizes.by_class):
+        for width, (smallest, largest) in zip(class_sizes.widths, class_sizes.ranges_px(), strict=True):
             rows = found[width]
             side = (rows[:, 2:4] - rows[:, :2]).max(axis=1, initial=0)
-            taken.append(rows[(rows[:, 5] == kind) & (side >= least) & (side < largest)])
-    return suppress_by_class(np.concatenate(taken), nms_iou, most)
+            selected.append(rows[(rows[:, 5] == kind) & (side >= smallest) & (side < largest)])
+    return suppress_by_class(np.concatenate(selected), nms_iou, most)
 
 
 def choose_sizes(
@@ -128,8 +128,8 @@ def choose_sizes(
     if not any(len(classes) for classes, _ in labels):
         raise DetectError("inference widths cannot be chosen: no image has labels")
     widths = sorted(found)
-    tried = [Sizes((width,)) for width in widths]
-    tried += [Sizes(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
+    candidates = [Sizes((width,)) for width in widths]
+    candidates += [Sizes(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
 
     def precisions(sizes: Sizes) -> np.ndarray:
         """Return AP@0.5 (classes,); NaN for classes without labels."""
@@ -141,7 +141,7 @@ def choose_sizes(
         ranked = metrics.rank_classes(labels, merged, np.array([0.5]))
         return np.array([metrics.precision_at_recalls(of_class).mean() for of_class in ranked])
 
-    by_size = np.array([precisions(sizes) for sizes in tried])  # (tried, classes)
+    by_size = np.array([precisions(sizes) for sizes in candidates])  # (tried, classes)
     labelled = ~np.isnan(by_size).any(axis=0)
     by_size[:, ~labelled] = by_size[:, labelled].mean(axis=1, keepdims=True)
-    return ClassSizes(tuple(tried[best] for best in by_size.argmax(axis=0)))
+    return ClassSizes(tuple(candidates[best] for best in by_size.argmax(axis=0)))

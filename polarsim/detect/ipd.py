@@ -81,12 +81,12 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
     DataFrame
         Columns key, kind, rock, iou, area_px (area of the label, px^2); one row per label, by photo, kind, rock.
     """
-    sure = predictions[predictions["confidence"] >= confidence]
-    found = values_by(sure, ["key", "kind"], BOX_COLUMNS)
+    confident = predictions[predictions["confidence"] >= confidence]
+    by_photo = values_by(confident, ["key", "kind"], BOX_COLUMNS)
     corners = labels[list(BOX_COLUMNS)].to_numpy(float)
     overlap = np.zeros(len(labels))
     for name, rows in rows_by(labels, ["key", "kind"]).items():
-        overlap[rows] = metrics.best_overlap(corners[rows], found.get(name, np.zeros((0, 4))))
+        overlap[rows] = metrics.best_overlap(corners[rows], by_photo.get(name, np.zeros((0, 4))))
     table = labels[["key", "kind", "rock"]].assign(iou=overlap, area_px=boxes.area(corners))
     return table.sort_values(["key", "kind", "rock", "iou"], kind="stable", ignore_index=True)
 
@@ -107,8 +107,8 @@ def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) 
         missing = [column for column in INSTANCE_COLUMNS if column not in table.columns]
         if missing:
             raise DetectError(f"instance performances have no column {missing[0]!r}")
-        known = table[(table["rock"] > 0) & table["iou"].notna()]
-        sides.append(known.groupby(["key", "kind", "rock"])["iou"].max().rename(name).reset_index())
+        identified = table[(table["rock"] > 0) & table["iou"].notna()]
+        sides.append(identified.groupby(["key", "kind", "rock"])["iou"].max().rename(name).reset_index())
     how: Literal["outer", "inner"] = "outer" if rules.unpaired == "zero" else "inner"
     pairs = sides[0].merge(sides[1], on=["key", "kind", "rock"], how=how, validate="one_to_one")
     if rules.undetected == "left_out":

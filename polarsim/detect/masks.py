@@ -68,13 +68,13 @@ def class_mask(loaded: Sequence[LoadedAt], picture: np.ndarray, full: tuple[int,
     return np.asarray(sum(probabilities[1:], start=probabilities[0])).argmax(axis=-1).astype(np.uint8)
 
 
-def within_boxes(mask: np.ndarray, found: np.ndarray) -> np.ndarray:
+def within_boxes(mask: np.ndarray, detections: np.ndarray) -> np.ndarray:
     """Replace rocks and shadows outside the boxes (n, 6) of their class in a class mask (h, w) by ground.
 
     The boxes of a detector have fewer false positives than the mask on walls and relief.
     """
     kept = np.full_like(mask, class_masks.CLASSES.index("ground"))
-    for x0, y0, x1, y1, _, kind in found:
+    for x0, y0, x1, y1, _, kind in detections:
         inside = slice(int(np.floor(y0)), int(np.ceil(y1))), slice(int(np.floor(x0)), int(np.ceil(x1)))
         number = class_masks.CLASSES.index(BOX_CLASSES[int(kind)])
         kept[inside][mask[inside] == number] = number

@@ -61,24 +61,24 @@ def rank(
     from polarsim.geometry import matching_numba
 
     low, high = np.array(areas, float).T[:, :, None]
-    sure, picture, counts = [np.zeros(0)], [np.zeros(0, int)], []
+    confidence_parts, picture, counts = [np.zeros(0)], [np.zeros(0, int)], []
     right, counted = ([np.zeros((len(areas), len(thresholds), 0), bool)] for _ in range(2))
     for number, (label, prediction, confidence) in enumerate(zip(labels, predictions, confidences, strict=True)):
         order = np.argsort(-confidence, kind="stable")
         prediction = prediction[order].reshape(-1, 4)
         label = label.reshape(-1, 4)
-        other_label, other = (
+        other_label, other_prediction = (
             (size < low) | (size > high) for size in (boxes.area(label)[None], boxes.area(prediction)[None])
         )
         matched, passed = matching_numba.match(boxes.iou(prediction, label), thresholds, other_label)
-        sure.append(confidence[order])
+        confidence_parts.append(confidence[order])
         picture.append(np.full(len(order), number))
         right.append(matched)
-        counted.append(~passed & (matched | ~other[:, None]))
+        counted.append(~passed & (matched | ~other_prediction[:, None]))
         counts.append((~other_label).sum(axis=1))
-    order = np.argsort(-np.concatenate(sure), kind="stable")
+    order = np.argsort(-np.concatenate(confidence_parts), kind="stable")
     return Ranked(
-        np.concatenate(sure)[order],
+        np.concatenate(confidence_parts)[order],
         np.concatenate(picture)[order],
         np.concatenate(right, axis=2)[:, :, order],
         np.concatenate(counted, axis=2)[:, :, order],
@@ -138,12 +138,12 @@ def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | No
     weight = weights[ranked.picture]
     curves = np.zeros((ranked.right.shape[1], len(RECALLS)))
     for curve, right, counted in zip(curves, ranked.right[area], ranked.counted[area], strict=True):
-        found = np.flatnonzero(right)  # precision has its local maxima at true positives
-        so_far = weight[found].cumsum()
-        best = so_far / np.maximum((weight * counted).cumsum()[found], 1e-12)  # 0 before the first counted prediction
+        hits = np.flatnonzero(right)  # precision has its local maxima at true positives
+        so_far = weight[hits].cumsum()
+        best = so_far / np.maximum((weight * counted).cumsum()[hits], 1e-12)  # 0 before the first counted prediction
         best = np.maximum.accumulate(best[::-1])[::-1]
         indices = np.searchsorted(so_far / count, RECALLS, side="left")
-        curve[indices < len(found)] = best[indices[indices < len(found)]]
+        curve[indices < len(hits)] = best[indices[indices < len(hits)]]
     return curves
 
 

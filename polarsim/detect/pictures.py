@@ -126,9 +126,9 @@ def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> Non
         if scene not in terrains_of:
             terrains_of[scene] = _terrains_of_view(views / "sidecars" / f"{name}.json")
         path = views / "images" / f"{name}.png"
-        found = path if path.is_file() else None
+        existing = path if path.is_file() else None
         camera = f"{scene} {row['camera']}"
-        sources.append(Source(name, found, camera, terrains_of[scene], size=None))
+        sources.append(Source(name, existing, camera, terrains_of[scene], size=None))
 
     def labelled(source: Source, size: tuple[int, int]) -> Labels:
         return _inside(*yolo.read_boxes(views / "labels" / f"{source.key}.txt", size), size)
@@ -146,12 +146,12 @@ def _terrains_of_view(sidecar: Path) -> tuple[int, ...]:
 def picture_paths(pictures: Path, keys: list[PhotoKey]) -> dict[PhotoKey, Path]:
     """Return the existing file of each photo, from a photo table or a folder of twins `TerrainTT/KEY.png`."""
     if pictures.is_dir():
-        found = {key: pictures / f"Terrain{key.terrain:02d}" / f"{key}.png" for key in keys}
+        paths = {key: pictures / f"Terrain{key.terrain:02d}" / f"{key}.png" for key in keys}
     else:
         table = tables.read_parquet(pictures, ("key", "path"))
         listed = dict(zip(table["key"].astype(str), table["path"].astype(str), strict=True))
-        found = {key: Path(listed[str(key)]) for key in keys if str(key) in listed}
-    return {key: path for key, path in found.items() if path.is_file()}
+        paths = {key: Path(listed[str(key)]) for key in keys if str(key) in listed}
+    return {key: path for key, path in paths.items() if path.is_file()}
 
 
 def read_states(folder: Path) -> pd.DataFrame:
@@ -251,7 +251,7 @@ def _things_by_photo(table: pd.DataFrame) -> dict[str, set[int]]:
     """Return the instance ids of the labelled rocks and shadows of each photo."""
     numbered = table[table["rock"] != NO_ROCK]
     ids = numbered["rock"] + numbered["kind"].map({ROCK: instances.ROCK_IDS, SHADOW: instances.SHADOW_IDS})
-    return {str(key): set(own.tolist()) for key, own in ids.groupby(numbered["key"])}
+    return {str(key): set(photo_ids.tolist()) for key, photo_ids in ids.groupby(numbered["key"])}
 
 
 def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> Labels:
@@ -265,5 +265,5 @@ def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> 
     if not np.isfinite(corners).all() or (corners[:, 2:] < corners[:, :2]).any():
         raise DetectError("invalid box, expected finite x0 <= x1 and y0 <= y1")
     clipped = boxes.clip(corners, *size)
-    seen = boxes.area(clipped) > 0
-    return classes[seen], clipped[seen]
+    visible = boxes.area(clipped) > 0
+    return classes[visible], clipped[visible]

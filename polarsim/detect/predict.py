@@ -132,8 +132,8 @@ def detect(
     widths = sizes.widths
     by_width = [_detect_at(loaded, pictures, width, full) for width in widths]
     in_full = sizes.scaled(full[0] / WIDTH)  # from pixels of a photo
-    for found in zip(*by_width, strict=True):
-        yield merge(dict(zip(widths, found, strict=True)), in_full, nms_iou, detectors.MAX_BOXES)
+    for results in zip(*by_width, strict=True):
+        yield merge(dict(zip(widths, results, strict=True)), in_full, nms_iou, detectors.MAX_BOXES)
 
 
 def _detect_at(

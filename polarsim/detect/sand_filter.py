@@ -55,19 +55,19 @@ class Sand:
             files += [*localised_files(folder).values(), ground]
         return cls(terrains, files)
 
-    def keep(self, key: str, found: np.ndarray) -> np.ndarray:
+    def keep(self, key: str, detections: np.ndarray) -> np.ndarray:
         """Return the boxes (n, 6) of a photo (x0, y0, x1, y1, confidence, class) that are on the sand."""
         photo = PhotoKey.parse(key)
         sandbox = self._terrains.get(photo.terrain)
         rig = sandbox.rigs.get(photo.position) if sandbox else None
-        if sandbox is None or rig is None or rig.unproven or not len(found):
-            return found
+        if sandbox is None or rig is None or rig.unproven or not len(detections):
+            return detections
         half, wall = half_width(photo.terrain), wall_height(photo.terrain, surely=True)
-        return found[on_sand(found, rig.camera(photo.camera), sandbox.level_m, half, wall)]
+        return detections[on_sand(detections, rig.camera(photo.camera), sandbox.level_m, half, wall)]
 
 
 def on_sand(
-    found: np.ndarray, camera: Camera, level_m: float, half: float = SANDBOX_HALF_WIDTH, wall: float = SURELY_WALL
+    detections: np.ndarray, camera: Camera, level_m: float, half: float = SANDBOX_HALF_WIDTH, wall: float = SURELY_WALL
 ) -> np.ndarray:
     """Return a mask (n,) of boxes (n, 6) of a photo with their foot on visible sand.
 
@@ -84,9 +84,9 @@ def on_sand(
     half, wall : float
         Half width of the sand, and minimum height of the walls above the sand, m.
     """
-    centres = boxes.centres(found[:, :4])
-    rocks = found[:, 5] == BOX_CLASSES.index("rock")
-    feet = np.column_stack([centres[:, 0], np.where(rocks, found[:, 3], centres[:, 1])])
+    centres = boxes.centres(detections[:, :4])
+    rocks = detections[:, 5] == BOX_CLASSES.index("rock")
+    feet = np.column_stack([centres[:, 0], np.where(rocks, detections[:, 3], centres[:, 1])])
     rays, start = camera.directions(feet), camera.centre
     with np.errstate(divide="ignore", invalid="ignore"):
         depths = (level_m - start[2]) / rays[:, 2]

@@ -52,18 +52,18 @@ def draw_windows(
     height = round(width * rows / columns)
     for number in numbers:
         share = 0.0 if number % _WHOLE == 0 else random.random()
-        shown = round(width * (max(widest_px, width) / width) ** share)
-        pixels = resize_longer_side(picture, shown)
-        scaled = boxes * np.tile([shown / columns, pixels.shape[0] / rows], 2)
+        resized_width = round(width * (max(widest_px, width) / width) ** share)
+        pixels = resize_longer_side(picture, resized_width)
+        scaled = boxes * np.tile([resized_width / columns, pixels.shape[0] / rows], 2)
         size = np.array([width, min(height, pixels.shape[0])])
         for _ in range(_TRIES):
             start = random.integers(0, np.array(pixels.shape[::-1]) - size + 1)
             inside = clip(scaled - np.tile(start, 2), *size)
-            seen = area(inside) >= _LEAST_SEEN * area(scaled)
-            if seen.any():
+            visible = area(inside) >= _LEAST_SEEN * area(scaled)
+            if visible.any():
                 break
         cut = pixels[start[1] : start[1] + size[1], start[0] : start[0] + size[0]]
-        yield Window(np.ascontiguousarray(cut), classes[seen], inside[seen])
+        yield Window(np.ascontiguousarray(cut), classes[visible], inside[visible])
 
 
 def make_folders(folder: Path) -> None:

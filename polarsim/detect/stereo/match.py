@@ -30,12 +30,12 @@ def match(left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: fl
         cv2.remap(picture, x, y, cv2.INTER_LINEAR)
         for picture, (x, y) in ((left, rig.left_maps), (right, rig.right_maps))
     ]
-    least = math.floor(float(rig.disparity(farthest_m)))
-    count = _STEP * math.ceil((float(rig.disparity(nearest_m)) - least) / _STEP)
-    margin = least + count  # padding, since OpenCV skips this number of columns
+    min_disparity = math.floor(float(rig.disparity(farthest_m)))
+    count = _STEP * math.ceil((float(rig.disparity(nearest_m)) - min_disparity) / _STEP)
+    margin = min_disparity + count  # padding, since OpenCV skips this number of columns
     first, second = (cv2.copyMakeBorder(side, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for side in sides)
     matcher = cv2.StereoSGBM.create(
-        minDisparity=least,
+        minDisparity=min_disparity,
         numDisparities=count,
         blockSize=_BLOCK,
         P1=8 * _BLOCK**2,
@@ -50,7 +50,7 @@ def match(left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: fl
     )
     disparity = matcher.compute(first, second)[:, margin:].astype(np.float32) / _STEP
     depth = np.full(disparity.shape, np.nan, np.float32)
-    matched = disparity > max(least - 1, 0)
+    matched = disparity > max(min_disparity - 1, 0)
     matched &= disparity <= np.arange(disparity.shape[1])  # inside the right image
     depth[matched] = rig.lens.fx * rig.baseline / disparity[matched]
     return depth

@@ -57,18 +57,18 @@ def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]
         Classes (n,) and boxes (n, 4) of each image.
     """
     target = torch.zeros_like(logits)
-    wanted, found, indices = [], [], []
+    targets, predicted, indices = [], [], []
     for picture, (classes, corners) in enumerate(labels):
         if not len(corners):
             continue
         owner = assign(classes, corners, logits.shape[1:])
         index = (owner >= 0).nonzero()
-        wanted.append(corners[owner[index[:, 0], index[:, 1], index[:, 2]]])
-        found.append(boxes[picture, index[:, 0], :, index[:, 1], index[:, 2]])
+        targets.append(corners[owner[index[:, 0], index[:, 1], index[:, 2]]])
+        predicted.append(boxes[picture, index[:, 0], :, index[:, 1], index[:, 2]])
         indices.append(functional.pad(index, (1, 0), value=picture))
     if not indices:
         return _quality_focal(logits, target).sum(), boxes.sum() * 0
-    overlap, generalised = _overlaps(torch.cat(found), torch.cat(wanted))
+    overlap, generalised = _overlaps(torch.cat(predicted), torch.cat(targets))
     target[torch.cat(indices).unbind(1)] = overlap.detach().clamp(min=0)
     count = len(overlap)
     return _quality_focal(logits, target).sum() / count, BOX_WEIGHT * (1 - generalised).sum() / count

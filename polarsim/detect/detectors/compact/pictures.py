@@ -128,5 +128,5 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
     moved = np.concatenate([np.minimum(low, high), np.maximum(low, high)], axis=1)
     inside = clip(moved, width, height)
     sides = inside[:, 2:] - inside[:, :2]
-    seen = (sides.min(axis=1) >= _LEAST_SIDE) & (area(inside) >= _LEAST_SEEN * area(moved))
-    return Picture(pixels, picture.classes[seen], inside[seen], mask)
+    visible = (sides.min(axis=1) >= _LEAST_SIDE) & (area(inside) >= _LEAST_SEEN * area(moved))
+    return Picture(pixels, picture.classes[visible], inside[visible], mask)

@@ -112,8 +112,8 @@ def _start(training: Training, device: str) -> State:
     average.load_state_dict(module.state_dict())
     module, average = module.to(device), average.to(device).eval()
     kernels = [value for value in module.parameters() if value.ndim > 1]
-    others = [value for value in module.parameters() if value.ndim <= 1]
-    groups = [{"params": kernels, "weight_decay": _DECAY}, {"params": others, "weight_decay": 0.0}]
+    vectors = [value for value in module.parameters() if value.ndim <= 1]
+    groups = [{"params": kernels, "weight_decay": _DECAY}, {"params": vectors, "weight_decay": 0.0}]
     return State(module, average, torch.optim.AdamW(groups, lr=options.learning_rate, fused=True))
 
 
@@ -130,10 +130,10 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
         rate = options.learning_rate * _rate(state.steps, steps * options.epochs)
         for group in state.optimizer.param_groups:
             group["lr"] = rate
-        shown = [changed(picture, random) for picture in batch] if options.augment else batch
+        augmented = [changed(picture, random) for picture in batch] if options.augment else batch
         with torch.autocast(device, torch.bfloat16, enabled=bfloat16):
-            answers = _answers(state.module, shown, device)
-        parts = _losses(answers, shown, _shares(shown), device)
+            answers = _answers(state.module, augmented, device)
+        parts = _losses(answers, augmented, _shares(augmented), device)
         state.optimizer.zero_grad()
         sum(parts.values()).backward()  # type: ignore[union-attr]
         torch.nn.utils.clip_grad_norm_(state.module.parameters(), _LARGEST_GRADIENT)
@@ -166,17 +166,17 @@ def _update_average(state: State) -> None:
 
 def _validate(module: Compact, pictures: Pictures, training: Training, device: str) -> dict[str, float]:
     """Return losses, mAP@0.5 and mAP@[0.5:0.95] over classes with labels, and mask IoU of rocks and shadows."""
-    totals, seen, detections = [], [], []
+    totals, validated, detections = [], [], []
     confusion = np.zeros((len(CLASSES), len(CLASSES)), int)
     for batch in batches(pictures, np.arange(len(pictures)), training.options.batch):
         with torch.inference_mode():
-            answers, wanted = _answers(module, batch, device), _shares(batch)
-            totals.append({name: float(part) for name, part in _losses(answers, batch, wanted, device).items()})
-        seen += batch
+            answers, targets = _answers(module, batch, device), _shares(batch)
+            totals.append({name: float(part) for name, part in _losses(answers, batch, targets, device).items()})
+        validated += batch
         detections += found(answers.logits, answers.boxes, training.prediction)
-        if answers.masks is not None and wanted is not None:
-            confusion += _confusion(answers.masks, wanted)
-    mean = metrics.mean_precision([(picture.classes, picture.boxes) for picture in seen], detections)
+        if answers.masks is not None and targets is not None:
+            confusion += _confusion(answers.masks, targets)
+    mean = metrics.mean_precision([(picture.classes, picture.boxes) for picture in validated], detections)
     row = _means("val", totals) | {"val_map50": float(mean[0]), "val_map50_95": float(mean.mean())}
     if training.options.masks:
         row["val_mask_iou"] = _mean_iou(confusion)
@@ -188,11 +188,11 @@ def _answers(module: Compact, batch: list[Picture], device: str) -> Answers:
     return Answers(*module.boxes(features), None if module.mask is None else module.masks(features))
 
 
-def _losses(answers: Answers, batch: list[Picture], wanted: np.ndarray | None, device: str) -> dict[str, torch.Tensor]:
+def _losses(answers: Answers, batch: list[Picture], targets: np.ndarray | None, device: str) -> dict[str, torch.Tensor]:
     class_loss, box_loss = losses(answers.logits, answers.boxes, _labels(batch, device))
     parts = {"class_loss": class_loss, "box_loss": box_loss}
-    if answers.masks is not None and wanted is not None:
-        parts["mask_loss"] = mask_loss(answers.masks, torch.from_numpy(wanted).to(device))
+    if answers.masks is not None and targets is not None:
+        parts["mask_loss"] = mask_loss(answers.masks, torch.from_numpy(targets).to(device))
     return parts
 
 
@@ -206,16 +206,16 @@ def _mean_iou(confusion: np.ndarray) -> float:
     return float(by_class[~np.isnan(by_class)].mean()) if not np.isnan(by_class).all() else 0.0
 
 
-def _confusion(logits: torch.Tensor, wanted: np.ndarray) -> np.ndarray:
+def _confusion(logits: torch.Tensor, targets: np.ndarray) -> np.ndarray:
     """Return the confusion matrix of cells with a majority class."""
-    truth = np.where(wanted.max(axis=1) > _MOSTLY, wanted.argmax(axis=1), IGNORED)
+    truth = np.where(targets.max(axis=1) > _MOSTLY, targets.argmax(axis=1), IGNORED)
     return masks.confusion(truth, logits.argmax(dim=1).cpu().numpy(), len(CLASSES))
 
 
 def _shares(batch: list[Picture]) -> np.ndarray | None:
     """Return the class shares (b, classes, h, w) of cells; None without masks."""
-    found = [shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None]
-    return np.stack(found) if found else None
+    by_picture = [shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None]
+    return np.stack(by_picture) if by_picture else None
 
 
 def _input(batch: list[Picture], device: str) -> torch.Tensor:

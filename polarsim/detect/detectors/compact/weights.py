@@ -44,11 +44,11 @@ def network(model: str, state: dict[str, Any] | None = None, masks: bool | None 
     module = Compact(WIDTHS[model], len(BOX_CLASSES), len(CLASSES) if masks else 0)
     module = module.to(memory_format=torch.channels_last)
     if state is not None:
-        own = {name: value for name, value in module.state_dict().items() if name.startswith(_MASK_HEAD)}
+        initial = {name: value for name, value in module.state_dict().items() if name.startswith(_MASK_HEAD)}
         given = {name: value for name, value in state.items() if masks or not name.startswith(_MASK_HEAD)}
         try:
             # Converts to the precision of the network.
-            module.load_state_dict(given if has_masks(given) else given | own)
+            module.load_state_dict(given if has_masks(given) else given | initial)
         except RuntimeError as error:
             raise DetectError(f"weights do not fit {model}: {str(error).splitlines()[0]}") from error
     return module

@@ -77,8 +77,8 @@ def _fit(run: Path, training: Training) -> Any:
 
     class Validator(library.DetectionValidator):  # type: ignore[name-defined, misc]
         def postprocess(self, preds: Any) -> list[dict[str, Any]]:
-            found = library.non_max_suppression(preds, self.args.conf, self.args.iou, max_det=self.args.max_det)
-            return [{"bboxes": x[:, :4], "conf": x[:, 4], "cls": x[:, 5], "extra": x[:, 6:]} for x in found]
+            detections = library.non_max_suppression(preds, self.args.conf, self.args.iou, max_det=self.args.max_det)
+            return [{"bboxes": x[:, :4], "conf": x[:, 4], "cls": x[:, 5], "extra": x[:, 6:]} for x in detections]
 
     class Trainer(library.DetectionTrainer):  # type: ignore[name-defined, misc]
         def get_model(self, cfg: Any = None, weights: Any = None, verbose: bool = False) -> Any:

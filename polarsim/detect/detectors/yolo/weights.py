@@ -27,13 +27,13 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         batch = torch.from_numpy(pictures)[:, None].expand(-1, 3, -1, -1).to(device)
         with torch.inference_mode():
-            found = library.non_max_suppression(
+            detections = library.non_max_suppression(
                 module(batch.float().contiguous(memory_format=torch.channels_last) / 255),
                 conf_thres=options.confidence,
                 iou_thres=options.nms_iou,
                 max_det=MAX_BOXES,
             )
-        return [result.cpu().numpy().astype(float) for result in found]
+        return [result.cpu().numpy().astype(float) for result in detections]
 
     return detect
 
