@@ -26,9 +26,9 @@ PAIRING_COLUMNS = (
     "cover", "key", "shown", "named_by", "drawn", "labels", "matched", "drawn_iou", "shadow_contrast",
 )  # fmt: skip
 BY_CONFIGURATION, BY_SHADOWS, BY_BOXES = "configuration", "shadows", "boxes"
-_SAME_FORM = 0.01  # maximum relative error of the aspect ratio of an uncropped photo
-_LEAST_WIDTH = 256  # minimum width of an image, px
-_LEAST_PX = 20  # minimum number of pixels of a shadow and of its surroundings
+_MAX_ASPECT_ERROR = 0.01  # maximum relative error of the aspect ratio of an uncropped photo
+_MIN_WIDTH = 256  # minimum width of an image, px
+_MIN_PX = 20  # minimum number of pixels of a shadow and of its surroundings
 log = logging.getLogger("polarsim")
 
 
@@ -111,9 +111,9 @@ def read_cover(path: Path) -> Cover:
     """
     picture = png.read(path)
     height, width = picture.shape[:2]
-    if width < _LEAST_WIDTH or abs(width * HEIGHT / (height * WIDTH) - 1) > _SAME_FORM:
+    if width < _MIN_WIDTH or abs(width * HEIGHT / (height * WIDTH) - 1) > _MAX_ASPECT_ERROR:
         raise DetectError(
-            f"{width} x {height} px, expected {WIDTH} x {HEIGHT} or the same aspect ratio, width {_LEAST_WIDTH} or more"
+            f"{width} x {height} px, expected {WIDTH} x {HEIGHT} or the same aspect ratio, width {_MIN_WIDTH} or more"
         )
     picture = in_eight_bits(picture)
     if picture.ndim == 2:
@@ -182,7 +182,7 @@ def shadow_contrast(photo: np.ndarray, shadows: np.ndarray, rocks: np.ndarray) -
         inside = np.zeros(photo.shape, bool)
         inside[_window(shadow)] = True
         dark, lit = (photo[around][chosen[around] & bare[around]] for chosen in (inside, ~inside))
-        if min(len(dark), len(lit)) >= _LEAST_PX:
+        if min(len(dark), len(lit)) >= _MIN_PX:
             values.append((lit.mean() - dark.mean()) / (lit.mean() + dark.mean() + 1))
     return float(np.mean(values)) if values else float("nan")
 

@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.cover_photos.scores import ALL
 from polarsim.cover_photos.widths import Found, merged, read_folds, together, widths_for
 from polarsim.detect import detectors
-from polarsim.detect.calibration import Calibration, calibrated, calibration_error, fit_calibration
+from polarsim.detect.calibration import Calibration, calibrate_boxes, calibration_error, fit_calibration
 from polarsim.detect.grouping import labels_by_photo
 from polarsim.detect.inference_widths import ClassSizes
 from polarsim.detect.options import PredictionOptions
@@ -98,7 +98,7 @@ def _check(labels: pd.DataFrame, by_fold: Mapping[str, Found], imgsz: int, optio
         sizes, calibration = _chosen(labels, together(by_fold, but=fold), imgsz, options)
         boxes = [merged(rows, sizes, options.nms_iou) for rows in photos.values()]
         before += boxes
-        after += [calibrated(rows, calibration) for rows in boxes]
+        after += [calibrate_boxes(rows, calibration) for rows in boxes]
     truth = labels_by_photo(labels, list(together(by_fold)))
     return Check(calibration_error(truth, before), calibration_error(truth, after))
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim import intervals
 from polarsim.detect import metrics
-from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
+from polarsim.detect.calibration import calibrate_boxes, calibration_error, fit_calibration
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.grouping import DETECTION, boxes_by_photo, detections_by_photo, labels_by_photo
@@ -27,11 +27,11 @@ ALL = "all"  # all terrains
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _CoverPredictions:
     """Predictions in all cover photos."""
 
     predictions: pd.DataFrame
-    calibrated: dict[str, np.ndarray]  # boxes from `calibrated_by_others`
+    calibrated: dict[str, np.ndarray]  # boxes from `cross_calibrated`
 
 
 def score_covers(
@@ -98,9 +98,9 @@ def score_covers(
     tables.write_parquet(scores, table[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
 
 
-def _read(path: Path, labels: pd.DataFrame, folds: Mapping[str, Sequence[str]]) -> _Seen:
+def _read(path: Path, labels: pd.DataFrame, folds: Mapping[str, Sequence[str]]) -> _CoverPredictions:
     predictions = tables.read_parquet(path, PREDICTIONS.columns)
-    return _Seen(predictions, calibrated_by_others(labels, predictions, folds))
+    return _CoverPredictions(predictions, cross_calibrated(labels, predictions, folds))
 
 
 def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
@@ -112,7 +112,7 @@ def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _figures(
-    labels: pd.DataFrame, by_seed: Sequence[_Seen], keys: Sequence[str], options: ComparisonOptions
+    labels: pd.DataFrame, by_seed: Sequence[_CoverPredictions], keys: Sequence[str], options: ComparisonOptions
 ) -> pd.DataFrame:
     """Return the metrics of `cover_figures` with the calibration error."""
     predictions = [of_seed.predictions for of_seed in by_seed]
@@ -160,7 +160,7 @@ def _precision(
     return metrics.precision_at_recalls(ranked).mean(axis=1), resampled, float(best.mean())
 
 
-def calibrated_by_others(
+def cross_calibrated(
     labels: pd.DataFrame, predictions: pd.DataFrame, folds: Mapping[str, Sequence[str]]
 ) -> dict[str, np.ndarray]:
     """Return boxes (n, 6) of each photo with confidences calibrated on the boxes of the remaining folds.
@@ -177,7 +177,7 @@ def calibrated_by_others(
     for fold, fold_keys in folds.items() if len(folds) > 1 else ():
         fit_keys = [key for name, photos in folds.items() if name != fold for key in photos]
         calibration = fit_calibration(labels_by_photo(labels, fit_keys), [detections[key] for key in fit_keys])
-        boxes |= {key: calibrated(detections[key], calibration) for key in fold_keys}
+        boxes |= {key: calibrate_boxes(detections[key], calibration) for key in fold_keys}
     return boxes
 
 

@@ -12,10 +12,10 @@ from polarsim.detect import detectors
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.frame import read_picture
 from polarsim.detect.grouping import BOX_COLUMNS, detection_rows, detections_by_photo, labels_by_photo
-from polarsim.detect.inference_widths import ClassSizes, Sizes, choose_sizes, merge
+from polarsim.detect.inference_widths import ClassSizes, InferenceWidths, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect
-from polarsim.detect.sand_filter import Sand
+from polarsim.detect.sand_filter import SandFilter
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, about
 from polarsim.formats import tables
@@ -43,7 +43,7 @@ def predict_multiscale(
     for key in read_pictures(dataset, TEST):
         picture = read_picture(dataset / "images" / TEST / f"{key}.png")
         for width in sorted({detector.imgsz, *widths}):
-            boxes = next(detect(loaded, [picture], ClassSizes.same(Sizes((width,))), options.nms_iou))
+            boxes = next(detect(loaded, [picture], ClassSizes.same(InferenceWidths((width,))), options.nms_iou))
             rows += [(key, width, *row[1:]) for row in detection_rows(key, boxes)]
     table = pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes)
     tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))
@@ -81,7 +81,7 @@ def choose_widths(
         Folders of camera poses and meshes, one per terrain. Boxes outside the sand are dropped before the selection.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    sand = Sand.read(cameras, meshes)
+    sand = SandFilter.read(cameras, meshes)
     by_fold = {fold: kept_on_sand(boxes, sand) for fold, boxes in read_folds(found, datasets).items()}
     parts, rows = [], []
     for fold, boxes in by_fold.items():
@@ -101,7 +101,7 @@ def widths_for(labels: pd.DataFrame, photos: Found, imgsz: int, options: Predict
     if named := ClassSizes.named(options):
         return named
     if not photos:
-        return ClassSizes.same(Sizes((imgsz,)))
+        return ClassSizes.same(InferenceWidths((imgsz,)))
     widths = sorted(next(iter(photos.values())))
     by_width = {width: [by_photo_width[width] for by_photo_width in photos.values()] for width in widths}
     return choose_sizes(labels_by_photo(labels, list(photos)), by_width, options.nms_iou, detectors.MAX_BOXES)
@@ -112,7 +112,7 @@ def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[
     return {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
 
 
-def kept_on_sand(found: Found, sand: Sand) -> Found:
+def kept_on_sand(found: Found, sand: SandFilter) -> Found:
     """Return the predictions on the sand."""
     return {key: {w: sand.keep(key, rows) for w, rows in by_width.items()} for key, by_width in found.items()}
 

@@ -10,13 +10,13 @@ from scipy.special import expit, logit, xlogy
 
 from polarsim.detect import metrics
 
-_SAME = np.array([0.5])  # minimum IoU of a true positive
-_LEAST = 1e-4  # confidences are clipped to this and 1 minus this, so that logits are finite
+_MIN_IOU = np.array([0.5])  # minimum IoU of a true positive
+_MIN_CONFIDENCE = 1e-4  # confidences are clipped to this and 1 minus this, so that logits are finite
 _PRIOR = 2.0  # weight of the prior on slope 1 and offset 0, in numbers of boxes, for classes with few boxes
 Calibration = tuple[tuple[float, float], ...]  # slope and offset of the logit, by class
 
 
-def calibrated(boxes: np.ndarray, calibration: Calibration) -> np.ndarray:
+def calibrate_boxes(boxes: np.ndarray, calibration: Calibration) -> np.ndarray:
     """Return boxes (n, 6) of a detector with calibrated confidences; unchanged without a calibration."""
     if not calibration:
         return boxes
@@ -39,12 +39,12 @@ def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], detections:
         x0, y0, x1, y1, confidence, class.
     """
     fitted = []
-    for ranked in metrics.rank_classes(labels, detections, _SAME):
+    for ranked in metrics.rank_classes(labels, detections, _MIN_IOU):
         score, right = _logits(ranked.confidence), ranked.right[0, 0].astype(float)
 
         def loss(values: np.ndarray, score: np.ndarray = score, right: np.ndarray = right) -> float:
             slope, offset = values
-            share = np.clip(expit(np.exp(slope) * score + offset), _LEAST, 1 - _LEAST)
+            share = np.clip(expit(np.exp(slope) * score + offset), _MIN_CONFIDENCE, 1 - _MIN_CONFIDENCE)
             likelihood = xlogy(right, share) + xlogy(1 - right, 1 - share)
             return float(-likelihood.sum() + _PRIOR * (slope**2 + offset**2))
 
@@ -64,7 +64,7 @@ def calibration_error(
     The mean is over bins of equal width, weighted by the number of boxes with a confidence of at least `least` (Naeini
     et al., AAAI 2015). NaN without such a box.
     """
-    parts = metrics.rank_classes(labels, detections, _SAME)
+    parts = metrics.rank_classes(labels, detections, _MIN_IOU)
     confidence = np.concatenate([ranked.confidence for ranked in parts])
     right = np.concatenate([ranked.right[0, 0] for ranked in parts])
     kept = confidence >= least
@@ -77,4 +77,4 @@ def calibration_error(
 
 
 def _logits(confidence: np.ndarray) -> np.ndarray:
-    return np.asarray(logit(np.clip(confidence, _LEAST, 1 - _LEAST)))
+    return np.asarray(logit(np.clip(confidence, _MIN_CONFIDENCE, 1 - _MIN_CONFIDENCE)))

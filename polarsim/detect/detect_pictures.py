@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from polarsim.detect import detectors, tone
 from polarsim.detect.fusion import fuse
 from polarsim.detect.grouping import detection_rows
-from polarsim.detect.masks import LoadedAt, class_mask, mask_widths, within_boxes
+from polarsim.detect.masks import MaskInference, class_mask, mask_widths, within_boxes
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import detect, sizes_of
 from polarsim.errors import DetectError, PolarsimError, about
@@ -37,12 +37,12 @@ _TINT = 0.4  # opacity of masks in drawn images
 Look = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
 Result = TypeVar("Result")
 _THREADS = 1  # threads of torch: images are processed in parallel because one image does not use two cores
-_LEAST = 0.01  # minimum confidence before calibration
+_MIN_CONFIDENCE = 0.01  # minimum confidence before calibration
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
-class _Finds:
+class _Detections:
     """Width and height of an image, px, and the boxes (n, 6) to write, as returned by a `Look`."""
 
     size: tuple[int, int]
@@ -92,16 +92,16 @@ def find_in_pictures(
     with writing_folder(out) as folder:
         for name in ("labels", *(["masks"] if masks else []), *(["pictures"] if draw else [])):
             (folder / name).mkdir()
-        looks = [_look(path, detector, folder, options) for path, detector in trained.items()]
+        looks = [_load_look(path, detector, folder, options) for path, detector in trained.items()]
         segmenters = [_segmenter(path, detector, options) for path, detector in trained.items()] if masks else []
         widest = max(width for _, widths in [*looks, *segmenters] for width in widths)
 
-        def look_at(path: Path) -> _Finds | PolarsimError | OSError:
+        def look_at(path: Path) -> _Detections | PolarsimError | OSError:
             try:
                 pixels = _grey(read_any(path))
             except (PolarsimError, OSError) as error:
                 return error
-            size, shown = (pixels.shape[1], pixels.shape[0]), _as_seen(pixels, widest)
+            size, shown = (pixels.shape[1], pixels.shape[0]), _detector_input(pixels, widest)
             found = _merged([look(shown, size) for look, _ in looks], options.nms_iou)
             found = found[found[:, 4] >= confidence]
             mask = within_boxes(class_mask(segmenters, shown, size), found) if segmenters else None
@@ -109,10 +109,10 @@ def find_in_pictures(
                 class_masks.write(folder / "masks" / f"{path.stem}.png", mask)
             if draw:
                 _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found, mask)
-            return _Finds(size, found)
+            return _Detections(size, found)
 
         for path, finds in _in_order(paths, look_at, threads):
-            if not isinstance(finds, _Finds):
+            if not isinstance(finds, _Detections):
                 reason = finds.reason if isinstance(finds, PolarsimError) else finds.strerror
                 log.warning("skipped: %s: %s", path, reason)
                 continue
@@ -132,7 +132,7 @@ def find_in_pictures(
     return table
 
 
-def _look(
+def _load_look(
     path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions
 ) -> tuple[Look, tuple[int, ...]]:
     """Return the inference function of a detector and its widths: those of the options, else of the detector."""
@@ -147,7 +147,7 @@ def _look(
     return look, tuple(sizes.widths)
 
 
-def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOptions) -> LoadedAt:
+def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOptions) -> MaskInference:
     """Return the mask inference of a detector and the inference widths."""
     with about(path):
         loaded = detectors.load_masks(detector, options, _THREADS)
@@ -171,7 +171,7 @@ def prediction_options(
     try:
         return PredictionOptions.model_validate(
             {
-                "confidence": _LEAST,
+                "confidence": _MIN_CONFIDENCE,
                 "nms_iou": 0.5,
                 "mirrored": mirrored,
                 "precision": precision,
@@ -184,7 +184,7 @@ def prediction_options(
         raise DetectError(describe_error(error, "options")) from error
 
 
-def _as_seen(pixels: np.ndarray, longest: int) -> np.ndarray:
+def _detector_input(pixels: np.ndarray, longest: int) -> np.ndarray:
     """Convert an image (h, w[, 3]) of 8 or 16 bits to the detector input: 8-bit grey, longer side up to `longest`."""
     grey = _grey(pixels)
     if max(grey.shape) > longest:
@@ -248,7 +248,7 @@ def _grey(pixels: np.ndarray) -> np.ndarray:
 def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
     """Return 8-bit pixels: 8-bit images are brightened if underexposed, 12- and 16-bit images are tone-mapped."""
     if depth == np.uint8:
-        return tone.brightened(pixels)
+        return tone.brighten(pixels)
     light = pixels.astype(np.float32)
     if tone.bits_in_use(pixels, depth) == 16:  # black is 0
         light = BLACK_LEVEL + light * ((WHITE_LEVEL - BLACK_LEVEL) / np.iinfo(np.uint16).max)

@@ -28,12 +28,12 @@ from polarsim.detect.ipd import (
     Rules,
     instance_performance,
     instance_performance_difference,
-    of_rocks,
     pair,
+    rock_means,
 )  # fmt: skip
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
-from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, leaks, read_split
+from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, read_split, shared_views
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.geometry import boxes
@@ -96,7 +96,7 @@ def evaluate(
         Invalid file, invalid file name, or a domain without labels or data set.
     """
     named = {trained_and_evaluated(path): path for path in predictions}
-    leaked = bool(leaks(read_split(split, by)))
+    leaked = bool(shared_views(read_split(split, by)))
     keys, truth = {}, {}
     for domain in sorted({evaluated for _, evaluated in named}):
         if domain not in labels or domain not in datasets:
@@ -231,7 +231,7 @@ def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: Co
 
 def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     parts = [
-        _named(of_rocks(pair(first, second, Rules(unit=options.resampled))), PAIR, names)
+        _named(rock_means(pair(first, second, Rules(unit=options.resampled))), PAIR, names)
         for names, first, second in _pairs_of_domains(performances)
     ]
     return _joined(parts, (*PAIR, *ROCK_COLUMNS))

@@ -59,7 +59,7 @@ def compare_sets(
     common = sorted(set(sides[0]["key"]) & set(sides[1]["key"]))
     if not common:
         raise DetectError(f"{labels[0]} and {labels[1]}: no image has labels in both")
-    unpredicted = [sorted(set(common) - _looked_at(*pair)) for pair in zip(predictions, predicted, strict=True)]
+    unpredicted = [sorted(set(common) - _predicted_keys(*pair)) for pair in zip(predictions, predicted, strict=True)]
     if missing == "left_out":
         common = sorted(set(common).difference(*unpredicted))
         if not common:
@@ -123,7 +123,7 @@ def _refuse_missing(path: Path) -> None:
         raise FormatError("no such folder of YOLO files or table", path=path)
 
 
-def _looked_at(path: Path, predictions: pd.DataFrame) -> set[str]:
+def _predicted_keys(path: Path, predictions: pd.DataFrame) -> set[str]:
     """Return images with predictions. An empty YOLO file counts as an image without detections."""
     return {file.stem for file in release.box_folder(path).glob("*.txt")} if path.is_dir() else set(predictions["key"])
 

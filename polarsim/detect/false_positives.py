@@ -20,7 +20,7 @@ from polarsim.schemas.detect import FALSE_POSITIVES
 
 TERRAIN, TILES = REGIONS = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
-OVERLAP = 0.1  # minimum intersection of a matching prediction and label, relative to the smaller box
+MIN_MATCH_SHARE = 0.1  # minimum intersection of a matching prediction and label, relative to the smaller box
 RATES = ("per_photo", "area_share")
 FALSE_POSITIVE_COLUMNS = FALSE_POSITIVES.without("split", "seed", "trained", "evaluated")
 
@@ -31,7 +31,7 @@ def false_positives(
     predictions: pd.DataFrame,
     *,
     confidence: float,
-    overlap: float = OVERLAP,
+    overlap: float = MIN_MATCH_SHARE,
     unit: bootstrap.Unit = "view",
     seed: int = 0,
     resamples: int = 1000,
@@ -64,7 +64,12 @@ def false_positives(
 
 
 def false_positives_of_photos(
-    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, *, confidence: float, overlap: float = OVERLAP
+    keys: Sequence[str],
+    labels: pd.DataFrame,
+    predictions: pd.DataFrame,
+    *,
+    confidence: float,
+    overlap: float = MIN_MATCH_SHARE,
 ) -> pd.DataFrame:
     """Return one row per photo: key, region, free, false_positives, area; arguments as in `false_positives`.
 
@@ -86,7 +91,9 @@ def false_positives_of_photos(
     return pd.DataFrame(rows, columns=["key", "region", "free", "false_positives", "area"])
 
 
-def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame, *, overlap: float = OVERLAP) -> pd.DataFrame:
+def mark_false_positives(
+    labels: pd.DataFrame, predictions: pd.DataFrame, *, overlap: float = MIN_MATCH_SHARE
+) -> pd.DataFrame:
     """Mark false positives. Tables, explorer and FiftyOne share this definition.
 
     Only rocks are considered: a predicted shadow is never a false positive, and shadow labels have no effect.

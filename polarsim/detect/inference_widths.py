@@ -19,7 +19,7 @@ _GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two width
 
 
 @dataclass(frozen=True)
-class Sizes:
+class InferenceWidths:
     """Inference widths, ascending, and the box sizes (gates) at which detection switches between adjacent widths.
 
     Boxes with a longer side below `gates_px[n]` (px of a photo 1936 px wide) are detected at `widths[n + 1]`, larger
@@ -29,15 +29,15 @@ class Sizes:
     widths: tuple[int, ...]
     gates_px: tuple[float, ...] = ()
 
-    def scaled(self, factor: float) -> Sizes:
+    def scaled(self, factor: float) -> InferenceWidths:
         """Return a copy with gates in pixels of an image with `factor` times the width of a photo."""
-        return Sizes(self.widths, tuple(factor * gate for gate in self.gates_px))
+        return InferenceWidths(self.widths, tuple(factor * gate for gate in self.gates_px))
 
-    def within(self, widest: int) -> Sizes:
+    def within(self, widest: int) -> InferenceWidths:
         """Return a copy with `widest` in place of all wider widths, since upscaling adds no detail."""
         fewer = sum(width < widest for width in self.widths)
         widths = (*self.widths[:fewer], widest) if fewer < len(self.widths) else self.widths
-        return Sizes(widths, self.gates_px[: len(widths) - 1])
+        return InferenceWidths(widths, self.gates_px[: len(widths) - 1])
 
     def ranges_px(self) -> list[tuple[float, float]]:
         """Return the minimum and maximum longer side of the boxes used at each width."""
@@ -47,19 +47,19 @@ class Sizes:
 
 @dataclass(frozen=True)
 class ClassSizes:
-    """Sizes of each class, in the order of `BOX_CLASSES`."""
+    """Inference widths of each class, in the order of `BOX_CLASSES`."""
 
-    by_class: tuple[Sizes, ...]
+    by_class: tuple[InferenceWidths, ...]
 
     @classmethod
-    def same(cls, sizes: Sizes) -> ClassSizes:
-        """Return equal sizes for all classes."""
+    def same(cls, sizes: InferenceWidths) -> ClassSizes:
+        """Return equal widths for all classes."""
         return cls((sizes,) * len(BOX_CLASSES))
 
     @classmethod
     def named(cls, options: PredictionOptions) -> ClassSizes | None:
         """Return the sizes of the options for all classes; None if the options have no widths."""
-        return cls.same(Sizes(options.widths, options.gates_px)) if options.widths else None
+        return cls.same(InferenceWidths(options.widths, options.gates_px)) if options.widths else None
 
     @property
     def widths(self) -> list[int]:
@@ -67,11 +67,11 @@ class ClassSizes:
         return sorted({width for sizes in self.by_class for width in sizes.widths})
 
     def scaled(self, factor: float) -> ClassSizes:
-        """See `Sizes.scaled`."""
+        """Return a copy, see `InferenceWidths.scaled`."""
         return ClassSizes(tuple(sizes.scaled(factor) for sizes in self.by_class))
 
     def within(self, widest: int) -> ClassSizes:
-        """See `Sizes.within`."""
+        """Return a copy, see `InferenceWidths.within`."""
         return ClassSizes(tuple(sizes.within(widest) for sizes in self.by_class))
 
 
@@ -128,10 +128,10 @@ def choose_sizes(
     if not any(len(classes) for classes, _ in labels):
         raise DetectError("inference widths cannot be chosen: no image has labels")
     widths = sorted(found)
-    candidates = [Sizes((width,)) for width in widths]
-    candidates += [Sizes(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
+    candidates = [InferenceWidths((width,)) for width in widths]
+    candidates += [InferenceWidths(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
 
-    def precisions(sizes: Sizes) -> np.ndarray:
+    def precisions(sizes: InferenceWidths) -> np.ndarray:
         """Return AP@0.5 (classes,); NaN for classes without labels."""
         of_pictures = (
             dict(zip(sizes.widths, rows, strict=True))

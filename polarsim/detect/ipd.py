@@ -160,7 +160,7 @@ def instance_performance_difference(
     )
 
 
-def of_rocks(pairs: pd.DataFrame) -> pd.DataFrame:
+def rock_means(pairs: pd.DataFrame) -> pd.DataFrame:
     """Return `ROCK_COLUMNS`: mean performance of each rock in each domain over its photos, from rows of `pair`."""
     terrain = [PhotoKey.parse(str(key)).terrain for key in pairs["key"]]
     grouped = pairs.assign(terrain=terrain).groupby(["terrain", "kind", "rock"])

@@ -20,7 +20,7 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.progress import track
 from polarsim.run_files import class_masks
 
-LoadedAt = tuple[detectors.LoadedMasks, tuple[int, ...]]  # mask inference and its widths
+MaskInference = tuple[detectors.LoadedMasks, tuple[int, ...]]  # mask inference and its widths
 
 
 def segment_pictures(
@@ -54,7 +54,9 @@ def mask_widths(detector: detectors.Detector, options: PredictionOptions) -> tup
     return options.mask_widths or tuple(sizes_of(detector, options).widths)
 
 
-def class_mask(loaded: Sequence[LoadedAt], picture: np.ndarray, full: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
+def class_mask(
+    loaded: Sequence[MaskInference], picture: np.ndarray, full: tuple[int, int] = (WIDTH, HEIGHT)
+) -> np.ndarray:
     """Return the most probable class (height, width) uint8 of each pixel of an image.
 
     Probabilities are averaged over detectors and inference widths.

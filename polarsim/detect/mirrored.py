@@ -8,7 +8,7 @@ from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector, Loaded
 from polarsim.detect.fusion import fuse
 
 
-def boxes_both_ways(loaded: LoadedDetector, nms_iou: float) -> LoadedDetector:
+def detect_with_mirror(loaded: LoadedDetector, nms_iou: float) -> LoadedDetector:
     """Return a detector that merges the boxes of an image and the mirrored image by `fuse`.
 
     A box detected in only one of the two images keeps half of its confidence.
@@ -22,7 +22,7 @@ def boxes_both_ways(loaded: LoadedDetector, nms_iou: float) -> LoadedDetector:
     return detect
 
 
-def masks_both_ways(loaded: LoadedMasks) -> LoadedMasks:
+def segment_with_mirror(loaded: LoadedMasks) -> LoadedMasks:
     """Return mask inference that averages the probabilities of an image and the mirrored image."""
     return lambda pictures: (loaded(pictures) + _mirrored(loaded(_mirrored(pictures)))) / np.float32(2)
 

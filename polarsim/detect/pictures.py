@@ -30,7 +30,7 @@ log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
-class Source:
+class ImageSource:
     """Image to convert."""
 
     key: str
@@ -94,17 +94,19 @@ def convert_photos(
     paths = picture_paths(pictures, list(keys))
     if missing := len(keys) - len(paths):
         log.warning("%s: %d of %d images are missing and skipped", pictures, missing, len(keys))
-    sources = [Source(str(key), paths.get(key), f"{key.position} {key.camera}", (key.terrain,)) for key in sorted(keys)]
+    sources = [
+        ImageSource(str(key), paths.get(key), f"{key.position} {key.camera}", (key.terrain,)) for key in sorted(keys)
+    ]
     table = _read_labels(labels)
     names = [source.key for source in sources]
     boxes_of = dict(zip(names, labels_by_photo(table, names), strict=True))
     things_of = _things_by_photo(table) if masks else {}
 
-    def labelled(source: Source, size: tuple[int, int]) -> Labels:
+    def labelled(source: ImageSource, size: tuple[int, int]) -> Labels:
         with about(labels), within(source.key):
             return _inside(*boxes_of[source.key], size)
 
-    def masked(source: Source) -> np.ndarray:
+    def masked(source: ImageSource) -> np.ndarray:
         return _read_mask(masks, PhotoKey.parse(source.key), things_of.get(source.key, ()))
 
     _convert(domain, sources, labelled, folder, options, masked if masks else None)
@@ -128,9 +130,9 @@ def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> Non
         path = views / "images" / f"{name}.png"
         existing = path if path.is_file() else None
         camera = f"{scene} {row['camera']}"
-        sources.append(Source(name, existing, camera, terrains_of[scene], size=None))
+        sources.append(ImageSource(name, existing, camera, terrains_of[scene], size=None))
 
-    def labelled(source: Source, size: tuple[int, int]) -> Labels:
+    def labelled(source: ImageSource, size: tuple[int, int]) -> Labels:
         return _inside(*yolo.read_boxes(views / "labels" / f"{source.key}.txt", size), size)
 
     _convert(VIEWS, sources, labelled, folder, options)
@@ -162,11 +164,11 @@ def read_states(folder: Path) -> pd.DataFrame:
 
 def _convert(
     domain: str,
-    sources: Sequence[Source],
-    labelled: Callable[[Source, tuple[int, int]], Labels],
+    sources: Sequence[ImageSource],
+    labelled: Callable[[ImageSource, tuple[int, int]], Labels],
     folder: Path,
     options: PicturesOptions,
-    masked: Callable[[Source], np.ndarray] | None = None,
+    masked: Callable[[ImageSource], np.ndarray] | None = None,
 ) -> None:
     rows = []
     with writing_folder(folder) as made:
@@ -183,9 +185,9 @@ def _convert(
 
 
 def _convert_one(
-    source: Source,
-    labelled: Callable[[Source, tuple[int, int]], Labels],
-    masked: Callable[[Source], np.ndarray] | None,
+    source: ImageSource,
+    labelled: Callable[[ImageSource, tuple[int, int]], Labels],
+    masked: Callable[[ImageSource], np.ndarray] | None,
     made: Path,
     options: PicturesOptions,
 ) -> str:

@@ -13,9 +13,9 @@ from polarsim.detect import detectors
 from polarsim.detect.dataset import read_pictures
 from polarsim.detect.frame import frame, read_picture
 from polarsim.detect.grouping import BOX_COLUMNS, detection_rows
-from polarsim.detect.inference_widths import ClassSizes, Sizes, merge
+from polarsim.detect.inference_widths import ClassSizes, InferenceWidths, merge
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.sand_filter import Sand
+from polarsim.detect.sand_filter import SandFilter
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, about
@@ -84,7 +84,7 @@ def predict(
     with about(weights):
         loaded = detectors.load_detector(detector, predictions.parent, options, threads)
     paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
-    sand = Sand.read(cameras, meshes)
+    sand = SandFilter.read(cameras, meshes)
 
     def see(some: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
@@ -107,8 +107,8 @@ def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> ClassS
     if named := ClassSizes.named(options):
         return named
     if detector.sizes:
-        return ClassSizes(tuple(Sizes(tuple(widths), tuple(gates)) for widths, gates in detector.sizes))
-    return ClassSizes.same(Sizes((detector.imgsz,)))
+        return ClassSizes(tuple(InferenceWidths(tuple(widths), tuple(gates)) for widths, gates in detector.sizes))
+    return ClassSizes.same(InferenceWidths((detector.imgsz,)))
 
 
 def detect(

@@ -19,25 +19,25 @@ from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, wall_he
 
 
 @dataclass(frozen=True)
-class Sandbox:
+class TerrainSand:
     """Camera poses and sand level of a terrain."""
 
     rigs: Mapping[str, LocalisedRig]  # by position
     level_m: float  # height of the sand in the sandbox frame; -0.15 to 0.18 m in published meshes
 
 
-class Sand:
+class SandFilter:
     """Filter of boxes by the sand of the terrains.
 
     Photos without known terrain or position, and photos with unverified poses (errors of decimetres), keep all boxes.
     """
 
-    def __init__(self, terrains: Mapping[int, Sandbox], files: Sequence[Path]) -> None:
+    def __init__(self, terrains: Mapping[int, TerrainSand], files: Sequence[Path]) -> None:
         self._terrains = terrains
         self.files = tuple(files)  # pose and mesh files of the filter
 
     @classmethod
-    def read(cls, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> Sand:
+    def read(cls, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> SandFilter:
         """Read the folders of poses and meshes of several terrains, paired by folder name.
 
         Raises
@@ -51,7 +51,7 @@ class Sand:
             if folder.name not in grounds:
                 raise DetectError("no mesh folder with the name of this pose folder", path=folder)
             terrain, ground = grounds[folder.name]
-            terrains[terrain] = Sandbox(read_all_localised(folder), _level_of(ground))
+            terrains[terrain] = TerrainSand(read_all_localised(folder), _level_of(ground))
             files += [*localised_files(folder).values(), ground]
         return cls(terrains, files)
 

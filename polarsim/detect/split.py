@@ -46,7 +46,7 @@ def draw_split(keys: Sequence[PhotoKey], by: str, options: SplitOptions) -> dict
     ordered = sorted(set(keys))
     units = sorted({unit(key, by) for key in ordered})
     if by == TERRAIN and options.test_terrains:
-        test = _given_terrains(units, options)
+        test = _configured_terrains(units, options)
     else:
         test = _draw(units, options.test_share, options.seed, "split", by)
     rest = [key for key in ordered if unit(key, by) not in test]
@@ -68,7 +68,7 @@ def _draw(units: Sequence[Hashable], share: float, seed: int, *purpose: str) -> 
     return {units[n] for n in order[: max(1, round(share * len(units)))]}
 
 
-def _given_terrains(terrains: Sequence[int], options: SplitOptions) -> set[Hashable]:
+def _configured_terrains(terrains: Sequence[int], options: SplitOptions) -> set[Hashable]:
     absent = set(options.test_terrains) - set(terrains)
     if absent:
         raise DetectError(f"test terrain {min(absent)} has no photos, available terrains: {list(terrains)}")
@@ -82,7 +82,7 @@ def draw_val(groups: Iterable[str], options: SplitOptions) -> dict[str, str]:
     return {group: VAL if group in val else TRAIN for group in ordered}
 
 
-def leaks(parts: Mapping[PhotoKey, str]) -> list[tuple[int, str, CameraSide]]:
+def shared_views(parts: Mapping[PhotoKey, str]) -> list[tuple[int, str, CameraSide]]:
     """Return views (terrain, position, camera) with photos both inside and outside the test part."""
     test = {key.view for key, part in parts.items() if part == TEST}
     return sorted(test & {key.view for key, part in parts.items() if part != TEST})
@@ -119,7 +119,7 @@ def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: SplitOp
         "test_terrains": sorted({key.terrain for key, part in parts.items() if part == TEST}) if by == TERRAIN else [],
         "val_share": VAL_SHARE,
         "photos": {part: list(parts.values()).count(part) for part in PARTS},
-        "views_on_both_sides": len(leaks(parts)),
+        "views_on_both_sides": len(shared_views(parts)),
     }
     write_json(split.with_suffix(".json"), facts)
 

@@ -14,9 +14,9 @@ from polarsim.geometry.boxes import area, clip
 from polarsim.geometry.images import resize_longer_side
 from polarsim.run_files import class_masks
 
-_LEAST_SEEN = 0.3  # minimum visible share of a labelled box in a window
+_MIN_VISIBLE_SHARE = 0.3  # minimum visible share of a labelled box in a window
 _TRIES = 20  # maximum number of attempts to find a window with a label
-_WHOLE = 10  # every tenth window is the entire image
+_ENTIRE_STEP = 10  # every tenth window is the entire image
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def draw_windows(
     rows, columns = picture.shape
     height = round(width * rows / columns)
     for number in numbers:
-        share = 0.0 if number % _WHOLE == 0 else random.random()
+        share = 0.0 if number % _ENTIRE_STEP == 0 else random.random()
         resized_width = round(width * (max(widest_px, width) / width) ** share)
         pixels = resize_longer_side(picture, resized_width)
         scaled = boxes * np.tile([resized_width / columns, pixels.shape[0] / rows], 2)
@@ -59,7 +59,7 @@ def draw_windows(
         for _ in range(_TRIES):
             start = random.integers(0, np.array(pixels.shape[::-1]) - size + 1)
             inside = clip(scaled - np.tile(start, 2), *size)
-            visible = area(inside) >= _LEAST_SEEN * area(scaled)
+            visible = area(inside) >= _MIN_VISIBLE_SHARE * area(scaled)
             if visible.any():
                 break
         cut = pixels[start[1] : start[1] + size[1], start[0] : start[0] + size[0]]

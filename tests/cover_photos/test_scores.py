@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.cover_photos.merging import merge_seeds
-from polarsim.cover_photos.scores import calibrated_by_others, cover_figures, score_covers
+from polarsim.cover_photos.scores import cover_figures, cross_calibrated, score_covers
 from polarsim.detect.options import ComparisonOptions, PredictionOptions, TrainingOptions
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import PhotoKey
@@ -169,10 +169,10 @@ def test_folds_that_err_alike_calibrate_each_other():
     half = np.vstack([sides[:50], sides[50:] + np.array([0, 5000, 0, 5000])])
     labels = pd.concat([labelled(key, sides) for key in "ab"])
     found = pd.concat([labelled(key, half, confidence=0.9) for key in "ab"])
-    boxes = calibrated_by_others(labels, found, {"1": ["a"], "2": ["b"]})
+    boxes = cross_calibrated(labels, found, {"1": ["a"], "2": ["b"]})
     assert [len(boxes[key]) for key in "ab"] == [100, 100]
     np.testing.assert_allclose(np.concatenate([boxes[key][:, 4] for key in "ab"]), 0.5, atol=0.05)
-    assert calibrated_by_others(labels, found, {"1": ["a", "b"]}) == {}
+    assert cross_calibrated(labels, found, {"1": ["a", "b"]}) == {}
 
 
 def test_the_table_shows_all_terrains_and_each_with_intervals(scored, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.detect.calibration import calibrated, calibration_error, fit_calibration
+from polarsim.detect.calibration import calibrate_boxes, calibration_error, fit_calibration
 
 BOX = np.array([10.0, 10, 50, 50])
 FAR = np.array([200.0, 200, 240, 240])
@@ -33,18 +33,18 @@ def test_what_was_too_sure_or_too_unsure_is_mended(slope):
     others = pictures(random.uniform(0.05, 0.95, 4000), share, random)
     before, after = (
         calibration_error(others[0], rows)
-        for rows in (others[1], [calibrated(row, ((fitted, offset),)) for row in others[1]])
+        for rows in (others[1], [calibrate_boxes(row, ((fitted, offset),)) for row in others[1]])
     )
     assert after < 0.03 < before
 
 
 def test_calibration_keeps_boxes_and_their_order_within_a_class():
     rows = np.array([[*BOX, 0.9, 0], [*FAR, 0.4, 1], [*FAR, 0.2, 0]])
-    changed = calibrated(rows, ((1.7, -0.5), (1.0, 0.0)))
+    changed = calibrate_boxes(rows, ((1.7, -0.5), (1.0, 0.0)))
     assert np.array_equal(changed[:, [0, 1, 2, 3, 5]], rows[:, [0, 1, 2, 3, 5]])
     assert changed[0, 4] > changed[2, 4]
     assert changed[1, 4] == pytest.approx(0.4)
-    assert calibrated(rows, ()) is rows
+    assert calibrate_boxes(rows, ()) is rows
 
 
 def test_the_error_of_calibration_by_hand():

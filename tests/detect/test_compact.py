@@ -29,8 +29,8 @@ torch = pytest.importorskip("torch")
 
 from polarsim.detect.detectors.compact.loss import assign, losses  # noqa: E402
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
-from polarsim.detect.detectors.compact.pictures import Picture, changed  # noqa: E402
-from polarsim.detect.detectors.compact.weights import found, network  # noqa: E402
+from polarsim.detect.detectors.compact.pictures import TrainingImage, augment  # noqa: E402
+from polarsim.detect.detectors.compact.weights import decode_boxes, network  # noqa: E402
 from polarsim.detect.detectors.devices import computes_bfloat16  # noqa: E402
 
 pytestmark = pytest.mark.slow
@@ -282,7 +282,7 @@ def test_pictures_without_labels_have_a_loss_that_can_be_followed_back():
 def test_a_changed_picture_has_its_blob_where_its_box_says(seed):
     pixels = np.full((96, 160), 60, np.uint8)
     pixels[30:60, 50:90] = 200
-    picture = changed(Picture(pixels, np.array([1]), np.array([[50.0, 30, 90, 60]])), np.random.default_rng(seed))
+    picture = augment(TrainingImage(pixels, np.array([1]), np.array([[50.0, 30, 90, 60]])), np.random.default_rng(seed))
     rows, columns = np.nonzero(picture.pixels > (int(picture.pixels.max()) + 60) // 2)
     assert picture.classes.tolist() == [1]
     np.testing.assert_allclose(
@@ -294,11 +294,11 @@ def test_suppression_keeps_classes_apart_and_the_limits(monkeypatch):
     logits = torch.full((1, 2, 2, 2), -9.0)
     logits[0, 0, 0, 0], logits[0, 0, 1, 1], logits[0, 1, 0, 0] = 2.0, 1.0, 0.0
     boxes = torch.tensor([0.0, 0, 10, 10]).view(1, 1, 4, 1, 1).repeat(1, 2, 1, 2, 2)
-    rows = found(logits, boxes, PREDICTION)[0]
+    rows = decode_boxes(logits, boxes, PREDICTION)[0]
     assert rows[:, 5].tolist() == [0, 1]  # the second rock is the first one's double
     np.testing.assert_allclose(rows[:, 4], [1 / (1 + math.exp(-2)), 0.5], rtol=1e-6)
     monkeypatch.setattr("polarsim.detect.detectors.compact.weights.MAX_BOXES", 1)
-    assert len(found(logits, boxes, PREDICTION)[0]) == 1
+    assert len(decode_boxes(logits, boxes, PREDICTION)[0]) == 1
 
 
 def test_a_network_answers_at_every_fourth_pixel():

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from polarsim.cli import app
 from polarsim.detect import detectors, tone
 from polarsim.detect.detect_pictures import find_in_pictures, prediction_options, read_any
-from polarsim.detect.inference_widths import ClassSizes, Sizes
+from polarsim.detect.inference_widths import ClassSizes, InferenceWidths
 from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.detect.predict import detect
 from polarsim.errors import DetectError, PolarsimError
@@ -199,7 +199,7 @@ def test_a_picture_of_another_shape_is_not_stretched():
     pixels = np.zeros((1080, 1920), np.uint8)
     pixels[600:700, 400:520] = 255
 
-    (found,) = detect(brightest, [pixels], ClassSizes.same(Sizes((960,))), 0.5, (1920, 1080))
+    (found,) = detect(brightest, [pixels], ClassSizes.same(InferenceWidths((960,))), 0.5, (1920, 1080))
     np.testing.assert_allclose(found[0, :4], [400, 600, 520, 700], atol=2.1)
 
 
@@ -243,7 +243,7 @@ def test_bfloat16_finds_what_float32_finds():
     """The packaged detector, lit lumps with shadows on sand: every sure rock within a pixel."""
     options = prediction_options([], [], "cpu")
     loaded = detectors.load_detector(detectors.read_detector(PACKAGED), PACKAGED.parent, options, 1)
-    sizes, pictures = ClassSizes.same(Sizes((960,))), [lit_lumps()]
+    sizes, pictures = ClassSizes.same(InferenceWidths((960,))), [lit_lumps()]
     with torch.autocast("cpu", torch.bfloat16):
         (fast,) = detect(loaded, pictures, sizes, 0.5, (968, 608))
     (exact,) = detect(loaded, pictures, sizes, 0.5, (968, 608))
@@ -257,7 +257,7 @@ def test_bfloat16_finds_what_float32_finds():
 
 def test_norms_in_convolutions_change_no_answer(rng, tmp_path, monkeypatch):
     """`load` against the network as it was trained, its norms away from the identity: all scores and boxes."""
-    from polarsim.detect.detectors.compact.weights import as_input, network
+    from polarsim.detect.detectors.compact.weights import network, to_input
 
     torch.manual_seed(0)
     module, options = network("compact"), PredictionOptions(device="cpu")
@@ -268,13 +268,13 @@ def test_norms_in_convolutions_change_no_answer(rng, tmp_path, monkeypatch):
     state = {name: value.half() for name, value in module.state_dict().items()}
     answers = []
     monkeypatch.setattr(
-        "polarsim.detect.detectors.compact.weights.found",
+        "polarsim.detect.detectors.compact.weights.decode_boxes",
         lambda logits, boxes, _: answers.append((logits.sigmoid(), boxes)) or [np.zeros((0, 6))] * len(logits),
     )
     pictures = rng.integers(0, 256, (2, 64, 96), np.uint8)
     detectors.load_detector(detectors.Detector("compact", 96, 1, "scratch", state), tmp_path, options, 1)(pictures)
     with torch.inference_mode():
-        logits, boxes = network("compact", state).eval()(as_input(pictures, "cpu"))
+        logits, boxes = network("compact", state).eval()(to_input(pictures, "cpu"))
     ((scores, corners),) = answers
     assert min(float(scores.std()) / 1e-3, float(corners.std())) > 1  # the answers differ from cell to cell
     torch.testing.assert_close(scores, logits.sigmoid(), rtol=0, atol=1e-4)

@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from polarsim.detect.inference_widths import ClassSizes, Sizes, choose_sizes, merge
+from polarsim.detect.inference_widths import ClassSizes, InferenceWidths, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
 
-BOTH = ClassSizes.same(Sizes((512, 896), (64.0,)))
+BOTH = ClassSizes.same(InferenceWidths((512, 896), (64.0,)))
 
 
 def rows(*sides, confidence=0.5, left=0.0, kind=0):
@@ -53,7 +53,9 @@ def test_sizes_are_chosen_by_what_is_found_where():
     labels = [(np.array([0, 0]), rows(20, 300)[:, :4])]
     found = {512: [rows(20, 300)[1:]], 896: [rows(20, 300)[:1]]}
     assert choose_sizes(labels, found, 0.5, 300).widths == [512, 896]
-    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == ClassSizes.same(Sizes((512,)))
+    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == ClassSizes.same(
+        InferenceWidths((512,))
+    )
 
 
 def test_rocks_and_shadows_have_sizes_of_their_own():
@@ -64,7 +66,7 @@ def test_rocks_and_shadows_have_sizes_of_their_own():
     wrong = rows(250, left=5000, confidence=0.9, kind=1)
     found = {512: [np.vstack([shadow])], 896: [np.vstack([rock, wrong])]}
     sizes = choose_sizes(labels, found, 0.5, 300)
-    assert sizes == ClassSizes((Sizes((896,)), Sizes((512,))))
+    assert sizes == ClassSizes((InferenceWidths((896,)), InferenceWidths((512,))))
     merged = merge({width: rows[0] for width, rows in found.items()}, sizes, 0.5, 300)
     assert sorted(merged[:, 5]) == [0, 1]
     assert wrong[0, 0] not in merged[:, 0]
@@ -80,13 +82,13 @@ def test_widths_and_gates_that_do_not_go_together_are_refused(given):
 
 def test_sizes_that_options_name_hold_for_every_class():
     named = ClassSizes.named(PredictionOptions(widths=[512, 1024], gates_px=[48]))
-    assert named == ClassSizes.same(Sizes((512, 1024), (48.0,)))
+    assert named == ClassSizes.same(InferenceWidths((512, 1024), (48.0,)))
     assert ClassSizes.named(PredictionOptions()) is None
 
 
 def test_a_picture_is_not_looked_at_wider_than_it_is():
-    sizes = Sizes((640, 1024, 1792), (128.0, 64.0))
-    assert sizes.within(960) == Sizes((640, 960), (128.0,))
-    assert sizes.within(1024) == Sizes((640, 1024), (128.0,))
-    assert sizes.within(320) == Sizes((320,))
+    sizes = InferenceWidths((640, 1024, 1792), (128.0, 64.0))
+    assert sizes.within(960) == InferenceWidths((640, 960), (128.0,))
+    assert sizes.within(1024) == InferenceWidths((640, 1024), (128.0,))
+    assert sizes.within(320) == InferenceWidths((320,))
     assert sizes.within(1920) == sizes

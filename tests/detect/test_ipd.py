@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect import ipd
-from polarsim.detect.ipd import Rules, instance_performance, of_rocks, pair
+from polarsim.detect.ipd import Rules, instance_performance, pair, rock_means
 from polarsim.errors import DetectError
 
 # arXiv 2309.12397: IOU_mean of Table 1 in two domains, and the IPD of Table 2.
@@ -197,6 +197,6 @@ def test_names_that_are_no_photo_keys_have_no_view():
 def test_a_rocks_row_is_the_mean_over_its_photos():
     keys = ("03_A_off_180_L_0256", "03_A_off_180_R_0256")
     pairs = pair(performances((keys[0], 7, 0.9), (keys[1], 7, 0.7)), performances((keys[0], 7, 0.5), (keys[1], 7, 0.1)))
-    row = of_rocks(pairs).iloc[0]
+    row = rock_means(pairs).iloc[0]
     assert row[["terrain", "rock", "kind", "photos"]].tolist() == [3, 7, "rock", 2]
     assert row[["iou_first", "iou_second", "difference"]].tolist() == pytest.approx([0.8, 0.3, 0.5])

@@ -24,7 +24,7 @@ torch = pytest.importorskip("torch")
 
 from polarsim.detect.detectors.compact.loss import MASK_WEIGHT, mask_loss  # noqa: E402
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
-from polarsim.detect.detectors.compact.pictures import Picture, changed, shares  # noqa: E402
+from polarsim.detect.detectors.compact.pictures import TrainingImage, augment, class_shares  # noqa: E402
 from polarsim.detect.detectors.compact.training import _mean_iou, fitness_of  # noqa: E402
 from polarsim.detect.detectors.compact.weights import network  # noqa: E402
 
@@ -172,7 +172,7 @@ def test_masks_lie_where_the_picture_shows_things(size):
 
     def bright_cells(pictures):
         assert pictures.shape[1] % 32 == pictures.shape[2] % 32 == 0
-        rock = shares((pictures[0] > 180).astype(np.uint8), STRIDE)[1]
+        rock = class_shares((pictures[0] > 180).astype(np.uint8), STRIDE)[1]
         return np.stack([1 - rock, rock, np.zeros_like(rock)])[None]
 
     width, height = size
@@ -195,7 +195,7 @@ def test_what_lies_in_no_box_of_its_kind_is_ground():
 
 def test_shares_of_a_cell_by_hand():
     mask = np.array([[1, 1, 0, 2], [1, 255, 0, 2]], np.uint8)
-    np.testing.assert_allclose(shares(mask, 2), [[[0, 0.5]], [[0.75, 0]], [[0, 0.5]]])
+    np.testing.assert_allclose(class_shares(mask, 2), [[[0, 0.5]], [[0.75, 0]], [[0, 0.5]]])
 
 
 def test_the_loss_of_a_mask_by_hand_and_of_one_of_which_nothing_is_known():
@@ -215,7 +215,7 @@ def test_a_changed_picture_has_its_mask_with_it(seed):
     pixels, mask = np.full((96, 160), 60, np.uint8), np.zeros((96, 160), np.uint8)
     pixels[30:60, 50:90], mask[30:60, 50:90] = 200, ROCK
     boxes = np.array([[50.0, 30, 90, 60]])
-    picture = changed(Picture(pixels, np.array([0]), boxes, mask), np.random.default_rng(seed))
+    picture = augment(TrainingImage(pixels, np.array([0]), boxes, mask), np.random.default_rng(seed))
     bright = picture.pixels > (int(picture.pixels.max()) + 60) // 2
     assert np.mean(bright == (picture.mask == ROCK)) > 0.99
     assert set(np.unique(picture.mask)) <= {GROUND, ROCK, class_masks.IGNORED}

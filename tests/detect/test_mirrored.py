@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from polarsim.detect import detectors
-from polarsim.detect.mirrored import boxes_both_ways, masks_both_ways
+from polarsim.detect.mirrored import detect_with_mirror, segment_with_mirror
 from polarsim.detect.options import PACKAGED, PredictionOptions
 
 
@@ -28,7 +28,7 @@ def pictures():
 
 
 def test_what_is_found_either_way_stays_as_it_is(pictures):
-    for own, both in zip(bright_box(pictures), boxes_both_ways(bright_box, 0.5)(pictures), strict=True):
+    for own, both in zip(bright_box(pictures), detect_with_mirror(bright_box, 0.5)(pictures), strict=True):
         np.testing.assert_allclose(both, own)
 
 
@@ -37,7 +37,7 @@ def test_what_is_found_in_one_of_them_keeps_its_place_and_half_of_its_confidence
         return bright_box(shown, lambda x0, width: x0 > width / 2)  # nothing that begins in the left half
 
     assert not len(half_blind(pictures)[0])
-    for whole, both in zip(bright_box(pictures), boxes_both_ways(half_blind, 0.5)(pictures), strict=True):
+    for whole, both in zip(bright_box(pictures), detect_with_mirror(half_blind, 0.5)(pictures), strict=True):
         np.testing.assert_allclose(both, whole * [1, 1, 1, 1, 0.5, 1])
 
 
@@ -47,7 +47,7 @@ def test_masks_are_the_mean_of_both(pictures):
         share = np.linspace(0, 1, shown.shape[2], dtype=np.float32)
         return np.broadcast_to(np.stack([1 - share, share])[None, :, None], (len(shown), 2, 1, shown.shape[2]))
 
-    np.testing.assert_allclose(masks_both_ways(by_column)(pictures), 0.5, atol=1e-6)
+    np.testing.assert_allclose(segment_with_mirror(by_column)(pictures), 0.5, atol=1e-6)
 
 
 def test_a_mirrored_picture_has_the_mirrored_boxes():

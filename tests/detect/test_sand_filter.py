@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.detect.sand_filter import Sand, on_sand
+from polarsim.detect.sand_filter import SandFilter, on_sand
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats import obj
 from polarsim.geometry.camera import Camera
@@ -85,7 +85,7 @@ def test_photos_without_a_pose_keep_all(rigs, kept, tmp_path):
     for position, rig in rigs.items():
         write_localised(cameras / f"Pos{position}.json", rig)
     found = np.concatenate([standing_at(0, 0), standing_at(3, 0)])
-    sand = Sand.read([cameras], [meshes])
+    sand = SandFilter.read([cameras], [meshes])
     assert len(sand.keep(KEY, found)) == kept
     assert len(sand.keep("03" + KEY[2:], found)) == 2
 
@@ -96,16 +96,16 @@ def test_the_ground_says_how_high_the_sand_lies(tmp_path):
     write_localised(cameras / "PosA.json", RIG)
     for level, kept in ((0.0, 0), (0.2, 1)):
         write_ground(meshes, level)
-        assert len(Sand.read([cameras], [meshes]).keep(KEY, standing_at(2.3, 0.0))) == kept
+        assert len(SandFilter.read([cameras], [meshes]).keep(KEY, standing_at(2.3, 0.0))) == kept
 
 
 def test_folders_without_their_other_half_or_a_ground_are_refused(tmp_path):
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     with pytest.raises(FormatError):
-        Sand.read([cameras], [meshes])
+        SandFilter.read([cameras], [meshes])
     write_ground(meshes)
     with pytest.raises(DetectError):
-        Sand.read([tmp_path / "cameras/Terrain03"], [meshes])
+        SandFilter.read([tmp_path / "cameras/Terrain03"], [meshes])
 
 
 def test_what_says_where_the_sand_lies_is_named(tmp_path):
@@ -113,5 +113,5 @@ def test_what_says_where_the_sand_lies_is_named(tmp_path):
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     write_ground(meshes)
     write_localised(cameras / "PosA.json", RIG)
-    assert Sand.read([cameras], [meshes]).files == (cameras / "PosA.json", meshes / "terrain01_ground.obj")
-    assert Sand.read([], []).files == ()
+    assert SandFilter.read([cameras], [meshes]).files == (cameras / "PosA.json", meshes / "terrain01_ground.obj")
+    assert SandFilter.read([], []).files == ()

@@ -3,7 +3,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.options import SplitOptions
-from polarsim.detect.split import check_split, draw_split, draw_val, leaks, read_split, split_photos
+from polarsim.detect.split import check_split, draw_split, draw_val, read_split, shared_views, split_photos
 from polarsim.errors import DetectError
 from polarsim.formats.files import read_json
 from polarsim.photo import TERRAINS, PhotoKey, photo_grid
@@ -36,7 +36,7 @@ def test_another_seed_draws_another_split():
 
 
 def test_a_split_by_photo_leaks_views():
-    assert (1, "A", "L") in leaks(draw_split(GRID, "photo", OPTIONS))
+    assert (1, "A", "L") in shared_views(draw_split(GRID, "photo", OPTIONS))
 
 
 @settings(deadline=None)
@@ -46,7 +46,7 @@ def test_no_view_is_on_both_sides_of_a_strict_split(keys, by, seed):
         parts = draw_split(keys, by, SplitOptions(seed=seed))
     except DetectError:
         assume(False)  # too few photos to split
-    assert leaks(parts) == []
+    assert shared_views(parts) == []
     assert set(parts.values()) == {"train", "val", "test"}
 
 
@@ -101,8 +101,8 @@ def test_given_terrains_are_the_test():
 def test_a_leak_is_a_view_on_both_sides():
     left, right = PhotoKey.parse("01_A_off_180_L_0256"), PhotoKey.parse("01_A_off_180_R_0256")
     brighter = left.with_exposure(512)
-    assert leaks({left: "train", right: "test"}) == []  # another camera is another view
-    assert leaks({left: "val", right: "train", brighter: "test"}) == [(1, "A", "L")]
+    assert shared_views({left: "train", right: "test"}) == []  # another camera is another view
+    assert shared_views({left: "val", right: "train", brighter: "test"}) == [(1, "A", "L")]
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.detect.tone import bits_in_use, brightened, shrink, to_8_bits
+from polarsim.detect.tone import bits_in_use, brighten, shrink, to_8_bits
 
 RAMP = np.linspace(16, 4095, 4080).round().astype(np.uint16)[None].repeat(4, axis=0)
 
@@ -45,7 +45,7 @@ def test_a_picture_has_as_many_bits_as_its_brightest_pixel_asks_for(kind, most, 
 
 def test_underexposed_pictures_of_eight_bits_become_as_bright_as_others():
     ramp = np.tile(np.arange(256, dtype=np.uint8), (64, 1))
-    np.testing.assert_array_equal(brightened(ramp), ramp)
-    np.testing.assert_allclose(brightened(ramp // 4), ramp, atol=5)
-    assert brightened(ramp // 64).max() == 8 * 3  # what is that dark is noise
-    assert not brightened(np.zeros((8, 8), np.uint8)).any()
+    np.testing.assert_array_equal(brighten(ramp), ramp)
+    np.testing.assert_allclose(brighten(ramp // 4), ramp, atol=5)
+    assert brighten(ramp // 64).max() == 8 * 3  # what is that dark is noise
+    assert not brighten(np.zeros((8, 8), np.uint8)).any()

@@ -8,11 +8,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from polarsim.detect.calibration import calibrated
+from polarsim.detect.calibration import calibrate_boxes
 from polarsim.detect.detectors.devices import choose_device, has_bfloat16, load_torch
 from polarsim.detect.detectors.families import Family, LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector
-from polarsim.detect.mirrored import boxes_both_ways, masks_both_ways
+from polarsim.detect.mirrored import detect_with_mirror, segment_with_mirror
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 
@@ -42,14 +42,14 @@ def load_detector(detector: Detector, folder: Path, options: PredictionOptions, 
     """
     loaded = _in_precision(family(detector.model).load(detector, folder, options, threads), detector.model, options)
     if options.mirrored:
-        loaded = boxes_both_ways(loaded, options.nms_iou)
-    return lambda pictures: [calibrated(rows, detector.calibration) for rows in loaded(pictures)]
+        loaded = detect_with_mirror(loaded, options.nms_iou)
+    return lambda pictures: [calibrate_boxes(rows, detector.calibration) for rows in loaded(pictures)]
 
 
 def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
     """Load mask inference with the precision, mirroring and device of the options, see `Family.load_masks`."""
     loaded = _in_precision(family(detector.model).load_masks(detector, options, threads), detector.model, options)
-    return masks_both_ways(loaded) if options.mirrored else loaded
+    return segment_with_mirror(loaded) if options.mirrored else loaded
 
 
 def _in_precision(

@@ -17,7 +17,7 @@ from torch.nn import functional
 
 STRIDE = 4  # side of a cell of the head, px of the input
 WIDTHS = {"compact": (16, 32, 64, 96, 128), "compact-l": (32, 64, 128, 192, 256)}  # channels at strides 2 to 32
-_FIRST_SCORE = 0.01  # initial score of every cell, low because nearly all cells are empty
+_INITIAL_SCORE = 0.01  # initial score of every cell, low because nearly all cells are empty
 
 
 class Compact(nn.Module):
@@ -36,7 +36,7 @@ class Compact(nn.Module):
         self.tower = nn.Sequential(_conv(neck, neck), _conv(neck, neck))
         self.score = nn.Conv2d(neck, classes, 1)
         self.edges = nn.Conv2d(neck, 4 * classes, 1)
-        nn.init.constant_(self.score.bias, -math.log((1 - _FIRST_SCORE) / _FIRST_SCORE))
+        nn.init.constant_(self.score.bias, -math.log((1 - _INITIAL_SCORE) / _INITIAL_SCORE))
         nn.init.zeros_(self.edges.weight)
         nn.init.constant_(self.edges.bias, math.log(1.5))
         # Created last, so that the initial weights of the other layers do not depend on the mask head.

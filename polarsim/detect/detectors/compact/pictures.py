@@ -19,12 +19,12 @@ from polarsim.run_files import class_masks
 
 _CACHE_BYTES = 1 << 30  # memory of cached images; the remaining images are read in every epoch
 _TRANSLATION, _SCALE, _BRIGHTNESS = 0.1, 0.3, 0.3  # maximum relative changes, equal to those of YOLO detectors
-_LEAST_SEEN = 0.25  # minimum visible share of a box in an augmented image
-_LEAST_SIDE = 0.5  # minimum side of a box, px
+_MIN_VISIBLE_SHARE = 0.25  # minimum visible share of a box in an augmented image
+_MIN_SIDE = 0.5  # minimum side of a box, px
 
 
 @dataclass(frozen=True)
-class Picture:
+class TrainingImage:
     """Network input with labels."""
 
     pixels: np.ndarray  # (h, w) uint8
@@ -39,13 +39,13 @@ class Pictures:
     def __init__(self, dataset: Path, part: str, imgsz: int, masks: bool = False) -> None:
         self._dataset, self._part, self._imgsz, self._masks = dataset, part, imgsz, masks
         self._keys = read_pictures(dataset, part)
-        self._cache: dict[int, Picture] = {}
+        self._cache: dict[int, TrainingImage] = {}
         self._room = _CACHE_BYTES
 
     def __len__(self) -> int:
         return len(self._keys)
 
-    def __getitem__(self, index: int) -> Picture:
+    def __getitem__(self, index: int) -> TrainingImage:
         if index in self._cache:
             return self._cache[index]
         picture = self._read(self._keys[index])
@@ -55,13 +55,13 @@ class Pictures:
             self._room -= size
         return picture
 
-    def _read(self, key: str) -> Picture:
+    def _read(self, key: str) -> TrainingImage:
         pixels, offset, scale = frame(read_picture(self._dataset / "images" / self._part / f"{key}.png"), self._imgsz)
         classes, boxes = yolo.read_boxes(self._dataset / "labels" / self._part / f"{key}.txt")
         mask = None
         if self._masks:
             mask = _framed(class_masks.read(self._dataset / MASKS / self._part / f"{key}.png"), pixels, offset, scale)
-        return Picture(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2), mask)
+        return TrainingImage(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2), mask)
 
 
 def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -73,7 +73,7 @@ def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.
     return framed
 
 
-def shares(mask: np.ndarray, cell: int) -> np.ndarray:
+def class_shares(mask: np.ndarray, cell: int) -> np.ndarray:
     """Return the share of each class (classes, h / cell, w / cell) float32 in the cells of a mask (h, w)."""
     height, width = mask.shape
     cells = mask.reshape(height // cell, cell, width // cell, cell)
@@ -82,7 +82,7 @@ def shares(mask: np.ndarray, cell: int) -> np.ndarray:
     )
 
 
-def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[Picture]]:
+def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[TrainingImage]]:
     """Yield batches of images in the given order.
 
     Raises
@@ -97,7 +97,7 @@ def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[P
         yield batch
 
 
-def changed(picture: Picture, random: np.random.Generator) -> Picture:
+def augment(picture: TrainingImage, random: np.random.Generator) -> TrainingImage:
     """Mirror, shift, scale and brighten or darken an image with its boxes and mask at random."""
     import cv2
 
@@ -128,5 +128,5 @@ def changed(picture: Picture, random: np.random.Generator) -> Picture:
     moved = np.concatenate([np.minimum(low, high), np.maximum(low, high)], axis=1)
     inside = clip(moved, width, height)
     sides = inside[:, 2:] - inside[:, :2]
-    visible = (sides.min(axis=1) >= _LEAST_SIDE) & (area(inside) >= _LEAST_SEEN * area(moved))
-    return Picture(pixels, picture.classes[visible], inside[visible], mask)
+    visible = (sides.min(axis=1) >= _MIN_SIDE) & (area(inside) >= _MIN_VISIBLE_SHARE * area(moved))
+    return TrainingImage(pixels, picture.classes[visible], inside[visible], mask)

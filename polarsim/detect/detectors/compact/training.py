@@ -15,8 +15,8 @@ import torch
 from polarsim.detect import metrics
 from polarsim.detect.detectors.compact.loss import losses, mask_loss
 from polarsim.detect.detectors.compact.network import STRIDE, Compact
-from polarsim.detect.detectors.compact.pictures import Picture, Pictures, batches, changed, shares
-from polarsim.detect.detectors.compact.weights import as_input, found, network
+from polarsim.detect.detectors.compact.pictures import Pictures, TrainingImage, augment, batches, class_shares
+from polarsim.detect.detectors.compact.weights import decode_boxes, network, to_input
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16
 from polarsim.detect.detectors.families import Trained, Training
 from polarsim.detect.detectors.files import load, read_detector, save
@@ -30,13 +30,13 @@ _WARM_UP = 100  # number of warm-up steps
 _LAST_RATE = 0.02  # final learning rate relative to the peak
 _DECAY = 0.01  # weight decay of convolutions; none for biases and norms
 _AVERAGE = 0.98  # decay of the averaged weights per step; Polyak and Juditsky, SIAM J. Control 30 (1992) 838
-_LARGEST_GRADIENT = 10.0  # maximum norm of the gradient
-_MOSTLY = 0.5  # minimum share of the class of a cell in the IoU of validation
+_MAX_GRADIENT_NORM = 10.0  # maximum norm of the gradient
+_MIN_MAJORITY = 0.5  # minimum share of the class of a cell in the IoU of validation
 log = logging.getLogger("polarsim")
 
 
 @dataclass
-class State:
+class TrainingState:
     """State of a training, stored in checkpoints."""
 
     module: Compact
@@ -48,7 +48,7 @@ class State:
     curve: list[dict[str, float]] = field(default_factory=list)  # one row per finished epoch
 
 
-class Answers(NamedTuple):
+class NetworkOutput(NamedTuple):
     """Network output of a batch, see `Compact`."""
 
     logits: torch.Tensor
@@ -65,7 +65,7 @@ def train(training: Training) -> Trained:
     device = _set_up_torch(training)
     pictures, held_out = (Pictures(training.dataset, part, training.imgsz, options.masks) for part in (TRAIN, VAL))
     state = _start(training, device)
-    _go_on(state, checkpoint)
+    _resume(state, checkpoint)
     for epoch in range(len(state.curve), options.epochs):
         losses_of_epoch = _train_epoch(state, pictures, epoch, training, device)
         if not np.isfinite(list(losses_of_epoch.values())).all():
@@ -101,7 +101,7 @@ def _set_up_torch(training: Training) -> str:
     return choose_device(training.prediction.device)
 
 
-def _start(training: Training, device: str) -> State:
+def _start(training: Training, device: str) -> TrainingState:
     options = training.options
     with torch.random.fork_rng(devices=[]):  # on the CPU, so that initial weights do not depend on the device
         torch.manual_seed(int(generator(training.seed, "detect", "weights").integers(2**31)))
@@ -114,10 +114,12 @@ def _start(training: Training, device: str) -> State:
     kernels = [value for value in module.parameters() if value.ndim > 1]
     vectors = [value for value in module.parameters() if value.ndim <= 1]
     groups = [{"params": kernels, "weight_decay": _DECAY}, {"params": vectors, "weight_decay": 0.0}]
-    return State(module, average, torch.optim.AdamW(groups, lr=options.learning_rate, fused=True))
+    return TrainingState(module, average, torch.optim.AdamW(groups, lr=options.learning_rate, fused=True))
 
 
-def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Training, device: str) -> dict[str, float]:
+def _train_epoch(
+    state: TrainingState, pictures: Pictures, epoch: int, training: Training, device: str
+) -> dict[str, float]:
     """Train one epoch; return mean losses. Random numbers depend only on seed and epoch."""
     options = training.options
     random = generator(training.seed, "detect", "epoch", epoch)
@@ -130,13 +132,13 @@ def _train_epoch(state: State, pictures: Pictures, epoch: int, training: Trainin
         rate = options.learning_rate * _rate(state.steps, steps * options.epochs)
         for group in state.optimizer.param_groups:
             group["lr"] = rate
-        augmented = [changed(picture, random) for picture in batch] if options.augment else batch
+        augmented = [augment(picture, random) for picture in batch] if options.augment else batch
         with torch.autocast(device, torch.bfloat16, enabled=bfloat16):
-            answers = _answers(state.module, augmented, device)
+            answers = _forward(state.module, augmented, device)
         parts = _losses(answers, augmented, _shares(augmented), device)
         state.optimizer.zero_grad()
         sum(parts.values()).backward()  # type: ignore[union-attr]
-        torch.nn.utils.clip_grad_norm_(state.module.parameters(), _LARGEST_GRADIENT)
+        torch.nn.utils.clip_grad_norm_(state.module.parameters(), _MAX_GRADIENT_NORM)
         state.optimizer.step()
         state.steps += 1
         _update_average(state)
@@ -153,7 +155,7 @@ def _rate(step: int, steps: int) -> float:
     return min(1.0, (step + 1) / min(_WARM_UP, steps)) * falling
 
 
-def _update_average(state: State) -> None:
+def _update_average(state: TrainingState) -> None:
     """Update the moving average of the weights. Unlike this, `AveragedModel` of torch copies the first step."""
     keep = min(_AVERAGE, (1 + state.steps) / (10 + state.steps))  # lower weight of the initial values in early steps
     with torch.no_grad():
@@ -170,10 +172,10 @@ def _validate(module: Compact, pictures: Pictures, training: Training, device: s
     confusion = np.zeros((len(CLASSES), len(CLASSES)), int)
     for batch in batches(pictures, np.arange(len(pictures)), training.options.batch):
         with torch.inference_mode():
-            answers, targets = _answers(module, batch, device), _shares(batch)
+            answers, targets = _forward(module, batch, device), _shares(batch)
             totals.append({name: float(part) for name, part in _losses(answers, batch, targets, device).items()})
         validated += batch
-        detections += found(answers.logits, answers.boxes, training.prediction)
+        detections += decode_boxes(answers.logits, answers.boxes, training.prediction)
         if answers.masks is not None and targets is not None:
             confusion += _confusion(answers.masks, targets)
     mean = metrics.mean_precision([(picture.classes, picture.boxes) for picture in validated], detections)
@@ -183,12 +185,14 @@ def _validate(module: Compact, pictures: Pictures, training: Training, device: s
     return row
 
 
-def _answers(module: Compact, batch: list[Picture], device: str) -> Answers:
+def _forward(module: Compact, batch: list[TrainingImage], device: str) -> NetworkOutput:
     features = module.features(_input(batch, device))
-    return Answers(*module.boxes(features), None if module.mask is None else module.masks(features))
+    return NetworkOutput(*module.boxes(features), None if module.mask is None else module.masks(features))
 
 
-def _losses(answers: Answers, batch: list[Picture], targets: np.ndarray | None, device: str) -> dict[str, torch.Tensor]:
+def _losses(
+    answers: NetworkOutput, batch: list[TrainingImage], targets: np.ndarray | None, device: str
+) -> dict[str, torch.Tensor]:
     class_loss, box_loss = losses(answers.logits, answers.boxes, _labels(batch, device))
     parts = {"class_loss": class_loss, "box_loss": box_loss}
     if answers.masks is not None and targets is not None:
@@ -208,21 +212,21 @@ def _mean_iou(confusion: np.ndarray) -> float:
 
 def _confusion(logits: torch.Tensor, targets: np.ndarray) -> np.ndarray:
     """Return the confusion matrix of cells with a majority class."""
-    truth = np.where(targets.max(axis=1) > _MOSTLY, targets.argmax(axis=1), IGNORED)
+    truth = np.where(targets.max(axis=1) > _MIN_MAJORITY, targets.argmax(axis=1), IGNORED)
     return masks.confusion(truth, logits.argmax(dim=1).cpu().numpy(), len(CLASSES))
 
 
-def _shares(batch: list[Picture]) -> np.ndarray | None:
+def _shares(batch: list[TrainingImage]) -> np.ndarray | None:
     """Return the class shares (b, classes, h, w) of cells; None without masks."""
-    by_picture = [shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None]
+    by_picture = [class_shares(picture.mask, STRIDE) for picture in batch if picture.mask is not None]
     return np.stack(by_picture) if by_picture else None
 
 
-def _input(batch: list[Picture], device: str) -> torch.Tensor:
-    return as_input(np.stack([picture.pixels for picture in batch]), device)
+def _input(batch: list[TrainingImage], device: str) -> torch.Tensor:
+    return to_input(np.stack([picture.pixels for picture in batch]), device)
 
 
-def _labels(batch: list[Picture], device: str) -> list[tuple[torch.Tensor, torch.Tensor]]:
+def _labels(batch: list[TrainingImage], device: str) -> list[tuple[torch.Tensor, torch.Tensor]]:
     return [
         (torch.from_numpy(picture.classes).to(device), torch.from_numpy(picture.boxes).float().to(device))
         for picture in batch
@@ -234,7 +238,7 @@ def _half(module: Compact) -> dict[str, Any]:
     return {name: (value.half() if value.is_floating_point() else value).cpu().clone() for name, value in values}
 
 
-def _write_checkpoint(state: State, path: Path) -> None:
+def _write_checkpoint(state: TrainingState, path: Path) -> None:
     content = {
         "module": state.module.state_dict(),
         "average": state.average.state_dict(),
@@ -247,7 +251,7 @@ def _write_checkpoint(state: State, path: Path) -> None:
     save(path, content)
 
 
-def _go_on(state: State, path: Path) -> None:
+def _resume(state: TrainingState, path: Path) -> None:
     """Restore a state from a checkpoint, if a valid checkpoint exists."""
     try:
         content = load(path)

@@ -23,7 +23,7 @@ from polarsim.run_files.class_masks import CLASSES
 
 Module = TypeVar("Module", bound=nn.Module)
 _MASK_HEAD = "mask."  # prefix of the tensor names of the mask head
-_MOST = 1000  # maximum number of boxes of an image and class before suppression
+_MAX_CANDIDATES = 1000  # maximum number of boxes of an image and class before suppression
 
 
 def network(model: str, state: dict[str, Any] | None = None, masks: bool | None = None) -> Compact:
@@ -67,8 +67,8 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         with torch.inference_mode():
-            logits, boxes = module(as_input(pictures, device))
-        return found(logits, boxes, options)
+            logits, boxes = module(to_input(pictures, device))
+        return decode_boxes(logits, boxes, options)
 
     return detect
 
@@ -83,7 +83,7 @@ def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> 
 
     def segment(pictures: np.ndarray) -> np.ndarray:
         with torch.inference_mode():
-            logits = module.masks(module.features(as_input(pictures, device)))
+            logits = module.masks(module.features(to_input(pictures, device)))
             return np.asarray(logits.softmax(dim=1).cpu().numpy())
 
     return segment
@@ -100,20 +100,20 @@ def _fused(module: Module) -> Module:
     return module
 
 
-def as_input(pictures: np.ndarray, device: str) -> Tensor:
+def to_input(pictures: np.ndarray, device: str) -> Tensor:
     """Convert images (b, h, w) uint8 to network input."""
     batch = torch.from_numpy(pictures)[:, None].to(device).float().div_(255)
     return batch.contiguous(memory_format=torch.channels_last)
 
 
-def found(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> list[np.ndarray]:
+def decode_boxes(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> list[np.ndarray]:
     """Convert network output to the boxes of a `LoadedDetector`."""
     scores, boxes = logits.sigmoid().flatten(2).cpu(), boxes.flatten(3).cpu()
     pictures = []
     for score, box in zip(scores, boxes, strict=True):
         rows = [np.zeros((0, 6))]
         for kind in range(len(score)):
-            surest, index = score[kind].topk(min(_MOST, score.shape[1]))
+            surest, index = score[kind].topk(min(_MAX_CANDIDATES, score.shape[1]))
             likely = surest > options.confidence
             surest, corners = surest[likely], box[kind][:, index[likely]].T
             rows.append(np.column_stack([corners, surest, np.full(len(surest), kind)]).astype(float))
