@@ -1,1 +1,1 @@
-"""Forms in which a run leaves the project: one catalogue of what it made, written for the readers that people have."""
+"""Export of a run to public data formats: a catalogue of the run's files, and one writer per format."""

@@ -1,6 +1,6 @@
-"""What a run has to give, read once from `results/<run>/`: every form is written from this and from nothing else.
+"""Catalogue of a run, read from `results/<run>/`, the only input of the writers of formats.
 
-A catalogue names files and holds what is small (keys, poses, lamps); labels are read a terrain at a time.
+A catalogue contains paths of files and small data (keys, poses, lamps); labels are read per terrain on demand.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from polarsim.run_files.rigs import SURVEYED, LocalisedRig
 from polarsim.run_files.run import CONFIG, PHOTO, Run
 
 Origin = Literal["measured", "fitted", "synthetic"]
-# What a real sandbox was measured as, an analog was made up as: nothing of it was ever measured.
+# Origin of raw data by source: all data of the analog are synthetic.
 MEASURED: dict[str, Origin] = {"analog": "synthetic", "polar": "measured", "release": "measured"}
 PHOTO_DOMAINS = {"analog": "analog", "polar": "real", "release": "real"}  # by kind of source
-MAPS = {  # of renders/maps: unit of a step, the step, and what it is; all are computed from fitted meshes and poses
+MAPS = {  # kinds of renders/maps: unit, step and meaning of the values; all are computed from fitted meshes and poses
     "depth": ("mm", 1.0, "Depth along the optical axis; 65535: nothing is seen."),
     "incidence": ("deg", 0.01, "Incidence of the lamp's light; 65535: nothing is seen."),
     "emergence": ("deg", 0.01, "Emergence towards the camera; 65535: nothing is seen."),
@@ -43,8 +43,8 @@ MAPS = {  # of renders/maps: unit of a step, the step, and what it is; all are c
                 "1000 + k and 2000 + k shadows of rock k on itself and on others."),
     "normal": ("", 1.0, "Normal in the sandbox frame: x, y, z as (n + 1) / 2 of 65535; 0 in all: nothing is seen."),
 }  # fmt: skip
-# Where the values of a label come from. A seed is what a person measured by eye; all else was computed from it, from
-# meshes and from lamps, which were fitted; the renderer's are exact of a synthetic picture.
+# Origin of labels by label source: human annotations are measured; propagated labels are computed from seeds, meshes
+# and lamps, which are fitted; rendered labels are exact labels of synthetic images.
 LABEL_ORIGINS: dict[str, Origin] = {
     "seed": "measured",
     "annotated": "measured",
@@ -58,19 +58,19 @@ LABEL_ORIGINS: dict[str, Origin] = {
 
 @dataclass(frozen=True, order=True)
 class Picture:
-    """A photo or twin: its domain (`real`, `analog`, or a reflectance model), key, file and size."""
+    """Photo or twin: domain (`real`, `analog`, or a reflectance model), key, file and size."""
 
     domain: str
     key: PhotoKey
     path: Path
     width: int
     height: int
-    sha256: str = ""  # where a table of the run states it
-    part: str = ""  # of `Catalogue.split`: train, val or test; empty in none of them
+    sha256: str = ""  # of photos listed in a table of the run
+    part: str = ""  # of `Catalogue.split`: train, val or test; empty if in no part
 
     @property
     def name(self) -> str:
-        """The same in all forms: domain and key, without a folder or a suffix."""
+        """Domain and key, without folder and suffix; the same in all formats."""
         return f"{self.domain}/{self.key}"
 
     @property
@@ -80,15 +80,15 @@ class Picture:
 
 @dataclass(frozen=True)
 class Terrain:
-    """What is known of a terrain beside its pictures."""
+    """Cameras, lamps, meshes and rocks of a terrain."""
 
     number: int
     kind: str  # of the source
     rigs: Mapping[str, LocalisedRig]  # by position
     suns: Mapping[str, np.ndarray]  # by azimuth, sandbox frame, metres
-    fitted_suns: frozenset[str]  # those that photos place; the others stand where NASA surveyed them
-    meshes: Mapping[int, Path]  # by rock, the ground is NO_ROCK
-    made_from: Mapping[str, str]  # of each mesh file
+    fitted_suns: frozenset[str]  # azimuths of lamps located in photos; the positions of other lamps are surveyed
+    meshes: Mapping[int, Path]  # by rock, NO_ROCK for the ground
+    made_from: Mapping[str, str]  # source of each mesh file
     rocks: pd.DataFrame | None  # `schemas.ROCKS`
     maps: Mapping[str, tuple[Path, ...]]  # renders/maps: depth, normals, photometric angles by name
 
@@ -100,13 +100,13 @@ class Terrain:
         return "fitted" if azimuth in self.fitted_suns else MEASURED[self.kind]
 
     def pose_origin(self, position: str) -> Origin:
-        """A pose that nothing but the survey gives was measured; all others were fitted."""
+        """Return the origin of a pose: poses from the survey are raw data, all other poses are fitted."""
         return MEASURED[self.kind] if self.rigs[position].method == SURVEYED else "fitted"
 
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Everything of a run that leaves it."""
+    """Data of a run that can be published."""
 
     run: Path
     kind: str  # of the source: analog, polar or release
@@ -114,10 +114,10 @@ class Catalogue:
     pictures: tuple[Picture, ...]  # in the order of domains and keys
     drives: tuple[Path, ...] = ()  # folders
     tables: tuple[Path, ...] = ()
-    split: str = ""  # name of the split whose parts pictures have; empty where the run drew none
+    split: str = ""  # name of the split that `Picture.part` refers to; empty if the run has no split
     config: str = ""  # hash of the run's configuration
-    made_on: str = ""  # the day (UTC, YYYY-MM-DD) of the run's newest picture, label, pose or mesh
-    left_out: tuple[str, ...] = field(default_factory=tuple)  # what is not published, in sentences
+    made_on: str = ""  # date (UTC, YYYY-MM-DD) of the run's newest image, label, pose or mesh
+    left_out: tuple[str, ...] = field(default_factory=tuple)  # sentences on excluded data
 
     @property
     def name(self) -> str:
@@ -135,11 +135,11 @@ class Catalogue:
         return [picture for picture in self.pictures if picture.domain == domain]
 
     def picture_origin(self, picture: Picture) -> Origin:
-        """Only a real photo was measured: the analog's come out of a computer, as twins do."""
+        """Return the origin of an image: real photos are measured, photos of the analog and twins are synthetic."""
         return "measured" if picture.domain == "real" else "synthetic"
 
     def label_origin(self, label: Annotation) -> Origin:
-        """Of its box and mask."""
+        """Return the origin of the box and mask of a label."""
         origin = LABEL_ORIGINS.get(label.source, "fitted")
         return MEASURED[self.kind] if origin == "measured" else origin
 
@@ -147,7 +147,7 @@ class Catalogue:
         return picture.domain == self.photo_domain
 
     def camera(self, picture: Picture) -> Camera | None:
-        """Where the picture was taken; None where nobody localised its position."""
+        """Return the camera of an image; None if the position is not localised."""
         localised = self.terrains[picture.key.terrain].rigs.get(picture.key.position)
         if localised is None:
             return None
@@ -155,28 +155,28 @@ class Catalogue:
         return camera if picture.width == camera.lens.width else camera.scaled(picture.width / camera.lens.width)
 
     def labels(self, picture: Picture) -> list[Annotation]:
-        """Rocks and shadows that the picture shows, with masks; photos have propagated ones, twins exact ones."""
+        """Return the labels of an image with masks: propagated labels of photos, exact labels of twins."""
         path = self.label_file(picture)
         return _coco(path, picture.size).get(picture.key, []) if path else []
 
     def label_file(self, picture: Picture) -> Path | None:
-        """Where the labels stand; None of a run that has not come so far."""
+        """Return the COCO file with the labels of an image; None if the run has no labels yet."""
         stage = "labels" if self.is_photo(picture) else "renders"
         path = self.run / stage / "coco" / f"Terrain{picture.key.terrain:02d}.json"
         return path if path.is_file() else None
 
     def sources(self, picture: Picture) -> list[Path]:
-        """Files that what is made of a picture and its labels and its pose depends on."""
+        """Return the files of an image, its labels and its pose."""
         files = (picture.path, self.label_file(picture), self.camera_file(picture))
         return [path for path in files if path and path.is_file()]
 
     def camera_file(self, picture: Picture) -> Path:
-        """Where the pose of its rig stands."""
+        """Return the file with the pose of the stereo rig."""
         return self.run / "cameras" / f"Terrain{picture.key.terrain:02d}" / f"Pos{picture.key.position}.json"
 
     def maps(self) -> list[tuple[str, Path]]:
-        """Kind and file of the maps (depth, photometric angles ...) of what the pictures show."""
-        keys = [one.key for one in self.pictures]
+        """Return kind and file of the maps (depth, photometric angles ...) of all views and brackets."""
+        keys = [picture.key for picture in self.pictures]
         wanted = {str(key).rpartition("_")[0] for key in keys}  # exposure brackets
         wanted |= {f"{key.terrain:02d}_{key.position}_{key.camera}" for key in keys}
         return [
@@ -188,23 +188,23 @@ class Catalogue:
         ]
 
     def instances(self, picture: Picture) -> Path | None:
-        """The exact map of ids of a twin."""
+        """Return the instance map of a twin; None for photos."""
         path = Run(self.run).instances(picture.key)
         return path if not self.is_photo(picture) and path.is_file() else None
 
     def with_pictures(self, pictures: Iterator[Picture] | list[Picture], *notes: str) -> Catalogue:
-        """The same with fewer pictures, and why."""
+        """Return the catalogue with these images only; `notes` are the reasons."""
         kept = tuple(pictures)
-        terrains = {key.terrain for key in (one.key for one in kept)}
+        terrains = {picture.key.terrain for picture in kept}
         return replace(
             self,
             pictures=kept,
-            terrains={number: one for number, one in self.terrains.items() if number in terrains},
+            terrains={number: terrain for number, terrain in self.terrains.items() if number in terrains},
             left_out=(*self.left_out, *notes),
         )
 
 
-@lru_cache(maxsize=4)  # pictures come terrain by terrain, of at most three domains
+@lru_cache(maxsize=4)  # images are processed by terrain, in at most three domains
 def _coco(path: Path, size: tuple[int, int]) -> dict[PhotoKey, list[Annotation]]:
     return read_coco(path, size)
 
@@ -215,24 +215,24 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
     Parameters
     ----------
     split
-        Name of the split whose parts pictures have; empty: the first one of the run's configuration.
+        Name of the split that determines the parts of images; empty for the first split of the run's configuration.
 
     Raises
     ------
     ConfigError
-        No such run, one without labelled pictures, no such split, or several splits without a configuration.
+        The run or the split does not exist, the run has no images, or the first split is not known.
     FormatError
-        A file of it is broken.
+        A file of the run is invalid.
     """
     run = Path(run)
     terrains = {number: _terrain(run, number) for number in TERRAINS if _has(run, number)}
     if not terrains:
-        raise ConfigError("no run: no terrain below acquire/, was the name right and did snakemake run?", path=run)
+        raise ConfigError("is not a run: no terrain below acquire/; check the name or run snakemake", path=run)
     kind = next(iter(terrains.values())).kind
     split = _split(run, split)
     pictures = tuple(sorted(_pictures(Run(run), terrains, PHOTO_DOMAINS[kind], _parts(run, split))))
     if not pictures:
-        raise ConfigError("no picture: neither photos below acquire/ nor twins below renders/", path=run)
+        raise ConfigError("no images: expected photos below acquire/ or twins below renders/", path=run)
     return Catalogue(
         run=run,
         kind=kind,
@@ -275,12 +275,12 @@ def _pictures(
     for terrain in terrains.values():
         listed = run.folder / "acquire" / terrain.name / "photos.parquet"
         if listed.is_file():
-            found = run.pictures_of(PHOTO, terrain.number)
+            paths = run.pictures_of(PHOTO, terrain.number)
             for row in tables.read_parquet(listed, tables.PHOTO_COLUMNS).to_dict("records"):
                 key = PhotoKey.parse(row["key"])
-                path = found[key]
+                path = paths[key]
                 if not path.is_file():
-                    raise FormatError(f"lists {path}, which is not there", listed)
+                    raise FormatError(f"lists {path}, which is missing", listed)
                 size = int(row["width"]), int(row["height"])
                 yield Picture(photo_domain, key, path, *size, row["sha256"], parts.get(key, ""))
         for model in run.models:
@@ -289,45 +289,45 @@ def _pictures(
 
 
 def _size(path: Path) -> tuple[int, int]:
-    """Width and height as the PNG file's first bytes state them."""
+    """Read width and height from the header of a PNG file."""
     with path.open("rb") as file:
         head = file.read(24)
     if len(head) < 24 or head[1:4] != b"PNG":
-        raise FormatError("no PNG file", path=path)
+        raise FormatError("is not a PNG file", path=path)
     width, height = struct.unpack(">II", head[16:24])
     return width, height
 
 
 def _split(run: Path, wanted: str) -> str:
-    """Name of the split that is wanted, else of the first one of the run's configuration, else of its only one.
+    """Return the wanted split, otherwise the first split of the run's configuration, otherwise the only split.
 
     Raises
     ------
     ConfigError
-        The split was not drawn, or nothing states which of several is the first.
+        The split does not exist, or there are several splits and no configuration.
     """
-    drawn = Run(run).splits
-    if wanted and wanted not in drawn:
-        raise ConfigError(f"no split {wanted!r}; drawn: {', '.join(drawn) or 'none'}", path=run / "detect")
-    if wanted or not drawn:
+    splits = Run(run).splits
+    if wanted and wanted not in splits:
+        raise ConfigError(f"no split {wanted!r}, expected one of: {', '.join(splits) or 'none'}", path=run / "detect")
+    if wanted or not splits:
         return wanted
     if (run / CONFIG).is_file():
         first = str((Run(run).configured("detect").get("splits") or DetectOptions.model_fields["splits"].default)[0])
     else:
-        first = drawn[0] if len(drawn) == 1 else ""
-    if first not in drawn:
-        reason = f"its first split {first!r} was not drawn" if first else f"no {CONFIG} states its first split"
-        raise ConfigError(f"{reason}; name one of {', '.join(drawn)} with --split", path=run)
+        first = splits[0] if len(splits) == 1 else ""
+    if first not in splits:
+        reason = f"the configured split {first!r} does not exist" if first else f"{CONFIG} is missing"
+        raise ConfigError(f"{reason}; choose one of {', '.join(splits)} with --split", path=run)
     return first
 
 
 def _parts(run: Path, split: str) -> dict[PhotoKey, str]:
-    """Part of each photo by a split; empty without one."""
+    """Return the part of each photo in a split; empty without a split."""
     return read_split(run / "detect" / split / "split.csv") if split else {}
 
 
 def _config(run: Path) -> str:
-    """As the run's tables state it."""
+    """Return the configuration hash in the run's tables, or ""."""
     for path in sorted((run / "tables").glob("*.parquet")):
         table = tables.read_parquet(path)
         if "config" in table.columns and len(table):
@@ -336,15 +336,15 @@ def _config(run: Path) -> str:
 
 
 def _made_on(run: Path, pictures: tuple[Picture, ...]) -> str:
-    """The day on which the run's newest file was written: a day of the call would give other bytes every day.
+    """Return the date of the run's newest file, so that repeated exports give the same bytes.
 
-    A copy that does not keep the time stamps of files has another day; SOURCE_DATE_EPOCH states one, as reproducible
-    builds do (https://reproducible-builds.org/specs/source-date-epoch/).
+    The environment variable SOURCE_DATE_EPOCH overrides the date, for copies of a run without time stamps
+    (https://reproducible-builds.org/specs/source-date-epoch/).
 
     Raises
     ------
     ConfigError
-        SOURCE_DATE_EPOCH is no number of seconds.
+        SOURCE_DATE_EPOCH is not a number of seconds.
     """
     stated = os.environ.get("SOURCE_DATE_EPOCH", "")
     if stated:
@@ -354,14 +354,14 @@ def _made_on(run: Path, pictures: tuple[Picture, ...]) -> str:
             raise ConfigError(f"SOURCE_DATE_EPOCH is {stated!r}, expected seconds since 1970") from error
     stages = ("labels/coco", "renders/coco", "cameras", "meshes")
     files = [path for stage in stages for path in (run / stage).rglob("*") if path.is_file()]
-    newest = max(path.stat().st_mtime for path in [*files, *(one.path for one in pictures)])
+    newest = max(path.stat().st_mtime for path in [*files, *(picture.path for picture in pictures)])
     return datetime.fromtimestamp(newest, UTC).date().isoformat()
 
 
 def shadow_casters(labels: list[Annotation]) -> list[int]:
-    """The index in the list of the rock that casts each label; -1 of rocks, and where that rock is not seen."""
+    """Return for each shadow the index of the label of the rock that casts it; -1 for rocks and unknown rocks."""
     first: dict[int, int] = {}
-    for index, one in enumerate(labels):
-        if one.kind == "rock" and one.rock != NO_ROCK:
-            first.setdefault(one.rock, index)
-    return [first.get(one.rock, -1) if one.kind == "shadow" and one.rock != NO_ROCK else -1 for one in labels]
+    for index, label in enumerate(labels):
+        if label.kind == "rock" and label.rock != NO_ROCK:
+            first.setdefault(label.rock, index)
+    return [first.get(label.rock, -1) if label.kind == "shadow" and label.rock != NO_ROCK else -1 for label in labels]

@@ -1,7 +1,7 @@
-"""Croissant 1.1 with fields of responsible AI (RAI): tables as Parquet, pictures as files, read by `mlcroissant`.
+"""Croissant 1.1 with fields for responsible AI (RAI): tables in Parquet, images as files, readable by `mlcroissant`.
 
-Readers of Croissant give 16-bit pictures as 8-bit colour; values are therefore published by file, with their checksums
-in the table of pictures, and the description says so.
+Croissant readers convert 16-bit images to 8-bit colour. The description therefore recommends reading the image files,
+whose checksums are in the table of images.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from polarsim.publish.catalogue import MAPS, Catalogue, Picture
 NEEDS = ("mlcroissant",)
 FILE, GEO_FILE = "croissant.json", "geocroissant.json"
 CONFORMS = ["http://mlcommons.org/croissant/1.1", "http://mlcommons.org/croissant/RAI/1.0"]
-# The sandbox has no place on Earth that anyone surveyed: its frame is an engineering one, as ISO 19162 writes it.
+# Engineering coordinate system in the notation of ISO 19162; the geographic position of the sandbox is not surveyed.
 SANDBOX_WKT = (
     'ENGCRS["sandbox",EDATUM["Terrain\'s centre on the ground"],CS[Cartesian,3],'
     'AXIS["to Sun azimuth 0 (X)",unspecified],AXIS["to Sun azimuth 90 (Y)",unspecified],AXIS["up (Z)",up],'
@@ -30,11 +30,11 @@ SANDBOX_WKT = (
 )
 
 
-def bytes_of(picture: Picture) -> int:
-    return picture.path.stat().st_size + 4000  # and its rows
+def croissant_bytes(picture: Picture) -> int:
+    return picture.path.stat().st_size + 4000  # and the table rows
 
 
-def write(catalogue: Catalogue, bundle: Bundle) -> None:
+def write_croissant(catalogue: Catalogue, bundle: Bundle) -> None:
     records.copy_pictures(catalogue, bundle)
     records.copy_maps(catalogue, bundle)
     tables = records.all_tables(catalogue, bundle)
@@ -46,14 +46,14 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bundle) -> dict[str, Any]:
-    """The JSON-LD, checked by mlcroissant as it is made."""
+    """Return the JSON-LD, validated by mlcroissant."""
     import mlcroissant as mlc
 
     files = [
         mlc.FileObject(
             id=f"{name}.parquet",
             name=f"{name}.parquet",
-            description=f"Table of {name}, a row each.",
+            description=f"Table of {name}, one row each.",
             content_url=f"{name}.parquet",
             encoding_formats=["application/x-parquet"],
             sha256=bundle.sha256(f"{name}.parquet"),
@@ -72,17 +72,18 @@ def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bund
     ]
     for kind in dict.fromkeys(name for name, _ in catalogue.maps()):
         unit, step, meaning = MAPS[kind]
-        said = f"{meaning} Unit: {unit or 'none'}, times {step:g}; 16-bit PNG, rows of the record set maps."
-        own = f"maps-{kind}"
-        includes = [f"maps/{kind}/*.png"]
-        files.append(mlc.FileSet(id=own, name=own, description=said, encoding_formats=["image/png"], includes=includes))
+        text = f"{meaning} Unit: {unit or 'none'}, times {step:g}; 16-bit PNG, rows of the record set maps."
+        name, includes = f"maps-{kind}", [f"maps/{kind}/*.png"]
+        files.append(
+            mlc.FileSet(id=name, name=name, description=text, encoding_formats=["image/png"], includes=includes)
+        )
     sets = [_record_set(name, table) for name, table in tables.items()]
     sets += [_pictures_of(domain) for domain in catalogue.domains]
-    made = mlc.Metadata(
+    content = mlc.Metadata(
         conforms_to=CONFORMS,
         name=terms.title(catalogue).replace(" ", "-"),
-        description=f"{terms.what_it_is(catalogue)} Pictures are 16-bit PNG: read them by file, for readers of "
-        "Croissant may show them with 8 bits; their SHA-256 stand in the record set pictures.",
+        description=f"{terms.summary(catalogue)} Images are 16-bit PNG: read the files, since Croissant readers may "
+        "convert them to 8 bits; the record set pictures contains their SHA-256.",
         url=terms.URL,
         cite_as=terms.CITATION,
         license=terms.licence_urls(catalogue),
@@ -93,15 +94,15 @@ def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bund
         record_sets=sets,
         **rai_answers(catalogue),
     )
-    if made.ctx.issues.errors or made.ctx.issues.warnings:
-        raise PolarsimError(made.issues.report().replace("\n", " "), path=bundle.path(FILE))
-    return made.to_json()
+    if content.ctx.issues.errors or content.ctx.issues.warnings:
+        raise PolarsimError(content.issues.report().replace("\n", " "), path=bundle.path(FILE))
+    return content.to_json()
 
 
 def _geographic(content: dict[str, Any]) -> dict[str, Any]:
-    """The same with what of GeoCroissant fits photos of a sandbox: its frame, and that they have one band.
+    """Add the fields of GeoCroissant that apply to photos of a sandbox: coordinate system and number of bands.
 
-    Pictures in perspective have no spatial resolution, and the sandbox has no place on Earth.
+    Perspective images have no spatial resolution, and the sandbox has no geographic position.
     """
     band = {"@type": "geocr:BandConfiguration", "geocr:totalBands": 1, "geocr:bandNameList": ["grey"]}
     return {
@@ -120,7 +121,7 @@ def _record_set(name: str, table: pd.DataFrame) -> Any:
         mlc.Field(
             id=f"{name}/{column}",
             name=f"{name}/{column}",
-            description=_described(column),
+            description=_description(column),
             data_types=[_data_type(table[column])],
             source=mlc.Source(file_object=f"{name}.parquet", extract=mlc.Extract(column=column)),
             **_reference(name, column),
@@ -138,18 +139,18 @@ def _reference(name: str, column: str) -> dict[str, Any]:
 
 
 def _pictures_of(domain: str) -> Any:
-    """The pictures themselves: their file names and what a reader makes of them."""
+    """Return the record set of the images of a domain: file name and content."""
     import mlcroissant as mlc
 
-    own = f"images-{domain}"
+    name = f"images-{domain}"
     return mlc.RecordSet(
-        id=own,
-        name=own,
+        id=name,
+        name=name,
         fields=[
             mlc.Field(
-                id=f"{own}/name",
-                name=f"{own}/name",
-                description="File name of the picture.",
+                id=f"{name}/name",
+                name=f"{name}/name",
+                description="File name of the image.",
                 data_types=[mlc.DataType.TEXT],
                 source=mlc.Source(
                     file_set=f"pictures-{domain}",
@@ -157,9 +158,9 @@ def _pictures_of(domain: str) -> Any:
                 ),
             ),
             mlc.Field(
-                id=f"{own}/image",
-                name=f"{own}/image",
-                description="The picture; 16 bits in the file.",
+                id=f"{name}/image",
+                name=f"{name}/image",
+                description="Image; the file has 16 bits.",
                 data_types=[mlc.DataType.IMAGE_OBJECT],
                 source=mlc.Source(
                     file_set=f"pictures-{domain}",
@@ -170,7 +171,7 @@ def _pictures_of(domain: str) -> Any:
     )
 
 
-def _described(column: str) -> str:
+def _description(column: str) -> str:
     meaning, unit = records.COLUMNS[column]
     return f"{meaning} Unit: {unit}." if unit else meaning
 

@@ -1,9 +1,10 @@
-"""The forms in which a run is published: a module and an entry of `FORMS` each."""
+"""Registry of the published formats; each format is a module and an entry of `FORMS`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from polarsim.publish import (
     crate,
@@ -25,30 +26,30 @@ Write = Callable[[Catalogue, Bundle], None]
 
 
 def no_picture(_: Picture) -> int:
-    """Bytes of a picture in a form that takes none along."""
+    """Return 0 bytes per image, for formats without images."""
     return 0
 
 
 @dataclass(frozen=True)
 class Form:
-    """A form in which a run leaves."""
+    """A published format."""
 
-    description: str  # of its folder, for the data card
+    description: str  # of the folder, for the data card
     write: Write
-    bytes_of: Callable[[Picture], int]  # about, of one picture
-    needs: tuple[str, ...] = ()  # packages that it imports beyond the core's
-    front: Callable[[Catalogue], str] = lambda _: ""  # what stands before the card
-    fixed: Callable[[Catalogue], int] = lambda _: 0  # bytes, about, of what is no picture of a station
-    unavailable: Callable[[Catalogue], str] = lambda _: ""  # why the run cannot have the form; empty: it can
-    by_part: bool = False  # pictures in no part of the run's split are left out
+    bytes_of: Callable[[Picture], int]  # approximate size of an image
+    needs: tuple[str, ...] = ()  # optional packages
+    front: Callable[[Catalogue], str] = lambda _: ""  # front matter of the data card
+    fixed: Callable[[Catalogue], int] = lambda _: 0  # approximate size of all other files, bytes
+    unavailable: Callable[[Catalogue], str] = lambda _: ""  # reason why the run lacks required data; empty if complete
+    by_part: bool = False  # images in no part of the run's split are excluded
 
 
 def _mesh_bytes(catalogue: Catalogue) -> int:
-    return sum(path.stat().st_size for one in catalogue.terrains.values() for path in one.meshes.values())
+    return sum(path.stat().st_size for terrain in catalogue.terrains.values() for path in terrain.meshes.values())
 
 
 def _no_mesh(catalogue: Catalogue) -> str:
-    return "" if any(one.meshes for one in catalogue.terrains.values()) else "the run has no meshes"
+    return "" if any(terrain.meshes for terrain in catalogue.terrains.values()) else "the run has no meshes"
 
 
 def _no_drive(catalogue: Catalogue) -> str:
@@ -57,23 +58,23 @@ def _no_drive(catalogue: Catalogue) -> str:
 
 FORMS: dict[str, Form] = {
     "croissant": Form(
-        f"`{croissant.FILE}` describes tables (Parquet) and pictures (16-bit PNG below `pictures/<domain>/`) in "
-        "Croissant 1.1 with RAI fields, `geocroissant.json` with the frame too. "
-        "Read the tables with `mlcroissant`, the pictures by file.",
-        croissant.write, croissant.bytes_of, croissant.NEEDS,
+        f"`{croissant.FILE}` describes tables (Parquet) and images (16-bit PNG below `pictures/<domain>/`) in "
+        "Croissant 1.1 with RAI fields; `geocroissant.json` adds the coordinate system. "
+        "Read the tables with `mlcroissant` and the images as files.",
+        croissant.write_croissant, croissant.croissant_bytes, croissant.NEEDS,
     ),
     "hf": Form(
-        "A folder for Hugging Face's `datasets`: a configuration a domain, `<domain>/<split>/KEY.png` with 16 bits, "
-        "`ids/KEY.png` (1000 + k: rock k, 2000 + k: its shadow; 65534, 65535: of a rock without a number), and "
+        "Folder for Hugging Face's `datasets`, one configuration per domain: `<domain>/<split>/KEY.png` with 16 bits, "
+        "`ids/KEY.png` (1000 + k: rock k, 2000 + k: shadow of rock k; 65534, 65535: rock or shadow without id), and "
         "`metadata.parquet` with key, pose, lens and objects (bbox x y w h, category 0 rock 1 shadow, masks as COCO "
-        "runs). `load_dataset(FOLDER, DOMAIN)` reads it.",
-        huggingface.write_folder, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=False),
-        by_part=True,
+        "RLE). Read it with `load_dataset(FOLDER, DOMAIN)`.",
+        huggingface.write_folder, huggingface.huggingface_bytes,
+        front=partial(huggingface.front, parquet=False), by_part=True,
     ),
     "parquet": Form(
-        "The same as `hf` in Parquet files that hold the pictures' own bytes: `load_dataset(FOLDER, DOMAIN)`.",
-        huggingface.write_parquet, huggingface.bytes_of, front=lambda one: huggingface.front(one, parquet=True),
-        by_part=True,
+        "Content of `hf` in Parquet files that include the images. Read it with `load_dataset(FOLDER, DOMAIN)`.",
+        huggingface.write_parquet, huggingface.huggingface_bytes,
+        front=partial(huggingface.front, parquet=True), by_part=True,
     ),
     "coco": Form(
         "`images/<domain>/KEY.png` with 16 bits and `annotations/<domain>_<part>.json`: boxes, visible masks as runs "
@@ -88,64 +89,64 @@ FORMS: dict[str, Form] = {
         detection_sets.write_yolo, detection_sets.yolo_bytes, by_part=True,
     ),
     "kitti": Form(
-        "A data set a domain as KITTI's devkit expects it: rectified pairs (8 bits, `training/image_2` left, "
-        "`image_3` right), `calib`, `label_2` (Rock, Shadow; boxes in three dimensions are not known), `disp_noc_0` "
-        "and `disp_occ_0` (disparity of the meshes, 256 a pixel; 0 where there is none or where it is 256 px and "
-        "more), `ImageSets`, and `keys.csv`, which names the photo keys. In `calib` the laser's frame is the sandbox.",
-        stereo_set.write, stereo_set.bytes_of, by_part=True,
+        "One data set per domain in the layout of KITTI's devkit: rectified pairs (8 bits, `training/image_2` left, "
+        "`image_3` right), `calib`, `label_2` (Rock, Shadow; without 3D boxes), `disp_noc_0` and `disp_occ_0` "
+        "(disparity of the meshes in 1/256 px; 0 for no disparity or 256 px and more), `ImageSets`, and `keys.csv` "
+        "with the photo keys. The laser frame in `calib` is the sandbox frame.",
+        stereo_set.write_kitti, stereo_set.kitti_bytes, by_part=True,
     ),
     "colmap": Form(
-        "A COLMAP model a domain and terrain: `images/KEY.png` (8 bits), `sparse/0/*.txt` with lenses, the rig, poses "
-        "in the sandbox frame, and points drawn over the meshes. The light changes from picture to picture: "
-        "`--subset azimuth=180,light=off` gives one light.",
-        reconstruction.write_colmap, reconstruction.bytes_of,
+        "One COLMAP model per domain and terrain: `images/KEY.png` (8 bits), `sparse/0/*.txt` with lenses, the rig, "
+        "poses in the sandbox frame, and points sampled on the meshes. The light varies between images; "
+        "`--subset azimuth=180,light=off` selects a single light.",
+        reconstruction.write_colmap, reconstruction.reconstruction_bytes,
     ),
     "nerfstudio": Form(
-        "A folder a domain and terrain for nerfstudio and its splats: `images/KEY.png` (8 bits), `transforms.json`, "
-        "`points.ply` drawn over the meshes. `--subset azimuth=180,light=off` gives one light.",
-        reconstruction.write_nerfstudio, reconstruction.bytes_of,
+        "One folder per domain and terrain for nerfstudio and Gaussian splatting: `images/KEY.png` (8 bits), "
+        "`transforms.json`, `points.ply` sampled on the meshes. `--subset azimuth=180,light=off` selects a single "
+        "light.",
+        reconstruction.write_nerfstudio, reconstruction.reconstruction_bytes,
     ),
     "pds4": Form(
-        "A PDS4 bundle, `bundle.xml`: collections of pictures (`data_<domain>`) and of maps of ids (`ids_<domain>`) as "
-        "raw arrays, of browse pictures, tables, maps and documents; a label beside every file states types, units, "
-        "frames, and whether values were measured, fitted or are synthetic. `pds4_tools` reads it. It was not "
-        "validated by the PDS.",
-        pds4.write, pds4.bytes_of,
+        "PDS4 bundle, `bundle.xml`: collections of images (`data_<domain>`) and instance maps (`ids_<domain>`) as raw "
+        "arrays, browse images, tables, maps and documents. The XML label of each file states types, units, frames, "
+        "and the origin of values (measured, fitted or synthetic). Readable by `pds4_tools`; not validated by the PDS.",
+        pds4.write_pds4, pds4.pds4_bytes,
     ),
     "ro-crate": Form(
-        f"An RO-Crate, `{crate.FILE}`: pictures, what made each twin, tables, meshes, poses, the workflow's files, and "
-        "the run as the action that made them. `rocrate` reads it.",
-        crate.write, crate.bytes_of, crate.NEEDS, fixed=_mesh_bytes,
+        f"RO-Crate, `{crate.FILE}`: images, render settings of each twin, tables, meshes, poses, workflow files, and "
+        "the run as the action that created them. Readable by `rocrate`.",
+        crate.write_crate, crate.crate_bytes, crate.NEEDS, fixed=_mesh_bytes,
     ),
     "gltf": Form(
         "`terrainNN.glb`: ground and rocks as named nodes with rock ids (`extras`), cameras (principal point and "
-        "distortion in `extras`) and lamps; metres, +Y up. No pictures.",
+        "distortion in `extras`) and lamps; metres, +Y up. No images.",
         scenes.write_gltf, no_picture, fixed=_mesh_bytes, unavailable=_no_mesh,
     ),
     "usd": Form(
         "`terrainNN.usdc`: ground and rocks with semantic labels (`class`, `rock_id`), cameras with apertures, "
-        "principal point and distortion (`polarsim:*`), lamps; metres, +Z up. No pictures.",
+        "principal point and distortion (`polarsim:*`), lamps; metres, +Z up. No images.",
         scenes.write_usd, no_picture, scenes.USD_NEEDS, fixed=_mesh_bytes, unavailable=_no_mesh,
     ),
     "mcap": Form(
-        "Bags for ROS 2, each a folder with `metadata.yaml`: `drives/seedN` as the rover's run wrote them, and "
-        "`stations/<domain>/TerrainNN_PosX` with pictures (16-bit PNG), camera_info, labels and keys of both cameras, "
-        "a second apart, for NASA noted no times.",
-        ros_bags.write, ros_bags.bytes_of, ros_bags.NEEDS, fixed=ros_bags.fixed_bytes,
+        "ROS 2 bags, each a folder with `metadata.yaml`: `drives/seedN` with the rover's drives, and "
+        "`stations/<domain>/TerrainNN_PosX` with images (16-bit PNG), camera_info, labels and keys of both cameras, "
+        "at intervals of 1 s, since NASA's photos have no times.",
+        ros_bags.write_bags, ros_bags.bag_bytes, ros_bags.NEEDS, fixed=ros_bags.fixed_bytes,
     ),
     "euroc": Form(
-        "The rover's drives as EuRoC's `mav0` folders: pictures of cameras that are fixed to the rover, an IMU without "
-        "noise, exact states. Everything is synthetic.",
+        "The rover's drives as EuRoC `mav0` folders: images of cameras mounted on the rover, an IMU without noise, "
+        "exact states. All data are synthetic.",
         trajectories.write_euroc, no_picture, fixed=trajectories.fixed_bytes, unavailable=_no_drive,
     ),
     "tum": Form(
-        "The rover's drives as TUM's folders: `rgb/`, `rgb.txt` and `groundtruth.txt`, poses of the camera in the "
-        "world. Everything is synthetic.",
+        "The rover's drives as TUM folders: `rgb/`, `rgb.txt` and `groundtruth.txt` with poses of the camera in the "
+        "world frame. All data are synthetic.",
         trajectories.write_tum, no_picture, fixed=trajectories.fixed_bytes, unavailable=_no_drive,
     ),
     "detectors": Form(
-        "The run's detectors: `<split>/seedN/<domain>.pt`, tensors and plain values in PyTorch's format, and beside "
-        "each `<domain>.md`, a card with its training and its scores. `polarsim detect --weights` uses them.",
-        weights.write, no_picture, fixed=weights.fixed_bytes, unavailable=weights.lacking,
+        "The run's detectors: `<split>/seedN/<domain>.pt`, tensors and plain values in PyTorch's format, and "
+        "`<domain>.md`, a model card with training and scores. Use them with `polarsim detect --weights`.",
+        weights.write_detectors, no_picture, fixed=weights.fixed_bytes, unavailable=weights.unavailable,
     ),
 }  # fmt: skip

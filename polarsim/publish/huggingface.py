@@ -1,6 +1,6 @@
-"""Folders and Parquet files that Hugging Face's `datasets` reads; written without it, so that publishing needs no hub.
+"""Folders and Parquet files for Hugging Face's `datasets`, written without this package.
 
-A configuration a domain, a split a part. Pictures keep their 16 bits; beside each stands a map of ids.
+There is a configuration per domain and a split per part. Images have 16 bits and an instance map each.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from polarsim.publish.catalogue import Catalogue, Picture
 from polarsim.publish.detection_sets import UNASSIGNED
 
 SPLITS = {"train": "train", "val": "validation", "test": "test", "": UNASSIGNED}
-SHARD = 400 * 10**6  # bytes of pictures a Parquet file
-_GROUP = 32  # pictures a row group: readers hold one in memory
+SHARD = 400 * 10**6  # maximum size of the images in a Parquet file, bytes
+_GROUP = 32  # images per row group, the unit that readers load into memory
 _LABEL = {
     "bbox": "bbox", "category": "int64", "rock": "int64", "shadow_of": "int64", "source": "string",
     "confidence": "float64", "origin": "string", "mask_rle": "string", "amodal_rle": "string",
@@ -34,28 +34,28 @@ _PICTURE = {
 }  # fmt: skip
 
 
-def bytes_of(picture: Picture) -> int:
-    return picture.path.stat().st_size + 40_000  # ids, and its line
+def huggingface_bytes(picture: Picture) -> int:
+    return picture.path.stat().st_size + 40_000  # and the instance map and metadata
 
 
 def write_folder(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<domain>/<split>/KEY.png`, its ids, and `metadata.parquet`, which the loader `imagefolder` joins to them.
+    """Write images `<domain>/<split>/KEY.png`, instance maps, and `metadata.parquet` for the loader `imagefolder`.
 
-    Parquet states the columns' types; of lines of JSON the loader guesses them, and finds splits that do not go
-    together where no picture of one has a label.
+    Parquet stores the types of columns. With JSON lines, the loader infers types per split, which fails for a split
+    without labels.
     """
     for (domain, split), pictures in _splits(catalogue).items():
         lines = []
-        for one in pictures:
-            name, ids = f"{one.key}.png", f"ids/{one.key}.png"
-            bundle.copy(f"{domain}/{split}/{name}", one.path)
-            _write_ids(catalogue, bundle, one, f"{domain}/{split}/{ids}")
-            lines.append({"file_name": name, "ids_file_name": ids, **row_of(catalogue, one)})
+        for picture in pictures:
+            name, ids = f"{picture.key}.png", f"ids/{picture.key}.png"
+            bundle.copy(f"{domain}/{split}/{name}", picture.path)
+            _write_ids(catalogue, bundle, picture, f"{domain}/{split}/{ids}")
+            lines.append({"file_name": name, "ids_file_name": ids, **row_of(catalogue, picture)})
         bundle.make(f"{domain}/{split}/metadata.parquet", partial(_write_metadata, lines))
 
 
 def write_parquet(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<domain>/<split>-00000-of-00001.parquet` with the pictures' own bytes inside."""
+    """Write `<domain>/<split>-00000-of-00001.parquet` with the images included."""
     for (domain, split), pictures in _splits(catalogue).items():
         shards = _shards(pictures)
         for number, shard in enumerate(shards):
@@ -64,13 +64,13 @@ def write_parquet(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def row_of(catalogue: Catalogue, picture: Picture) -> dict[str, Any]:
-    """All that is said of a picture but its pixels."""
+    """Return the metadata of an image: key, origin, camera and labels."""
     camera = catalogue.camera(picture)
     pose = camera.world_from_camera.matrix.tolist() if camera else []
-    lens = []
+    matrix = []
     if camera:
-        one = camera.lens
-        lens = [[one.fx, 0.0, one.cx], [0.0, one.fy, one.cy], list(one.distortion)]
+        lens = camera.lens
+        matrix = [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], list(lens.distortion)]
     objects = [
         {
             "bbox": _bbox(row),
@@ -84,18 +84,18 @@ def row_of(catalogue: Catalogue, picture: Picture) -> dict[str, Any]:
         "domain": picture.domain,
         "origin": catalogue.picture_origin(picture),
         "sandbox_from_camera": pose,
-        "lens": lens,
+        "lens": matrix,
         "objects": objects,
     }
 
 
 def _bbox(row: Mapping[str, Any]) -> list[float]:
-    """x, y, width, height."""
+    """Return x, y, width and height of a box."""
     return [row["x0"], row["y0"], round(row["x1"] - row["x0"], 3), round(row["y1"] - row["y0"], 3)]
 
 
 def front(catalogue: Catalogue, parquet: bool) -> str:
-    """The head of the card that the hub and the library read: which files are which configuration and split."""
+    """Return the front matter of the data card: files by configuration and split."""
     lines = [
         "---",
         "license: other" if "real" in catalogue.domains else "license: cc0-1.0",
@@ -108,17 +108,17 @@ def front(catalogue: Catalogue, parquet: bool) -> str:
     ]
     for domain in catalogue.domains:
         lines += [f"- config_name: {domain}", *([] if parquet else ["  drop_labels: true"]), "  data_files:"]
-        for own, split in _splits(catalogue):
-            if own == domain:
+        for domain_of_split, split in _splits(catalogue):
+            if domain_of_split == domain:
                 lines += [f"  - split: {split}", f"    path: {domain}/{split}{'-*.parquet' if parquet else '/**'}"]
     return "\n".join([*lines, "---", "", ""])
 
 
 def _splits(catalogue: Catalogue) -> dict[tuple[str, str], list[Picture]]:
-    found: dict[tuple[str, str], list[Picture]] = {}
-    for one in catalogue.pictures:
-        found.setdefault((one.domain, SPLITS[one.part]), []).append(one)
-    return dict(sorted(found.items()))
+    splits: dict[tuple[str, str], list[Picture]] = {}
+    for picture in catalogue.pictures:
+        splits.setdefault((picture.domain, SPLITS[picture.part]), []).append(picture)
+    return dict(sorted(splits.items()))
 
 
 def _write_ids(catalogue: Catalogue, bundle: Bundle, picture: Picture, name: str) -> None:
@@ -130,19 +130,19 @@ def _write_ids(catalogue: Catalogue, bundle: Bundle, picture: Picture, name: str
 
 
 def _sources(catalogue: Catalogue, pictures: list[Picture]) -> list[Path]:
-    return [path for one in pictures for path in catalogue.sources(one)]
+    return [path for picture in pictures for path in catalogue.sources(picture)]
 
 
 def _shards(pictures: list[Picture]) -> list[list[Picture]]:
     shards: list[list[Picture]] = [[]]
-    held = 0
-    for one in pictures:
-        size = one.path.stat().st_size
-        if held and held + size > SHARD:
+    shard_size = 0
+    for picture in pictures:
+        size = picture.path.stat().st_size
+        if shard_size and shard_size + size > SHARD:
             shards.append([])
-            held = 0
-        shards[-1].append(one)
-        held += size
+            shard_size = 0
+        shards[-1].append(picture)
+        shard_size += size
     return shards
 
 
@@ -158,13 +158,13 @@ def _write_shard(catalogue: Catalogue, pictures: list[Picture], path: Path) -> N
 
 
 def _full_rows(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[dict[str, Any]]:
-    for one in pictures:
-        exact = catalogue.instances(one)
-        ids = exact.read_bytes() if exact else png.encode(records.id_map(catalogue, one))
+    for picture in pictures:
+        exact = catalogue.instances(picture)
+        ids = exact.read_bytes() if exact else png.encode(records.id_map(catalogue, picture))
         yield {
-            "image": {"bytes": one.path.read_bytes(), "path": f"{one.key}.png"},
-            "ids": {"bytes": ids, "path": f"{one.key}_ids.png"},
-            **row_of(catalogue, one),
+            "image": {"bytes": picture.path.read_bytes(), "path": f"{picture.key}.png"},
+            "ids": {"bytes": ids, "path": f"{picture.key}_ids.png"},
+            **row_of(catalogue, picture),
         }
 
 
@@ -178,7 +178,7 @@ def _write_metadata(rows: list[dict[str, Any]], path: Path) -> None:
 
 
 def _fields() -> dict[str, Any]:
-    """Arrow's types of what `row_of` says."""
+    """Return the Arrow types of `row_of`."""
     import pyarrow as pa
 
     label = pa.struct({name: _arrow(kind) for name, kind in _LABEL.items()})
@@ -186,7 +186,7 @@ def _fields() -> dict[str, Any]:
 
 
 def _schema() -> Any:
-    """Arrow's, with what `datasets` calls features in its metadata."""
+    """Return the Arrow schema with the features of `datasets` in the metadata."""
     import pyarrow as pa
 
     image = pa.struct({"bytes": pa.binary(), "path": pa.string()})

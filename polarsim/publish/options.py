@@ -1,4 +1,4 @@
-"""What the configuration says about publishing."""
+"""Options of publishing."""
 
 from __future__ import annotations
 
@@ -9,27 +9,28 @@ from polarsim.publish.subset import parse_size, parse_subset
 
 
 class PublishOptions(BaseModel, extra="forbid", frozen=True):
-    """A run is published in these forms, which the target `publish` writes."""
+    """Options of the target `publish`."""
 
     forms: tuple[str, ...] = Field(
-        ("croissant", "coco"), description="Forms that the target `publish` writes; docs/howto/publish.md lists them."
+        ("croissant", "coco"), description="Formats that the target `publish` writes; see docs/howto/publish.md."
     )
     subset: str = Field(
         "",
-        description="Only pictures with these fields of their keys are published, such as "
-        "terrain=1+3,exposure=256; empty: all are.",
+        description="Published images by fields of the photo key, such as terrain=1+3,exposure=256; empty: all images.",
     )
-    max_size: str = Field("", description="Each form has at most this size, such as 2GB; empty: any.")
-    photos: bool = Field(False, description="NASA's photos go out too, on NASA's terms; those of the analog always go.")
+    max_size: str = Field("", description="Maximum size of each format, such as 2GB; empty: unlimited.")
+    photos: bool = Field(
+        False, description="Include NASA's photos (NASA's licence); photos of the analog are always included."
+    )
 
     @field_validator("forms")
     @classmethod
     def _known_forms(cls, values: tuple[str, ...]) -> tuple[str, ...]:
-        from polarsim.publish.forms import FORMS  # imports all writers: seconds, which the default does not need
+        from polarsim.publish.forms import FORMS  # slow, imports all writers; not needed for the default
 
         for value in values:
             if value not in FORMS:
-                raise ValueError(f"form {value!r}, expected {', '.join(FORMS)}")
+                raise ValueError(f"format {value!r}, expected one of {', '.join(FORMS)}")
         return values
 
     @field_validator("subset")

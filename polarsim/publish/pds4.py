@@ -1,4 +1,4 @@
-"""A PDS4 bundle: pictures and maps of ids as raw arrays, tables, browse pictures, the card; a label beside each."""
+"""PDS4 bundle: images and instance maps as raw arrays, tables, browse images, data card, and an XML label per file."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from polarsim.publish.card import card
 from polarsim.publish.catalogue import MAPS, Catalogue, Origin, Picture
 from polarsim.publish.detection_sets import shown
 
-NAMESPACE = "urn:local:polarsim"  # of all identifiers: only NASA assigns names below urn:nasa:pds
+NAMESPACE = "urn:local:polarsim"  # of all identifiers; urn:nasa:pds is reserved for NASA
 FRAMES = (
     "Frames: sandbox, origin at the terrain's centre on the ground, X to Sun azimuth 0, Y to 90, Z up; camera, x "
-    "right, y down, z forward; metres. Pixels count from the picture's corner, their centres lie at integer + 0.5."
+    "right, y down, z forward; metres. Pixel origin: upper left corner of the image; pixel centres at integer + 0.5."
 )
 _ORIGINS: dict[Origin, str] = {
-    "measured": "Every value is measured: a photo of NASA's POLAR data set.",
-    "fitted": "Every value is fitted: computed from measurements.",
-    "synthetic": "Every value is synthetic: made by a computer, not by a camera.",
+    "measured": "All values are measured: a photo of NASA's POLAR data set.",
+    "fitted": "All values are fitted: computed from measurements.",
+    "synthetic": "All values are synthetic: simulated or rendered.",
 }
 _LEVELS: dict[Origin, str] = {"measured": "Raw", "fitted": "Derived", "synthetic": "Derived"}
-_NAMES = {  # columns that name something or count it: no measurement
+_NAMES = {  # columns of names, keys and counts
     "picture", "file", "domain", "key", "terrain", "position", "light", "azimuth", "camera", "width", "height",
     "sha256", "part", "origin", "label", "kind", "rock", "shadow_of", "source", "lamp", "mesh", "made_from", "method",
     "map", "shows", "unit", "step", "meaning",
 }  # fmt: skip
 
 
-def bytes_of(picture: Picture) -> int:
-    return 5 * picture.width * picture.height + 8000  # picture and ids of two bytes, browse of one
+def pds4_bytes(picture: Picture) -> int:
+    return 5 * picture.width * picture.height + 8000  # image and instance map of two bytes, browse image of one
 
 
 @dataclass
 class Collection:
-    """Members of a collection while they are written."""
+    """A collection and the identifiers of its members."""
 
     name: str
     kind: str  # Data, Browse or Document
@@ -52,7 +52,7 @@ class Collection:
 
 
 class Archive:
-    """The bundle's products while they are written."""
+    """Writer of the products of a bundle."""
 
     def __init__(self, catalogue: Catalogue, bundle: Bundle) -> None:
         self.catalogue, self.bundle = catalogue, bundle
@@ -67,18 +67,18 @@ class Archive:
         return Observed(level, "Polar regolith analog, sandbox", "POLAR stereo rig or its twin", "polarsim")
 
     def array(
-        self, collection: Collection, name: str, read: Callable[[], np.ndarray], sources: list[Path], **said: object
+        self, collection: Collection, name: str, read: Callable[[], np.ndarray], sources: list[Path], **facts: object
     ) -> None:
-        """An array of a picture; `said` has title, description, unit, scale, level."""
+        """Write an array; `facts` are title, description, level, shape, and optionally dtype, unit and scale."""
         data = f"{collection.name}/{name}.img"
         self.bundle.make(data, lambda path: path.write_bytes(pds4.array_bytes(read())), sources)
-        identity = self._identity(collection, name, str(said["title"]), str(said["description"]))
-        shape, dtype = said["shape"], np.dtype(str(said.get("dtype", "u2")))
+        identity = self._identity(collection, name, str(facts["title"]), str(facts["description"]))
+        shape, dtype = facts["shape"], np.dtype(str(facts.get("dtype", "u2")))
         area = pds4.array_area(
-            self.bundle.path(data), f"{name}.img", shape, dtype, str(said.get("unit", "")), identity.description,  # type: ignore[arg-type]
-            float(said.get("scale", 1.0)),  # type: ignore[arg-type]
+            self.bundle.path(data), f"{name}.img", shape, dtype, str(facts.get("unit", "")), identity.description,  # type: ignore[arg-type]
+            float(facts.get("scale", 1.0)),  # type: ignore[arg-type]
         )  # fmt: skip
-        observation = pds4.observation(identity, self.observed(str(said["level"])))
+        observation = pds4.observation(identity, self.observed(str(facts["level"])))
         self._label(collection, name, pds4.label("Product_Observational", identity, observation, area))
 
     def table(self, collection: Collection, name: str, table: pd.DataFrame, description: str) -> None:
@@ -93,7 +93,7 @@ class Archive:
         name = str(picture.key)
         file = f"{collection.name}/{name}.png"
         self.bundle.png(file, lambda: shown(picture), [picture.path])
-        identity = self._identity(collection, name, f"Browse picture of {picture.name}", "Tone-mapped to 8 bits.")
+        identity = self._identity(collection, name, f"Browse image of {picture.name}", "Tone-mapped to 8 bits.")
         area = node(
             "File_Area_Browse",
             pds4.file_node(self.bundle.path(file), f"{name}.png"),
@@ -116,29 +116,29 @@ class Archive:
         self._label(collection, name, pds4.label("Product_Document", identity, area))
 
     def close(self) -> None:
-        """Collections with their inventories, then the bundle."""
-        for one in self.collections:
-            self._close_collection(one)
-        says = f"{terms.what_it_is(self.catalogue)} {FRAMES}"
-        identity = self._cited(Identity(self.lid, terms.title(self.catalogue), says))
+        """Write the labels and inventories of the collections and the label of the bundle."""
+        for collection in self.collections:
+            self._close_collection(collection)
+        description = f"{terms.summary(self.catalogue)} {FRAMES}"
+        identity = self._cited(Identity(self.lid, terms.title(self.catalogue), description))
         entries = [
             node(
                 "Bundle_Member_Entry",
-                node("lid_reference", f"{self.lid}:{one.name}"),
+                node("lid_reference", f"{self.lid}:{collection.name}"),
                 node("member_status", "Primary"),
-                node("reference_type", f"bundle_has_{one.kind.lower()}_collection"),
+                node("reference_type", f"bundle_has_{collection.kind.lower()}_collection"),
             )
-            for one in self.collections
+            for collection in self.collections
         ]
         area = node("Bundle", node("bundle_type", "Archive"), node("description", identity.description))
         context = node("Context_Area", node("comment", identity.description))
         self.bundle.bytes("bundle.xml", pds4.label("Product_Bundle", identity, context, area, *entries))
 
-    def _close_collection(self, one: Collection) -> None:
-        lines = "".join(f"P,{member}::1.0\r\n" for member in one.members)
-        file = f"{one.name}/collection.csv"
+    def _close_collection(self, collection: Collection) -> None:
+        lines = "".join(f"P,{member}::1.0\r\n" for member in collection.members)
+        file = f"{collection.name}/collection.csv"
         self.bundle.bytes(file, lines.encode())
-        identity = self._cited(Identity(f"{self.lid}:{one.name}", one.title, one.title))
+        identity = self._cited(Identity(f"{self.lid}:{collection.name}", collection.title, collection.title))
         fields = [
             node("Field_Delimited", node("name", name), node("field_number", number), node("data_type", kind),
                  node("maximum_field_length", length, unit="byte"))
@@ -152,15 +152,16 @@ class Archive:
                 "Inventory",
                 node("offset", 0, unit="byte"),
                 node("parsing_standard_id", "PDS DSV 1"),
-                node("records", len(one.members)),
+                node("records", len(collection.members)),
                 node("record_delimiter", "Carriage-Return Line-Feed"),
                 node("field_delimiter", "Comma"),
                 node("Record_Delimited", node("fields", 2), node("groups", 0), *fields),
                 node("reference_type", "inventory_has_member_product"),
             ),
         )
-        area = node("Collection", node("collection_type", one.kind), node("description", one.title))
-        self.bundle.bytes(f"{one.name}/collection.xml", pds4.label("Product_Collection", identity, area, inventory))
+        area = node("Collection", node("collection_type", collection.kind), node("description", collection.title))
+        label = pds4.label("Product_Collection", identity, area, inventory)
+        self.bundle.bytes(f"{collection.name}/collection.xml", label)
 
     def _cited(self, identity: Identity) -> Identity:
         return replace(identity, citation=(terms.CREATOR, self.catalogue.made_on[:4]))
@@ -173,78 +174,77 @@ class Archive:
         collection.members.append(f"{self.lid}:{collection.name}:{_lid(name)}")
 
 
-def write(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`bundle.xml`, and a folder a collection: `data_<domain>`, `ids_<domain>`, `browse_<domain>`, `maps`, `tables`,
+def write_pds4(catalogue: Catalogue, bundle: Bundle) -> None:
+    """Write `bundle.xml` and the collections `data_<domain>`, `ids_<domain>`, `browse_<domain>`, `maps`, `tables` and
     `document`.
     """
     archive = Archive(catalogue, bundle)
     for domain in catalogue.domains:
         _write_domain(archive, domain)
     _write_maps(archive)
-    tables = archive.collection("tables", "Data", "Pictures, labels, poses, lamps and rocks as tables")
+    tables = archive.collection("tables", "Data", "Tables of images, labels, poses, lamps and rocks")
     for name, table in records.all_tables(catalogue).items():
-        own = table.drop(columns=["sha256", "file"], errors="ignore")
-        archive.table(
-            tables, name, own, f"{_TABLES[name]} Column origin tells measured, fitted and synthetic apart. {FRAMES}"
-        )
-    document = archive.collection("document", "Document", "What the bundle is")
-    archive.document(document, "data_card", card(catalogue, "pds4", "A PDS4 bundle."))
+        columns = table.drop(columns=["sha256", "file"], errors="ignore")
+        description = f"{_TABLES[name]} Column origin: measured, fitted or synthetic. {FRAMES}"
+        archive.table(tables, name, columns, description)
+    document = archive.collection("document", "Document", "Description of the bundle")
+    archive.document(document, "data_card", card(catalogue, "pds4", "PDS4 bundle."))
     archive.close()
 
 
 _TABLES = {
-    "pictures": "A row a picture.",
-    "labels": "A row a rock or shadow on a picture: box and masks.",
-    "poses": "A row a camera: its pose in the sandbox and its lens.",
-    "lamps": "A row a lamp of a terrain.",
-    "rocks": "A row a rock of a terrain.",
-    "maps": "A row a map of depth, normals or photometric angles.",
+    "pictures": "One row per image.",
+    "labels": "One row per rock or shadow in an image: box and masks.",
+    "poses": "One row per camera: pose in the sandbox frame and lens.",
+    "lamps": "One row per lamp of a terrain.",
+    "rocks": "One row per rock of a terrain.",
+    "maps": "One row per map of depth, normals or photometric angles.",
 }
 
 
 def _write_domain(archive: Archive, domain: str) -> None:
     catalogue = archive.catalogue
-    data = archive.collection(f"data_{domain}", "Data", f"Pictures of domain {domain}")
-    ids = archive.collection(f"ids_{domain}", "Data", f"Which rock or shadow a pixel shows, domain {domain}")
-    browse = archive.collection(f"browse_{domain}", "Browse", f"Pictures of domain {domain} in 8 bits")
-    for one in catalogue.of_domain(domain):
-        origin = catalogue.picture_origin(one)
-        said = f"Grey values, black at {BLACK_LEVEL} DN, white at {WHITE_LEVEL} DN. {_ORIGINS[origin]} {FRAMES}"
-        shape = (one.height, one.width)
+    data = archive.collection(f"data_{domain}", "Data", f"Images of domain {domain}")
+    ids = archive.collection(f"ids_{domain}", "Data", f"Instance maps of rocks and shadows, domain {domain}")
+    browse = archive.collection(f"browse_{domain}", "Browse", f"8-bit images of domain {domain}")
+    for picture in catalogue.of_domain(domain):
+        origin = catalogue.picture_origin(picture)
+        text = f"Grey values, black at {BLACK_LEVEL} DN, white at {WHITE_LEVEL} DN. {_ORIGINS[origin]} {FRAMES}"
+        shape = (picture.height, picture.width)
         archive.array(
-            data, str(one.key), partial(png.read, one.path), [one.path], title=f"Picture {one.name}",
-            description=said, unit="DN", level=_LEVELS[origin], shape=shape,
+            data, str(picture.key), partial(png.read, picture.path), [picture.path], title=f"Image {picture.name}",
+            description=text, unit="DN", level=_LEVELS[origin], shape=shape,
         )  # fmt: skip
-        # The labels of photos were propagated; a label that a person drew is told apart in the table of labels.
-        own: Origin = "fitted" if catalogue.is_photo(one) else "synthetic"
+        # The table of labels has the origin of each label; labels of photos are propagated, except for the seeds.
+        label_origin: Origin = "fitted" if catalogue.is_photo(picture) else "synthetic"
         meaning = (
-            "1000 + k: rock k; 2000 + k: ground in its shadow; 65534 and 65535: of a rock without a number; 0 "
-            f"background, 1 ground, 2 ground in another shadow, as far as they are told apart. {_ORIGINS[own]}"
+            "1000 + k: rock k; 2000 + k: ground in the shadow of rock k; 65534 and 65535: rock or shadow without id; "
+            f"0 background, 1 ground, 2 ground in other shadows, where distinguished. {_ORIGINS[label_origin]}"
         )
         archive.array(
-            ids, str(one.key), partial(records.ids, catalogue, one), catalogue.sources(one), title=f"Ids of {one.name}",
-            description=meaning, level="Derived", shape=shape,
+            ids, str(picture.key), partial(records.ids, catalogue, picture), catalogue.sources(picture),
+            title=f"Ids of {picture.name}", description=meaning, level="Derived", shape=shape,
         )  # fmt: skip
-        archive.browse(browse, one)
+        archive.browse(browse, picture)
 
 
 def _write_maps(archive: Archive) -> None:
-    """Depth, normals and photometric angles, where the run made them."""
-    found = archive.catalogue.maps()
-    if not found:
+    """Write depth, normals and photometric angles, if the run has them."""
+    files = archive.catalogue.maps()
+    if not files:
         return
     maps = archive.collection("maps", "Data", "Depth, normals and photometric angles of the meshes")
-    for name, path in found:
+    for name, path in files:
         unit, scale, meaning = MAPS[name]
-        said = f"{meaning} {_ORIGINS['fitted']} {FRAMES}"
+        text = f"{meaning} {_ORIGINS['fitted']} {FRAMES}"
         archive.array(
             maps, f"{name}_{path.stem}", partial(_bands, path), [path], title=f"{name} {path.stem}",
-            description=said, unit=unit, scale=scale, level="Derived", shape=_bands(path).shape,
+            description=text, unit=unit, scale=scale, level="Derived", shape=_bands(path).shape,
         )  # fmt: skip
 
 
 def _bands(path: Path) -> np.ndarray:
-    """(h, w), or (3, h, w) of normals."""
+    """Read an array (h, w), or (3, h, w) for normals."""
     values = png.read(path)
     return np.moveaxis(values, 2, 0) if values.ndim == 3 else values
 
@@ -252,12 +252,12 @@ def _bands(path: Path) -> np.ndarray:
 def _columns(table: pd.DataFrame) -> Iterator[Column]:
     for name in table.columns:
         meaning, unit = records.COLUMNS[name]
-        whence = "A name, key or count." if name in _NAMES else "Measured, fitted or synthetic: as column origin says."
+        kind = "A name, key or count." if name in _NAMES else "Measured, fitted or synthetic: see column origin."
         yield Column(
-            name, unit.replace("px2", "pixel**2").replace("px", "pixel").replace("m3", "m**3"), f"{meaning} {whence}"
+            name, unit.replace("px2", "pixel**2").replace("px", "pixel").replace("m3", "m**3"), f"{meaning} {kind}"
         )
 
 
 def _lid(name: str) -> str:
-    """Lower-case letters, digits, dashes, dots and underscores: identifiers hold no others."""
+    """Replace characters that are not allowed in identifiers (lower-case letters, digits, dash, dot, underscore)."""
     return "".join(sign if sign.isalnum() or sign in "-._" else "_" for sign in name.lower())

@@ -1,4 +1,4 @@
-"""COLMAP models and nerfstudio's `transforms.json`: poses, lenses and a coloured cloud to start splats from."""
+"""COLMAP models and nerfstudio's `transforms.json`: poses, lenses and a coloured point cloud."""
 
 from __future__ import annotations
 
@@ -21,27 +21,30 @@ from polarsim.publish.catalogue import Catalogue, Picture, Terrain
 from polarsim.publish.detection_sets import shown
 from polarsim.randomness import generator
 
-POINTS = 60_000  # of a terrain's cloud
-CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera looks along -z with y up, ours along z with y down
+POINTS = 60_000  # approximate number of points per terrain
+CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # camera frames: OpenGL -z forward and y up, OpenCV z forward and y down
 
 
-def bytes_of(picture: Picture) -> int:
+def reconstruction_bytes(picture: Picture) -> int:
     return picture.width * picture.height + 2000
 
 
 def write_colmap(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<domain>/TerrainNN/`: `images/KEY.png` with 8 bits, `sparse/0/*.txt`."""
+    """Write `images/KEY.png` with 8 bits and `sparse/0/*.txt` into `<domain>/TerrainNN/`."""
     for domain, terrain, pictures in _scenes(catalogue):
         folder = f"{domain}/{terrain.name}"
         _write_images(bundle, folder, pictures)
         points, colours = cloud(terrain)
         by_moment: dict[str, dict[str, Picture]] = {}
-        for one in pictures:
-            left = one.key if one.key.camera == "L" else one.key.other_camera
-            by_moment.setdefault(str(left), {})[one.key.camera] = one
+        for picture in pictures:
+            left = picture.key if picture.key.camera == "L" else picture.key.other_camera
+            by_moment.setdefault(str(left), {})[picture.key.camera] = picture
         frames = [
-            ({side: f"{one.key}.png" for side, one in sorted(own.items())}, _pose(terrain, next(iter(own.values()))))
-            for own in by_moment.values()
+            (
+                {side: f"{picture.key}.png" for side, picture in sorted(pair.items())},
+                _pose(terrain, next(iter(pair.values()))),
+            )
+            for pair in by_moment.values()
         ]
         bundle.folder_of(
             f"{folder}/sparse/0",
@@ -57,15 +60,15 @@ def write_colmap(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<domain>/TerrainNN/`: `images/KEY.png` with 8 bits, `transforms.json`, `points.ply`."""
+    """Write `images/KEY.png` with 8 bits, `transforms.json` and `points.ply` into `<domain>/TerrainNN/`."""
     for domain, terrain, pictures in _scenes(catalogue):
         folder = f"{domain}/{terrain.name}"
         _write_images(bundle, folder, pictures)
         frames = []
-        for one in pictures:
-            camera = catalogue.camera(one)
-            assert camera is not None  # pictures of positions that nobody localised are left out
-            frames.append(frame(f"images/{one.key}.png", camera))
+        for picture in pictures:
+            camera = catalogue.camera(picture)
+            assert camera is not None  # `_scenes` yields images of localised positions only
+            frames.append(frame(f"images/{picture.key}.png", camera))
         content = {
             "camera_model": "OPENCV",
             "applied_transform": np.eye(4)[:3].tolist(),
@@ -77,7 +80,7 @@ def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def frame(name: str, camera: Camera) -> dict[str, Any]:
-    """Nerfstudio's words for a picture; pixel centres lie at integer + 0.5 there as here."""
+    """Return the entry of an image in `transforms.json`; nerfstudio also has pixel centres at integer + 0.5."""
     lens = camera.lens
     k1, k2, p1, p2, k3 = lens.distortion
     return {
@@ -98,14 +101,14 @@ def frame(name: str, camera: Camera) -> dict[str, Any]:
 
 
 def cloud(terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) drawn evenly over ground and rocks, and their colours (n, 3) uint8; none without meshes."""
+    """Sample points (n, 3) uniformly on ground and rocks, with colours (n, 3) uint8; n is 0 without meshes."""
     parts = [(rock, obj.read(path)) for rock, path in terrain.meshes.items()]
     areas = np.array([_areas(mesh).sum() for _, mesh in parts])
     points, colours = [np.zeros((0, 3))], [np.zeros((0, 3), np.uint8)]
     for (rock, mesh), area in zip(parts, areas, strict=True):
-        own = max(100, round(POINTS * area / areas.sum()))
-        points.append(_sampled(mesh, own, generator(0, "publish", "cloud", terrain.number, rock)))
-        colours.append(np.tile((gltf.SAND if rock == NO_ROCK else gltf.ROCK).astype(np.uint8), (own, 1)))
+        count = max(100, round(POINTS * area / areas.sum()))
+        points.append(_sample(mesh, count, generator(0, "publish", "cloud", terrain.number, rock)))
+        colours.append(np.tile((gltf.SAND if rock == NO_ROCK else gltf.ROCK).astype(np.uint8), (count, 1)))
     return np.concatenate(points), np.concatenate(colours)
 
 
@@ -114,12 +117,12 @@ def _areas(mesh: Mesh) -> np.ndarray:
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
-def _sampled(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
+def _sample(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
     area = _areas(mesh)
     faces = mesh.faces[rng.choice(len(area), count, p=area / area.sum())]
     u, v = rng.random((2, count, 1))
-    folded = u + v > 1  # into the triangle
-    u, v = np.where(folded, 1 - u, u), np.where(folded, 1 - v, v)
+    outside = u + v > 1  # reflect into the triangle
+    u, v = np.where(outside, 1 - u, u), np.where(outside, 1 - v, v)
     a, b, c = (mesh.vertices[faces[:, corner]] for corner in range(3))
     return np.asarray(np.round(a + u * (b - a) + v * (c - a), 5))
 
@@ -132,18 +135,18 @@ def _write_cloud(terrain: Terrain, path: Path) -> None:
 
 
 def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, Terrain, list[Picture]]]:
-    """Pictures of localised cameras by domain and terrain."""
+    """Yield domain, terrain and images of localised positions."""
     for domain in catalogue.domains:
         for terrain in catalogue.terrains.values():
-            own = [one for one in catalogue.of_domain(domain) if one.key.terrain == terrain.number]
-            localised = [one for one in own if one.key.position in terrain.rigs]
+            of_terrain = [picture for picture in catalogue.of_domain(domain) if picture.key.terrain == terrain.number]
+            localised = [picture for picture in of_terrain if picture.key.position in terrain.rigs]
             if localised:
                 yield domain, terrain, localised
 
 
 def _write_images(bundle: Bundle, folder: str, pictures: list[Picture]) -> None:
-    for one in pictures:
-        bundle.png(f"{folder}/images/{one.key}.png", partial(shown, one), [one.path])
+    for picture in pictures:
+        bundle.png(f"{folder}/images/{picture.key}.png", partial(shown, picture), [picture.path])
 
 
 def _pose(terrain: Terrain, picture: Picture) -> Pose:
@@ -151,7 +154,7 @@ def _pose(terrain: Terrain, picture: Picture) -> Pose:
 
 
 def _rig(terrain: Terrain, picture: Picture) -> StereoRig:
-    """Of the pictures' size."""
+    """Return the stereo rig of a terrain scaled to the size of an image."""
     with within(terrain.name):
         rig = colmap.one_rig(terrain.rigs)
     factor = picture.width / rig.left.width

@@ -1,4 +1,4 @@
-"""The tables of a catalogue: pictures, labels, poses, lenses, lamps, rocks; units in names, origins beside values."""
+"""Tables of a catalogue: images, labels, poses, lenses, lamps, rocks, maps."""
 
 from __future__ import annotations
 
@@ -17,57 +17,57 @@ from polarsim.publish.catalogue import MAPS, Catalogue, Picture, shadow_casters
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 PICTURE_FILE, MAP_FILE = "pictures/{name}.png", "maps/{name}/{stem}.png"
-# Meaning and unit of every column, for people and for labels that state them; empty: a name, count or share.
+# Meaning and unit of every column; the unit is empty for names, counts and shares.
 COLUMNS: dict[str, tuple[str, str]] = {
-    "picture": ("Domain and key of the picture.", ""),
-    "file": ("Path in this bundle: 16-bit PNG, of pictures with 12-bit values.", ""),
+    "picture": ("Domain and key of the image.", ""),
+    "file": ("Path in this bundle: 16-bit PNG, images with 12-bit values.", ""),
     "domain": ("real, analog, or the reflectance model of a twin.", ""),
     "key": ("Photo key: terrain, position, light, azimuth, camera, exposure.", ""),
     "terrain": ("Number of the sandbox scene, 1 to 13.", ""),
-    "position": ("Place of the tripod.", ""),
+    "position": ("Tripod position.", ""),
     "light": ("Rover light, on or off.", ""),
-    "azimuth": ("Azimuth of the Sun lamp in the sandbox frame; no: the lamp is off.", ""),
+    "azimuth": ("Azimuth of the Sun lamp in the sandbox frame; no: lamp off.", ""),
     "camera": ("L or R of the stereo rig.", ""),
     "exposure_ms": ("Exposure time.", "ms"),
-    "width": ("Width of the picture.", "px"),
-    "height": ("Height of the picture.", "px"),
-    "sha256": ("SHA-256 of the picture's file.", ""),
-    "part": ("Part of the split: train, val, test; empty where none was drawn.", ""),
-    "origin": ("Where the row's values come from: measured, fitted or synthetic.", ""),
-    "label": ("Number of the label on its picture, from 0.", ""),
+    "width": ("Width of the image.", "px"),
+    "height": ("Height of the image.", "px"),
+    "sha256": ("SHA-256 of the image file.", ""),
+    "part": ("Part of the split: train, val, test; empty without a split.", ""),
+    "origin": ("Origin of the row's values: measured, fitted or synthetic.", ""),
+    "label": ("Index of the label in the image, from 0.", ""),
     "kind": ("rock or shadow.", ""),
-    "rock": ("Number of the rock in its terrain, the same in all tables and meshes; -1: not known.", ""),
-    "shadow_of": ("Of a shadow the number of the label that throws it, on the same picture; -1: none.", ""),
-    "source": ("seed: a person drew it; fused, translated, projected, cast: propagated; rendered: exact.", ""),
+    "rock": ("Id of the rock in the terrain, the same in all tables and meshes; -1: not known.", ""),
+    "shadow_of": ("For a shadow, index of the label of the rock that casts it, in the same image; -1: none.", ""),
+    "source": ("seed: human annotation; fused, translated, projected, cast: propagated; rendered: exact.", ""),
     "confidence": ("Confidence of the label, 0 to 1.", ""),
-    "x0": ("Left edge of the box, from the picture's left border.", "px"),
-    "y0": ("Upper edge of the box, from the picture's upper border.", "px"),
+    "x0": ("Left edge of the box, from the left border of the image.", "px"),
+    "y0": ("Upper edge of the box, from the upper border of the image.", "px"),
     "x1": ("Right edge of the box.", "px"),
     "y1": ("Lower edge of the box.", "px"),
-    "area_px": ("Pixels of the visible mask; of the box where there is no mask.", "px2"),
-    "mask_rle": ("Visible mask as compressed COCO runs of the whole picture; empty: none.", ""),
-    "amodal_rle": ("Mask with what others hide, as runs; empty: not known.", ""),
-    "visible_share": ("Visible over amodal area.", ""),
-    "x_m": ("Place in the sandbox frame along X, to Sun azimuth 0.", "m"),
-    "y_m": ("Place in the sandbox frame along Y, to Sun azimuth 90.", "m"),
-    "z_m": ("Place in the sandbox frame along Z, up.", "m"),
+    "area_px": ("Area of the visible mask, or of the box if there is no mask.", "px2"),
+    "mask_rle": ("Visible mask of the full image as compressed COCO RLE; empty: none.", ""),
+    "amodal_rle": ("Amodal mask (including occluded parts) as compressed COCO RLE; empty: not known.", ""),
+    "visible_share": ("Visible area over amodal area.", ""),
+    "x_m": ("Position in the sandbox frame along X, to Sun azimuth 0.", "m"),
+    "y_m": ("Position in the sandbox frame along Y, to Sun azimuth 90.", "m"),
+    "z_m": ("Position in the sandbox frame along Z, up.", "m"),
     "qw": ("Rotation from the camera (x right, y down, z forward) to the sandbox, quaternion, real part.", ""),
-    "qx": ("The same, x.", ""),
-    "qy": ("The same, y.", ""),
-    "qz": ("The same, z.", ""),
+    "qx": ("Quaternion, x.", ""),
+    "qy": ("Quaternion, y.", ""),
+    "qz": ("Quaternion, z.", ""),
     "fx_px": ("Focal length along x.", "px"),
     "fy_px": ("Focal length along y.", "px"),
-    "cx_px": ("Principal point, from the picture's left border: pixel centres at integer + 0.5.", "px"),
-    "cy_px": ("Principal point, from the picture's upper border.", "px"),
-    "k1": ("Radial distortion of Brown's model as OpenCV has it.", ""),
+    "cx_px": ("Principal point, from the left border of the image; pixel centres at integer + 0.5.", "px"),
+    "cy_px": ("Principal point, from the upper border of the image.", "px"),
+    "k1": ("Radial distortion, Brown's model as in OpenCV.", ""),
     "k2": ("Radial distortion.", ""),
     "p1": ("Tangential distortion.", ""),
     "p2": ("Tangential distortion.", ""),
     "k3": ("Radial distortion.", ""),
-    "method": ("What the pose rests on.", ""),
-    "sd_mm": ("Formal standard deviation of the position; NaN where the fit states none.", "mm"),
-    "sd_deg": ("Formal standard deviation of the direction; NaN where the fit states none.", "deg"),
-    "lamp": ("Azimuth of a Sun lamp, or rover_ and the position whose rig carries the light.", ""),
+    "method": ("Data that the pose is computed from.", ""),
+    "sd_mm": ("Formal standard deviation of the position; NaN if not available.", "mm"),
+    "sd_deg": ("Formal standard deviation of the direction; NaN if not available.", "deg"),
+    "lamp": ("Azimuth of a Sun lamp, or rover_ and the tripod position for a rover light.", ""),
     "mesh": ("File of the rock's mesh in the run.", ""),
     "made_from": ("scan, published, or fitted.", ""),
     "size_m": ("Longest side of the rock.", "m"),
@@ -75,16 +75,16 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "volume_m3": ("Volume above the ground.", "m3"),
     "points": ("Scanned points on the rock.", ""),
     "map": ("depth, normal, incidence, emergence, phase, lit or shading.", ""),
-    "shows": ("View (terrain, position, camera) or exposure bracket (light and azimuth too) that the map is of.", ""),
-    "unit": ("Unit of a step of the map's values.", ""),
-    "step": ("What a value of the map is times, to be in its unit.", ""),
-    "meaning": ("What the map's values say.", ""),
-    "visible_share_of_plan": ("Share of the rock's plan that some scan saw.", ""),
+    "shows": ("View (terrain, position, camera) or exposure bracket (also light and azimuth) of the map.", ""),
+    "unit": ("Unit of the map after multiplication by step.", ""),
+    "step": ("Factor from values of the map to the unit.", ""),
+    "meaning": ("Meaning of the map's values.", ""),
+    "visible_share_of_plan": ("Share of the rock's plan view covered by scans.", ""),
 }
 
 
 def quaternion(pose: Pose) -> dict[str, float]:
-    """qw, qx, qy, qz of a pose's rotation; qw is not below 0."""
+    """Return qw, qx, qy, qz of the rotation of a pose, with qw >= 0."""
     from scipy.spatial.transform import Rotation
 
     x, y, z, w = (float(value) for value in Rotation.from_matrix(pose.rotation).as_quat(canonical=True))
@@ -92,29 +92,29 @@ def quaternion(pose: Pose) -> dict[str, float]:
 
 
 def pictures(catalogue: Catalogue, bundle: Bundle | None = None) -> pd.DataFrame:
-    """A row a picture; checksums of the bundle's files where they were copied into one."""
+    """Return one row per image, with checksums of the files in the bundle, if given."""
     rows = []
-    for one in catalogue.pictures:
-        file = PICTURE_FILE.format(name=one.name)
+    for picture in catalogue.pictures:
+        file = PICTURE_FILE.format(name=picture.name)
         rows.append(
             {
-                "picture": one.name,
+                "picture": picture.name,
                 "file": file,
-                "domain": one.domain,
-                **key_columns(one.key),
-                "width": one.width,
-                "height": one.height,
-                "sha256": bundle.sha256(file) if bundle else one.sha256,
-                "part": one.part,
-                "origin": catalogue.picture_origin(one),
+                "domain": picture.domain,
+                **key_columns(picture.key),
+                "width": picture.width,
+                "height": picture.height,
+                "sha256": bundle.sha256(file) if bundle else picture.sha256,
+                "part": picture.part,
+                "origin": catalogue.picture_origin(picture),
             }
         )
     return pd.DataFrame(rows)
 
 
 def labels(catalogue: Catalogue) -> pd.DataFrame:
-    """A row a label of every picture."""
-    rows = [row for one in catalogue.pictures for row in label_rows(catalogue, one)]
+    """Return one row per label of every image."""
+    rows = [row for picture in catalogue.pictures for row in label_rows(catalogue, picture)]
     columns = [
         "picture", "label", "kind", "rock", "shadow_of", "source", "confidence", "x0", "y0", "x1", "y1", "area_px",
         "mask_rle", "amodal_rle", "visible_share", "origin",
@@ -123,32 +123,32 @@ def labels(catalogue: Catalogue) -> pd.DataFrame:
 
 
 def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, Any]]:
-    """Of one picture, in the order of its labels."""
-    own = catalogue.labels(picture)
-    for index, (one, caster) in enumerate(zip(own, shadow_casters(own), strict=True)):
-        x0, y0, x1, y1 = (round(float(edge), 3) for edge in one.box)
+    """Yield the rows of the labels of an image."""
+    annotations = catalogue.labels(picture)
+    for index, (label, caster) in enumerate(zip(annotations, shadow_casters(annotations), strict=True)):
+        x0, y0, x1, y1 = (round(float(edge), 3) for edge in label.box)
         yield {
             "picture": picture.name,
             "label": index,
-            "kind": one.kind,
-            "rock": one.rock,
+            "kind": label.kind,
+            "rock": label.rock,
             "shadow_of": caster,
-            "source": one.source,
-            "confidence": float(one.confidence),
+            "source": label.source,
+            "confidence": float(label.confidence),
             "x0": x0,
             "y0": y0,
             "x1": x1,
             "y1": y1,
-            "area_px": float(one.mask.area if one.mask else round((x1 - x0) * (y1 - y0), 3)),
-            "mask_rle": one.mask.counts if one.mask else "",
-            "amodal_rle": one.amodal.mask.counts if one.amodal else "",
-            "visible_share": round(one.visible_share, 4),
-            "origin": catalogue.label_origin(one),
+            "area_px": float(label.mask.area if label.mask else round((x1 - x0) * (y1 - y0), 3)),
+            "mask_rle": label.mask.counts if label.mask else "",
+            "amodal_rle": label.amodal.mask.counts if label.amodal else "",
+            "visible_share": round(label.visible_share, 4),
+            "origin": catalogue.label_origin(label),
         }
 
 
 def poses(catalogue: Catalogue) -> pd.DataFrame:
-    """A row a camera of every localised position: its pose and its lens."""
+    """Return one row per camera of every localised position: pose and lens."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         for position, localised in sorted(terrain.rigs.items()):
@@ -178,7 +178,7 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
 
 
 def lamps(catalogue: Catalogue) -> pd.DataFrame:
-    """A row a Sun lamp of a terrain, and one a rover light of every localised position."""
+    """Return one row per Sun lamp of a terrain and per rover light of a localised position."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         named = [(name, position, terrain.sun_origin(name)) for name, position in terrain.suns.items()]
@@ -187,32 +187,32 @@ def lamps(catalogue: Catalogue) -> pd.DataFrame:
             for position, localised in sorted(terrain.rigs.items())
         ]
         for name, position, origin in named:
-            own = dict(zip(("x_m", "y_m", "z_m"), map(float, position), strict=True))
-            rows.append({"terrain": terrain.number, "lamp": name, **own, "origin": origin})
+            coordinates = dict(zip(("x_m", "y_m", "z_m"), map(float, position), strict=True))
+            rows.append({"terrain": terrain.number, "lamp": name, **coordinates, "origin": origin})
     return pd.DataFrame(rows, columns=["terrain", "lamp", "x_m", "y_m", "z_m", "origin"])
 
 
 def rocks(catalogue: Catalogue) -> pd.DataFrame:
-    """A row a rock that has a mesh or was found in the scans."""
+    """Return one row per rock that has a mesh or is listed in the run's rocks."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         rows_of = [] if terrain.rocks is None else terrain.rocks.to_dict("records")
-        found: dict[int, dict[Any, Any]] = {int(row["rock"]): row for row in rows_of}
-        for rock in sorted({*found, *terrain.meshes} - {NO_ROCK}):
-            own = found.get(rock, {})
+        listed: dict[int, dict[Any, Any]] = {int(row["rock"]): row for row in rows_of}
+        for rock in sorted({*listed, *terrain.meshes} - {NO_ROCK}):
+            facts = listed.get(rock, {})
             mesh = terrain.meshes.get(rock)
             made_from = terrain.made_from.get(mesh.name, "") if mesh else ""
             rows.append(
                 {
                     "terrain": terrain.number,
                     "rock": rock,
-                    **{f"{axis}_m": float(own.get(axis, np.nan)) for axis in "xyz"},
-                    **{name: float(own.get(name, np.nan)) for name in ("size_m", "height_m", "volume_m3")},
-                    "points": int(own.get("points", 0) or 0),
-                    "visible_share_of_plan": float(own.get("visible_share", np.nan)),
+                    **{f"{axis}_m": float(facts.get(axis, np.nan)) for axis in "xyz"},
+                    **{name: float(facts.get(name, np.nan)) for name in ("size_m", "height_m", "volume_m3")},
+                    "points": int(facts.get("points", 0) or 0),
+                    "visible_share_of_plan": float(facts.get("visible_share", np.nan)),
                     "mesh": mesh.name if mesh else "",
                     "made_from": made_from,
-                    "origin": "fitted",  # a surface laid through scanned points, or localised by labels
+                    "origin": "fitted",  # surface fitted to scan points, or located by labels
                 }
             )
     columns = [
@@ -224,7 +224,7 @@ def rocks(catalogue: Catalogue) -> pd.DataFrame:
 
 def all_tables(catalogue: Catalogue, bundle: Bundle | None = None) -> dict[str, pd.DataFrame]:
     """Every table by name, those with rows."""
-    found = {
+    tables = {
         "pictures": pictures(catalogue, bundle),
         "labels": labels(catalogue),
         "poses": poses(catalogue),
@@ -232,52 +232,51 @@ def all_tables(catalogue: Catalogue, bundle: Bundle | None = None) -> dict[str, 
         "rocks": rocks(catalogue),
         "maps": maps(catalogue),
     }
-    for name, table in found.items():
+    for name, table in tables.items():
         unknown = set(table.columns) - set(COLUMNS)
-        assert not unknown, (name, unknown)  # every column has a meaning
-    return {name: table for name, table in found.items() if len(table)}
+        assert not unknown, (name, unknown)  # every column has a description
+    return {name: table for name, table in tables.items() if len(table)}
 
 
 def copy_pictures(catalogue: Catalogue, bundle: Bundle) -> None:
-    """The pictures as they are, 16 bits."""
-    for one in catalogue.pictures:
-        bundle.copy(PICTURE_FILE.format(name=one.name), one.path)
+    """Copy the 16-bit images."""
+    for picture in catalogue.pictures:
+        bundle.copy(PICTURE_FILE.format(name=picture.name), picture.path)
 
 
 def ids(catalogue: Catalogue, picture: Picture) -> np.ndarray:
-    """(h, w) uint16: the renderer's own map of a twin, else what `id_map` paints."""
+    """Return the instance map (h, w) uint16: rendered for twins, otherwise `id_map`."""
     exact = catalogue.instances(picture)
     return png.read(exact) if exact else id_map(catalogue, picture)
 
 
 def copy_maps(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`maps/<kind>/`, as the run has them."""
+    """Copy the maps to `maps/<kind>/`."""
     for name, path in catalogue.maps():
         bundle.copy(MAP_FILE.format(name=name, stem=path.stem), path)
 
 
 def maps(catalogue: Catalogue) -> pd.DataFrame:
-    """A row a map."""
+    """Return one row per map."""
     rows = []
     for name, path in catalogue.maps():
         unit, step, meaning = MAPS[name]
-        own = {"map": name, "shows": path.stem, "file": MAP_FILE.format(name=name, stem=path.stem)}
-        rows.append(own | {"unit": unit, "step": step, "meaning": meaning, "origin": "fitted"})
+        file = {"map": name, "shows": path.stem, "file": MAP_FILE.format(name=name, stem=path.stem)}
+        rows.append(file | {"unit": unit, "step": step, "meaning": meaning, "origin": "fitted"})
     return pd.DataFrame(rows)
 
 
 def id_map(catalogue: Catalogue, picture: Picture) -> np.ndarray:
-    """(h, w) uint16 painted of the masks: rock k is 1000 + k, its shadow 2000 + k; see `UNKNOWN`.
+    """Return an instance map (h, w) uint16 from masks: 1000 + k for rock k, 2000 + k for its shadow, or `UNKNOWN`.
 
-    Shadows first and rocks over them, hidden rocks before those in front: of masks of what is to be seen none overlap
-    but those of shadows.
+    Rocks overwrite shadows. Visible masks of rocks do not overlap; masks of shadows may overlap.
     """
-    painted = np.zeros((picture.height, picture.width), np.uint16)
-    for one in sorted(catalogue.labels(picture), key=lambda one: one.kind == ROCK):
-        if one.mask:
-            start = ROCK_IDS if one.kind == ROCK else SHADOW_IDS
-            painted[one.mask.mask()] = start + one.rock if one.rock != NO_ROCK else UNKNOWN[one.kind]
-    return painted
+    ids_of_pixels = np.zeros((picture.height, picture.width), np.uint16)
+    for label in sorted(catalogue.labels(picture), key=lambda label: label.kind == ROCK):
+        if label.mask:
+            start = ROCK_IDS if label.kind == ROCK else SHADOW_IDS
+            ids_of_pixels[label.mask.mask()] = start + label.rock if label.rock != NO_ROCK else UNKNOWN[label.kind]
+    return ids_of_pixels
 
 
-UNKNOWN = {"rock": 65534, "shadow": 65535}  # in a map of ids: of a rock whose number is not known
+UNKNOWN = {"rock": 65534, "shadow": 65535}  # ids of rocks and shadows without rock id

@@ -1,6 +1,7 @@
-"""Bags for ROS 2: the rover's drives, and the pictures of each station, every folder a rosbag2 with `metadata.yaml`.
+"""ROS 2 bags of the rover's drives and of the images of each station; each folder is a rosbag2 with `metadata.yaml`.
 
-NASA noted no times: a station's pictures follow each other second by second in the order of their keys, pairs at once.
+NASA's photos have no times. The images of a station are stamped at intervals of 1 s in the order of keys; both images
+of a stereo pair have the same stamp.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from polarsim.schemas.photos import BOX
 
 NEEDS = ("mcap", "mcap_ros2", "rosbags")
 SIDES = {"L": "left", "R": "right"}
-SECOND = 1_000_000_000  # ns; the first picture's stamp, for 0 means `the latest` to tf2
+SECOND = 1_000_000_000  # ns; also the first stamp, since 0 means `the latest` in tf2
 
 
-def bytes_of(picture: Picture) -> int:
+def bag_bytes(picture: Picture) -> int:
     return picture.path.stat().st_size + 4000
 
 
@@ -32,8 +33,8 @@ def fixed_bytes(catalogue: Catalogue) -> int:
     return sum(path.stat().st_size for path in _drives(catalogue).values())
 
 
-def write(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`drives/seedN/`, `stations/<domain>/TerrainNN_PosX/`."""
+def write_bags(catalogue: Catalogue, bundle: Bundle) -> None:
+    """Write `drives/seedN/` and `stations/<domain>/TerrainNN_PosX/`."""
     for name, path in _drives(catalogue).items():
         folder = f"drives/{name}"
         copied = bundle.copy(f"{folder}/{name}.mcap", path)
@@ -41,9 +42,9 @@ def write(catalogue: Catalogue, bundle: Bundle) -> None:
     for (domain, terrain, position), pictures in _stations(catalogue).items():
         name = f"Terrain{terrain:02d}_Pos{position}"
         folder = f"stations/{domain}/{name}"
-        sources = [path for one in pictures for path in catalogue.sources(one)]
-        made = bundle.make(f"{folder}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)
-        bundle.text(f"{folder}/{bags.METADATA}", bags.metadata(made, f"{name}.mcap"))
+        sources = [path for picture in pictures for path in catalogue.sources(picture)]
+        bag = bundle.make(f"{folder}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)
+        bundle.text(f"{folder}/{bags.METADATA}", bags.metadata(bag, f"{name}.mcap"))
 
 
 def _drives(catalogue: Catalogue) -> dict[str, Path]:
@@ -51,12 +52,12 @@ def _drives(catalogue: Catalogue) -> dict[str, Path]:
 
 
 def _stations(catalogue: Catalogue) -> dict[tuple[str, int, str], list[Picture]]:
-    """Pictures of localised positions."""
-    found: dict[tuple[str, int, str], list[Picture]] = {}
-    for one in catalogue.pictures:
-        if catalogue.camera(one):
-            found.setdefault((one.domain, *one.key.station), []).append(one)
-    return found
+    """Return the images of localised positions by domain, terrain and position."""
+    stations: dict[tuple[str, int, str], list[Picture]] = {}
+    for picture in catalogue.pictures:
+        if catalogue.camera(picture):
+            stations.setdefault((picture.domain, *picture.key.station), []).append(picture)
+    return stations
 
 
 def _write_station(catalogue: Catalogue, pictures: list[Picture], path: Path) -> None:
@@ -64,7 +65,7 @@ def _write_station(catalogue: Catalogue, pictures: list[Picture], path: Path) ->
 
 
 def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
-    """A station's messages in the order of their stamps."""
+    """Yield the messages of a station in the order of stamps."""
     localised = catalogue.terrains[pictures[0].key.terrain].rigs[pictures[0].key.position]
     yield (
         SECOND,
@@ -83,12 +84,12 @@ def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
             ]
         },
     )
-    moments: dict[str, list[Picture]] = {}
-    for one in pictures:
-        moments.setdefault(str(one.key).replace("_R_", "_L_"), []).append(one)
-    for number, own in enumerate(moments.values(), 1):
-        for one in own:
-            yield from _messages(catalogue, one, number * SECOND)
+    pairs: dict[str, list[Picture]] = {}
+    for picture in pictures:
+        pairs.setdefault(str(picture.key).replace("_R_", "_L_"), []).append(picture)
+    for number, pair in enumerate(pairs.values(), 1):
+        for picture in pair:
+            yield from _messages(catalogue, picture, number * SECOND)
 
 
 def _messages(catalogue: Catalogue, picture: Picture, time_ns: int) -> Iterator[Stamped]:
@@ -101,7 +102,8 @@ def _messages(catalogue: Catalogue, picture: Picture, time_ns: int) -> Iterator[
     image = ros.image(time_ns, frame, picture.path.read_bytes())
     yield time_ns, f"/{side}/image/compressed", "sensor_msgs/msg/CompressedImage", image
     rows = [
-        {"kind": one.kind, "rock": one.rock, "confidence": one.confidence, **dict(zip(BOX.each, one.box, strict=True))}
-        for one in catalogue.labels(picture)
+        {"kind": label.kind, "rock": label.rock, "confidence": label.confidence}
+        | dict(zip(BOX.each, label.box, strict=True))
+        for label in catalogue.labels(picture)
     ]
     yield time_ns, f"/{side}/labels", "vision_msgs/msg/Detection2DArray", ros.detections(time_ns, frame, rows)

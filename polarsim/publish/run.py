@@ -1,4 +1,4 @@
-"""Publish a run: choose, count, look for space, write each form, say what came out."""
+"""Publish a run: select images, check the disk space, write each format."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, read_catalogue
 from polarsim.publish.forms import FORMS, Form, no_picture
 from polarsim.publish.options import PublishOptions
-from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
+from polarsim.publish.subset import limit_size, parse_size, parse_subset, select
 
-NO_PART = "in no part"  # of the note on pictures that are left out
-ALL = "all"  # stands for all forms that a run can have
+NO_PART = "in no part"  # phrase in the note on excluded images
+ALL = "all"  # all formats that are available for a run
 
 
 def publish(
@@ -34,53 +34,52 @@ def publish(
     replace: bool = False,
     split: str = "",
 ) -> dict[str, Catalogue]:
-    """Write `out/<form>/` for every form; what each holds.
+    """Write `out/<form>/` for every format; return the published part of the catalogue by format.
 
     Parameters
     ----------
     run
-        Its folder, `results/<run>`.
+        Folder of the run, `results/<run>`.
     forms
         Names in `FORMS`, or `all`.
     subset
-        As `subset.parse_subset` reads it.
+        Selection of images, see `subset.parse_subset`.
     max_size
-        Largest size of each form, as `subset.parse_size` reads it; none where it is empty.
+        Maximum size of each format, see `subset.parse_size`; empty for no limit.
     photos
-        Whether NASA's photos go out too: their terms are NASA's. Those of the analog always go.
+        Include NASA's photos (NASA's licence); photos of the analog are always included.
     replace
-        Whether what another call published in the folder of a form goes.
+        Overwrite an export with other arguments.
     split
-        Name of the split whose parts pictures have; the run's first one where it is empty.
+        Name of the split that determines the parts of images; empty for the run's first split.
 
     Raises
     ------
     ConfigError
-        An unknown form or one that the run cannot have, a package that is missing, a subset without pictures, a
-        folder that holds something else.
+        A format is unknown or not available, a package is missing, the subset is empty, or the folder contains other
+        files.
     FormatError
-        A broken file of the run.
+        A file of the run is invalid.
     PolarsimError
-        Too little space.
+        The disk has not enough free space.
     """
     for name in FORMS if ALL in forms else forms:
         _check(name)
-    catalogue = chosen(_allowed(read_catalogue(run, split), photos), parse_subset(subset))
-    most = parse_size(max_size) if max_size else None
-    names = _possible(catalogue, forms)
-    parts = {name: _cut(_assigned(catalogue, FORMS[name]), FORMS[name], most) for name in names}
-    check_space(out, sum(_size(one, FORMS[name]) for name, one in parts.items()))
-    for name, one in parts.items():
-        recipe = {"form": name, "run": one.name, "config": one.config, "subset": subset, "max_size": max_size}
-        recipe |= {"split": one.split}
-        _write(
-            name, one, out / name, recipe | {"photos": photos, "polarsim": __version__, "code": _code(name)}, replace
-        )
+    catalogue = select(_without_nasa_photos(read_catalogue(run, split), photos), parse_subset(subset))
+    size_limit = parse_size(max_size) if max_size else None
+    names = _available(catalogue, forms)
+    parts = {name: _limit_size(_with_part(catalogue, FORMS[name]), FORMS[name], size_limit) for name in names}
+    check_space(out, sum(_size(part, FORMS[name]) for name, part in parts.items()))
+    for name, part in parts.items():
+        recipe = {"form": name, "run": part.name, "config": part.config, "subset": subset, "max_size": max_size}
+        recipe |= {"split": part.split}
+        recipe |= {"photos": photos, "polarsim": __version__, "code": _code(name)}
+        _write(name, part, out / name, recipe, replace)
     return parts
 
 
 def publish_run(*, form: str, receipt: Path, options: PublishOptions, split: str = "") -> None:
-    """Publish the run that `receipt` lies in, as `publish/<form>/` beside it, and write what came out into it."""
+    """Publish the run that contains `receipt` to `publish/<form>/`, and write a summary to `receipt`."""
     part = publish(
         receipt.parents[1],
         receipt.parent,
@@ -92,76 +91,78 @@ def publish_run(*, form: str, receipt: Path, options: PublishOptions, split: str
         split=split,
     )[form]
     counts = {domain: len(part.of_domain(domain)) for domain in part.domains}
-    own = {"form": form, "pictures": counts, "split": part.split}
-    write_json(receipt, own | options.model_dump(mode="json", exclude={"forms"}))
+    content = {"form": form, "pictures": counts, "split": part.split}
+    write_json(receipt, content | options.model_dump(mode="json", exclude={"forms"}))
 
 
 def _code(name: str) -> str:
-    """Digest of what writes the form: files of other code are not taken for those of this one."""
+    """Return a digest of the code of a format; an export by other code is not resumed."""
     return code_digest("polarsim.publish.card", FORMS[name].write.__module__)
 
 
-def _possible(catalogue: Catalogue, forms: Sequence[str]) -> list[str]:
-    """The forms, without doubles; of all those that the run can have."""
-    lacking = {name: FORMS[name].unavailable(catalogue) for name in FORMS}
+def _available(catalogue: Catalogue, forms: Sequence[str]) -> list[str]:
+    """Return the formats without duplicates; for `all`, the formats that are available for the run."""
+    reasons = {name: FORMS[name].unavailable(catalogue) for name in FORMS}
     if ALL in forms:
-        return [name for name in FORMS if not lacking[name]]
+        return [name for name in FORMS if not reasons[name]]
     for name in forms:
-        if lacking[name]:
-            raise ConfigError(f"format {name}: {lacking[name]}", path=catalogue.run)
+        if reasons[name]:
+            raise ConfigError(f"format {name}: {reasons[name]}", path=catalogue.run)
     return list(dict.fromkeys(forms))
 
 
 def _check(name: str) -> None:
     if name not in FORMS:
-        raise ConfigError(f"format {name!r}, expected {', '.join(FORMS)}")
+        raise ConfigError(f"format {name!r}, expected one of {', '.join(FORMS)}")
     form = FORMS[name]
     for package in form.needs:
         if find_spec(package) is None:
             raise ConfigError(f"format {name} needs {package}: pip install 'polarsim[publish]'")
 
 
-def _allowed(catalogue: Catalogue, photos: bool) -> Catalogue:
-    """Without NASA's photos unless they are asked for."""
+def _without_nasa_photos(catalogue: Catalogue, photos: bool) -> Catalogue:
+    """Exclude NASA's photos unless `photos` is set."""
     if photos or "real" not in catalogue.domains:
         return catalogue
-    kept = [one for one in catalogue.pictures if one.domain != "real"]
+    kept = [picture for picture in catalogue.pictures if picture.domain != "real"]
     if not kept:
-        raise ConfigError("nothing but NASA's photos: --photos publishes them, on NASA's terms", path=catalogue.run)
-    return catalogue.with_pictures(kept, "NASA's photos are not in this bundle: get them from NASA; keys name them.")
+        raise ConfigError(
+            "all images are NASA's photos: use --photos to include them (NASA's licence)", path=catalogue.run
+        )
+    return catalogue.with_pictures(kept, "NASA's photos are not included: download them from NASA by the photo keys.")
 
 
 def summary(form: str, part: Catalogue, folder: Path) -> str:
-    """What came out, for the terminal."""
-    what = form if FORMS[form].bytes_of is no_picture else f"{len(part.pictures)} pictures"
-    return "\n".join([f"{what} in {folder}", *(note for note in part.left_out if NO_PART in note)])
+    """Return the lines that the command prints for a format."""
+    content = form if FORMS[form].bytes_of is no_picture else f"{len(part.pictures)} images"
+    return "\n".join([f"{content} in {folder}", *(note for note in part.left_out if NO_PART in note)])
 
 
-def _assigned(catalogue: Catalogue, form: Form) -> Catalogue:
-    """Without pictures in no part, for forms with a folder or file a part; all of them where no split was drawn.
+def _with_part(catalogue: Catalogue, form: Form) -> Catalogue:
+    """Exclude images in no part of the split, for formats with a folder or file per part.
 
     Raises
     ------
     ConfigError
-        The split has no picture.
+        The split has no image.
     """
     if not form.by_part or not catalogue.split:
         return catalogue
-    kept = [one for one in catalogue.pictures if one.part]
+    kept = [picture for picture in catalogue.pictures if picture.part]
     if not kept:
-        raise ConfigError(f"no picture is in a part of split {catalogue.split!r}", path=catalogue.run)
-    without = len(catalogue.pictures) - len(kept)
-    if not without:
+        raise ConfigError(f"no image is in a part of split {catalogue.split!r}", path=catalogue.run)
+    excluded = len(catalogue.pictures) - len(kept)
+    if not excluded:
         return catalogue
-    of_all = f"{without} of {len(catalogue.pictures)} pictures"
-    return catalogue.with_pictures(kept, f"{of_all} are {NO_PART} of the split by {catalogue.split}: left out.")
+    of_all = f"{excluded} of {len(catalogue.pictures)} images"
+    return catalogue.with_pictures(kept, f"{of_all} are {NO_PART} of the split by {catalogue.split} and excluded.")
 
 
-def _cut(catalogue: Catalogue, form: Form, most: int | None) -> Catalogue:
-    return fitting(catalogue, form.bytes_of, _FIXED + form.fixed(catalogue), most) if most else catalogue
+def _limit_size(catalogue: Catalogue, form: Form, limit: int | None) -> Catalogue:
+    return limit_size(catalogue, form.bytes_of, _FIXED + form.fixed(catalogue), limit) if limit else catalogue
 
 
-_FIXED = 10**6  # bytes of cards, receipts and the heads of tables
+_FIXED = 10**6  # size of cards, receipts and table headers, bytes
 
 
 def _size(catalogue: Catalogue, form: Form) -> int:
@@ -170,8 +171,8 @@ def _size(catalogue: Catalogue, form: Form) -> int:
 
 def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any], replace: bool) -> None:
     form = FORMS[name]
-    with _counting(name, len(catalogue.pictures)) as done:
-        bundle = Bundle(folder, done)
+    with _file_progress(name, len(catalogue.pictures)) as on_file:
+        bundle = Bundle(folder, on_file)
         bundle.open(recipe, replace)
         form.write(catalogue, bundle)
         write_card(catalogue, bundle, name, form.description, form.front(catalogue))
@@ -179,15 +180,15 @@ def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any]
 
 
 @contextmanager
-def _counting(text: str, pictures: int) -> Iterator[Callable[[], None]]:
-    """A bar over files; how many there will be is known about, so the last percent may take a while."""
-    with share_bar(text) as tell:
-        made = 0
+def _file_progress(text: str, pictures: int) -> Iterator[Callable[[], None]]:
+    """Show a progress bar; the number of files is estimated by the number of images."""
+    with share_bar(text) as update:
+        files = 0
 
-        def done() -> None:
-            nonlocal made
-            made += 1
-            tell(min(0.99, made / max(1, pictures)))
+        def on_file() -> None:
+            nonlocal files
+            files += 1
+            update(min(0.99, files / max(1, pictures)))
 
-        yield done
-        tell(1.0)
+        yield on_file
+        update(1.0)

@@ -1,4 +1,4 @@
-"""Whole terrains for those who look at them or render them: glTF and OpenUSD, with rock ids, cameras and lamps."""
+"""glTF and OpenUSD scenes of terrains with rock ids, cameras and lamps."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from polarsim.publish.catalogue import Catalogue, Terrain
 from polarsim.publish.reconstruction import CV_FROM_GL
 
 USD_NEEDS = ("pxr",)
-NEAR, FAR = 0.05, 100.0  # metres that cameras see
-FOCAL = 20.0  # of USD's cameras, in units that cancel: apertures count in the same
-LAMP_RADIUS = 0.02  # metres, of a lamp that is a point to the renderer
+NEAR, FAR = 0.05, 100.0  # clipping distances of cameras, metres
+FOCAL = 20.0  # focal length of USD cameras; only the ratio to the aperture matters
+LAMP_RADIUS = 0.02  # metres; lamps are rendered as points
 
 
 def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`terrainNN.glb`: ground and rocks as named nodes, cameras and lamps; +Y up as glTF asks."""
+    """Write `terrainNN.glb`: ground and rocks as named nodes, cameras and lamps; +Y up as required by glTF."""
     for terrain in _meshed(catalogue):
         parts = {_name(rock): obj.read(path) for rock, path in terrain.meshes.items()}
-        extras = {_name(rock): _said(terrain, rock) for rock in terrain.meshes}
+        extras = {_name(rock): _attributes(terrain, rock) for rock in terrain.meshes}
         bundle.make(
             gltf.name(terrain.number),
             partial(
@@ -42,7 +42,7 @@ def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def _support(terrain: Terrain) -> dict[str, np.ndarray]:
-    """How well scans support each vertex, by node, where the run knows it."""
+    """Return the support of each vertex by scans, by node; empty if the run has no table of support."""
     path = next(iter(terrain.meshes.values())).with_name("support.parquet")
     if not path.is_file():
         return {}
@@ -51,9 +51,9 @@ def _support(terrain: Terrain) -> dict[str, np.ndarray]:
     return {_name(rock): by_file[file.name] for rock, file in terrain.meshes.items() if file.name in by_file}
 
 
-def _said(terrain: Terrain, rock: int) -> dict[str, Any]:
-    own = {"terrain": terrain.number, "class": "ground" if rock == NO_ROCK else ROCK, "rock_id": rock}
-    return own | {"made_from": terrain.made_from.get(terrain.meshes[rock].name, ""), "origin": "fitted"}
+def _attributes(terrain: Terrain, rock: int) -> dict[str, Any]:
+    identity = {"terrain": terrain.number, "class": "ground" if rock == NO_ROCK else ROCK, "rock_id": rock}
+    return identity | {"made_from": terrain.made_from.get(terrain.meshes[rock].name, ""), "origin": "fitted"}
 
 
 def _name(rock: int) -> str:
@@ -65,14 +65,14 @@ def _meshed(catalogue: Catalogue) -> Iterator[Terrain]:
 
 
 def _cameras(terrain: Terrain) -> Iterator[tuple[str, str, Camera]]:
-    """Name, position and camera."""
+    """Yield name, tripod position and camera."""
     for position, localised in sorted(terrain.rigs.items()):
         for side in CAMERAS:
             yield f"Pos{position}_Cam{side}", position, localised.camera(side)
 
 
 def _lamps(terrain: Terrain) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Name, position and origin of each lamp."""
+    """Yield name, position and origin of each lamp."""
     for azimuth, sun in terrain.suns.items():
         yield f"sun_{azimuth}", sun, terrain.sun_origin(azimuth)
     for position, localised in sorted(terrain.rigs.items()):
@@ -80,7 +80,7 @@ def _lamps(terrain: Terrain) -> Iterator[tuple[str, np.ndarray, str]]:
 
 
 def lens_extras(lens: Lens) -> dict[str, Any]:
-    """What a camera of glTF or USD cannot say: principal point and distortion; pixel centres at integer + 0.5."""
+    """Return lens parameters missing in glTF and USD cameras, such as distortion; pixel centres at integer + 0.5."""
     names = ("k1", "k2", "p1", "p2", "k3")
     return {
         "fx_px": lens.fx,
@@ -94,7 +94,7 @@ def lens_extras(lens: Lens) -> dict[str, Any]:
 
 
 def _cameras_and_lamps(terrain: Terrain) -> Any:
-    """What adds them to a glTF file's JSON: a camera looks along its own -z with y up there too."""
+    """Return a function that adds cameras and lamps to the JSON of a glTF file; camera frame as in OpenGL."""
 
     def add(tree: dict[str, Any]) -> None:
         cameras, lamps, nodes = [], [], []
@@ -111,8 +111,9 @@ def _cameras_and_lamps(terrain: Terrain) -> Any:
         for name, lamp_position, origin in _lamps(terrain):
             lamps.append({"name": name, "type": "point"})
             moved = gltf.Y_UP_FROM_SANDBOX[:3, :3] @ lamp_position
-            own = {"KHR_lights_punctual": {"light": len(lamps) - 1}}
-            nodes.append({"name": name, "translation": moved.tolist(), "extensions": own, "extras": {"origin": origin}})
+            light = {"KHR_lights_punctual": {"light": len(lamps) - 1}}
+            node = {"name": name, "translation": moved.tolist(), "extensions": light}
+            nodes.append(node | {"extras": {"origin": origin}})
         first = len(tree["nodes"])
         tree["nodes"] += nodes
         tree["scenes"][0]["nodes"] += list(range(first, first + len(nodes)))
@@ -126,7 +127,7 @@ def _cameras_and_lamps(terrain: Terrain) -> Any:
 
 
 def write_usd(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`terrainNN.usdc`: meshes with semantic labels, cameras, lamps; metres, +Z up, the sandbox frame."""
+    """Write `terrainNN.usdc`: meshes with semantic labels, cameras, lamps; metres, +Z up, sandbox frame."""
     for terrain in _meshed(catalogue):
         bundle.make(f"terrain{terrain.number:02d}.usdc", partial(_write_stage, terrain))
 
@@ -152,45 +153,45 @@ def _add_mesh(stage: Any, terrain: Terrain, rock: int, file: Path) -> None:
     from pxr import Gf, Sdf, UsdGeom, UsdSemantics, Vt
 
     mesh = obj.read(file)
-    made = UsdGeom.Mesh.Define(stage, f"/World/{_name(rock)}")
+    prim = UsdGeom.Mesh.Define(stage, f"/World/{_name(rock)}")
     points = mesh.vertices.astype(np.float32)
-    made.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
-    made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
-    made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).ravel()))
-    made.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(mesh.normals().astype(np.float32)))
-    made.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+    prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
+    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).ravel()))
+    prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(mesh.normals().astype(np.float32)))
+    prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     low, high = (Gf.Vec3f(*map(float, corner)) for corner in (points.min(axis=0), points.max(axis=0)))
-    made.CreateExtentAttr([low, high])
+    prim.CreateExtentAttr([low, high])
     colour = (gltf.SAND if rock == NO_ROCK else gltf.ROCK) / 255
-    made.CreateDisplayColorAttr([Gf.Vec3f(*map(float, colour))])
-    said = _said(terrain, rock)
-    labels = {"class": said["class"], "rock_id": str(rock)} if rock != NO_ROCK else {"class": said["class"]}
+    prim.CreateDisplayColorAttr([Gf.Vec3f(*map(float, colour))])
+    attributes = _attributes(terrain, rock)
+    labels = {"class": attributes["class"]} | ({"rock_id": str(rock)} if rock != NO_ROCK else {})
     for taxonomy, value in labels.items():
-        UsdSemantics.LabelsAPI.Apply(made.GetPrim(), taxonomy).CreateLabelsAttr([value])
-    _say(made, {"origin": said["origin"], "made_from": said["made_from"]}, Sdf)
+        UsdSemantics.LabelsAPI.Apply(prim.GetPrim(), taxonomy).CreateLabelsAttr([value])
+    _set_attributes(prim, {"origin": attributes["origin"], "made_from": attributes["made_from"]}, Sdf)
 
 
 def _add_camera(stage: Any, name: str, camera: Camera, origin: str) -> None:
-    """Apertures in the unit of the focal length; the principal point lies off their middle."""
+    """Add a camera with apertures in the unit of the focal length and aperture offsets for the principal point."""
     from pxr import Gf, Sdf, UsdGeom
 
     lens = camera.lens
-    wide, high = FOCAL * lens.width / lens.fx, FOCAL * lens.height / lens.fy
-    made = UsdGeom.Camera.Define(stage, f"/World/{name}")
-    made.CreateProjectionAttr(UsdGeom.Tokens.perspective)
-    made.CreateFocalLengthAttr(FOCAL)
-    made.CreateHorizontalApertureAttr(wide)
-    made.CreateVerticalApertureAttr(high)
-    made.CreateHorizontalApertureOffsetAttr(wide * (0.5 - lens.cx / lens.width))
-    made.CreateVerticalApertureOffsetAttr(high * (lens.cy / lens.height - 0.5))
-    made.CreateClippingRangeAttr(Gf.Vec2f(NEAR, FAR))
+    width, height = FOCAL * lens.width / lens.fx, FOCAL * lens.height / lens.fy
+    prim = UsdGeom.Camera.Define(stage, f"/World/{name}")
+    prim.CreateProjectionAttr(UsdGeom.Tokens.perspective)
+    prim.CreateFocalLengthAttr(FOCAL)
+    prim.CreateHorizontalApertureAttr(width)
+    prim.CreateVerticalApertureAttr(height)
+    prim.CreateHorizontalApertureOffsetAttr(width * (0.5 - lens.cx / lens.width))
+    prim.CreateVerticalApertureOffsetAttr(height * (lens.cy / lens.height - 0.5))
+    prim.CreateClippingRangeAttr(Gf.Vec2f(NEAR, FAR))
     matrix = camera.world_from_camera.matrix @ CV_FROM_GL
-    made.AddTransformOp().Set(Gf.Matrix4d(*matrix.T.ravel().tolist()))  # USD's vectors are rows
-    _say(made, {"origin": origin}, Sdf)
+    prim.AddTransformOp().Set(Gf.Matrix4d(*matrix.T.ravel().tolist()))  # USD has row vectors
+    _set_attributes(prim, {"origin": origin}, Sdf)
     for key, value in lens_extras(lens).items():
         kind = Sdf.ValueTypeNames.Double
-        made.GetPrim().CreateAttribute(f"polarsim:{key}", kind, custom=True).Set(float(value))
+        prim.GetPrim().CreateAttribute(f"polarsim:{key}", kind, custom=True).Set(float(value))
 
 
 def _add_lamp(stage: Any, name: str, position: np.ndarray, origin: str) -> None:
@@ -201,9 +202,9 @@ def _add_lamp(stage: Any, name: str, position: np.ndarray, origin: str) -> None:
     lamp.CreateTreatAsPointAttr(True)
     UsdGeom.Boundable(lamp).CreateExtentAttr([Gf.Vec3f(-LAMP_RADIUS), Gf.Vec3f(LAMP_RADIUS)])
     UsdGeom.Xformable(lamp).AddTranslateOp().Set(Gf.Vec3d(*map(float, position)))
-    _say(lamp, {"origin": origin}, Sdf)
+    _set_attributes(lamp, {"origin": origin}, Sdf)
 
 
-def _say(made: Any, texts: dict[str, str], sdf: Any) -> None:
+def _set_attributes(prim: Any, texts: dict[str, str], sdf: Any) -> None:
     for key, text in texts.items():
-        made.GetPrim().CreateAttribute(f"polarsim:{key}", sdf.ValueTypeNames.Token, custom=True).Set(text)
+        prim.GetPrim().CreateAttribute(f"polarsim:{key}", sdf.ValueTypeNames.Token, custom=True).Set(text)

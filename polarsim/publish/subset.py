@@ -1,4 +1,4 @@
-"""Which pictures of a run are published: by fields of their keys, and as many as a size allows."""
+"""Selection of published images by fields of the photo key and by a maximum size."""
 
 from __future__ import annotations
 
@@ -25,115 +25,114 @@ FIELDS: Mapping[str, Callable[[Picture], str]] = {
     "domain": lambda one: one.domain,
     "part": lambda one: one.part,
 }
-_NUMBERS = {"terrain", "exposure"}  # 01 and 1 are one, 0256 and 256
+_NUMBERS = {"terrain", "exposure"}  # leading zeros are ignored
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12}
 
 
 def parse_subset(text: str) -> dict[str, tuple[str, ...]]:
-    """Fields and what they may be, of a text such as `terrain=1+3,exposure=256`.
+    """Return the allowed values of each field of a text such as `terrain=1+3,exposure=256`.
 
     Raises
     ------
     ConfigError
-        An unknown field, a field without values, or one that comes twice.
+        A field is unknown, has no values, or is given twice.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    allowed: dict[str, tuple[str, ...]] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, values = (word.strip() for word in part.partition("="))
-        if name not in FIELDS or not equals or not values or name in found:
-            raise ConfigError(
-                f"subset {part!r}, expected fields once each as terrain=1+3; they are {', '.join(FIELDS)}"
-            )
+        if name not in FIELDS or not equals or not values or name in allowed:
+            raise ConfigError(f"subset {part!r}, expected for example terrain=1+3; fields: {', '.join(FIELDS)}")
         words = tuple(word.strip() for word in values.split("+"))
         if name in _NUMBERS and not all(word.isdigit() for word in words):
-            raise ConfigError(f"subset {part!r}, expected whole numbers")
-        found[name] = tuple(str(int(word)) for word in words) if name in _NUMBERS else words
-    return found
+            raise ConfigError(f"subset {part!r}, expected integers")
+        allowed[name] = tuple(str(int(word)) for word in words) if name in _NUMBERS else words
+    return allowed
 
 
-def chosen(catalogue: Catalogue, subset: Mapping[str, Sequence[str]]) -> Catalogue:
-    """The pictures whose fields are among these; all of them of an empty subset.
+def select(catalogue: Catalogue, subset: Mapping[str, Sequence[str]]) -> Catalogue:
+    """Return the catalogue with the images whose fields have the allowed values; an empty subset keeps all images.
+
+    A warning lists values that no image has.
 
     Raises
     ------
     ConfigError
-        No picture is left; the line names the values that there are. A warning names values that no picture has.
+        No image has an allowed value.
     """
     if not subset:
         return catalogue
     kept = list(catalogue.pictures)
     for name, values in subset.items():
-        there = {FIELDS[name](one) for one in kept}
-        known = ", ".join(
-            sorted(there, key=lambda word: (len(word) if name in _NUMBERS else 0, word))[:12]
-        )  # 3, then 11
-        kept = [one for one in kept if FIELDS[name](one) in values]
+        present = {FIELDS[name](picture) for picture in kept}
+        numeric_order = sorted(present, key=lambda word: (len(word) if name in _NUMBERS else 0, word))
+        listed = ", ".join(numeric_order[:12])
+        kept = [picture for picture in kept if FIELDS[name](picture) in values]
         if not kept:
-            raise ConfigError(f"subset: no picture with {name}={'+'.join(values)}, there are {known}")
-        if absent := [value for value in values if value not in there]:
-            log.warning("subset: no picture with %s=%s, there are %s", name, "+".join(absent), known)
-    said = ", ".join(f"{name} {' or '.join(values)}" for name, values in subset.items())
-    return catalogue.with_pictures(kept, f"A subset: {len(kept)} of {len(catalogue.pictures)} pictures, {said}.")
+            raise ConfigError(f"subset: no image with {name}={'+'.join(values)}, expected values: {listed}")
+        if absent := [value for value in values if value not in present]:
+            log.warning("subset: no image with %s=%s, expected values: %s", name, "+".join(absent), listed)
+    selection = ", ".join(f"{name} {' or '.join(values)}" for name, values in subset.items())
+    return catalogue.with_pictures(kept, f"Subset: {len(kept)} of {len(catalogue.pictures)} images, {selection}.")
 
 
 def parse_size(text: str) -> int:
-    """Bytes of a text such as `2GB`, `500 MB` or a plain number; thousands, not 1,024.
+    """Return the bytes of a text such as `2GB`, `500 MB` or a plain number; prefixes are powers of 1,000.
 
     Raises
     ------
     ConfigError
-        No size above 0.
+        The text is not a size above 0.
     """
-    found = re.fullmatch(r"\s*([0-9.]+)\s*([kmgt]?)i?b?\s*", text.lower())
+    match = re.fullmatch(r"\s*([0-9.]+)\s*([kmgt]?)i?b?\s*", text.lower())
     try:
-        size = int(float(found[1]) * _UNITS[found[2]]) if found else 0
+        size = int(float(match[1]) * _UNITS[match[2]]) if match else 0
     except ValueError:
         size = 0
     if size <= 0:
-        raise ConfigError(f"size {text!r}, expected one such as 500MB or 2GB")
+        raise ConfigError(f"size {text!r}, expected for example 500MB or 2GB")
     return size
 
 
-def fitting(catalogue: Catalogue, size_of: Callable[[Picture], int], fixed: int, most: int) -> Catalogue:
-    """As many pictures as fit, scenes whole: a photo, its pair and their twins stay together.
+def limit_size(catalogue: Catalogue, size_of: Callable[[Picture], int], fixed: int, limit: int) -> Catalogue:
+    """Return a random subset of scenes of at most `limit` bytes; a scene is a stereo pair of photos and the twins.
 
-    Which scenes go is drawn by their keys alone, so that a larger size holds all that a smaller one does.
+    The random order depends only on the photo keys, so that a larger limit selects a superset.
 
     Parameters
     ----------
     size_of
-        Bytes that a picture takes in the form.
+        Size of an image in the format, bytes.
     fixed
-        Bytes that the form takes whatever the pictures.
-    most
-        Bytes that it may take.
+        Size of all other files, bytes.
+    limit
+        Maximum size, bytes.
 
     Raises
     ------
     ConfigError
-        Not even one scene fits.
+        The limit is smaller than a single scene.
     """
     scenes: dict[str, list[Picture]] = {}
-    for one in catalogue.pictures:
-        scenes.setdefault(_scene(one), []).append(one)
+    for picture in catalogue.pictures:
+        scenes.setdefault(_scene(picture), []).append(picture)
     ranked = sorted(scenes, key=lambda name: (generator(0, "publish", name).random(), name))
-    taken: set[str] = set()
+    selected: set[str] = set()
     total = fixed
     for name in ranked:
         total += sum(map(size_of, scenes[name]))
-        if total > most:
+        if total > limit:
             break
-        taken.add(name)
-    if not taken:
+        selected.add(name)
+    if not selected:
         need = fixed + sum(map(size_of, scenes[ranked[0]]))
-        raise ConfigError(f"nothing fits into {most:,} bytes: one scene takes {need:,}")
-    if len(taken) == len(scenes):
+        raise ConfigError(f"the maximum size is {limit:,} bytes, but a single scene needs {need:,}: raise --max-size")
+    if len(selected) == len(scenes):
         return catalogue
-    kept = [one for one in catalogue.pictures if _scene(one) in taken]
-    note = f"Cut to {most:,} bytes: {len(kept)} of {len(catalogue.pictures)} pictures, drawn by their keys."
+    kept = [picture for picture in catalogue.pictures if _scene(picture) in selected]
+    note = f"Limited to {limit:,} bytes: {len(kept)} of {len(catalogue.pictures)} images, selected at random."
     return catalogue.with_pictures(kept, note)
 
 
 def _scene(picture: Picture) -> str:
-    """The key of the left photo: its pair and the twins of both have it too."""
+    """Return the key of the left photo, which identifies the stereo pair and the twins."""
     return str(picture.key if picture.key.camera == "L" else picture.key.other_camera)

@@ -1,6 +1,6 @@
-"""The rover's drives as EuRoC and TUM folders, which visual odometry and SLAM are tested on.
+"""The rover's drives as EuRoC and TUM folders, for tests of visual odometry and SLAM.
 
-Stamps are the drive's clock plus a second, as in its bag. Ground truth is the simulation's own: synthetic and exact.
+Stamps are the simulation time plus 1 s, as in the drive's bag. Ground truth is exact, from the simulation.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from polarsim.run_files.run import TRACE
 START_NS = 1_000_000_000
 POSE = ("time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 _BODY = (*POSE, "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
-_RIGID = 1e-6  # a camera whose position on the rover changes by more follows it without being fixed to it
+_RIGID = 1e-6  # maximum change of the pose relative to the rover of a mounted camera; others are chase cameras
 
 
 def fixed_bytes(catalogue: Catalogue) -> int:
@@ -37,7 +37,7 @@ def fixed_bytes(catalogue: Catalogue) -> int:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive's states: `base_link` in the world."""
+    """States of a drive: pose of `base_link` in the world frame."""
 
     folder: Path
     table: pd.DataFrame
@@ -60,16 +60,16 @@ class Drive:
 
 @dataclass(frozen=True)
 class View:
-    """A camera that is fixed to the rover, with its pictures in one light."""
+    """Camera mounted on the rover, with images in a single light."""
 
     name: str
     base_from_camera: Pose
-    frames: pd.DataFrame  # frame and `POSE`, world from camera
+    frames: pd.DataFrame  # frame number and `POSE`, world from camera
     pictures: Path
 
 
 def sequences(catalogue: Catalogue) -> Iterator[tuple[str, Drive, list[View]]]:
-    """Name, drive and views: one sequence a drive and light."""
+    """Yield name, drive and cameras: one sequence per drive and light."""
     for folder in catalogue.drives:
         drive = Drive.read(folder)
         views = list(_views(drive))
@@ -85,7 +85,7 @@ def _views(drive: Drive) -> Iterator[View]:
         poses = [_pose(row) for row in frames.to_dict("records")]
         times = frames["time_s"].to_numpy()
         mounts = [drive.world_from_base(time).inverse() @ pose for time, pose in zip(times, poses, strict=True)]
-        if not mounts or max(np.abs(one.matrix - mounts[0].matrix).max() for one in mounts) > _RIGID:
+        if not mounts or max(np.abs(mount.matrix - mounts[0].matrix).max() for mount in mounts) > _RIGID:
             continue
         for pictures in sorted(path.parent.glob("*_*_*")):
             if pictures.is_dir() and any(pictures.glob("*.png")):
@@ -93,18 +93,18 @@ def _views(drive: Drive) -> Iterator[View]:
 
 
 def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<drive>_<light>/mav0/{cam0,imu0,state_groundtruth_estimate0}`; cam0 is the first view by name, and so on."""
+    """Write `<drive>_<light>/mav0/{cam0,imu0,state_groundtruth_estimate0}`; cameras are numbered by name."""
     for name, drive, views in sequences(catalogue):
         folder, table = f"{name}/mav0", drive.table
         stamps = [stamp_ns(time) for time in table["time_s"]]
         imu = table[["wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2"]]
         bundle.text(f"{folder}/imu0/data.csv", _csv(_IMU, stamps, imu))
-        bundle.text(f"{folder}/imu0/sensor.yaml", _sensor("imu", Pose.identity(), "readings without noise"))
+        bundle.text(f"{folder}/imu0/sensor.yaml", _sensor("imu", Pose.identity(), "measurements without noise"))
         truth = table[[*POSE[1:], "vx_m_s", "vy_m_s", "vz_m_s"]].assign(**dict.fromkeys("abcdef", 0.0))  # no biases
         bundle.text(f"{folder}/state_groundtruth_estimate0/data.csv", _csv(_TRUTH, stamps, truth))
         bundle.text(
             f"{folder}/state_groundtruth_estimate0/sensor.yaml",
-            _sensor("visual-inertial", Pose.identity(), "the simulation's own states, synthetic"),
+            _sensor("visual-inertial", Pose.identity(), "exact states of the simulation, synthetic"),
         )
         for number, view in enumerate(views):
             lines = ["#timestamp [ns],filename\n"]
@@ -112,12 +112,12 @@ def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
                 bundle.copy(f"{folder}/cam{number}/data/{stamp}.png", path)
                 lines.append(f"{stamp},{stamp}.png\n")
             bundle.text(f"{folder}/cam{number}/data.csv", "".join(lines))
-            says = f"{view.name}, 12-bit values in 16-bit PNG; its lens is in the bag's camera_info"
-            bundle.text(f"{folder}/cam{number}/sensor.yaml", _sensor("camera", view.base_from_camera, says))
+            comment = f"{view.name}, 12-bit values in 16-bit PNG; lens: camera_info in the bag"
+            bundle.text(f"{folder}/cam{number}/sensor.yaml", _sensor("camera", view.base_from_camera, comment))
 
 
 def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<drive>_<light>/<view>/{rgb/,rgb.txt,groundtruth.txt}`, poses of the camera; without pictures of the rover."""
+    """Write `<drive>_<light>/<view>/{rgb/,rgb.txt,groundtruth.txt}` with poses of cameras, or of the rover."""
     for name, drive, views in sequences(catalogue):
         if not views:
             bundle.text(f"{name}/base_link/groundtruth.txt", _tum(drive, Pose.identity(), "base_link"))

@@ -1,4 +1,4 @@
-"""The run's detectors: weights as they were trained, each with a card of what it is and of its scores."""
+"""Weights of the run's detectors, each with a model card."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from polarsim.publish.catalogue import Catalogue
 _SCORES = ("trained", "split", "seed", "evaluated", "kind", "images", "labels", "leaks_views")
 _FACTS = ("detector", "start", "epochs", "imgsz")
 _INTERVALS = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]"}
-_OWN = "compact"  # families of other names are Ultralytics'
+_COMPACT = "compact"  # start of the names of polarsim's detectors; all other detectors are Ultralytics models
 
 
 @dataclass(frozen=True)
 class Weights:
-    """A detector's file: how the photos were split, the training's seed, and the domain that it was trained on."""
+    """Weights file of a detector with split, seed and training domain."""
 
     path: Path
     split: str
@@ -31,90 +31,94 @@ class Weights:
 
     @property
     def name(self) -> str:
-        """Path in the bundle, without an ending."""
+        """Path in the bundle, without suffix."""
         return f"{self.split}/seed{self.seed}/{self.trained}"
 
 
-def found(catalogue: Catalogue) -> Iterator[Weights]:
-    """The detectors of the run, sorted by name."""
+def detectors(catalogue: Catalogue) -> Iterator[Weights]:
+    """Yield the detectors of the run, sorted by name."""
     for path in sorted((catalogue.run / "detect").glob("*/seed*/detectors/*.pt")):
         split, seed = path.parts[-4], path.parts[-3].removeprefix("seed")
         yield Weights(path, split, int(seed), path.stem)
 
 
-def lacking(catalogue: Catalogue) -> str:
-    return "" if any(found(catalogue)) else "the run has no detectors (target `detect`)"
+def unavailable(catalogue: Catalogue) -> str:
+    return "" if any(detectors(catalogue)) else "the run has no detectors (target `detect`)"
 
 
 def fixed_bytes(catalogue: Catalogue) -> int:
-    return sum(one.path.stat().st_size for one in found(catalogue))
+    return sum(detector.path.stat().st_size for detector in detectors(catalogue))
 
 
-def write(catalogue: Catalogue, bundle: Bundle) -> None:
-    """`<split>/seedN/<domain>.pt` and beside it `<domain>.md`."""
+def write_detectors(catalogue: Catalogue, bundle: Bundle) -> None:
+    """Write `<split>/seedN/<domain>.pt` and `<domain>.md`."""
     table = catalogue.run / "detect" / "detection.parquet"
     columns = [*_SCORES, *_FACTS, *(f"{name}{end}" for name in _INTERVALS for end in ("", "_low", "_high"))]
     scores = read_parquet(table, columns) if table.is_file() else pd.DataFrame(columns=columns)
-    for one in found(catalogue):
-        bundle.copy(f"{one.name}.pt", one.path)
-        own = scores[(scores["trained"] == one.trained) & (scores["split"] == one.split) & (scores["seed"] == one.seed)]
-        bundle.text(f"{one.name}.md", _card(catalogue, one, own))
+    for detector in detectors(catalogue):
+        bundle.copy(f"{detector.name}.pt", detector.path)
+        rows = scores[
+            (scores["trained"] == detector.trained)
+            & (scores["split"] == detector.split)
+            & (scores["seed"] == detector.seed)
+        ]
+        bundle.text(f"{detector.name}.md", _card(catalogue, detector, rows))
 
 
 def _card(catalogue: Catalogue, weights: Weights, scores: pd.DataFrame) -> str:
-    """Markdown."""
+    """Return the model card in Markdown."""
     parts = [
         f"# Detector of rocks and shadows, trained on {weights.trained}",
-        f"Of run `{catalogue.name}` (source `{catalogue.kind}`, configuration `{catalogue.config or 'unknown'}`), "
+        f"Run `{catalogue.name}` (source `{catalogue.kind}`, configuration `{catalogue.config or 'unknown'}`), "
         f"photos split by {weights.split}, seed {weights.seed}; polarsim {__version__}.",
-        f"`polarsim detect PICTURES --weights {weights.trained}.pt --out FOLDER` uses it. The file holds tensors and "
-        "plain values, nothing that runs when it is read.",
-        _made(catalogue, weights, scores),
-        _scored(scores),
-        "Tested on pictures of the same sandbox under the same lamps: nothing here says how it does elsewhere.",
+        f"Usage: `polarsim detect PICTURES --weights {weights.trained}.pt --out FOLDER`. The file contains tensors and "
+        "plain values, no code.",
+        _training(catalogue, weights, scores),
+        _evaluation(scores),
+        "The test images show the same sandbox with the same lamps; results may not transfer to other scenes.",
         _licence(weights, scores),
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def _made(catalogue: Catalogue, weights: Weights, scores: pd.DataFrame) -> str:
-    said = []
+def _training(catalogue: Catalogue, weights: Weights, scores: pd.DataFrame) -> str:
+    parts = []
     if len(scores):
         facts = scores.iloc[0]
-        said.append(
-            f"**Training**: {facts['detector']}, start {facts['start']}, epochs {facts['epochs']}, pictures "
-            f"{facts['imgsz']} px wide."
+        parts.append(
+            f"**Training**: {facts['detector']}, start {facts['start']}, epochs {facts['epochs']}, image width "
+            f"{facts['imgsz']} px."
         )
     dataset = catalogue.run / "detect" / weights.split / "datasets" / weights.trained / "dataset.json"
     if dataset.is_file():
         counts = read_json(dataset)["pictures"]
-        said.append(f"**Data**: {counts['train']} pictures to train on, {counts['val']} to choose the weights by.")
-    return " ".join(said) or "How it was trained is not known: the run has no table of scores."
+        parts.append(f"**Data**: {counts['train']} images for training, {counts['val']} for the choice of weights.")
+    return " ".join(parts) or "The training is not documented: the run has no table of scores."
 
 
-def _scored(scores: pd.DataFrame) -> str:
+def _evaluation(scores: pd.DataFrame) -> str:
     if not len(scores):
-        return "It was not evaluated."
+        return "Not evaluated."
     lines = [
         "95 % intervals in brackets.",
         "",
-        f"| evaluated on | class | pictures | labels | {' | '.join(_INTERVALS.values())} |",
+        f"| evaluated on | class | images | labels | {' | '.join(_INTERVALS.values())} |",
         "|---|---|---|---|---|---|",
     ]
     for row in scores.to_dict("records"):
         cells = [f"{row[name]:.3f} [{row[f'{name}_low']:.3f}, {row[f'{name}_high']:.3f}]" for name in _INTERVALS]
-        named = (row["evaluated"], row["kind"], row["images"], row["labels"])
-        lines.append(f"| {' | '.join(map(str, named))} | {' | '.join(cells)} |")
+        subject = (row["evaluated"], row["kind"], row["images"], row["labels"])
+        lines.append(f"| {' | '.join(map(str, subject))} | {' | '.join(cells)} |")
     if scores["leaks_views"].any():
-        lines += ["", "Views that were tested were trained on too, under other light: other views score lower."]
+        lines += ["", "Training and test share views in different light; scores on new views are lower."]
     return "\n".join(lines)
 
 
 def _licence(weights: Weights, scores: pd.DataFrame) -> str:
-    said = "**Licence**: BSD-3-Clause, as the code."
-    if len(scores) and not str(scores["detector"].iloc[0]).startswith(_OWN):
-        said = (
-            "**Licence**: AGPL-3.0, which Ultralytics asks for its models, those trained by others too, and for what "
-            "loads them."
+    text = "**Licence**: BSD-3-Clause, the licence of the code."
+    if len(scores) and not str(scores["detector"].iloc[0]).startswith(_COMPACT):
+        text = (
+            "**Licence**: AGPL-3.0, required by Ultralytics for its models, for models trained with its code, and for "
+            "software that loads them."
         )
-    return said + (" Trained on photos of NASA Ames: name it as their source." if weights.trained == "real" else "")
+    return text + (" Trained on photos of NASA Ames: cite this source." if weights.trained == "real" else "")

@@ -20,7 +20,7 @@ def catalogue(run) -> Catalogue:
 
 @pytest.fixture(scope="session")
 def published(run, tmp_path_factory):
-    """A form's folder, written once for all tests that look at it."""
+    """Return a function that gives the folder of a format, written once per session."""
     out = tmp_path_factory.mktemp("out")
 
     def folder(form: str) -> Path:
@@ -38,7 +38,7 @@ def bundle(tmp_path) -> Bundle:
 
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory) -> Path:
-    """A made-up drive of a run of its own, with its bag."""
+    """Write a simulated drive with a bag in a separate run."""
     from polarsim.rover.export.bag import write_bag
     from polarsim.rover.export.options import BagOptions
     from polarsim.rover.vehicle.table import read_vehicle
@@ -53,7 +53,7 @@ def drive(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def drives_published(drive, tmp_path_factory):
-    """A form of the run with the drive."""
+    """Return a function that gives the folder of a format for the run with the drive."""
     out = tmp_path_factory.mktemp("drives")
 
     def folder(form: str) -> Path:

@@ -1,9 +1,9 @@
-"""What PDS4's core schema and Schematron ask of the labels that we write: elements in their order, words, identifiers.
+"""Rules of PDS4's core schema and Schematron for the labels written by polarsim: elements, words, identifiers.
 
-Neither comes with a package of the registries, so they are restated here for the classes that we use: order and
-number of elements as in the schema of the Information Model 1.20 (docs/release/1K00/PDS4_PDS_1K00.xsd of NASA-PDS'
-repository pds4-information-model, read beside this), and the Schematron's assertions on them (of version 1.4, which
-later ones keep). It is no validation by the PDS: classes that we do not write are not here, nor are types of values.
+No package contains the schema, so the rules for the classes used by polarsim are restated here: order and number of
+elements from the Information Model 1.20 (docs/release/1K00/PDS4_PDS_1K00.xsd in NASA-PDS' repository
+pds4-information-model), and assertions of the Schematron 1.4, which are unchanged in later versions. This does not
+replace a validation by the PDS: other classes and the types of values are not checked.
 """
 
 import re
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 PDS = "{http://pds.nasa.gov/pds4/pds/v1}"
-# A class a line: its elements in their order; ? none or one, + one or more, * any number.
+# A class per line with the ordered elements; ? optional, + at least 1, * any number.
 ORDER = """
 Product_Observational: Identification_Area Reference_List? Observation_Area File_Area_Observational+
 Product_Browse: Identification_Area Reference_List? File_Area_Browse+
@@ -60,7 +60,7 @@ Collection: collection_type description?
 Bundle: bundle_type description?
 Bundle_Member_Entry: lid_reference member_status reference_type
 """
-# Of an element of a class, or of any: the words that are allowed.
+# Allowed values by class and element.
 WORDS = {
     "Primary_Result_Summary/purpose": "Calibration Checkout Engineering Navigation Science",
     "Primary_Result_Summary/processing_level": "Calibrated Derived Raw Telemetry",
@@ -76,40 +76,40 @@ WORDS = {
     "Element_Array/data_type": "UnsignedByte UnsignedMSB2 IEEE754MSBSingle",
     "Field_Delimited/data_type": "ASCII_Boolean ASCII_Integer ASCII_Real ASCII_String ASCII_LIDVID_LID UTF8_String",
 }
-_COLONS = {"Product_Bundle": 3, "Product_Collection": 4}  # in an identifier; 5 in those of other products
+_COLONS = {"Product_Bundle": 3, "Product_Collection": 4}  # number of colons in an identifier; 5 in other products
 _CITED = ("Product_Bundle", "Product_Collection", "Product_Document")
 
 
 def _patterns() -> dict[str, re.Pattern[str]]:
     lines = ORDER.replace("\\\n", "").strip().splitlines()
-    found = {}
+    patterns = {}
     for line in lines:
         name, _, parts = line.partition(":")
         tags = [re.fullmatch(r"(.*?)([?+*]?)", part).groups() for part in parts.split()]
-        found[name] = re.compile("".join(f"(?:(?:{tag}) ){count}" for tag, count in tags))
-    return found
+        patterns[name] = re.compile("".join(f"(?:(?:{tag}) ){count}" for tag, count in tags))
+    return patterns
 
 
 PATTERNS = _patterns()
 
 
 def broken_rules(label: bytes) -> Iterator[str]:
-    """What a label breaks, in words."""
+    """Yield a description of each rule that a label violates."""
     root = ElementTree.fromstring(label)
     for element in root.iter():
         name = element.tag.removeprefix(PDS)
         if len(element):
             children = "".join(f"{child.tag.removeprefix(PDS)} " for child in element)
             if name not in PATTERNS:
-                yield f"{name} is no class of ours"
+                yield f"{name} is an unknown class"
             elif not PATTERNS[name].fullmatch(children):
-                yield f"{name} holds {children}"
+                yield f"{name} contains {children}"
         for child in element:
             words = WORDS.get(f"{name}/{child.tag.removeprefix(PDS)}")
             if words and child.text not in words.split():
                 yield f"{name}: {child.tag.removeprefix(PDS)} is {child.text!r}"
         if name in ("offset", "file_size", "maximum_field_length") and element.get("unit") != "byte":
-            yield f"{name} without its unit"
+            yield f"{name} without unit"
     yield from _broken_identity(root)
     yield from _broken_records(root)
     yield from _broken_axes(root)
@@ -125,19 +125,19 @@ def _broken_identity(root: ElementTree.Element) -> Iterator[str]:
     ):
         yield f"logical_identifier {lid}"
     if area.findtext(f"{PDS}product_class") != kind:
-        yield "product_class is another"
+        yield "product_class differs from the root element"
     if kind in _CITED and not area.findtext(f"{PDS}Citation_Information/{PDS}description"):
         yield "Citation_Information and its description are required"
     for text in (element for name in ("title", "name") for element in root.iter(f"{PDS}{name}")):
         if not 0 < len(text.text or "") <= 255:
-            yield f"{text.text!r} is no short text"
+            yield f"{text.text!r} has not 1 to 255 characters"
 
 
 def _broken_records(root: ElementTree.Element) -> Iterator[str]:
     for record in root.iter(f"{PDS}Record_Delimited"):
         fields = record.findall(f"{PDS}Field_Delimited")
         if record.findtext(f"{PDS}fields") != str(len(fields)) or record.findtext(f"{PDS}groups") != "0":
-            yield "fields are not as many as are stated"
+            yield "number of fields is wrong"
         numbers = [field.findtext(f"{PDS}field_number") for field in fields]
         if numbers != [str(number) for number in range(1, len(fields) + 1)]:
             yield "fields are not numbered from 1"
@@ -145,9 +145,9 @@ def _broken_records(root: ElementTree.Element) -> Iterator[str]:
         fields = list(inventory.iter(f"{PDS}Field_Delimited"))
         names = [(field.findtext(f"{PDS}name"), field.findtext(f"{PDS}data_type")) for field in fields]
         if names != [("Member_Status", "ASCII_String"), ("LIDVID_LID", "ASCII_LIDVID_LID")]:
-            yield "an inventory has Member_Status and LIDVID_LID"
+            yield "an inventory needs Member_Status and LIDVID_LID"
         elif fields[0].findtext(f"{PDS}maximum_field_length") != "1":
-            yield "Member_Status is one letter"
+            yield "Member_Status has a single letter"
 
 
 def _broken_axes(root: ElementTree.Element) -> Iterator[str]:
@@ -158,4 +158,4 @@ def _broken_axes(root: ElementTree.Element) -> Iterator[str]:
         if [axis.findtext(f"{PDS}sequence_number") for axis in axes] != [str(n + 1) for n in range(len(axes))]:
             yield "axes are not numbered from 1"
         if image.findtext(f"{PDS}axes") != str(len(axes)):
-            yield "axes are not as many as are stated"
+            yield "number of axes is wrong"

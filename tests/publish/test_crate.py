@@ -9,7 +9,7 @@ pytest.importorskip("rocrate")
 from rocrate.rocrate import ROCrate
 
 
-def test_entities_come_back_and_their_files_exist_with_their_checksums(published, catalogue):
+def test_entities_are_read_back_and_files_have_the_stated_checksums(published, catalogue):
     folder = published("ro-crate")
     crate = ROCrate(str(folder))
     stated = json.loads((folder / "ro-crate-metadata.json").read_text())["@graph"]
@@ -25,7 +25,7 @@ def test_entities_come_back_and_their_files_exist_with_their_checksums(published
         assert len(list((folder / f"pictures/{domain}").glob("*.png"))) == len(catalogue.of_domain(domain))
 
 
-def test_the_workflow_made_the_results_of_the_photos(published, catalogue):
+def test_the_run_links_workflow_photos_and_results(published, catalogue):
     crate = ROCrate(str(published("ro-crate")))
     assert crate.mainEntity.id == "workflow/Snakefile"
     run = crate.get("#run")

@@ -21,7 +21,7 @@ def silently(call, *arguments):
         return call(*arguments)
 
 
-def test_coco_masks_come_back_bit_for_bit_and_shadows_name_their_rocks(published, catalogue):
+def test_coco_masks_are_read_back_exactly_and_shadows_refer_to_rocks(published, catalogue):
     from pycocotools import mask as runs
 
     folder, seen = published("coco"), 0
@@ -48,7 +48,7 @@ def test_coco_masks_come_back_bit_for_bit_and_shadows_name_their_rocks(published
 
 
 @pytest.mark.parametrize("kind", ["bbox", "segm"])
-def test_its_own_truth_scores_one(published, kind):
+def test_annotations_as_results_have_average_precision_1(published, kind):
     truth = silently(COCO, published("coco") / "annotations/hapke_train.json")
     results = [{**row, "score": 1.0} for row in truth.anns.values()]
     found = silently(truth.loadRes, results)
@@ -58,7 +58,7 @@ def test_its_own_truth_scores_one(published, kind):
     assert scores.stats[0] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_yolo_boxes_are_kept_to_a_hundredth_of_a_pixel(published, catalogue):
+def test_yolo_boxes_are_accurate_to_a_hundredth_of_a_pixel(published, catalogue):
     folder = published("yolo")
     for domain in catalogue.domains:
         stated = yaml.safe_load((folder / f"{domain}.yaml").read_text())

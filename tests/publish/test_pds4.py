@@ -35,25 +35,25 @@ def test_the_reader_opens_every_product(published, catalogue):
     assert len(labels(folder)) == 3 * pictures + maps + tables + card + collections + bundle
 
 
-def test_labels_keep_the_rules_of_the_schema(published):
+def test_labels_conform_to_the_rules_of_the_schema(published):
     for path in labels(published("pds4")):
         assert list(broken_rules(path.read_bytes())) == [], path
 
 
 @pytest.mark.parametrize(
-    ("was", "becomes", "told"),
+    ("old", "new", "rule"),
     [
-        (b"Citation_Information>", b"Citation>", "Identification_Area holds"),
+        (b"Citation_Information>", b"Citation>", "Identification_Area contains"),
         (b"bundle_has_data_collection", b"bundle_has_dust", "reference_type is 'bundle_has_dust'"),
         (b"urn:local:polarsim:tiny<", b"urn:local:polarsim:tiny:more<", "logical_identifier"),
         (b"urn:local:polarsim:tiny<", b"urn:nasa:pds:tiny<", "logical_identifier"),
-        (b"<version_id>1.0</version_id>", b"", "Identification_Area holds"),
+        (b"<version_id>1.0</version_id>", b"", "Identification_Area contains"),
     ],
 )
-def test_a_label_that_breaks_one_is_found(published, was, becomes, told):
+def test_violations_of_the_rules_are_detected(published, old, new, rule):
     label = (published("pds4") / "bundle.xml").read_bytes()
-    assert was in label
-    assert any(told in one for one in broken_rules(label.replace(was, becomes)))
+    assert old in label
+    assert any(rule in violation for violation in broken_rules(label.replace(old, new)))
 
 
 def test_maps_of_depth_angles_and_normals_have_their_units(published, catalogue):
@@ -61,7 +61,7 @@ def test_maps_of_depth_angles_and_normals_have_their_units(published, catalogue)
     for name, path in catalogue.maps():
         wanted = png.read(path)
         found = opened(folder / f"{name}_{path.stem}.xml")["image"]
-        # The reader applies the factor of the label: hundredths of a degree come as degrees.
+        # The reader applies the factor of the label: hundredths of a degree become degrees.
         scale = 0.01 if name == "incidence" else 1
         values = np.moveaxis(wanted, 2, 0) if wanted.ndim == 3 else wanted
         np.testing.assert_allclose(np.asarray(found.data), values * scale, rtol=1e-12)
@@ -69,7 +69,7 @@ def test_maps_of_depth_angles_and_normals_have_their_units(published, catalogue)
         assert element.findtext(f"{PDS}unit") == units[name]
 
 
-def test_values_of_pictures_and_ids_come_back_bit_for_bit(published, catalogue):
+def test_values_of_images_and_ids_are_read_back_exactly(published, catalogue):
     folder = published("pds4")
     for one in catalogue.pictures:
         for place, wanted in (("data", png.read(one.path)), ("ids", records.ids(catalogue, one))):
@@ -79,7 +79,7 @@ def test_values_of_pictures_and_ids_come_back_bit_for_bit(published, catalogue):
         assert unit.text == "DN"
 
 
-def test_tables_come_back_with_units_and_every_value_has_an_origin(published, catalogue):
+def test_tables_are_read_back_with_units_and_origins(published, catalogue):
     folder = published("pds4")
     for name, table in records.all_tables(catalogue).items():
         found = opened(folder / f"tables/{name}.xml")["table"]
@@ -90,7 +90,7 @@ def test_tables_come_back_with_units_and_every_value_has_an_origin(published, ca
         assert set(found["origin"]) <= {"measured", "fitted", "synthetic"}
         for column, field in fields.items():
             description = field.findtext(f"{PDS}description")
-            assert "as column origin says" in description or "name, key or count" in description, column
+            assert "see column origin" in description or "name, key or count" in description, column
             if column.endswith(("_m", "_mm", "_px", "_deg")) or column in ("x0", "y1"):
                 assert field.findtext(f"{PDS}unit"), column
             values = pd.Series(np.asarray(found[column]))
@@ -103,7 +103,7 @@ def test_tables_come_back_with_units_and_every_value_has_an_origin(published, ca
                 assert values.astype(str).tolist() == table[column].astype(str).tolist(), column
 
 
-def test_measured_fitted_and_synthetic_are_told_apart(published):
+def test_tables_have_the_origin_of_values(published):
     poses = opened(published("pds4") / "tables/poses.xml")["table"]
     lamps = opened(published("pds4") / "tables/lamps.xml")["table"]
     assert set(poses["origin"]) == {"fitted"}
@@ -111,7 +111,7 @@ def test_measured_fitted_and_synthetic_are_told_apart(published):
         "30": "synthetic", "180": "fitted", "270": "synthetic", "350": "synthetic", "rover_A": "fitted",
     }  # fmt: skip
     text = (published("pds4") / "data_hapke/01_A_off_30_L_0256.xml").read_text()
-    assert "Every value is synthetic" in text
+    assert "values are synthetic" in text
     assert "Frames: sandbox" in text
 
 

@@ -29,7 +29,7 @@ def test_colmap_reads_poses_lenses_and_names(published, catalogue):
         assert abs(len(model.points3D) - POINTS) < 300
 
 
-def test_nerfstudio_poses_are_the_cameras_when_undone(published, catalogue):
+def test_nerfstudio_poses_are_those_of_the_cameras(published, catalogue):
     for domain in catalogue.domains:
         folder = published("nerfstudio") / domain / "Terrain01"
         content = json.loads((folder / "transforms.json").read_text())
@@ -41,20 +41,20 @@ def test_nerfstudio_poses_are_the_cameras_when_undone(published, catalogue):
             np.testing.assert_allclose(pose, camera.world_from_camera.matrix, atol=1e-9, rtol=0)
             assert [frame[name] for name in ("fl_x", "fl_y", "cx", "cy")] == [lens.fx, lens.fy, lens.cx, lens.cy]
             assert tuple(frame[name] for name in ("k1", "k2", "p1", "p2", "k3")) == lens.distortion
-            # By OpenGL's own rule: a point in front has negative z, one above the middle has positive y.
+            # OpenGL: points in front of the camera have negative z, points above the centre have positive y.
             gl_from_sandbox = np.linalg.inv(frame["transform_matrix"])
             x, y, z, _ = gl_from_sandbox @ [*PLACE, 1]
             pinhole = np.array([lens.fx * x / -z + lens.cx, lens.fy * -y / -z + lens.cy])
             assert z < 0
-            assert np.abs(pinhole - camera.project(PLACE)).max() < 5  # but for the lens's distortion
+            assert np.abs(pinhole - camera.project(PLACE)).max() < 5  # without lens distortion
         points = trimesh.load(folder / content["ply_file_path"])
         assert len(points.colors) == len(points.vertices)
 
 
-def test_the_cloud_lies_on_the_meshes(published):
+def test_points_of_the_cloud_are_on_the_meshes(published):
     points = trimesh.load(published("nerfstudio") / "hapke/Terrain01/points.ply").vertices
     on_ground = np.abs(points[:, 2]) < 1e-4
     assert on_ground.sum() > 50_000
     x, y, radius = ROCK_PLACES[4]
-    away = np.linalg.norm(points - [x, y, radius / 2], axis=1)
-    assert ((away > 0.9 * radius) & (away < 1.001 * radius)).sum() > 100
+    distance = np.linalg.norm(points - [x, y, radius / 2], axis=1)
+    assert ((distance > 0.9 * radius) & (distance < 1.001 * radius)).sum() > 100

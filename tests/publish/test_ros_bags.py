@@ -23,7 +23,7 @@ def store():
     return store
 
 
-def test_rosbags_reads_a_stations_pictures_with_their_keys_labels_and_lenses(published, catalogue, store):
+def test_rosbags_reads_the_images_keys_labels_and_lenses_of_a_station(published, catalogue, store):
     for domain in catalogue.domains:
         found: dict[str, list] = {}
         with Reader(published("mcap") / STATION.format(domain=domain)) as reader:
@@ -31,7 +31,7 @@ def test_rosbags_reads_a_stations_pictures_with_their_keys_labels_and_lenses(pub
                 message = store.deserialize_cdr(raw, connection.msgtype)
                 found.setdefault(connection.topic, []).append((time_ns, message))
             assert reader.message_count == sum(map(len, found.values())) == 17
-            assert reader.duration == 10**9 + 1  # two moments; rosbags counts to behind the last
+            assert reader.duration == 10**9 + 1  # two stamps; rosbags includes the last nanosecond
         by_key = {str(one.key): one for one in catalogue.of_domain(domain)}
         for side, letter in (("left", "L"), ("right", "R")):
             keys = [message.data for _, message in found[f"/{side}/key"]]
@@ -53,10 +53,10 @@ def test_rosbags_reads_a_stations_pictures_with_their_keys_labels_and_lenses(pub
         np.testing.assert_allclose([still["sun_180"].x, still["sun_180"].y, still["sun_180"].z], sun)
 
 
-def test_mcaps_own_reader_counts_the_same(published):
+def test_the_mcap_reader_counts_the_same_messages(published):
     with (published("mcap") / STATION.format(domain="hapke") / "Terrain01_PosA.mcap").open("rb") as file:
-        told = make_reader(file).get_summary().statistics
-    assert (told.message_count, told.channel_count) == (17, 9)
+        statistics = make_reader(file).get_summary().statistics
+    assert (statistics.message_count, statistics.channel_count) == (17, 9)
 
 
 def test_a_drive_is_copied_and_counted(drives_published, drive):

@@ -1,4 +1,4 @@
-"""Any form: same bytes, resumed calls, what is refused, what is chosen."""
+"""All formats: reproducible bytes, resumed exports, errors, subsets."""
 
 import hashlib
 import json
@@ -23,41 +23,41 @@ from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.catalogue import read_catalogue
 from polarsim.publish.options import PublishOptions
 from polarsim.publish.run import FORMS, publish, publish_run, summary
-from polarsim.publish.subset import chosen, fitting, parse_size, parse_subset
+from polarsim.publish.subset import limit_size, parse_size, parse_subset, select
 from tests.publish.tiny import KEYS, content, make_run
 
-LACKING = {"euroc", "tum", "detectors"}  # to the tiny run
+LACKING = {"euroc", "tum", "detectors"}  # not available for the small run
 
 
 @pytest.mark.parametrize("form", sorted(set(FORMS) - LACKING))
-def test_the_same_run_has_the_same_bytes(form, run, published, tmp_path):
+def test_the_same_run_gives_the_same_bytes(form, run, published, tmp_path):
     first, second = published(form), tmp_path / form
     publish(run, tmp_path, [form])
     assert content(first) == content(second)
 
 
 @pytest.mark.parametrize("form", ["mcap", "euroc", "tum"])
-def test_the_same_drive_has_the_same_bytes(form, drive, drives_published, tmp_path):
+def test_the_same_drive_gives_the_same_bytes(form, drive, drives_published, tmp_path):
     publish(drive.parents[1], tmp_path, [form])
     assert content(drives_published(form)) == content(tmp_path / form)
 
 
 @pytest.mark.parametrize("form", sorted(set(FORMS) - LACKING))
-def test_every_form_has_a_card_a_datasheet_and_the_checksum_of_every_file(form, published):
+def test_every_format_has_a_card_a_datasheet_and_the_checksum_of_every_file(form, published):
     files = content(published(form))
-    assert not any(path.is_symlink() for path in published(form).rglob("*"))  # so that `tar` and `cp` take all
+    assert not any(path.is_symlink() for path in published(form).rglob("*"))  # for `tar` and `cp`
     listed = dict(reversed(line.split("  ", 1)) for line in files["SHA256SUMS"].decode().splitlines())
     assert set(listed) == set(files) - {"SHA256SUMS", "publish.json"}
     assert all(hashlib.sha256(files[name]).hexdigest() == digest for name, digest in listed.items())
     card = files["README.md"].decode()
-    assert "| labels | rock | F1 | 1 | truth | 0.9375 | 1 |" in card  # this run's own figure
+    assert "| labels | rock | F1 | 1 | truth | 0.9375 | 1 |" in card  # the evaluation of this run
     assert "| analog | 4 | 1 | 12 | 8 | test 2, train 2 |" in card
-    for heading in ("What is in it", "How it was made", "Known faults", "Licence", "Citation"):
+    for heading in ("Content", "Method", "Limitations", "Licence", "Citation"):
         assert f"## {heading}" in card
-    assert "Labelling: who drew what" in files["DATASHEET.md"].decode()
+    assert "## Labelling" in files["DATASHEET.md"].decode()
 
 
-def test_a_stopped_call_goes_on_and_ends_like_one_that_was_not(run, published, tmp_path, monkeypatch):
+def test_an_interrupted_export_is_resumed(run, published, tmp_path, monkeypatch):
     copied = []
     copy = shutil.copyfile
 
@@ -71,14 +71,14 @@ def test_a_stopped_call_goes_on_and_ends_like_one_that_was_not(run, published, t
     with pytest.raises(KeyboardInterrupt):
         publish(run, tmp_path, ["coco"])
     assert not (tmp_path / "coco/publish.json").exists()
-    assert not list((tmp_path / "coco").rglob(".*.png"))  # nothing half-written
+    assert not list((tmp_path / "coco").rglob(".*.png"))  # no partial files
     monkeypatch.setattr(bundles.shutil, "copyfile", lambda *paths: copied.append(paths[0]) or copy(*paths))
     publish(run, tmp_path, ["coco"])
-    assert len(copied) == len(set(copied)) == 8  # none a second time
+    assert len(copied) == len(set(copied)) == 8  # each file once
     assert content(tmp_path / "coco") == content(published("coco"))
 
 
-def test_a_picture_that_changed_is_published_anew(tmp_path):
+def test_a_changed_image_is_published_again(tmp_path):
     run = make_run(tmp_path)
     publish(run, tmp_path / "out", ["coco"])
     path = tmp_path / "photos/01_A_off_30_L_0256.png"
@@ -87,7 +87,7 @@ def test_a_picture_that_changed_is_published_anew(tmp_path):
     assert (tmp_path / "out/coco/images/analog/01_A_off_30_L_0256.png").read_bytes() == path.read_bytes()
 
 
-def test_what_an_earlier_version_of_the_call_left_behind_goes(run, tmp_path):
+def test_files_of_earlier_exports_are_removed(run, tmp_path):
     publish(run, tmp_path, ["gltf"])
     (tmp_path / "gltf/stray/deeper").mkdir(parents=True)
     (tmp_path / "gltf/stray/deeper/old.png").write_bytes(b"")
@@ -95,7 +95,7 @@ def test_what_an_earlier_version_of_the_call_left_behind_goes(run, tmp_path):
     assert not (tmp_path / "gltf/stray").exists()
 
 
-def test_a_folder_that_holds_something_else_is_never_written_to(run, tmp_path):
+def test_a_folder_with_other_files_is_not_changed(run, tmp_path):
     (tmp_path / "coco").mkdir()
     (tmp_path / "coco/mine.txt").write_text("mine")
     with pytest.raises(ConfigError):
@@ -107,11 +107,11 @@ def test_a_folder_that_holds_something_else_is_never_written_to(run, tmp_path):
     assert content(tmp_path / "gltf") == before
     publish(run, tmp_path, ["gltf"], subset="camera=L", replace=True)
     assert json.loads((tmp_path / "gltf/publish.json").read_text())["subset"] == "camera=L"
-    with pytest.raises(ConfigError):  # what is not ours stays all the same
+    with pytest.raises(ConfigError):  # --replace does not remove other files
         publish(run, tmp_path, ["coco"], replace=True)
 
 
-def test_too_little_space_is_told_before_anything_is_written(run, tmp_path, monkeypatch):
+def test_insufficient_disk_space_is_an_error_before_files_are_written(run, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(bundles.shutil, "disk_usage", lambda _: usage._replace(free=10**6))
     with pytest.raises(PolarsimError):
@@ -119,7 +119,7 @@ def test_too_little_space_is_told_before_anything_is_written(run, tmp_path, monk
     assert not (tmp_path / "out").exists()
 
 
-def test_space_that_the_bundle_holds_already_counts(tmp_path, monkeypatch):
+def test_the_size_of_existing_files_is_subtracted_from_the_required_space(tmp_path, monkeypatch):
     (tmp_path / "half").write_bytes(b"0" * 5000)
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(bundles.shutil, "disk_usage", lambda _: usage._replace(free=bundles.SPARE))
@@ -128,7 +128,7 @@ def test_space_that_the_bundle_holds_already_counts(tmp_path, monkeypatch):
         check_space(tmp_path, 5001)
 
 
-def test_a_full_disk_is_one_line_and_leaves_no_file_with_a_final_name(tmp_path):
+def test_a_full_disk_is_an_error_and_leaves_no_partial_file(tmp_path):
     bundle = Bundle(tmp_path / "out")
 
     def fill(path):
@@ -140,34 +140,28 @@ def test_a_full_disk_is_one_line_and_leaves_no_file_with_a_final_name(tmp_path):
     assert not list((tmp_path / "out").iterdir())
 
 
-@pytest.mark.parametrize(
-    "forms",
-    [
-        ["csv"],
-        ["euroc"],
-    ],
-)
-def test_forms_that_cannot_be_are_refused_in_one_line(run, tmp_path, forms):
+@pytest.mark.parametrize("forms", [["csv"], ["euroc"]])
+def test_unknown_and_unavailable_formats_are_errors(run, tmp_path, forms):
     with pytest.raises(ConfigError):
         publish(run, tmp_path / "out", forms)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_missing_package_names_its_extra(run, tmp_path, monkeypatch):
+def test_a_missing_package_is_an_error(run, tmp_path, monkeypatch):
     find = running.find_spec
     monkeypatch.setattr(running, "find_spec", lambda name: None if name == "mlcroissant" else find(name))
     with pytest.raises(ConfigError):
         publish(run, tmp_path, ["croissant"])
 
 
-def test_all_forms_are_those_that_the_run_can_have(run, tmp_path):
+def test_all_selects_the_available_formats(run, tmp_path):
     parts = publish(run, tmp_path, ["all"], subset="camera=L,azimuth=30,domain=hapke")
     assert set(parts) == set(FORMS) - LACKING
     assert {path.name for path in tmp_path.iterdir()} == set(parts)
 
 
 @pytest.mark.parametrize(
-    ("text", "left"),
+    ("text", "count"),
     [
         ("terrain=01,exposure=256", 8),
         ("exposure=0256+512", 8),
@@ -177,15 +171,15 @@ def test_all_forms_are_those_that_the_run_can_have(run, tmp_path):
         ("", 8),
     ],
 )
-def test_a_subset_is_chosen_by_fields_of_the_keys(catalogue, text, left):
-    found = chosen(catalogue, parse_subset(text))
-    assert len(found.pictures) == left
-    assert set(found.pictures) <= set(catalogue.pictures)
+def test_a_subset_is_selected_by_fields_of_the_keys(catalogue, text, count):
+    selected = select(catalogue, parse_subset(text))
+    assert len(selected.pictures) == count
+    assert set(selected.pictures) <= set(catalogue.pictures)
 
 
-def test_maps_are_those_of_the_pictures_that_were_chosen(catalogue):
-    found = chosen(catalogue, parse_subset("camera=L,azimuth=30")).maps()
-    assert [f"{name}/{path.stem}" for name, path in found] == [
+def test_only_maps_of_selected_images_are_published(catalogue):
+    maps = select(catalogue, parse_subset("camera=L,azimuth=30")).maps()
+    assert [f"{name}/{path.stem}" for name, path in maps] == [
         "depth/01_A_L",
         "incidence/01_A_off_30_L",
         "normal/01_A_L",
@@ -193,14 +187,14 @@ def test_maps_are_those_of_the_pictures_that_were_chosen(catalogue):
 
 
 @pytest.mark.parametrize("text", ["colour=red", "camera", "camera=", "exposure=long", "camera=L,camera=R"])
-def test_a_subset_that_is_none_is_refused(text):
+def test_an_invalid_subset_is_an_error(text):
     with pytest.raises(ConfigError, match="subset"):
         parse_subset(text)
 
 
-def test_an_empty_subset_names_what_there_is(catalogue):
+def test_an_empty_selection_is_an_error(catalogue):
     with pytest.raises(ConfigError):
-        chosen(catalogue, parse_subset("azimuth=270"))
+        select(catalogue, parse_subset("azimuth=270"))
 
 
 @pytest.mark.parametrize(("text", "size"), [("2GB", 2 * 10**9), ("500 MB", 5 * 10**8), ("1.5k", 1500), ("7", 7)])
@@ -209,32 +203,32 @@ def test_sizes_are_read(text, size):
 
 
 @pytest.mark.parametrize("text", ["", "much", "0", "-1GB", "1..5k"])
-def test_what_is_no_size_is_refused(text):
+def test_an_invalid_size_is_an_error(text):
     with pytest.raises(ConfigError, match="size"):
         parse_size(text)
 
 
 @given(st.integers(40, 100), st.integers(40, 100))
-def test_a_larger_size_holds_all_of_a_smaller_one_and_scenes_stay_whole(catalogue, one, other):
-    small, large = (fitting(catalogue, lambda _: 10, 0, size).pictures for size in sorted((one, other)))
+def test_a_larger_limit_selects_a_superset_and_scenes_are_complete(catalogue, a, b):
+    small, large = (limit_size(catalogue, lambda _: 10, 0, size).pictures for size in sorted((a, b)))
     assert set(small) <= set(large)
-    for kept, size in zip((small, large), sorted((one, other)), strict=True):
+    for kept, size in zip((small, large), sorted((a, b)), strict=True):
         assert 10 * len(kept) <= size
         moments = {str(picture.key).replace("_R_", "_L_") for picture in kept}
         assert len(kept) == 4 * len(moments)  # left and right, photo and twin
 
 
-def test_a_size_that_holds_nothing_is_refused(catalogue):
+def test_a_limit_smaller_than_a_scene_is_an_error(catalogue):
     with pytest.raises(ConfigError):
-        fitting(catalogue, lambda _: 10, 0, 39)
+        limit_size(catalogue, lambda _: 10, 0, 39)
 
 
-def test_nasas_photos_go_out_only_where_they_are_asked_for(tmp_path):
+def test_nasas_photos_are_published_on_request_only(tmp_path):
     run = make_run(tmp_path, "polar")
     without = publish(run, tmp_path / "without", ["coco"])["coco"]
     assert without.domains == ("hapke",)
     assert "CC0 1.0" in (tmp_path / "without/coco/README.md").read_text()
-    assert "NASA's photos are not in this bundle" in (tmp_path / "without/coco/README.md").read_text()
+    assert "NASA's photos are not included" in (tmp_path / "without/coco/README.md").read_text()
     with_photos = publish(run, tmp_path / "with", ["coco"], photos=True)["coco"]
     assert with_photos.domains == ("hapke", "real")
     assert "NASA's terms" in (tmp_path / "with/coco/README.md").read_text()
@@ -263,7 +257,7 @@ def test_what_was_measured_on_a_real_sandbox_was_made_up_on_an_analog(tmp_path):
     assert analog.picture_origin(photos[1]) == "synthetic"
 
 
-def test_a_broken_run_is_one_line_with_the_file(tmp_path):
+def test_errors_of_an_invalid_run_name_the_file(tmp_path):
     with pytest.raises(ConfigError):
         read_catalogue(tmp_path)
     run = make_run(tmp_path)
@@ -275,12 +269,12 @@ def test_a_broken_run_is_one_line_with_the_file(tmp_path):
         read_catalogue(run)
 
 
-def test_the_command_publishes_and_says_where(run, tmp_path, polarsim):
+def test_the_command_publishes_and_prints_the_folders(run, tmp_path, polarsim):
     done = polarsim(
         "publish", run.name, tmp_path / "out", "--format", "yolo,gltf", "--subset", "camera=L", "--results", run.parent
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [f"4 pictures in {tmp_path}/out/yolo", f"gltf in {tmp_path}/out/gltf"]
+    assert done.stdout.splitlines() == [f"4 images in {tmp_path}/out/yolo", f"gltf in {tmp_path}/out/gltf"]
     recipe = json.loads((tmp_path / "out/yolo/publish.json").read_text())
     assert (recipe["form"], recipe["subset"], recipe["run"]) == ("yolo", "camera=L", "tiny")
     wrong = polarsim("publish", "none", tmp_path / "other", "--format", "yolo", "--results", run.parent)
@@ -289,22 +283,22 @@ def test_the_command_publishes_and_says_where(run, tmp_path, polarsim):
 
 
 @pytest.mark.parametrize("options", [{"forms": ["csv"]}, {"subset": "colour=red"}, {"max_size": "much"}])
-def test_a_configuration_of_what_cannot_be_published_is_refused(options):
+def test_invalid_options_are_errors(options):
     with pytest.raises(ValidationError):
         PublishOptions(**options)
 
 
-def test_a_job_publishes_beside_its_receipt(tmp_path):
+def test_a_job_publishes_to_the_folder_of_the_receipt(tmp_path):
     run = make_run(tmp_path)
     receipt = run / "publish/yolo.json"
     publish_run(form="yolo", receipt=receipt, options=PublishOptions(subset="camera=L"))
     assert json.loads(receipt.read_text())["pictures"] == {"analog": 2, "hapke": 2}
     assert (run / "publish/yolo/analog.yaml").is_file()
-    publish_run(form="yolo", receipt=receipt, options=PublishOptions())  # another choice replaces the first
+    publish_run(form="yolo", receipt=receipt, options=PublishOptions())  # other options replace the first export
     assert json.loads(receipt.read_text())["pictures"] == {"analog": 4, "hapke": 4}
 
 
-def test_a_run_is_dated_by_its_newest_file_or_as_one_states(tmp_path, monkeypatch):
+def test_the_date_of_a_run_is_that_of_the_newest_file_or_source_date_epoch(tmp_path, monkeypatch):
     run = make_run(tmp_path)
     for path in tmp_path.rglob("*"):
         os.utime(path, (0, 0))
@@ -329,12 +323,12 @@ def test_photos_are_found_from_any_folder(tmp_path, monkeypatch):
         assert len(read_catalogue(run).of_domain("analog")) == 4
 
 
-FIRST, SECOND = "position", "photo"  # the alphabet has them the other way round
+FIRST, SECOND = "position", "photo"  # not in alphabetical order
 
 
 @pytest.fixture
 def run_of_two_splits(tmp_path):
-    """A run whose first split tests azimuth 180, leaves one photo out, and is the second one in the alphabet."""
+    """Return a run whose first split tests azimuth 180, omits a photo, and is last in alphabetical order."""
     run = make_run(tmp_path)
     rows = [(str(key), "test" if key.azimuth == "180" else "train") for key in KEYS[:-1]]
     write_csv(run / f"detect/{FIRST}/split.csv", pd.DataFrame(rows, columns=["key", "part"]))
@@ -342,34 +336,34 @@ def run_of_two_splits(tmp_path):
 
 
 def parts_published(folder):
-    """Parts of the keys in each form that has a folder or file a part."""
-    found = {"coco": {}, "yolo": {}, "hf": {}}
+    """Return the part of each key in the formats that have a folder or file per part."""
+    parts = {"coco": {}, "yolo": {}, "hf": {}}
     for part in ("train", "val", "test", "unassigned"):
         for path in (folder / "coco/annotations").glob(f"analog_{part}.json"):
             images = json.loads(path.read_text())["images"]
-            found["coco"] |= {Path(one["file_name"]).stem: part for one in images}
-        found["yolo"] |= {path.stem: part for path in (folder / f"yolo/analog/images/{part}").glob("*.png")}
-        found["hf"] |= {path.stem: part for path in (folder / f"hf/analog/{part}").glob("*.png")}
-    return found
+            parts["coco"] |= {Path(image["file_name"]).stem: part for image in images}
+        parts["yolo"] |= {path.stem: part for path in (folder / f"yolo/analog/images/{part}").glob("*.png")}
+        parts["hf"] |= {path.stem: part for path in (folder / f"hf/analog/{part}").glob("*.png")}
+    return parts
 
 
-@pytest.mark.parametrize("said_by", ["configuration", "argument"])
-def test_parts_are_those_of_the_first_split_and_pictures_of_no_part_are_left_out(run_of_two_splits, tmp_path, said_by):
+@pytest.mark.parametrize("given_by", ["configuration", "argument"])
+def test_parts_are_from_the_first_split_and_images_without_part_are_excluded(run_of_two_splits, tmp_path, given_by):
     run = run_of_two_splits
-    if said_by == "configuration":
+    if given_by == "configuration":
         (run / "config.yaml").write_text(f"detect: {{splits: [{FIRST}, {SECOND}]}}\n")
-    done = publish(run, tmp_path / "out", ["coco", "yolo", "hf"], split="" if said_by == "configuration" else FIRST)
+    done = publish(run, tmp_path / "out", ["coco", "yolo", "hf"], split="" if given_by == "configuration" else FIRST)
     expected = {str(key): "test" if key.azimuth == "180" else "train" for key in KEYS[:-1]}
     assert parts_published(tmp_path / "out") == {"coco": expected, "yolo": expected, "hf": expected}
     for form, part in done.items():
         assert part.split == FIRST
         card = (tmp_path / "out" / form / "README.md").read_text()
         assert f"split by {FIRST}" in card
-        assert "2 of 8 pictures" in card  # of photos and of twins
-        assert "2 of 8 pictures" in summary(form, part, tmp_path)
+        assert "2 of 8 images" in card  # photos and twins
+        assert "2 of 8 images" in summary(form, part, tmp_path)
 
 
-def test_several_splits_without_a_configuration_are_refused_with_their_names(run_of_two_splits, tmp_path):
+def test_several_splits_without_a_configuration_are_an_error_that_lists_them(run_of_two_splits, tmp_path):
     with pytest.raises(ConfigError, match=f"{SECOND}, {FIRST}"):
         publish(run_of_two_splits, tmp_path / "out", ["coco"])
     with pytest.raises(ConfigError, match="terrain"):
@@ -380,7 +374,7 @@ def test_several_splits_without_a_configuration_are_refused_with_their_names(run
     assert not (tmp_path / "out").exists()
 
 
-def test_pictures_of_a_run_without_a_split_are_not_called_training(run, tmp_path):
+def test_images_of_a_run_without_a_split_are_unassigned(run, tmp_path):
     bare = tmp_path / "bare"
     shutil.copytree(run, bare, ignore=shutil.ignore_patterns("detect"))
     done = publish(bare, tmp_path / "out", ["coco", "yolo", "hf"])
@@ -389,7 +383,7 @@ def test_pictures_of_a_run_without_a_split_are_not_called_training(run, tmp_path
     assert {part.split for part in done.values()} == {""}
 
 
-def test_published_pictures_are_those_that_training_sees(tmp_path):
+def test_published_8_bit_images_equal_the_training_images(tmp_path):
     run = make_run(tmp_path)
     publish(run, tmp_path / "out", ["yolo"])
     for path in (tmp_path / "out/yolo/hapke/images").rglob("*.png"):

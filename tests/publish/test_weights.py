@@ -49,7 +49,7 @@ def test_weights_are_read_back_and_their_cards_tell_training_and_scores(trained,
     own, foreign = ((tmp_path / f"detectors/position/seed0/{name}.md").read_text() for name in ("hapke", "real"))
     assert "| analog | rock | 8 | 106 | 0.625 [0.500, 0.750] | 0.250 [0.125, 0.375] |" in own
     assert "0.900" not in own  # another seed's
-    assert "compact (polarsim's own), start packaged, epochs 3, pictures 640 px wide" in own
+    assert "compact (polarsim's own), start packaged, epochs 3, image width 640 px" in own
     assert "42 pictures to train on, 7 to choose the weights by" in own
     assert "BSD-3-Clause" in own
     assert "trained on too" not in own

@@ -1,4 +1,4 @@
-"""A tiny run: a terrain, two rocks that hide each other and their shadows, two Suns, both cameras, one kind of twin."""
+"""A small run: one terrain, two rocks that occlude each other, shadows, two Suns, both cameras, one kind of twin."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -30,30 +30,30 @@ def small_rig() -> StereoRig:
 
 
 def rock_mask(x: int, y: int, radius: int) -> np.ndarray:
-    """A disc with a hole, so that a mask is no plain blob."""
+    """Return the mask of a disc with a hole."""
     rows, columns = np.ogrid[: SIZE[1], : SIZE[0]]
-    away = (columns - x) ** 2 + (rows - y) ** 2
-    return (away <= radius**2) & (away > 4)
+    squared_distance = (columns - x) ** 2 + (rows - y) ** 2
+    return (squared_distance <= radius**2) & (squared_distance > 4)
 
 
 def photo_labels(key: PhotoKey) -> list[coco.Annotation]:
-    """Five: two rocks with a number, one of which hides a part of the other; a shadow of each; a rock without."""
+    """Return five labels: two rocks with ids, one of them partly occluded, their shadows, and a rock without id."""
     shift = 6 if key.camera == "R" else 0
     near, far = rock_mask(150 - shift, 170, 30), rock_mask(185 - shift, 150, 25)
     side = 60 if key.azimuth == "30" else -60
     shadows = [rock_mask(150 - shift + side, 175, 20), rock_mask(185 - shift + side, 152, 15)]
     stray = rock_mask(300 - shift, 60, 8)
-    seen = [near, far & ~near, shadows[0] & ~near & ~far, shadows[1] & ~near & ~far, stray]
-    whole = [near, far, None, None, stray]
+    visible = [near, far & ~near, shadows[0] & ~near & ~far, shadows[1] & ~near & ~far, stray]
+    amodal_masks = [near, far, None, None, stray]
     named = [(ROCK, 4), (ROCK, 7), (SHADOW, 4), (SHADOW, 7), (ROCK, NO_ROCK)]
-    found = []
-    for (kind, rock), mask, all_of_it in zip(named, seen, whole, strict=True):
+    labels = []
+    for (kind, rock), mask, amodal_mask in zip(named, visible, amodal_masks, strict=True):
         box = of_mask(mask)
         amodal = None
-        if all_of_it is not None:
-            amodal = coco.Amodal(rle.encode(all_of_it, size=SIZE), of_mask(all_of_it))
-        found.append(coco.Annotation(kind, rock, box, rle.encode(mask, size=SIZE), "fused", 0.75, amodal))
-    return found
+        if amodal_mask is not None:
+            amodal = coco.Amodal(rle.encode(amodal_mask, size=SIZE), of_mask(amodal_mask))
+        labels.append(coco.Annotation(kind, rock, box, rle.encode(mask, size=SIZE), "fused", 0.75, amodal))
+    return labels
 
 
 def icosphere(centre: tuple[float, float], radius: float) -> Mesh:
@@ -64,7 +64,7 @@ def icosphere(centre: tuple[float, float], radius: float) -> Mesh:
 
 
 def make_run(root: Path, kind: str = "analog") -> Path:
-    """A run below `root`, and the photos that it lists beside it."""
+    """Write a run and the photos listed in it below `root`."""
     run, terrain = root / "results/tiny", "Terrain01"
     rng = np.random.default_rng(8)
     domain_folder = {"photo": root / "photos", "hapke": run / "renders/hapke" / terrain}
@@ -74,14 +74,14 @@ def make_run(root: Path, kind: str = "analog") -> Path:
             pixels = rng.integers(16, 4096, SIZE[::-1]).astype(np.uint16)
             png.write(folder / f"{key}.png", pixels)
         path = domain_folder["photo"] / f"{key}.png"
-        own = {"width": SIZE[0], "height": SIZE[1], "bits": 16, "sha256": "", "path": str(path)}
-        rows.append(key_columns(key) | own)
+        file = {"width": SIZE[0], "height": SIZE[1], "bits": 16, "sha256": "", "path": str(path)}
+        rows.append(key_columns(key) | file)
     write_parquet(run / "acquire" / terrain / "photos.parquet", pd.DataFrame(rows, columns=list(PHOTO_COLUMNS)))
     write_inventory(run / "acquire" / terrain / "inventory.json", Inventory(1, kind))
     labels = {key: photo_labels(key) for key in KEYS}
     for stage, source in (("labels", "fused"), ("renders", "rendered")):
-        own = {key: [replace(one, source=source) for one in labels[key]] for key in KEYS}
-        coco.write_coco(run / stage / "coco" / f"{terrain}.json", own, size=SIZE)
+        of_stage = {key: [replace(label, source=source) for label in labels[key]] for key in KEYS}
+        coco.write_coco(run / stage / "coco" / f"{terrain}.json", of_stage, size=SIZE)
     localised = rigs.LocalisedRig(
         small_rig(), looking(np.array([3.0, 0.0, 1.2]), np.pi, 0.4), "scans, photos", {"sd_mm": 1.5}
     )
@@ -121,12 +121,12 @@ def write_meshes(folder: Path) -> None:
 
 
 def write_maps(renders: Path, terrain: str, rng: np.random.Generator) -> None:
-    """Exact ids of the twins, with ground, and maps of a view and of an exposure bracket."""
+    """Write instance maps of the twins, and maps per view and per exposure bracket."""
     for key in KEYS:
         bracket = str(key).rpartition("_")[0]
         ids = np.ones(SIZE[::-1], np.uint16)
-        for one in reversed(photo_labels(key)):
-            ids[one.mask.mask()] = (1000 if one.kind == ROCK else 2000) + max(one.rock, 0)
+        for label in reversed(photo_labels(key)):
+            ids[label.mask.mask()] = (1000 if label.kind == ROCK else 2000) + max(label.rock, 0)
         png.write(renders / "instances" / terrain / f"{bracket}.png", ids)
         png.write(
             renders / "maps" / terrain / "incidence" / f"{bracket}.png", rng.integers(0, 9000, SIZE[::-1], np.uint16)
@@ -144,5 +144,5 @@ def write_evaluation(run: Path) -> None:
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """All files of a folder by name."""
+    """Return the content of all files of a folder by name."""
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

@@ -59,7 +59,7 @@ def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: flo
     for rock, (x, y) in name_positions(boxes, LETTER_M).items():
         axes.text(x, y, rock, ha="center", va="center", color=INK, bbox=PLAIN)
     # Inset axes: separate axes for the colour bar would overlap the label of the map's y axis.
-    label = "signed distance, mm (positive: outside the true surface)"
+    label = "signed distance, mm (positive: outside)"
     sheet.colorbar(dots, cax=axes.inset_axes((1.03, 0.1, 0.04, 0.8)), label=label, extend="both")
 
 
@@ -74,7 +74,7 @@ def _draw_distribution(axes: Any, table: pd.DataFrame, reach: float) -> None:
         distance = np.sort(table.loc[rows, "offset_mm"].abs().to_numpy(float))
         if len(distance):
             median, p90 = np.percentile(distance, [50, 90])
-            label = f"{name}: median {median:.2f} mm, 90 % within {p90:.1f} mm"
+            label = f"{name}: median {median:.2f}, 90 % within {p90:.1f} mm"
             percent = 100 * np.arange(1, len(distance) + 1) / len(distance)
             axes.plot(distance, percent, color=colour, label=label, linewidth=2)
     axes.axhline(90, color=FAINT, linewidth=0.8, linestyle=":")
