@@ -1,4 +1,4 @@
-"""How good a run is: what compares with truth or with people's labels; nothing else reads those."""
+"""Evaluation of a run against ground truth or annotations, which only this package reads."""
 
 from polarsim.public import offered
 

@@ -1,7 +1,7 @@
-"""One rigid motion a terrain: the frame of our cameras, brought onto the true one before comparing.
+"""Rigid alignment of the sandbox frame of a run with the frame of the ground truth.
 
-Scans determine a terrain up to where its origin is said to be. So the frames of truth and result may differ by a motion
-that is nobody's error; errors are what is left after the best one.
+Scans determine a terrain up to the choice of the origin. The frames of ground truth and result may therefore differ by
+a rigid motion, which is not an error. Errors are computed after the best rigid alignment.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from polarsim.geometry.poses import Pose, fit_pose
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.surface import Surface
 
-ARM = 4.0  # metres: about how far the sand is, where a rotation by a quarter of a milliradian weighs as a millimetre
+ARM = 4.0  # metres; typical distance of the sand, at which a rotation by 0.25 mrad is equivalent to a millimetre
 _AXES = np.concatenate([np.zeros((1, 3)), ARM * np.eye(3), -ARM * np.eye(3)])
 
-TRANSLATION_SD, ROTATION_SD = 0.02, np.radians(0.3)  # metres, radians: how far the cameras' alignment may be off
-PATCHES, PATCH_SD = 1600, 0.002  # square decimetres of sand, each with an error of its own of this size, metres
+TRANSLATION_SD, ROTATION_SD = 0.02, np.radians(0.3)  # metres, radians; uncertainty of the alignment by cameras
+PATCHES, PATCH_SD = 1600, 0.002  # square decimetres of sand, and the independent error of each, metres
 ICP_STEPS = 12
-ICP_GATES = (0.03, 0.003)  # metres: pairs farther apart are left out, at the first and at the last step
+ICP_GATES = (0.03, 0.003)  # metres; maximum distance of pairs in the first and last step
 
 
 def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Pose:
-    """`truth_from_sandbox` that best brings estimated camera poses onto the true ones, over their common positions.
+    """Fit `truth_from_sandbox` to the estimated and true camera poses of the common positions by least squares.
 
-    Centres alone leave a rotation about their line free. So each camera counts as its centre and the ends of arms of
-    length `ARM` along its axes, and the points are fitted in the least-squares sense.
+    Camera centres do not determine the rotation about the line through the centres. Each camera is therefore
+    represented by the centre and by the points at the distance `ARM` along the axes of the camera.
 
     Raises
     ------
     RegistrationError
-        No position is in both.
+        There is no common position.
     """
     common = sorted(set(estimated) & set(true))
     if not common:
@@ -46,14 +46,14 @@ def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Po
 
 
 def read_alignment(cameras: Path, truth: Path) -> Pose:
-    """`truth_from_sandbox` of a terrain by its cameras.
+    """Return `truth_from_sandbox` of a terrain, fitted to the cameras.
 
     Raises
     ------
     RegistrationError
-        Truth and result have no position in common.
+        Ground truth and result have no position in common.
     FormatError
-        A camera file is broken.
+        A camera file is invalid.
     """
     localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     if not true:
@@ -63,7 +63,7 @@ def read_alignment(cameras: Path, truth: Path) -> Pose:
 
 
 def align_rigs(localised: Mapping[str, LocalisedRig], true: Mapping[str, LocalisedRig]) -> Pose:
-    """`truth_from_sandbox` by the left cameras of all common positions."""
+    """Return `truth_from_sandbox`, fitted to the left cameras of all common positions."""
     return fit_alignment(
         {position: rig.sandbox_from_left for position, rig in localised.items()},
         {position: rig.sandbox_from_left for position, rig in true.items()},
@@ -71,15 +71,15 @@ def align_rigs(localised: Mapping[str, LocalisedRig], true: Mapping[str, Localis
 
 
 def refine_alignment(truth_from_sandbox: Pose, ground_truth: np.ndarray, surface_sandbox: Surface) -> Pose:
-    """The alignment that brings our surface onto points of the true ground (n, 3): point-to-plane ICP with a closing
-    gate.
+    """Align the surface of a run with points of the true ground (n, 3) by point-to-plane ICP with a shrinking gate.
 
-    Errors of camera poses would count as errors of shape without this step: a rotation of 0.02 degrees moves a rock at
-    three metres by a millimetre. Rocks are left out, for those that are all too large would pull the frame along. Level
-    ground says nothing of motions along it; there the cameras' alignment holds, by `TRANSLATION_SD` and `ROTATION_SD`.
+    Without this step, errors of camera poses would count as errors of shape: a rotation by 0.02 degrees moves a rock at
+    a distance of 3 m by 1 mm. Rocks are excluded, because a common size error of rocks would shift the frame. Level
+    ground does not determine motions along the ground. For these, the alignment by cameras is the prior, with the
+    standard deviations `TRANSLATION_SD` and `ROTATION_SD`.
     """
     pose = truth_from_sandbox
-    moved = np.zeros(6)  # rotation and translation so far, in the sandbox about the points' centre
+    moved = np.zeros(6)  # accumulated rotation and translation in the sandbox frame about the centre of the points
     centre = pose.inverse().apply(ground_truth.mean(axis=0))
     prior = np.diag(1 / np.array([ROTATION_SD] * 3 + [TRANSLATION_SD] * 3))
     for gate in np.geomspace(*ICP_GATES, ICP_STEPS):

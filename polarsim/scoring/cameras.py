@@ -1,4 +1,4 @@
-"""How well cameras and lamps are localised: against the true ones of the analog, or the boxes they were fitted to."""
+"""Evaluation of the localisation of cameras and lamps against ground truth, matched boxes or annotated boxes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.score import Labels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
-_POINTS = 4000  # true surface points that are projected, at most
+_PROJECTED_POINTS = 4000  # approximate number of projected points of the true surface
 _UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
 
 
@@ -38,20 +38,20 @@ def score_cameras(
     meshes: Path,
     evaluation: Path,
 ) -> None:
-    """Write the evaluation of a terrain's cameras.
+    """Write the evaluation of the cameras of a terrain.
 
     Parameters
     ----------
     cameras
         Folder with PosX.json.
     truth
-        The analog's truth/TerrainTT; None where there is none.
+        Folder truth/TerrainTT of the analog; None without ground truth.
     matches
         matches.parquet of the cameras stage; may be None or missing.
     annotated
-        Folder of all label files that people drew; None where there is none.
+        Folder of all annotated label files; None without annotations.
     meshes
-        Folder of the terrain's meshes.
+        Folder of the meshes of the terrain.
     """
     localised = read_all_localised(cameras)
     metrics = stated(localised)
@@ -70,40 +70,41 @@ def score_cameras(
 def against_truth(
     localised: Mapping[str, LocalisedRig], true: Mapping[str, LocalisedRig], points_truth: np.ndarray
 ) -> list[Metric]:
-    """Errors of the poses before and after one alignment of the terrain, of the rig, and of points in the pictures.
+    """Return errors of poses before and after a rigid alignment of the terrain, of the rig, and of projected points.
 
-    Of every two positions the pose of one in the other's frame is compared too, which needs no alignment.
-    With a single position the alignment takes up the whole error: then only the metrics before it are given.
+    Relative poses between positions are also compared; they need no alignment. With a single position, the alignment
+    removes the entire error: then only the metrics before the alignment are returned.
 
     Parameters
     ----------
     points_truth : (n, 3) float
-        Points on true surfaces, true frame, metres; may be empty.
+        Points on true surfaces, frame of the ground truth, metres; may be empty.
     """
     common = sorted(set(localised) & set(true))
     if not common:
         return []
     estimated = {position: localised[position].sandbox_from_left for position in common}
-    wanted = {position: true[position].sandbox_from_left for position in common}
+    expected = {position: true[position].sandbox_from_left for position in common}
     frames = {"before": Pose.identity()}
     if len(common) > 1:
-        frames["aligned"] = fit_alignment(estimated, wanted)
+        frames["aligned"] = fit_alignment(estimated, expected)
     metrics = []
     for position in common:
         for name, truth_from_sandbox in frames.items():
             errors = f"position_error_{name}", f"angle_error_{name}"
-            metrics += _pose_errors(position, errors, truth_from_sandbox @ estimated[position], wanted[position])
+            metrics += _pose_errors(position, errors, truth_from_sandbox @ estimated[position], expected[position])
             if name == "aligned" or len(frames) == 1:
                 metrics += projection_errors(
                     "reprojection", position, localised[position], true[position], points_truth, truth_from_sandbox
                 )
-        rig, true_rig = localised[position].rig, true[position].rig  # they differ by the calibration file's errors
+        rig, true_rig = localised[position].rig, true[position].rig  # they differ by the errors of the calibration file
         errors = "rig_baseline_error", "rig_angle_error"
         metrics += _pose_errors(position, errors, rig.left_from_right, true_rig.left_from_right)
-    for one, other in combinations(common, 2):
-        found, meant = estimated[one].inverse() @ estimated[other], wanted[one].inverse() @ wanted[other]
+    for first, second in combinations(common, 2):
+        relative = estimated[first].inverse() @ estimated[second]
+        true_relative = expected[first].inverse() @ expected[second]
         errors = "position_error_between", "angle_error_between"
-        metrics += _pose_errors(f"{one} to {other}", errors, found, meant)
+        metrics += _pose_errors(f"{first} to {second}", errors, relative, true_relative)
     for name in frames:
         for kind, unit in (("position", "mm"), ("angle", "deg")):
             worst = max(metric.value for metric in metrics if metric.metric == f"{kind}_error_{name}")
@@ -112,7 +113,7 @@ def against_truth(
 
 
 def against_boxes(path: Path) -> list[Metric]:
-    """IoU and offsets of the projected meshes and the consensus boxes of the seeds, by position and over all.
+    """Return IoU and offsets between projected meshes and consensus boxes of the seeds, by position and pooled.
 
     Raises
     ------
@@ -133,7 +134,10 @@ def against_annotated(
     meshes: Mapping[int, Path],
     annotated: Mapping[PhotoKey, Labels],
 ) -> list[Metric]:
-    """Overlap of the projected meshes with what all annotated boxes of a view agree on; fits know of no right photo."""
+    """Return the overlap of projected meshes with consensus boxes of all annotations of a view.
+
+    Right photos are not used in the localisation.
+    """
     outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()})
     metrics = []
     for camera in CAMERAS:
@@ -150,7 +154,7 @@ def against_annotated(
 
 
 def agreed_boxes(annotated: Mapping[PhotoKey, Labels], position: str, camera: str) -> np.ndarray:
-    """(m, 4) rock boxes of one view that its exposure brackets agree on."""
+    """Return the rock boxes (m, 4) of a view on which the exposure brackets agree."""
     sets: dict[tuple[str, str], list[np.ndarray]] = {}
     for key, labels in annotated.items():
         if (key.position, key.camera) == (position, camera):
@@ -160,7 +164,7 @@ def agreed_boxes(annotated: Mapping[PhotoKey, Labels], position: str, camera: st
 
 
 def _overlap_metrics(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Metric]:
-    """Mean IoU, and medians of the offsets (n, 2) along x and y; none for no pair."""
+    """Return the mean IoU and the medians of the offsets (n, 2) along x and y; empty without pairs."""
     n = len(overlap)
     if not n:
         return []
@@ -173,7 +177,7 @@ def _overlap_metrics(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -
 
 
 def stated(localised: Mapping[str, LocalisedRig]) -> list[Metric]:
-    """What the cameras stage itself says of each fit (`metrics` of PosX.json)."""
+    """Return the metrics of the cameras stage for each fit (`metrics` of PosX.json)."""
     metrics = []
     for position, rig in localised.items():
         for name, value in sorted(rig.metrics.items()):
@@ -184,7 +188,7 @@ def stated(localised: Mapping[str, LocalisedRig]) -> list[Metric]:
 
 
 def _pose_errors(subject: str, names: tuple[str, str], estimated: Pose, true: Pose) -> list[Metric]:
-    """How far a pose is translated and rotated against the true one, as the two metrics of these names."""
+    """Return the errors of translation and rotation of a pose as two metrics with the given names."""
     offset_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
     rotation_deg = float(np.degrees(angle_between(estimated, true)))
     return [
@@ -201,40 +205,40 @@ def projection_errors(
     points_truth: np.ndarray,
     truth_from_sandbox: Pose,
 ) -> list[Metric]:
-    """Distances in the picture between true points (n, 3) seen by the true and by our camera, as metrics `name_*`."""
+    """Return pixel distances between the projections of points (n, 3) by true and estimated cameras, as `name_*`."""
     metrics: list[Metric] = []
     for camera in CAMERAS:
         lens = true.rig.lens(camera)
-        wanted = true.project(camera, points_truth)
-        inside = ((wanted > 0) & (wanted < [lens.width, lens.height])).all(axis=-1)  # NaN behind the camera: outside
-        found = localised.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
-        error_px = np.linalg.norm(found - wanted[inside], axis=-1)
+        expected = true.project(camera, points_truth)
+        inside = ((expected > 0) & (expected < [lens.width, lens.height])).all(axis=-1)  # False for NaN
+        projected = localised.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
+        error_px = np.linalg.norm(projected - expected[inside], axis=-1)
         metrics += summary(f"{position} {camera}", name, error_px, "px", "truth")
     return metrics
 
 
 def true_points(truth: Path, terrain: int) -> np.ndarray:
-    """Vertices of the true rocks, of the ground where there is no rock, thinned to `_POINTS`."""
+    """Return a sample of the vertices of the true rocks, or of the ground in a terrain without rocks."""
     files = list(obj.rock_files(truth / "meshes").values())
     ground = truth / "meshes" / obj.ground_name(terrain)
     files = files or ([ground] if ground.exists() else [])
     if not files:
         return np.zeros((0, 3))
     points = np.concatenate([obj.read(path).vertices for path in files])
-    return points[:: max(1, len(points) // _POINTS)]
+    return points[:: max(1, len(points) // _PROJECTED_POINTS)]
 
 
 def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
-    """The angle at the sandbox's centre between where a lamp is taken to stand and where it stood.
+    """Return the angle at the centre of the sandbox between the estimated and the true direction of each lamp.
 
-    Shadows tell a lamp's direction and hardly its distance, so the angle is what counts.
+    The error is an angle because shadows determine the direction of a lamp, but hardly the distance.
 
     Parameters
     ----------
     cameras
-        Folder of the terrain's rig poses, with or without lamps that were found.
+        Folder of the rig poses of the terrain, with or without localised lamps.
     truth
-        The analog's truth/TerrainTT.
+        Folder truth/TerrainTT of the analog.
     """
     localised, true = read_all_localised(cameras), read_json(truth / lamps.FILE)
     metrics, worst = [], {}
@@ -242,18 +246,18 @@ def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) ->
         ("surveyed_direction", lamps.surveyed_suns(localised)),
         ("direction", lamps.read_suns(cameras, localised)),
     ):
-        found = [
+        of_lamps = [
             Metric(f"lamp {azimuth}", f"{name}_error", off_deg, "deg", 1, "truth")
             for azimuth in SUNS
             for off_deg in [_angle_deg(truth_from_sandbox.apply(suns[azimuth]), np.array(true[azimuth], float))]
         ]
-        worst[name] = max(metric.value for metric in found)
-        metrics += found
+        worst[name] = max(metric.value for metric in of_lamps)
+        metrics += of_lamps
     return metrics + [
         Metric("worst lamp", f"{name}_error", value, "deg", len(SUNS), "truth") for name, value in worst.items()
     ]
 
 
-def _angle_deg(one: np.ndarray, other: np.ndarray) -> float:
-    """Between the directions of two positions (3,) from the origin."""
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other)))
+def _angle_deg(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the angle between the directions of two positions (3,) from the origin, degrees."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, second)), first @ second)))

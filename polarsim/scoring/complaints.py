@@ -1,4 +1,4 @@
-"""Plain sentences on what does not agree in a run, from the metrics of its consistency."""
+"""Warnings about inconsistencies of a run, from the consistency metrics."""
 
 from __future__ import annotations
 
@@ -11,41 +11,53 @@ STAGE = "consistency"
 
 @dataclass(frozen=True)
 class _Limit:
-    """From where on a metric is a complaint; `above` tells which side is bad."""
+    """Limit of a metric with the warning for values above (or below) the limit."""
 
     value: float
     sentence: str
     above: bool = True
 
-    def broken(self, value: float) -> bool:
+    def is_exceeded(self, value: float) -> bool:
         return value > self.value if self.above else value < self.value
 
 
-# Several times what sound runs show (docs/notes/cameras.md), and well below what spoils meshes and labels.
+# Several times the values of consistent runs (docs/notes/cameras.md), and below values that affect meshes and labels.
 LIMITS = {
-    "common_rotation": _Limit(
-        0.03, "all scans together would have to rotate by {value:.3f} degrees to lie on the meshes"
+    "common_rotation": _Limit(0.03, "all scans need a common rotation by {value:.3f} degrees to fit the meshes"),
+    "common_translation": _Limit(0.6, "all scans need a common translation by {value:.1f} mm to fit the meshes"),
+    "rotation_between": _Limit(
+        0.05, "the relative rotation of the two scans differs by {value:.3f} degrees after alignment with the meshes"
     ),
-    "common_translation": _Limit(0.6, "all scans together would have to move by {value:.1f} mm to lie on the meshes"),
-    "rotation_between": _Limit(0.05, "on the meshes the two scans lie {value:.3f} degrees otherwise than written"),
-    "translation_between": _Limit(1.0, "on the meshes the two scans lie {value:.1f} mm otherwise than written"),
-    "cameras_rotation": _Limit(0.1, "cameras rotated together by {value:.3f} degrees after the meshes were made"),
-    "boxes_iou": _Limit(0.55, "projected meshes meet the boxes with a mean IoU of {value:.2f} only", above=False),
+    "translation_between": _Limit(
+        1.0, "the relative position of the two scans differs by {value:.1f} mm after alignment with the meshes"
+    ),
+    "cameras_rotation": _Limit(
+        0.1, "a common rotation of the cameras by {value:.3f} degrees since the reconstruction of the meshes"
+    ),
+    "boxes_iou": _Limit(
+        0.55, "mean IoU of only {value:.2f} between projected meshes and the boxes used for localisation", above=False
+    ),
     "windows_found": _Limit(
-        0.25, "{value:.0%} of the left photos' windows are found in the right ones: are these one rig's?", above=False
+        0.25,
+        "only {value:.0%} of the windows of left photos have a match in right photos: do they belong to the same rig?",
+        above=False,
     ),
-    "across_rows": _Limit(1.5, "the right photos lie {value:.1f} px beside the rows of the left ones"),
-    "across_rows_spread": _Limit(1.5, "the right photos' rows stray by {value:.1f} px from those of the left ones"),
-    "iou_lost": _Limit(0.25, "meshes meet the right camera's boxes by {value:.2f} of IoU worse than the left one's"),
-    "boxes_across_rows": _Limit(2.5, "boxes of the right camera lie {value:.1f} px otherwise up or down on the meshes"),
-    "feet_off": _Limit(0.1, "the feet of {value:.0%} of the rocks lie over 2 cm above or below it: unsupported"),
-    "far_from_feet": _Limit(0.5, "{value:.0%} of it is farther than 0.5 m from all rocks: its height there is a guess"),
-    "surveyed": _Limit(0.5, "nothing proves the pose of the camera: it may be decimetres and degrees off"),
+    "across_rows": _Limit(1.5, "a median offset of {value:.1f} px across the epipolar lines"),
+    "across_rows_spread": _Limit(1.5, "a spread of {value:.1f} px across the epipolar lines"),
+    "iou_lost": _Limit(0.25, "the IoU of meshes and boxes is lower by {value:.2f} in the right camera"),
+    "boxes_across_rows": _Limit(
+        2.5, "the vertical offset between meshes and boxes differs by {value:.1f} px between the cameras"
+    ),
+    "feet_off": _Limit(0.1, "{value:.0%} of the rocks have a foot more than 2 cm above or below the ground"),
+    "far_from_feet": _Limit(
+        0.5, "{value:.0%} of the ground is farther than 0.5 m from all rocks, where the height is uncertain"
+    ),
+    "surveyed": _Limit(0.5, "the pose of the camera is unconfirmed, with possible errors of decimetres and degrees"),
 }
 
 
 def complaints(table: pd.DataFrame) -> list[str]:
-    """A sentence for each row of a metric table whose files do not agree."""
+    """Return a warning for each row of a metric table that exceeds the limit of the metric."""
     return [
         f"Terrain {row['terrain']}: {sentence}."
         for row in table[table["stage"] == STAGE].to_dict("records")
@@ -54,6 +66,6 @@ def complaints(table: pd.DataFrame) -> list[str]:
 
 
 def complaint(subject: str, metric: str, value: float) -> list[str]:
-    """The sentence on one metric; none where it holds."""
+    """Return the warning for a metric; empty if the limit is not exceeded."""
     limit = LIMITS.get(metric)
-    return [f"{subject}: {limit.sentence.format(value=value)}"] if limit and limit.broken(value) else []
+    return [f"{subject}: {limit.sentence.format(value=value)}"] if limit and limit.is_exceeded(value) else []

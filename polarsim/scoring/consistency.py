@@ -1,9 +1,12 @@
-"""Whether a run agrees with itself, without truth: scans, cameras, meshes and boxes, by the files that were written.
+"""Consistency of the scans, cameras, meshes and boxes of a run, without ground truth.
 
-A ground that was fitted under published rocks is held against their feet.
-Every scan is put through its written pose and asked how it would still have to move to lie on the written meshes; all
-scans together too. Cameras that photos or labels moved are held against those that the meshes were made with, and
-meshes against the boxes that localised the cameras. What does not agree becomes a plain sentence.
+- A fitted ground is compared with the feet of the published rocks.
+- Each scan, and all scans together, are transformed by the written poses and aligned with the written meshes. The
+  remaining motion is the metric.
+- Cameras after refinement are compared with the cameras for which the meshes were reconstructed.
+- Projected meshes are compared with the boxes that localised the cameras.
+
+Values above the limits of `complaints` are reported as warnings.
 """
 
 from __future__ import annotations
@@ -40,11 +43,11 @@ from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 
-MARGIN = 0.15  # metres along the walls that do not count: cloth hangs otherwise in every scan
-POINTS = 20_000  # of a scan
-FOOT_OFF = 0.02  # metres between a rock's foot, median over its points, and a fitted ground that does not support it
-FAR_FROM_FEET = 0.5  # metres: the height of a fitted ground is a guess there
-SUPPORT_STEP = 0.05  # metres between points of the sand at which its distance from feet is measured
+MARGIN = 0.15  # metres; width of the excluded strip along the walls, where the cloth moves between scans
+SCAN_POINTS = 20_000  # approximate number after subsampling
+MAX_FOOT_GAP = 0.02  # metres; maximum median gap between the foot of a rock and a fitted ground that supports the rock
+FAR_FROM_FEET = 0.5  # metres; distance from feet beyond which the height of a fitted ground is uncertain
+SUPPORT_STEP = 0.05  # metres; grid step for the distance of the sand from feet
 MATCH_COLUMNS = ("position", "iou")
 
 
@@ -59,18 +62,18 @@ def check_consistency(
     annotated: Path | None,
     evaluation: Path,
 ) -> None:
-    """Write how far a terrain's scans, cameras, meshes and boxes agree, and warn where they do not.
+    """Write the consistency metrics of the scans, cameras, meshes and boxes of a terrain, and log warnings.
 
     Parameters
     ----------
     located, cameras
-        Folders with the poses that the meshes were made with, and with the last ones.
+        Folders with the poses for which the meshes were reconstructed, and with the final poses.
     meshes
-        Folder of the terrain's meshes.
+        Folder of the meshes of the terrain.
     photos
-        `photos.parquet`; None where a source has no photos.
+        `photos.parquet`; None for a source without photos.
     annotated
-        Folder of all label files that people drew, which stand in where no photos show both cameras; may be None.
+        Folder of all annotated label files, used without photos of both cameras; may be None.
     """
     known, localised = read_inventory(inventory), read_all_localised(located)
     scans = {
@@ -100,49 +103,50 @@ def check_consistency(
 
 
 def on_sand(localised: LocalisedRig, points_left: np.ndarray, half: float) -> np.ndarray:
-    """(m, 3) points of a scan (n, 3) on the sand and its rocks, through the written pose, in the sandbox.
+    """Return the points (m, 3) of a scan (n, 3) on sand and rocks, transformed to the sandbox frame and subsampled.
 
     `half`: half width of the sand, metres.
     """
     points = localised.sandbox_from_left.apply(points_left)
     inside = (np.abs(points[:, :2]) < half - MARGIN).all(axis=1)
-    return points[inside][:: max(1, inside.sum() // POINTS)]
+    return points[inside][:: max(1, inside.sum() // SCAN_POINTS)]
 
 
 def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list[Metric]:
-    """How scans (n, 3) in the sandbox would still have to move to lie on the meshes: all together, and by pairs."""
+    """Return the motions that align scans (n, 3) in the sandbox frame with the meshes: common, and between pairs."""
     surface = Surface(scene.vertices, scene.faces)
-    everything = np.concatenate(list(scans.values()))
-    rotation, translation = _size(_further(everything, surface), everything.mean(axis=0))
+    all_points = np.concatenate(list(scans.values()))
+    rotation, translation = _size(_alignment(all_points, surface), all_points.mean(axis=0))
     metrics = [
         Metric("all scans on the meshes", "common_rotation", rotation, "deg", len(scans), "own"),
         Metric("all scans on the meshes", "common_translation", translation, "mm", len(scans), "own"),
     ]
     moves = {}
     for position, points in sorted(scans.items()):
-        moves[position] = _further(points, surface)
-        settled = moves[position].apply(points)
-        nearest, face = surface.nearest(settled)
-        above = ((settled - nearest) * surface.normals[face]).sum(axis=1)
-        left_mm = 1000 * float(np.median(np.abs(above)))
-        metrics.append(Metric(f"scan {position} on the meshes", "distance_median", left_mm, "mm", len(points), "own"))
-    for one, other in combinations(sorted(moves), 2):
-        rotation, translation = _size(moves[one].inverse() @ moves[other], everything.mean(axis=0))
-        subject = f"scans {one} and {other}"
+        moves[position] = _alignment(points, surface)
+        aligned = moves[position].apply(points)
+        nearest, face = surface.nearest(aligned)
+        above = ((aligned - nearest) * surface.normals[face]).sum(axis=1)
+        distance_mm = 1000 * float(np.median(np.abs(above)))
+        subject = f"scan {position} on the meshes"
+        metrics.append(Metric(subject, "distance_median", distance_mm, "mm", len(points), "own"))
+    for first, second in combinations(sorted(moves), 2):
+        rotation, translation = _size(moves[first].inverse() @ moves[second], all_points.mean(axis=0))
+        subject = f"scans {first} and {second}"
         metrics.append(Metric(subject, "rotation_between", rotation, "deg", 2, "own"))
         metrics.append(Metric(subject, "translation_between", translation, "mm", 2, "own"))
     return metrics
 
 
 def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> list[Metric]:
-    """How a fitted ground agrees with the feet of rocks, and how much of it is far from all of them.
+    """Return the share of rocks that a fitted ground does not support, and the share of ground far from all rocks.
 
     Parameters
     ----------
     rims : sequence of (n, 3) float
-        Points of each rock's foot, metres.
+        Points of the foot of each rock, metres.
     half : float
-        Half width of the square of sand that counts, metres.
+        Half width of the evaluated square of sand, metres.
     """
     side = np.arange(-half, half, SUPPORT_STEP)
     sand = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
@@ -153,15 +157,15 @@ def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> lis
         feet = np.concatenate(rims)
         origins = np.column_stack([feet[:, :2], np.full(len(feet), top)])
         distance, _ = surface.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(feet), 1)))
-        gaps = np.split(np.abs(feet[:, 2] - (top - distance)), np.cumsum([len(own) for own in rims])[:-1])
-        off = float(np.mean([not np.median(gap) <= FOOT_OFF for gap in gaps]))  # without ground the gap is infinite
+        gaps = np.split(np.abs(feet[:, 2] - (top - distance)), np.cumsum([len(points) for points in rims])[:-1])
+        off = float(np.mean([not np.median(gap) <= MAX_FOOT_GAP for gap in gaps]))  # infinite gap without ground
         metrics.append(Metric("fitted ground", "feet_off", off, "1", len(rims), "own"))
         far = float(np.mean(np.asarray(KDTree(feet[:, :2]).query(sand)[0]) > FAR_FROM_FEET))
     return [*metrics, Metric("fitted ground", "far_from_feet", far, "1", len(sand), "own")]
 
 
 def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, LocalisedRig]) -> list[Metric]:
-    """What all cameras of a terrain did in common after the meshes, and which have no proven pose."""
+    """Return the common rotation of the cameras since the reconstruction, and the cameras with unconfirmed poses."""
     metrics = [
         Metric(f"camera {position}", "surveyed", float(rig.unproven), "1", 1, "own")
         for position, rig in sorted(after.items())
@@ -173,19 +177,19 @@ def cameras_together(before: Mapping[str, LocalisedRig], after: Mapping[str, Loc
 
 
 def box_overlaps(matches: pd.DataFrame) -> list[Metric]:
-    """Mean IoU of projected meshes and the boxes that localised the cameras, by position."""
+    """Return the mean IoU of projected meshes and the boxes that localised the cameras, by position."""
     return [
         Metric(f"meshes on boxes, position {position}", "boxes_iou", float(part["iou"].mean()), "1", len(part), "own")
         for position, part in matches.groupby("position")
     ]
 
 
-def _further(points: np.ndarray, surface: Surface) -> Pose:
-    """The motion that brings points (n, 3) onto a surface."""
+def _alignment(points: np.ndarray, surface: Surface) -> Pose:
+    """Return the rigid motion that aligns points (n, 3) with a surface."""
     return refine_alignment(Pose.identity(), points, surface).inverse()
 
 
 def _size(motion: Pose, point: np.ndarray) -> tuple[float, float]:
-    """Degrees of a motion's rotation, and millimetres that it moves a point (3,)."""
+    """Return the rotation angle of a motion, degrees, and the displacement of a point (3,), millimetres."""
     rotation_deg = float(np.degrees(angle_between(motion, Pose.identity())))
     return rotation_deg, 1000 * float(np.linalg.norm(motion.apply(point) - point))

@@ -1,4 +1,4 @@
-"""Every true box beside the label that was paired with it, and every label without partner: rows that add up."""
+"""Table of matches between true boxes and labels, with the unmatched boxes of both."""
 
 from __future__ import annotations
 
@@ -19,89 +19,89 @@ from polarsim.scoring.score import Labels
 EDGES = ("x0", "y0", "x1", "y1")
 TRUE_EDGES = tuple(f"true_{edge}" for edge in EDGES)
 
-_NONE = -1  # in the place of a box that a row does not have
+_NONE = -1  # index of a missing box
 
 
 @dataclass(frozen=True)
 class PhotoPairs:
-    """The boxes of one photo, paired one to one within their kind: a row a true box, then one a label left over."""
+    """One-to-one matches of the boxes of a photo within each class: rows of true boxes, then of unmatched labels."""
 
     kind: np.ndarray  # (n,) class numbers
-    label: np.ndarray  # (n,) indices of the labels, -1: a true box without partner
-    iou: np.ndarray  # (n,) of the pair; NaN where there is none
-    iou_best: np.ndarray  # (n,) of a true box in the pairing of the largest sum; NaN for a label left over
-    truth: np.ndarray  # (n, 4) true boxes; NaN for a label left over
+    label: np.ndarray  # (n,) indices of the labels, -1: unmatched true box
+    iou: np.ndarray  # (n,) of the pair; NaN for an unmatched box
+    iou_best: np.ndarray  # (n,) of a true box in the matching with the largest summed IoU; NaN for an unmatched label
+    truth: np.ndarray  # (n, 4) true boxes; NaN for an unmatched label
 
 
 def pair_photo(truth: Labels, labels: Labels, threshold: float) -> PhotoPairs:
-    """Pair labels with true boxes as `score.count_boxes` counts them."""
+    """Match labels with true boxes as in `score.count_boxes`."""
     parts = [_pair_kind(number, truth, labels, threshold) for number in range(len(BOX_CLASSES))]
     return PhotoPairs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
 def _pair_kind(number: int, truth: Labels, labels: Labels, threshold: float) -> tuple[np.ndarray, ...]:
-    true, ours = truth.boxes[truth.classes == number], np.flatnonzero(labels.classes == number)
-    overlap = iou(true, labels.boxes[ours])
+    true, of_kind = truth.boxes[truth.classes == number], np.flatnonzero(labels.classes == number)
+    overlap = iou(true, labels.boxes[of_kind])
     rows, columns = match(overlap, threshold)
     best_rows, best_columns = match_sum(overlap)
-    left = np.delete(ours, columns)
-    no_label, nothing = np.full(len(true), _NONE), np.full(len(left), np.nan)
+    unmatched = np.delete(of_kind, columns)
+    label_of_true, no_iou = np.full(len(true), _NONE), np.full(len(unmatched), np.nan)
     pair, best = np.full(len(true), np.nan), np.zeros(len(true))
-    no_label[rows], pair[rows] = ours[columns], overlap[rows, columns]
+    label_of_true[rows], pair[rows] = of_kind[columns], overlap[rows, columns]
     best[best_rows] = overlap[best_rows, best_columns]
     return (
-        np.full(len(true) + len(left), number),
-        np.concatenate([no_label, left]),
-        *(np.concatenate([values, nothing]) for values in (pair, best)),
-        np.concatenate([true, np.full((len(left), 4), np.nan)]),
+        np.full(len(true) + len(unmatched), number),
+        np.concatenate([label_of_true, unmatched]),
+        *(np.concatenate([values, no_iou]) for values in (pair, best)),
+        np.concatenate([true, np.full((len(unmatched), 4), np.nan)]),
     )
 
 
 def pair_labels(
-    wanted: Mapping[PhotoKey, Labels],
+    truth: Mapping[PhotoKey, Labels],
     table: pd.DataFrame,
     tasks: Mapping[PhotoKey, str | None],
     against: Against,
     options: ScoringOptions,
 ) -> pd.DataFrame:
-    """Rows with the columns of `LABEL_PAIRS` of every photo that has a task.
+    """Return a table with the columns of `LABEL_PAIRS` for all photos with a task.
 
     Parameters
     ----------
-    wanted
-        True labels of the photos that are compared.
+    truth
+        True labels of the compared photos.
     table
         Label rows; a photo without row has no label.
     tasks
-        What it took to label a photo; None leaves it out.
+        Propagation task of each photo, see `labels.task_of`; photos with None are excluded.
 
     Returns
     -------
     DataFrame
-        A true box has its edges, `truth_px` and `iou_best`, a label has `label_px` and what its row says, a pair
-        (`hit`) has all.
+        A true box has edges, `truth_px` and `iou_best`; a label has `label_px` and the columns of the label table; a
+        pair (`hit`) has all of them.
     """
-    keys = [key for key in sorted(wanted) if tasks[key] is not None]
+    keys = [key for key in sorted(truth) if tasks[key] is not None]
     photos = pd.DataFrame([key_columns(key) for key in keys], columns=list(LABEL_COLUMNS[:7]))
     photos["task"] = [tasks[key] for key in keys]
-    photos["annotated"] = [shadows_annotated(key, _shadows(wanted[key]), against) for key in keys]
-    photo, pairs, row = _pair_photos(keys, wanted, table, options.iou_threshold)
-    whole = photos.iloc[photo].reset_index(drop=True)
-    whole["kind"] = np.array(BOX_CLASSES)[pairs.kind]
-    whole["annotated"] = whole["annotated"].astype(bool) & (whole["kind"] == SHADOW)
-    whole["iou"], whole["iou_best"] = pairs.iou, pairs.iou_best
-    whole[list(TRUE_EDGES)], whole["truth_px"] = pairs.truth, np.sqrt(area(pairs.truth))
-    whole["hit"] = whole["iou"].notna()
-    return _with_labels(whole, table, row).assign(against=against).astype(LABEL_PAIRS.dtypes)[list(LABEL_PAIRS.columns)]
+    photos["annotated"] = [shadows_annotated(key, _shadows(truth[key]), against) for key in keys]
+    photo, pairs, row = _pair_photos(keys, truth, table, options.iou_threshold)
+    rows = photos.iloc[photo].reset_index(drop=True)
+    rows["kind"] = np.array(BOX_CLASSES)[pairs.kind]
+    rows["annotated"] = rows["annotated"].astype(bool) & (rows["kind"] == SHADOW)
+    rows["iou"], rows["iou_best"] = pairs.iou, pairs.iou_best
+    rows[list(TRUE_EDGES)], rows["truth_px"] = pairs.truth, np.sqrt(area(pairs.truth))
+    rows["hit"] = rows["iou"].notna()
+    return _with_labels(rows, table, row).assign(against=against).astype(LABEL_PAIRS.dtypes)[list(LABEL_PAIRS.columns)]
 
 
 def shadows_annotated(key: PhotoKey, true_shadows: int, against: Against) -> bool:
-    """Whether people draw shadows in a photo: its truth has some, the analog's from a stated exposure on."""
+    """Return whether shadows of a photo are annotated: there are true shadows and, in the analog, enough exposure."""
     return true_shadows > 0 and (against == "labels" or key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS)
 
 
 def labels_by_photo(table: pd.DataFrame) -> dict[PhotoKey, Labels]:
-    """The labels of every photo that has a row, in the order of the rows."""
+    """Return the labels of every photo in a table, in the order of the rows."""
     classes = np.array([BOX_CLASSES.index(str(kind)) for kind in table["kind"]], int)
     boxes = table[list(EDGES)].to_numpy(float)
     return {
@@ -115,19 +115,19 @@ def _shadows(labels: Labels) -> int:
 
 
 def _pair_photos(
-    keys: Sequence[PhotoKey], wanted: Mapping[PhotoKey, Labels], table: pd.DataFrame, threshold: float
+    keys: Sequence[PhotoKey], truth: Mapping[PhotoKey, Labels], table: pd.DataFrame, threshold: float
 ) -> tuple[np.ndarray, PhotoPairs, np.ndarray]:
-    """The pairs of all photos one after another: (n,) photos, pairs, (n,) rows of the label table, -1: no label."""
-    found, rows_of = labels_by_photo(table), table.groupby("key").indices
+    """Return the concatenated pairs of all photos: photos (n,), pairs, rows (n,) of the label table (-1: no label)."""
+    labels_of, rows_of = labels_by_photo(table), table.groupby("key").indices
     none, no_rows = Labels.none(), np.zeros(0, int)
-    known: dict[tuple[bytes, ...], PhotoPairs] = {}  # most photos of an exposure bracket are copies of one another
+    cached: dict[tuple[bytes, ...], PhotoPairs] = {}  # most photos of an exposure bracket have equal labels
     photo, pairs, row = [no_rows], [pair_photo(none, none, threshold)], [no_rows]
     for number, key in enumerate(keys):
-        truth, labels = wanted[key], found.get(key, none)
-        content = tuple(part.tobytes() for one in (truth, labels) for part in (one.classes, one.boxes))
-        if content not in known:
-            known[content] = pair_photo(truth, labels, threshold)
-        pairs.append(known[content])
+        true, labels = truth[key], labels_of.get(key, none)
+        content = tuple(array.tobytes() for boxes in (true, labels) for array in (boxes.classes, boxes.boxes))
+        if content not in cached:
+            cached[content] = pair_photo(true, labels, threshold)
+        pairs.append(cached[content])
         photo.append(np.full(len(pairs[-1].kind), number))
         row.append(np.append(rows_of.get(str(key), no_rows), _NONE)[pairs[-1].label])
     joined = (np.concatenate([getattr(part, field.name) for part in pairs]) for field in fields(PhotoPairs))
@@ -135,10 +135,10 @@ def _pair_photos(
 
 
 def _with_labels(pairs: pd.DataFrame, table: pd.DataFrame, row: np.ndarray) -> pd.DataFrame:
-    """The pairs, and what the label table says in these rows (n,); -1: no label."""
+    """Append the columns of the given rows (n,) of the label table to the pairs; -1: no label."""
     columns = ["rock", "source", "confidence", *EDGES]
-    told = table[columns].reset_index(drop=True).reindex(row).reset_index(drop=True)
-    told["rock"] = told["rock"].fillna(NO_ROCK)
-    told["source"] = told["source"].fillna("")
-    told["label_px"] = np.sqrt(area(told[list(EDGES)].to_numpy(float)))
-    return pairs.join(told)
+    labels = table[columns].reset_index(drop=True).reindex(row).reset_index(drop=True)
+    labels["rock"] = labels["rock"].fillna(NO_ROCK)
+    labels["source"] = labels["source"].fillna("")
+    labels["label_px"] = np.sqrt(area(labels[list(EDGES)].to_numpy(float)))
+    return pairs.join(labels)

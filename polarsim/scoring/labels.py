@@ -1,4 +1,4 @@
-"""How well propagated labels agree with hand-annotated or true ones, by how far a label had to be propagated."""
+"""Evaluation of propagated labels against annotations or ground truth, by propagation task."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from polarsim.scoring.score import Counts, Labels, box_reader, count_photo, read
 EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
 AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
 TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
-ANNOTATED = "shadow, where annotated"  # photos whose truth has a shadow: at short exposures nobody draws any
+ANNOTATED = "shadow, where annotated"  # photos with a true shadow: shadows are not annotated at short exposures
 
 
 def score_labels(
@@ -33,38 +33,38 @@ def score_labels(
     pairs: Path,
     options: ScoringOptions,
 ) -> None:
-    """Write the evaluation of a terrain's labels, and every true box beside its label.
+    """Write the evaluation of the labels of a terrain, and the table of matches with true boxes.
 
     Parameters
     ----------
     keys
-        The photos that were labelled.
+        The labelled photos.
     table
-        The terrain's label table; a photo without row has nothing to see.
+        Label table of the terrain; a photo without row has no visible object.
     truth
-        Folder of hand-annotated KEY.txt files (a terrain's, or a release's root), or the analog's labels.parquet.
+        Folder of annotated KEY.txt files (of a terrain, or the root of a release), or labels.parquet of the analog.
     seeds
-        Folder of the terrain's seeds; these photos themselves are not scored.
+        Folder of the seeds of the terrain; photos of seeds are not scored.
     """
     labels = read_parquet(table, LABEL_COLUMNS)
-    found = dict.fromkeys(keys, Labels.none()) | labels_by_photo(labels)
-    wanted = read_truth(truth, terrain, found, options)
+    predicted = dict.fromkeys(keys, Labels.none()) | labels_by_photo(labels)
+    true = read_truth(truth, terrain, predicted, options)
     seed_keys = set(release.key_files(seeds).files)
-    tasks = {key: task_of(key, seed_keys) for key in wanted}
-    metrics = [Metric("seeds", "photos_annotated", len(seed_keys), "photos", len(found), "own")]
-    metrics += score_tasks(wanted, found, tasks, TASKS, against(truth), options)
-    unlabelled = len([key for key, task in tasks.items() if task is not None and key not in found])
-    metrics.append(Metric("photos with truth", "without_label_file", unlabelled, "photos", len(wanted), against(truth)))
-    compared = {key: true for key, true in wanted.items() if key in found}
+    tasks = {key: task_of(key, seed_keys) for key in true}
+    metrics = [Metric("seeds", "photos_annotated", len(seed_keys), "photos", len(predicted), "own")]
+    metrics += score_tasks(true, predicted, tasks, TASKS, against(truth), options)
+    unlabelled = len([key for key, task in tasks.items() if task is not None and key not in predicted])
+    metrics.append(Metric("photos with truth", "without_label_file", unlabelled, "photos", len(true), against(truth)))
+    compared = {key: boxes for key, boxes in true.items() if key in predicted}
     paired = pair_labels(compared, labels, tasks, against(truth), options)
     write_parquet(pairs, paired)
     write_metrics(evaluation, "labels", terrain, metrics + confidence_metrics(paired, against(truth)))
 
 
 def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
-    """What it took to label a photo, given the seeds; None for a seed itself.
+    """Return the propagation task of a photo for given seeds; None for the photo of a seed.
 
-    A photo counts for the hardest step that it needs: no Sun, then another azimuth, Left to Right, light on.
+    The task is the most difficult required step: position, no Sun, azimuth, Left to Right, light on, exposure.
     """
     near = [seed for seed in seeds if seed.station == key.station]
     if key in near:
@@ -82,20 +82,20 @@ def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
 
 
 def score_tasks(
-    wanted: Mapping[PhotoKey, Labels],
-    found: Mapping[PhotoKey, Labels],
+    true: Mapping[PhotoKey, Labels],
+    predicted: Mapping[PhotoKey, Labels],
     tasks: Mapping[PhotoKey, str | None],
     order: Iterable[str],
     against: Against,
     options: ScoringOptions,
 ) -> list[Metric]:
-    """Precision, recall, F1 and mIoU by kind and task, pooled over the photos that are in both."""
+    """Return precision, recall, F1 and mIoU by class and task, pooled over the common photos."""
     total: dict[tuple[str, str], Counts] = {}
-    for key in sorted(set(wanted) & set(found)):
+    for key in sorted(set(true) & set(predicted)):
         task = tasks[key]
         if task is None:
             continue
-        for kind, counts in count_photo(wanted[key], found[key], options.iou_threshold).items():
+        for kind, counts in count_photo(true[key], predicted[key], options.iou_threshold).items():
             annotated = kind == SHADOW and shadows_annotated(key, counts.tp + counts.fn, against)
             for name in [kind, ANNOTATED] if annotated else [kind]:
                 for part in (task, ALL):
@@ -109,7 +109,7 @@ def score_tasks(
 
 
 def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
-    """The labels of a terrain's folder of KEY.txt; broken lines are errors."""
+    """Read the labels of a terrain in a folder of KEY.txt; invalid lines are errors."""
     files, read = release.key_files(folder).files, box_reader()
     return {key: read(path) for key, path in files.items() if key.terrain == terrain}
 
@@ -117,49 +117,49 @@ def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
 def read_truth(
     truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: ScoringOptions
 ) -> dict[PhotoKey, Labels]:
-    """True labels by photo: hand-annotated files as they are, or the analog's table.
+    """Read the true labels by photo from annotated files or from the label table of the analog.
 
-    A photo without hand-annotated file has no truth: nobody looked. The analog knows all: without row, without object.
+    A photo without annotated file has no truth. The table of the analog is complete: a photo without row has no object.
     """
     if not truth.is_file():
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
         return read_sound_boxes(folder, terrain)
     table = read_parquet(truth, LABEL_COLUMNS)
-    found = labels_by_photo(visible(table[table["terrain"] == terrain], options))
-    return {key: found.get(key, Labels.none()) for key in sorted({*found, *labelled})}
+    labels_of = labels_by_photo(visible(table[table["terrain"] == terrain], options))
+    return {key: labels_of.get(key, Labels.none()) for key in sorted({*labels_of, *labelled})}
 
 
 def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
-    """The true labels that a person could have annotated: large enough, and clear in some exposure of their bracket.
+    """Return the true labels that an annotator could see: large enough, with contrast in a photo of the bracket.
 
-    People copy labels over all exposures of an exposure bracket, so one that shows the object is enough. A shadow must
-    be a shadow's width somewhere, too: a line of dark pixels around a rock's foot has a box as large as the rock, and
-    nobody draws it. The columns `visible_px`, `width_px` and `contrast` (DN) may be missing.
+    Annotators copy labels to all exposures of an exposure bracket, so that contrast in a single exposure is enough. A
+    shadow also needs a minimum width: the box of a line of dark pixels around the foot of a rock is as large as the
+    rock, but such lines are not annotated. The columns `visible_px`, `width_px` and `contrast` (DN) may be missing.
     """
     if "visible_px" in truth.columns:
         truth = truth[truth["visible_px"] >= options.min_visible_px]
     if "width_px" in truth.columns:
         truth = truth[(truth["kind"] != SHADOW) | (truth["width_px"] >= options.min_shadow_width_px)]
     if "contrast" in truth.columns:
-        one_object = ["terrain", "position", "light", "azimuth", "camera", "kind", "rock"]
-        clearest = truth["contrast"].abs().groupby([truth[name] for name in one_object]).transform("max")
-        truth = truth[clearest >= options.min_contrast_dn]
+        object_columns = ["terrain", "position", "light", "azimuth", "camera", "kind", "rock"]
+        contrast = truth["contrast"].abs().groupby([truth[name] for name in object_columns]).transform("max")
+        truth = truth[contrast >= options.min_contrast_dn]
     return truth
 
 
 def read_sound_boxes(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
-    """As `read_folder`, but a broken file is left out with a warning: the release has one, nobody's result."""
+    """Read labels as `read_folder` does, but skip invalid files with a warning: the release has such a file."""
     files = release.key_files(folder).files
     return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, box_reader())[0]
 
 
 def against(truth: Path) -> Against:
-    """What a truth is called: the analog's table is truth, annotated files are labels."""
+    """Return the kind of the reference: the table of the analog is truth, annotated files are labels."""
     return "truth" if truth.is_file() else "labels"
 
 
 def confidence_metrics(pairs: pd.DataFrame, against: Against) -> list[Metric]:
-    """How far the confidence of labels is from the share of them that are right, by kind."""
+    """Return the calibration error and Brier score of the confidences of labels by class."""
     table = reliability_table(pairs)
     metrics = []
     for kind in BOX_CLASSES:
@@ -172,7 +172,7 @@ def confidence_metrics(pairs: pd.DataFrame, against: Against) -> list[Metric]:
 
 
 def box_metrics(subject: str, counts: Counts, against: Against) -> list[Metric]:
-    """Precision, recall, F1 and mean IoU; NaN where there is nothing to divide by."""
+    """Return precision, recall, F1 and mean IoU; NaN for a division by zero."""
     sizes = dict.fromkeys(BOX_METRICS, counts.tp + counts.fn) | {"precision": counts.tp + counts.fp}
     values = {name: float("nan") if value is None else float(value) for name, value in counts.metrics().items()}
     return [Metric(subject, name, values[name], "1", n, against) for name, n in sizes.items()]

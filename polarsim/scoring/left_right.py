@@ -1,8 +1,8 @@
-"""Whether left and right camera agree under the written rig: by photos of both, or by the boxes that people drew.
+"""Consistency of left and right camera with the calibration of the rig, from photos or annotated boxes.
 
-A point that the left photo shows lies in a row of the right photo that the rig alone decides, however far away it is.
-So photos are laid on each other by the meshes, and what is left across the rows is the rig's error. Without photos the
-meshes stand between the two: what their projections are off the boxes should be alike in both cameras.
+The epipolar line of a point in the left photo depends only on the rig, not on the distance of the point. Left photos
+are warped to the right camera by the meshes, and the remaining offset across the epipolar lines is the error of the
+rig. Without photos, the offsets between projected meshes and annotated boxes are compared between both cameras.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from polarsim.scoring.cameras import agreed_boxes
 from polarsim.scoring.metrics import Metric
 from polarsim.scoring.score import Labels
 
-SCALE = 0.5  # of the photos that are compared: noise is less there, and a search goes farther
-WINDOW = Window(half=10, search=8, step=16, likeness=0.7, noise=0.4)  # pixels of the shrunk photos
-LEAST_TIES = 50  # windows found, for offsets to be told
-LEAST_TRIED = 100  # windows looked for, for a share to be told
-LEAST_BOXES = 5  # rocks that boxes of both cameras show
-SPREAD = 1.4826  # standard deviations of a normal distribution in its median distance from the median
+SCALE = 0.5  # scale of the compared photos: less noise and a larger search range
+WINDOW = Window(half=10, search=8, step=16, likeness=0.7, noise=0.4)  # pixels of the reduced photos
+MIN_MATCHED_WINDOWS = 50  # for offsets
+MIN_SEARCHED_WINDOWS = 100  # for the share of matched windows
+MIN_ROCK_BOXES = 5  # in each camera
+SD_OF_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 
 
 def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
-    """How far windows of the left photos lie across and along the rows of the right ones, by position."""
+    """Return the offsets of matched windows across and along the epipolar lines, by position."""
     metrics = []
     for position, rig in sorted(localised.items()):
         left, right = (pictures.get((position, camera), {}) for camera in CAMERAS)
         azimuths = sorted(set(left) & set(right))
         if azimuths and not rig.unproven:
             small = replace(rig.rig, left=rig.rig.left.scaled(SCALE), right=rig.rig.right.scaled(SCALE))
-            seen = look_with_both(surface, rig.sandbox_from_left, small)
+            visible = look_with_both(surface, rig.sandbox_from_left, small)
             ties = [
                 find_ties(
-                    seen, read_shrunk(left[azimuth], small.left), read_shrunk(right[azimuth], small.right), WINDOW
+                    visible, read_shrunk(left[azimuth], small.left), read_shrunk(right[azimuth], small.right), WINDOW
                 )
                 for azimuth in azimuths
             ]
@@ -52,29 +52,30 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
 
 
 def tie_metrics(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Metric]:
-    """What windows of a position's pairs of photos, shrunk by `SCALE`, say of its rig."""
-    tried, found = sum(one.tried for one in ties), sum(len(one.right) for one in ties)
-    if tried < LEAST_TRIED:
+    """Return the metrics of the matched windows of stereo pairs of a position, in photos reduced by `SCALE`."""
+    searched, matched = sum(pair.tried for pair in ties), sum(len(pair.right) for pair in ties)
+    if searched < MIN_SEARCHED_WINDOWS:
         return []
-    metrics = [Metric(subject, "windows_found", found / tried, "1", tried, "photos")]
-    if found < LEAST_TIES:
+    metrics = [Metric(subject, "windows_found", matched / searched, "1", searched, "photos")]
+    if matched < MIN_MATCHED_WINDOWS:
         return metrics
-    off = np.concatenate([one.right - one.expected for one in ties]) / SCALE
-    points = np.concatenate([one.points_left for one in ties])
-    rows = _along_rows(rig, points)
-    across, along = rows[:, 0] * off[:, 1] - rows[:, 1] * off[:, 0], (rows * off).sum(axis=1)
+    offset = np.concatenate([pair.right - pair.expected for pair in ties]) / SCALE
+    points = np.concatenate([pair.points_left for pair in ties])
+    lines = _epipolar_directions(rig, points)
+    across = lines[:, 0] * offset[:, 1] - lines[:, 1] * offset[:, 0]
+    along = (lines * offset).sum(axis=1)
     median = float(np.median(across))
-    spread = float(SPREAD * np.median(np.abs(across - median)))
+    spread = float(SD_OF_MAD * np.median(np.abs(across - median)))
     return [
         *metrics,
-        Metric(subject, "across_rows", abs(median), "px", found, "photos"),
-        Metric(subject, "across_rows_spread", spread, "px", found, "photos"),
-        Metric(subject, "along_rows", abs(float(np.median(along))), "px", found, "photos"),
+        Metric(subject, "across_rows", abs(median), "px", matched, "photos"),
+        Metric(subject, "across_rows_spread", spread, "px", matched, "photos"),
+        Metric(subject, "along_rows", abs(float(np.median(along))), "px", matched, "photos"),
     ]
 
 
-def _along_rows(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
-    """(n, 2) unit vectors in the right photo along which points (n, 3) move with their distance."""
+def _epipolar_directions(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
+    """Return unit vectors (n, 2) along the epipolar lines of points (n, 3) in the right photo."""
     right_from_left = rig.left_from_right.inverse()
     near, far = (rig.right.project(right_from_left.apply(points_left * share)) for share in (0.99, 1.01))
     return np.asarray((near - far) / np.linalg.norm(near - far, axis=1, keepdims=True) * np.sign(near - far)[:, :1])
@@ -83,24 +84,24 @@ def _along_rows(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
 def boxes_of_both(
     localised: Mapping[str, LocalisedRig], outlines: Outlines, annotated: Mapping[PhotoKey, Labels]
 ) -> list[Metric]:
-    """How otherwise projected meshes meet the boxes of the right camera than those of the left one, by position."""
+    """Return the differences between the cameras in the fit of projected meshes to annotated boxes, by position."""
     metrics = []
     for position, rig in sorted(localised.items()):
-        boxes = {camera: agreed_boxes(annotated, position, camera) for camera in CAMERAS}
-        if min(map(len, boxes.values())) < LEAST_BOXES or rig.unproven:
+        boxes_of = {camera: agreed_boxes(annotated, position, camera) for camera in CAMERAS}
+        if min(map(len, boxes_of.values())) < MIN_ROCK_BOXES or rig.unproven:
             continue
-        down, share = {}, {}
-        for camera, own in boxes.items():
+        offset_of, iou_of = {}, {}
+        for camera, boxes in boxes_of.items():
             projected = outlines.seen(rig.camera(camera))
-            rocks, rows = assign(projected, own)
-            off = (projected[rocks][:, [1, 3]] - own[rows][:, [1, 3]]).mean(axis=1)
-            down[camera] = dict(zip(rocks.tolist(), off.tolist(), strict=True))
-            share[camera] = float(np.diag(iou(projected[rocks], own[rows])).sum()) / len(own)
+            rocks, rows = assign(projected, boxes)
+            vertical = (projected[rocks][:, [1, 3]] - boxes[rows][:, [1, 3]]).mean(axis=1)
+            offset_of[camera] = dict(zip(rocks.tolist(), vertical.tolist(), strict=True))
+            iou_of[camera] = float(np.diag(iou(projected[rocks], boxes[rows])).sum()) / len(boxes)
         subject = f"left and right boxes, position {position}"
-        n = min(map(len, boxes.values()))
-        metrics.append(Metric(subject, "iou_lost", share["L"] - share["R"], "1", n, "labels"))
-        both = sorted(set(down["L"]) & set(down["R"]))
-        if len(both) >= LEAST_BOXES:
-            apart = abs(float(np.median([down["R"][rock] - down["L"][rock] for rock in both])))
-            metrics.append(Metric(subject, "boxes_across_rows", apart, "px", len(both), "labels"))
+        n = min(map(len, boxes_of.values()))
+        metrics.append(Metric(subject, "iou_lost", iou_of["L"] - iou_of["R"], "1", n, "labels"))
+        both = sorted(set(offset_of["L"]) & set(offset_of["R"]))
+        if len(both) >= MIN_ROCK_BOXES:
+            difference = abs(float(np.median([offset_of["R"][rock] - offset_of["L"][rock] for rock in both])))
+            metrics.append(Metric(subject, "boxes_across_rows", difference, "px", len(both), "labels"))
     return metrics

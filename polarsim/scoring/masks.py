@@ -1,4 +1,4 @@
-"""How well masks of ground, rocks and shadows agree with the polygons that people drew of the same photos."""
+"""Evaluation of class masks (ground, rocks, shadows) against annotated polygons of the same photos."""
 
 from __future__ import annotations
 
@@ -22,47 +22,49 @@ from polarsim.scoring.outlines import Polygons, read_polygon_files
 
 ALL = "all"  # photos together
 SAND, PHOTO = "sand", "photo"
-REGIONS = {SAND: class_masks.IGNORED, PHOTO: class_masks.CLASSES.index("ground")}  # what people's background counts as
+REGIONS = {SAND: class_masks.IGNORED, PHOTO: class_masks.CLASSES.index("ground")}  # class of the background of polygons
 log = logging.getLogger("polarsim")
 
 
 def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: int, seed: int = 0) -> None:
-    """Write the IoU of each class, of every photo with polygons and of all of them, see `MASK_SCORES`.
+    """Write the IoU of each class for every photo with polygons and for all photos, see `MASK_SCORES`.
 
-    People drew one set of polygons for all exposures of an exposure bracket: that of the nearest exposure counts.
+    Annotators drew a single set of polygons for all exposures of an exposure bracket. If a bracket has several files,
+    that of the nearest exposure is used.
 
     Parameters
     ----------
     masks : sequence of Path
-        Folders of `KEY.png`, see `formats.class_masks`.
+        Folders of `KEY.png`, see `run_files.class_masks`.
     root : Path
-        Of a release.
+        Root of a release.
     seed, resamples
-        Of the bootstrap over photos.
+        Seed and number of replicates of the bootstrap over photos.
 
     Raises
     ------
     PolarsimError
-        A broken mask, one of another size than its photo, or polygons of no photo.
+        A mask is invalid or has another size than the photo, or no photo has polygons.
     """
-    found = {PhotoKey.parse(path.stem): path for folder in masks for path in sorted(folder.glob("*.png"))}
+    path_of = {PhotoKey.parse(path.stem): path for folder in masks for path in sorted(folder.glob("*.png"))}
     counts: dict[str, dict[str, np.ndarray]] = {region: {} for region in REGIONS}
-    for key, polygons in _drawn(root, list(found)):
-        truth, mask = paint(polygons), class_masks.read(found[key])
+    for key, polygons in _annotated(root, list(path_of)):
+        truth, mask = paint(polygons), class_masks.read(path_of[key])
         if truth.shape != mask.shape:
-            raise LabelError(f"{mask.shape[1]} x {mask.shape[0]} pixels, expected a photo's", path=found[key])
+            reason = f"{mask.shape[1]} x {mask.shape[0]} pixels, expected {truth.shape[1]} x {truth.shape[0]}"
+            raise LabelError(reason, path=path_of[key])
         for region, background in REGIONS.items():
             classes = class_masks.of_grey_map(truth, background)
             counts[region][str(key)] = confusion(classes, mask, len(class_masks.CLASSES))
     if not counts[SAND]:
-        raise LabelError(f"no polygons of any of {len(found)} photos", path=root)
-    log.info("masks of %d of %d photos are scored: of the others there are no polygons", len(counts[SAND]), len(found))
+        raise LabelError(f"no polygons of the {len(path_of)} photos", path=root)
+    log.info("scoring masks of %d of %d photos; other photos have no polygons", len(counts[SAND]), len(path_of))
     rows = [row for region, of_photos in counts.items() for row in _rows(region, of_photos, seed, resamples)]
     table = pd.DataFrame(rows, columns=list(MASK_SCORES.columns)).astype(MASK_SCORES.dtypes)
     tables.write_parquet(scores, table)
 
 
-def _drawn(root: Path, keys: list[PhotoKey]) -> Iterator[tuple[PhotoKey, Polygons]]:
+def _annotated(root: Path, keys: list[PhotoKey]) -> Iterator[tuple[PhotoKey, Polygons]]:
     for terrain in sorted({key.terrain for key in keys}):
         polygons = read_polygon_files(root, terrain)
         for key in (key for key in keys if key.terrain == terrain):
@@ -72,10 +74,10 @@ def _drawn(root: Path, keys: list[PhotoKey]) -> Iterator[tuple[PhotoKey, Polygon
 
 
 def _rows(region: str, counts: Mapping[str, np.ndarray], seed: int, resamples: int) -> list[tuple[object, ...]]:
-    """A row a photo and class, and those of all photos: their pixels pooled, an interval where there are several."""
+    """Return a row per photo and class, and rows for the pooled pixels of all photos with bootstrap intervals."""
     rows: list[tuple[object, ...]] = []
-    for key, own in counts.items():
-        rows += _of_classes(region, key, 1, own, np.full((2, len(own)), np.nan))
+    for key, of_photo in counts.items():
+        rows += _of_classes(region, key, 1, of_photo, np.full((2, len(of_photo)), np.nan))
     each = np.stack(list(counts.values()))
     resampled = iou(np.tensordot(draws(len(each), resamples, seed, "masks", "bootstrap"), each, axes=1))
     bounds = np.array([interval(values, len(each)) for values in resampled.T]).T

@@ -1,4 +1,4 @@
-"""How near fitted albedo comes to the true one, and twins with it to photos that were held out."""
+"""Evaluation of fitted materials: albedo against ground truth, and twins against held-out photos."""
 
 from __future__ import annotations
 
@@ -18,36 +18,36 @@ from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.metrics import Metric, summary, write_metrics
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")
-_REACH = 0.02  # metres from a true point to the vertices that tell of it
-_CORNERS = 3  # vertices that are averaged there
-_PIXELS = 4  # that a true mean must rest on
+_MAX_DISTANCE = 0.02  # metres; maximum distance from a true point to the nearest vertex
+_NEIGHBOURS = 3  # number of averaged vertices
+_MIN_PIXELS = 4  # minimum number of pixels of a true mean
 _STEPS = ("unfitted", "constant_albedo", "fitted")
 
 
 def score_materials(
     *, terrain: int, materials: Path, meshes: Path, cameras: Path, truth: Path, evaluation: Path
 ) -> None:
-    """Write the evaluation of a terrain's fitted materials.
+    """Write the evaluation of the fitted materials of a terrain.
 
     Parameters
     ----------
     cameras : Path
-        Folder of rig poses: they tell where our sandbox lies in the true one.
+        Folder of rig poses, from which the alignment with the frame of the ground truth is computed.
     truth : Path
-        The terrain's truth folder; without `albedo.parquet` only errors on photos are told.
+        Ground-truth folder of the terrain; without `albedo.parquet`, only errors on photos are computed.
     """
     mesh = read_terrain(meshes, terrain)
-    found = read_materials(materials, mesh)
-    metrics = [metric for model, fit in sorted(found.models.items()) for metric in held_out_metrics(model, fit.check)]
-    if (truth / "albedo.parquet").exists() and found.models:
+    fitted = read_materials(materials, mesh)
+    metrics = [metric for model, fit in sorted(fitted.models.items()) for metric in held_out_metrics(model, fit.check)]
+    if (truth / "albedo.parquet").exists() and fitted.models:
         true = read_parquet(truth / "albedo.parquet", ALBEDO_COLUMNS)
         points = read_alignment(cameras, truth).inverse().apply(true[["x", "y", "z"]].to_numpy(float))
-        metrics += albedo_metrics(found, mesh, true, points)
+        metrics += albedo_metrics(fitted, mesh, true, points)
     write_metrics(evaluation, "materials", terrain, metrics)
 
 
 def held_out_metrics(model: str, check: Mapping[str, Any]) -> list[Metric]:
-    """Errors on the azimuth that was held out, in stops, one brightness of its lamp taken out."""
+    """Return the errors on the held-out azimuth, in stops, after a fit of the brightness of the lamp."""
     return [
         Metric(f"{model}, held-out {scale}", f"{step}_{kind}", check[scale][step][f"{kind}_stops"], "stops",
                int(check[scale]["count"]), "photos")
@@ -57,35 +57,37 @@ def held_out_metrics(model: str, check: Mapping[str, Any]) -> list[Metric]:
     ]  # fmt: skip
 
 
-def albedo_metrics(found: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame, points: np.ndarray) -> list[Metric]:
-    """Relative errors of albedo at true points (n, 3), on one scale a model, at vertices that photos show lit.
+def albedo_metrics(fitted: FittedMaterials, mesh: TerrainMesh, true: pd.DataFrame, points: np.ndarray) -> list[Metric]:
+    """Return relative errors of albedo at true points (n, 3), near vertices that are lit in photos.
 
-    Beside them the errors of one constant albedo. The scale is the median over the ground, for brightness of lamps and
-    of albedo cannot be told apart.
+    The errors of a constant albedo are returned for comparison. Albedo is scaled to the median over the ground for each
+    model, because the fit cannot separate the brightness of lamps from the brightness of albedo.
     """
-    enough = true["pixels"].to_numpy() >= _PIXELS
+    enough = true["pixels"].to_numpy() >= _MIN_PIXELS
     on_ground = true["rock"].to_numpy() == NO_ROCK
     albedo = true["albedo"].to_numpy(float)
     is_ground = rock_of_vertex(mesh) == NO_ROCK
     metrics: list[Metric] = []
     parts = {}
-    for name, ours, theirs in (("ground", is_ground, on_ground & enough), ("rocks", ~is_ground, ~on_ground & enough)):
-        vertices = np.flatnonzero(ours)
-        if len(vertices) < _CORNERS or not theirs.any():
+    for name, of_mesh, of_truth in (
+        ("ground", is_ground, on_ground & enough),
+        ("rocks", ~is_ground, ~on_ground & enough),
+    ):
+        vertices = np.flatnonzero(of_mesh)
+        if len(vertices) < _NEIGHBOURS or not of_truth.any():
             continue
-        far, near = cKDTree(mesh.vertices[vertices]).query(points[theirs], k=_CORNERS)
-        far, near = np.asarray(far), vertices[near]
-        known = (far[:, 0] < _REACH) & (found.looks[near] > 0).any(axis=1)
-        if known.any():
-            parts[name] = near[known], albedo[theirs][known]
+        distance, near = cKDTree(mesh.vertices[vertices]).query(points[of_truth], k=_NEIGHBOURS)
+        distance, near = np.asarray(distance), vertices[near]
+        usable = (distance[:, 0] < _MAX_DISTANCE) & (fitted.looks[near] > 0).any(axis=1)
+        if usable.any():
+            parts[name] = near[usable], albedo[of_truth][usable]
     if "ground" not in parts:
         return metrics
-    for model, fit in sorted(found.models.items()):
-        ratios = {name: fit.albedo[near].mean(axis=1) / own for name, (near, own) in parts.items()}
+    for model, fit in sorted(fitted.models.items()):
+        ratios = {name: fit.albedo[near].mean(axis=1) / true_albedo for name, (near, true_albedo) in parts.items()}
         scale = float(np.median(ratios["ground"]))
         for name, ratio in ratios.items():
-            own = parts[name][1]
-            constant = own / np.median(parts["ground"][1]) - 1
+            constant = parts[name][1] / np.median(parts["ground"][1]) - 1
             metrics += summary(f"{model}, {name}", "albedo_error", np.abs(ratio / scale - 1), "1", "truth")
             metrics += summary(f"{model}, {name}", "constant_error", np.abs(constant), "1", "truth", p90=False)
     return metrics

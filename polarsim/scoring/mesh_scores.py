@@ -1,4 +1,4 @@
-"""Each mesh by itself: is it sound, does it meet the ground, is its thinned copy near, is it where the rock was."""
+"""Metrics of individual meshes: topology, contact with the ground, decimated copy, and distance to the true surface."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import TerrainMesh, made_from
 from polarsim.schemas.evaluation import MESH_SCORES
 from polarsim.scoring.surface import Surface
-from polarsim.scoring.true_surface import Samples
+from polarsim.scoring.true_surface import SurfaceSamples
 
 COLUMNS = MESH_SCORES.dtypes
-SECTORS = 72  # about a rock, in each of which it must reach the ground
-CONTACT = 0.002  # metres: a wider gap between a rock and its ground shows
-F_DISTANCE = 0.005  # metres within which two surfaces are the same
+SECTORS = 72  # around a rock; the rock must touch the ground in each sector
+CONTACT = 0.002  # metres; maximum gap between a rock and the ground in contact
+F_DISTANCE = 0.005  # metres; maximum distance of corresponding surfaces
 
 
 def mesh_table(rows: list[dict[str, object]]) -> pd.DataFrame:
-    """Rows with `COLUMNS`; what was not measured is NaN."""
+    """Return rows as a table with `COLUMNS`; missing values are NaN."""
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     return table.astype(COLUMNS).round({name: 6 for name, kind in COLUMNS.items() if kind == "float64"})
 
@@ -32,7 +32,7 @@ def mesh_table(rows: list[dict[str, object]]) -> pd.DataFrame:
 def soundness_rows(
     scene: TerrainMesh, folder: Path, terrain: int, rng: np.random.Generator, samples: int
 ) -> list[dict[str, object]]:
-    """A row for the ground and for every rock of a scene, by the order of ids; thinned copies lie in the folder."""
+    """Return a row for the ground and for every rock of a scene, sorted by id. The folder has the decimated copies."""
     ground = scene.part(NO_ROCK)
     level = Surface(ground.vertices, ground.faces)
     sources = made_from(folder)
@@ -47,58 +47,62 @@ def soundness_rows(
     return rows
 
 
-def accuracy(there: Samples, back: Samples, true_of_found: Mapping[int, int]) -> dict[int, dict[str, float]]:
-    """Metrics by found rock, the ground's under `NO_ROCK`.
+def accuracy(
+    true: SurfaceSamples, reconstructed: SurfaceSamples, true_of_rock: Mapping[int, int]
+) -> dict[int, dict[str, float]]:
+    """Return metrics by reconstructed rock, and of the ground as `NO_ROCK`.
 
     Parameters
     ----------
-    there, back : Samples
-        Of the true surface and of ours.
-    true_of_found
-        True rock by found rock.
+    true, reconstructed : SurfaceSamples
+        Samples of both surfaces.
+    true_of_rock
+        True rock by reconstructed rock.
     """
     metrics = {}
-    for found, true in {NO_ROCK: NO_ROCK, **true_of_found}.items():
-        wanted, given = there.rock == true, back.rock == found
-        if wanted.any():
-            far = there.distance[wanted]
-            metrics[found] = {
-                "true_rock": float(true),
-                "surface_median_mm": 1000 * float(np.median(far)),
-                "surface_p90_mm": 1000 * float(np.percentile(far, 90)),
-                "f_score_5mm": f_score(far, back.distance[given]),
-                "surface_iou": surface_iou(there, back, true, found),
+    for rock, true_rock in {NO_ROCK: NO_ROCK, **true_of_rock}.items():
+        of_true, of_rock = true.rock == true_rock, reconstructed.rock == rock
+        if of_true.any():
+            distance = true.distance[of_true]
+            metrics[rock] = {
+                "true_rock": float(true_rock),
+                "surface_median_mm": 1000 * float(np.median(distance)),
+                "surface_p90_mm": 1000 * float(np.percentile(distance, 90)),
+                "f_score_5mm": f_score(distance, reconstructed.distance[of_rock]),
+                "surface_iou": surface_iou(true, reconstructed, true_rock, rock),
             }
     return metrics
 
 
-def surface_iou(there: Samples, back: Samples, true: int, found: int) -> float:
-    """Seen surface that is both the true rock's and our rock's, over what is one of the two, by area."""
-    wanted = there.rock == true
-    both = there.area[wanted & (there.beside == found)].sum()
-    ours_alone = back.area[(back.rock == found) & (back.beside != true)].sum()
-    return float(both / (there.area[wanted].sum() + ours_alone))
+def surface_iou(true: SurfaceSamples, reconstructed: SurfaceSamples, true_rock: int, rock: int) -> float:
+    """Return the visible area that belongs to both the true and the reconstructed rock over the area of the union."""
+    of_true = true.rock == true_rock
+    both = true.area[of_true & (true.other_rock == rock)].sum()
+    only_reconstructed = reconstructed.area[
+        (reconstructed.rock == rock) & (reconstructed.other_rock != true_rock)
+    ].sum()
+    return float(both / (true.area[of_true].sum() + only_reconstructed))
 
 
-def f_score(there: np.ndarray, back: np.ndarray) -> float:
-    """Harmonic mean of the shares of points (n,), (m,) of two surfaces that lie within 5 mm of the other one.
+def f_score(true_distance: np.ndarray, distance: np.ndarray) -> float:
+    """Return the F-score of two surfaces at 5 mm from the distances (n,), (m,) of samples to the other surface.
 
     Knapitsch et al., ACM ToG 36:78 (2017).
     """
-    if not len(there) or not len(back):
+    if not len(true_distance) or not len(distance):
         return float("nan")
-    recall, precision = (there < F_DISTANCE).mean(), (back < F_DISTANCE).mean()
+    recall, precision = (true_distance < F_DISTANCE).mean(), (distance < F_DISTANCE).mean()
     return float(2 * recall * precision / (recall + precision)) if recall + precision else 0.0
 
 
 def contact_share(rock: Mesh, ground: Surface) -> float:
-    """Share of the directions about a rock in which its mesh comes to within 2 mm of the ground, or below it."""
+    """Return the share of directions around a rock in which the mesh is at most 2 mm above the ground."""
     above = ground.height_below(rock.vertices)
     offset = rock.vertices[:, :2] - (rock.vertices[:, :2].min(axis=0) + rock.vertices[:, :2].max(axis=0)) / 2
     azimuth = np.arctan2(offset[:, 1], offset[:, 0])
     sector = np.minimum(((azimuth + np.pi) / (2 * np.pi) * SECTORS).astype(int), SECTORS - 1)
     lowest = np.full(SECTORS, np.inf)
-    np.fmin.at(lowest, sector, above)  # NaN beside the ground
+    np.fmin.at(lowest, sector, above)  # NaN outside the ground
     return float((lowest[np.unique(sector)] < CONTACT).mean())
 
 
@@ -119,12 +123,12 @@ def _counts(mesh: Mesh) -> dict[str, object]:
 
 
 def _copy_metrics(mesh: Mesh, copy: Mesh, rng: np.random.Generator, samples: int) -> dict[str, float]:
-    """Size, closedness and Hausdorff distance of a thinned copy, from all vertices and points on both surfaces."""
-    full, thin = Surface(mesh.vertices, mesh.faces), Surface(copy.vertices, copy.faces)
-    there = thin.distance(np.concatenate([mesh.vertices, full.sample(samples, rng)[0]]))
-    back = full.distance(np.concatenate([copy.vertices, thin.sample(samples, rng)[0]]))
+    """Return size, watertightness and Hausdorff distance (over vertices and samples) of a decimated copy."""
+    full, decimated = Surface(mesh.vertices, mesh.faces), Surface(copy.vertices, copy.faces)
+    of_full = decimated.distance(np.concatenate([mesh.vertices, full.sample(samples, rng)[0]]))
+    of_copy = full.distance(np.concatenate([copy.vertices, decimated.sample(samples, rng)[0]]))
     return {
         "copy_vertex_share": len(copy.vertices) / len(mesh.vertices),
         "copy_watertight": float(is_watertight(copy.faces)),
-        "copy_hausdorff_mm": 1000 * float(max(there.max(), back.max())),
+        "copy_hausdorff_mm": 1000 * float(max(of_full.max(), of_copy.max())),
     }

@@ -1,4 +1,4 @@
-"""Metrics of evaluation: one row each, in a file a stage and terrain."""
+"""Evaluation metrics, written to a file per stage and terrain with a row per metric."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ TRUTH_NAMES = {"truth": "the analog's truth", "labels": "hand-annotated labels"}
 
 @dataclass(frozen=True)
 class Metric:
-    """One measured metric. `n` counts what it was measured on; NaN stands for "cannot be said"."""
+    """Value of a metric. `n` is the sample size; an undefined value is NaN."""
 
-    subject: str  # of which part: a position, a kind of label and its task, a class of rocks
+    subject: str  # evaluated part: a position, a kind of label and the task, a class of rocks
     metric: str
     value: float
-    unit: str  # "mm", "px", "deg", "1" (a share or ratio), or what is counted
+    unit: str  # "mm", "px", "deg", "1" (a share or ratio), or the name of counted items
     n: int
-    against: Against  # the analog's truth, hand-annotated labels, photos' pixels, or what the stage itself reports
+    against: Against  # reference: truth of the analog, annotated labels, photos, or "own" for values of the stage
 
 
 def summary(
     subject: str, metric: str, values: np.ndarray, unit: str, against: Against, p90: bool = True
 ) -> list[Metric]:
-    """Median, and 90th percentile, of values (n,); nothing when there are none."""
+    """Return the median and the 90th percentile of values (n,); empty without finite values."""
     values = np.asarray(values, float)
     values = values[np.isfinite(values)]
     if not len(values):
         return []
-    found = [Metric(subject, f"{metric}_median", float(np.median(values)), unit, len(values), against)]
+    metrics = [Metric(subject, f"{metric}_median", float(np.median(values)), unit, len(values), against)]
     if p90:
-        found.append(Metric(subject, f"{metric}_p90", float(np.percentile(values, 90)), unit, len(values), against))
-    return found
+        metrics.append(Metric(subject, f"{metric}_p90", float(np.percentile(values, 90)), unit, len(values), against))
+    return metrics
 
 
 def metrics_table(stage: str, terrain: int, metrics: Iterable[Metric]) -> pd.DataFrame:
-    """Rows with `COLUMNS`, in the order of the metrics."""
+    """Return metrics as a table with `COLUMNS`, in the given order."""
     table = pd.DataFrame([(stage, terrain, *astuple(metric)) for metric in metrics], columns=list(COLUMNS))
-    table["value"] = table["value"].astype("float64").round(9)  # below that is the dust of sums
+    table["value"] = table["value"].astype("float64").round(9)  # removes rounding noise
     return table.astype({"terrain": "int64", "n": "int64"})
 
 

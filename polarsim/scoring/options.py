@@ -1,4 +1,4 @@
-"""Options of the scores: what they are measured against, and what counts as found."""
+"""Options of the evaluation: reference and thresholds."""
 
 from __future__ import annotations
 
@@ -8,25 +8,24 @@ from polarsim.user_path import UserPath
 
 
 class ScoringOptions(BaseModel, extra="forbid", frozen=True):
-    """These options say how results are scored; none of them changes a result, only what is said about it."""
+    """Evaluation of results. These options do not change results."""
 
     annotated_root: UserPath | None = Field(
         None,
-        description="Our labels are scored against those that people drew in this folder, which has the "
-        "release's layout; null: that of the seeds, else the source's.",
+        description="Folder of annotations for the evaluation, in the layout of the release. null: folder of the seeds "
+        "or source.",
     )
-    iou_threshold: float = Field(0.5, gt=0, le=1, description="A box counts as found from this IoU on.")
+    iou_threshold: float = Field(0.5, gt=0, le=1, description="Minimum IoU of a detected box.")
     min_visible_px: float = Field(
-        12, ge=0, description="True labels with fewer visible pixels are left out, px; people do not draw them."
+        12, ge=0, description="Minimum number of visible pixels of a true label. Smaller objects are not annotated."
     )
     min_shadow_width_px: int = Field(
         3,
         ge=1,
-        description="True shadows that are nowhere this wide are left out, px; the same as for rendered shadows "
-        "(`render.min_shadow_width_px`).",
+        description="Minimum width of a true shadow, px; see `render.min_shadow_width_px`.",
     )
     min_contrast_dn: float = Field(
         10,
         ge=0,
-        description="True labels that no exposure of the exposure bracket shows this clearly are left out, DN.",
+        description="Minimum contrast of a true label in any photo of the exposure bracket, DN.",
     )

@@ -1,4 +1,4 @@
-"""How well outlines of rocks and shadows agree with the polygons that people drew, pixel by pixel."""
+"""Evaluation of the masks of rocks and shadows against annotated polygons."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ Polygons = list[tuple[int, np.ndarray]]  # class number, ring (n, 2) in pixels
 
 
 @dataclass(frozen=True)
-class Region:
-    """A mask (h, w) whose first pixel is at a corner (x, y) of the photo."""
+class PlacedMask:
+    """Mask (h, w) with the first pixel at a corner (x, y) in the photo."""
 
     mask: np.ndarray
     corner: np.ndarray
@@ -38,74 +38,75 @@ class Region:
 
     @property
     def box(self) -> np.ndarray:
-        """(4,) around its true pixels, of which there are some."""
-        found = of_mask(self.mask)
-        assert found is not None
-        return found + np.tile(self.corner, 2)
+        """Bounding box (4,) of the mask, which must not be empty."""
+        box = of_mask(self.mask)
+        assert box is not None
+        return box + np.tile(self.corner, 2)
 
     def part(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """The mask between two points of the photo that lie inside it."""
+        """Return the mask between two points of the photo inside the mask."""
         (left, top), (right, bottom) = low - self.corner, high - self.corner
         return self.mask[top:bottom, left:right]
 
 
-Thing = TypeVar("Thing")  # a polygon or an annotation
+Item = TypeVar("Item")  # a polygon or an annotation
 
 
 def score_outlines(
     *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, evaluation: Path, options: ScoringOptions
 ) -> None:
-    """Write the evaluation of a terrain's outlines under the Sun lamps, and how well people's polygons fit their boxes.
+    """Write the evaluation of the masks of a terrain under the Sun lamps, and of annotated polygons against boxes.
 
-    People drew one set of polygons for all exposures of an exposure bracket: the fullest file is compared with the
-    fullest labels. Their boxes are the yardstick: the boxes around polygons against the boxes of the same photo.
-    Shadows count there only where shadow boxes were annotated: at short exposures there are none.
+    Annotators drew a single set of polygons for all exposures of an exposure bracket. The file with most polygons is
+    compared with the labels with most masks. As a reference for the accuracy of annotations, the boxes around polygons
+    are compared with the annotated boxes of the same photo. Shadows are included only in photos with annotated shadow
+    boxes, because shadows are not annotated at short exposures.
 
     Parameters
     ----------
     keys
-        The photos that were labelled.
+        The labelled photos.
     annotations
-        The terrain's COCO file.
+        COCO file of the terrain.
     root
-        Of a release; a terrain without polygons there has no metrics.
+        Root of a release; a terrain without polygons has no metrics.
     """
     annotated = _of_brackets(read_polygon_files(root, terrain), keys)
-    found = _of_brackets(read_coco(annotations), keys)
+    predicted = _of_brackets(read_coco(annotations), keys)
     boxes = read_sound_boxes(release.label_folder(root, terrain), terrain)
     total: dict[str, Counts] = {}
-    for bracket in sorted(set(annotated) & set(found)):
+    for bracket in sorted(set(annotated) & set(predicted)):
         key, polygons = annotated[bracket]
         task = TASKS[key.camera]
         for kind in BOX_CLASSES:
-            people = _painted(polygons, kind)
-            counts = count_overlaps(overlaps(people, _masks(found[bracket][1], kind)), options.iou_threshold)
+            true_masks = _rasterised(polygons, kind)
+            counts = count_overlaps(overlaps(true_masks, _masks(predicted[bracket][1], kind)), options.iou_threshold)
             subject = f"{kind} outline: {task}"
             total[subject] = total.get(subject, Counts()) + counts
-            yardstick = _yardstick(people, boxes.get(key), kind, options)
-            if yardstick is not None:
+            of_polygons = _polygons_against_boxes(true_masks, boxes.get(key), kind, options)
+            if of_polygons is not None:
                 subject = f"{kind} polygon's box against annotated box: {task}"
-                total[subject] = total.get(subject, Counts()) + yardstick
+                total[subject] = total.get(subject, Counts()) + of_polygons
     metrics = [metric for subject in sorted(total) for metric in box_metrics(subject, total[subject], "labels")]
     write_metrics(evaluation, "labels", terrain, metrics)
 
 
 def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:
-    """Hand-annotated polygons of a terrain; broken files are left out with a warning."""
+    """Read the annotated polygons of a terrain; invalid files are skipped with a warning."""
     return read_sound(release.polygon_files(root, terrain), yolo.read_polygons)[0]
 
 
-def overlaps(first: Sequence[Region], second: Sequence[Region]) -> np.ndarray:
-    """(n, m) IoU of regions, pixel by pixel."""
+def overlaps(first: Sequence[PlacedMask], second: Sequence[PlacedMask]) -> np.ndarray:
+    """Return the IoU (n, m) of masks."""
     near = iou(_boxes(first), _boxes(second)) > 0
     overlap = np.zeros(near.shape)
     for row, column in np.argwhere(near):
-        overlap[row, column] = region_iou(first[row], second[column])
+        overlap[row, column] = mask_iou(first[row], second[column])
     return overlap
 
 
-def region_iou(first: Region, second: Region) -> float:
-    """IoU of two regions, pixel by pixel."""
+def mask_iou(first: PlacedMask, second: PlacedMask) -> float:
+    """Return the IoU of two masks."""
     low = np.maximum(first.corner, second.corner)
     high = np.minimum(first.corner + first.size, second.corner + second.size)
     if (high <= low).any():
@@ -115,49 +116,51 @@ def region_iou(first: Region, second: Region) -> float:
 
 
 def _of_brackets(
-    files: Mapping[PhotoKey, list[Thing]], keys: Sequence[PhotoKey]
-) -> dict[tuple[object, ...], tuple[PhotoKey, list[Thing]]]:
-    """The fullest of each exposure bracket under a Sun lamp; of several the one exposed longest."""
-    fullest: dict[tuple[object, ...], tuple[PhotoKey, list[Thing]]] = {}
-    sets = {key.bracket for key in keys if key.azimuth != "no"}
-    for key, things in sorted(files.items(), key=lambda item: (len(item[1]), item[0].exposure_ms)):
-        if key.bracket in sets:
-            fullest[key.bracket] = key, things
-    return fullest
+    files: Mapping[PhotoKey, list[Item]], keys: Sequence[PhotoKey]
+) -> dict[tuple[object, ...], tuple[PhotoKey, list[Item]]]:
+    """Return the photo with most items of each exposure bracket under a Sun lamp; ties: the longest exposure."""
+    largest: dict[tuple[object, ...], tuple[PhotoKey, list[Item]]] = {}
+    brackets = {key.bracket for key in keys if key.azimuth != "no"}
+    for key, items in sorted(files.items(), key=lambda entry: (len(entry[1]), entry[0].exposure_ms)):
+        if key.bracket in brackets:
+            largest[key.bracket] = key, items
+    return largest
 
 
-def _painted(polygons: Polygons, kind: str) -> list[Region]:
-    """What polygons of one kind cover, as far as it is a pixel."""
-    own = [_region(ring) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
-    return [region for region in own if region.mask.any()]
+def _rasterised(polygons: Polygons, kind: str) -> list[PlacedMask]:
+    """Return the masks of the polygons of a class that cover at least a pixel."""
+    masks = [_mask_of(ring) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
+    return [placed for placed in masks if placed.mask.any()]
 
 
-def _region(ring: np.ndarray) -> Region:
+def _mask_of(ring: np.ndarray) -> PlacedMask:
     low = np.clip(np.floor(ring.min(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     high = np.clip(np.ceil(ring.max(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     width, height = np.maximum(high - low, 1)
-    return Region(rasterised(ring - low, (int(height), int(width))), low)
+    return PlacedMask(rasterised(ring - low, (int(height), int(width))), low)
 
 
-def _masks(annotations: Sequence[Annotation], kind: str) -> list[Region]:
-    found = []
+def _masks(annotations: Sequence[Annotation], kind: str) -> list[PlacedMask]:
+    masks = []
     for annotation in annotations:
         if annotation.kind == kind and annotation.mask is not None:
             mask = annotation.mask.mask()
             box = of_mask(mask)
             if box is not None:
                 left, top, right, bottom = box.astype(int)
-                found.append(Region(mask[top:bottom, left:right], np.array([left, top])))
-    return found
+                masks.append(PlacedMask(mask[top:bottom, left:right], np.array([left, top])))
+    return masks
 
 
-def _boxes(regions: Sequence[Region]) -> np.ndarray:
-    return np.array([region.box for region in regions]).reshape(-1, 4)
+def _boxes(masks: Sequence[PlacedMask]) -> np.ndarray:
+    return np.array([mask.box for mask in masks]).reshape(-1, 4)
 
 
-def _yardstick(people: Sequence[Region], boxes: Labels | None, kind: str, options: ScoringOptions) -> Counts | None:
-    """Boxes around polygons against the boxes of the same photo; None where nobody drew boxes of this kind."""
-    own = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
-    if not len(own):
+def _polygons_against_boxes(
+    polygons: Sequence[PlacedMask], boxes: Labels | None, kind: str, options: ScoringOptions
+) -> Counts | None:
+    """Compare boxes around polygons with the annotated boxes of the photo; None without boxes of the class."""
+    of_kind = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
+    if not len(of_kind):
         return None
-    return count_boxes(own, _boxes(people), options.iou_threshold)
+    return count_boxes(of_kind, _boxes(polygons), options.iou_threshold)

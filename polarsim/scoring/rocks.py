@@ -1,4 +1,4 @@
-"""How well rocks and ground were found and meshed: against the analog's true meshes, or the meshes' own soundness."""
+"""Evaluation of rocks and meshes: topology of all meshes, and errors against the ground truth of the analog."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import SEED, Comparison, compare
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
-HAUSDORFF_SAMPLES = 4000  # points on a rock and on its thinned copy, besides all their vertices
-SEEN_WIDTH = 0.5  # of a rock's size that scans must have seen for the rock to count as seen
+HAUSDORFF_SAMPLES = 4000  # points on a rock and on the decimated copy, in addition to all vertices
+SEEN_WIDTH = 0.5  # minimum visible width of a visible rock, as a share of the size
 BY_ROCK = (("surface_median_mm", "mm"), ("surface_p90_mm", "mm"), ("f_score_5mm", "1"), ("surface_iou", "1"))
 
 
@@ -40,56 +40,55 @@ def score_rocks(
     scores: Path,
     offsets: Path,
 ) -> None:
-    """Write the evaluation of a terrain's rocks and meshes, a row of scores for every mesh, and where meshes are off.
+    """Write the evaluation of the rocks and meshes of a terrain, the scores of meshes, and the offsets of surfaces.
 
-    Frames are brought together by the poses that the meshes were made with: there, meshes and cameras must agree. What
-    the surfaces are worth by themselves is measured after one more small rigid ICP of the terrain's ground; how far
-    that went is a metric of its own. In this frame of the meshes the refined cameras are asked where they put true
-    rocks.
+    The frames of run and ground truth are aligned by the poses for which the meshes were reconstructed. Surfaces are
+    compared after a small rigid ICP of the ground; the motion of the ICP is also a metric. In this frame, true rocks
+    are projected by the refined cameras.
 
     Parameters
     ----------
     rocks
         rocks.parquet.
     meshes
-        Folder of the terrain's meshes.
+        Folder of the meshes of the terrain.
     located, cameras
-        Folders with the poses that the meshes were made with, and with the refined ones.
+        Folders with the poses for which the meshes were reconstructed, and with the refined poses.
     scores
-        Table of the meshes that is written, see `mesh_scores.COLUMNS`.
+        Output table of meshes, see `mesh_scores.COLUMNS`.
     offsets
-        Table that is written, a row a point on our seen surface: rock, x, y, z (true frame), offset_mm, the distance
-        to the true surface, below 0 inside it. Without truth it has no row.
+        Output table with a row per sample of the visible reconstructed surface: rock, x, y, z (frame of the ground
+        truth), and offset_mm, the distance to the true surface, negative inside. Empty without ground truth.
     truth
-        The analog's truth/TerrainTT; None where there is none.
+        Folder truth/TerrainTT of the analog; None without ground truth.
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)
     against_truth: list[Metric] = []
-    off = pd.DataFrame(columns=list(OFFSETS.columns)).astype(OFFSETS.dtypes)
+    offset_table = pd.DataFrame(columns=list(OFFSETS.columns)).astype(OFFSETS.dtypes)
     rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
         compared = compare(terrain, scene, located, truth, inventory)
-        against_truth, own = _against_truth(true, found, compared)
+        against_truth, of_rocks = _against_truth(true, found, compared)
         against_truth += _in_cameras_frame(true, found, compared, Surface(scene.vertices, scene.faces))
         against_truth += _reprojection(terrain, cameras, truth, compared)
-        off = compared.ours.table().astype(OFFSETS.dtypes)
-        rows = [{**row, **own.get(int(str(row["rock"])), {})} for row in rows]
+        offset_table = compared.reconstructed.table().astype(OFFSETS.dtypes)
+        rows = [{**row, **of_rocks.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
     metrics = counts(found) + soundness(table) + against_truth + _copies(table) + _by_rock(table)
     write_metrics(evaluation, "rocks", terrain, metrics)
     write_csv(scores, table)
-    write_parquet(offsets, off)
+    write_parquet(offsets, offset_table)
 
 
 def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Comparison, surface: Surface) -> list[Metric]:
-    """Distances of the true surface from ours where the cameras put it: nothing is laid on anything by surfaces."""
+    """Return the distances of the true from the reconstructed surface after the alignment by cameras, without ICP."""
     sandbox_from_truth = compared.by_cameras.inverse()
     distance_mm = 1000 * surface.distance(sandbox_from_truth.apply(compared.true.points))
     paired = true["rock"].to_numpy()[pair_rocks(true, _moved(found, compared.by_cameras)).true]
     points_of = {rock: distance_mm[compared.true.rock == rock] for rock in paired}
-    rocks_mm = np.array([np.median(mine) for mine in points_of.values() if len(mine)])
+    rocks_mm = np.array([np.median(distances) for distances in points_of.values() if len(distances)])
     ground_mm = distance_mm[compared.true.rock == NO_ROCK]
     return [
         *summary("paired rocks, cameras' frame", "surface_median_by_rock", rocks_mm, "mm", "truth"),
@@ -98,13 +97,13 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
 
 
 def _moved(found: pd.DataFrame, truth_from_sandbox: Pose) -> pd.DataFrame:
-    """The table of found rocks with their positions in the true frame."""
+    """Return the table of detected rocks with positions in the frame of the ground truth."""
     points = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
     return found.assign(x=points[:, 0], y=points[:, 1], z=points[:, 2])
 
 
 def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
-    """How far from its true pixel a true rock's point is seen, with the meshes laid on the true surface."""
+    """Return the reprojection errors of points of true rocks, with the meshes aligned with the true surface."""
     localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     points = true_points(truth, terrain)
     return [
@@ -117,7 +116,7 @@ def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison
 
 
 def counts(found: pd.DataFrame) -> list[Metric]:
-    """How many rocks of which size there are."""
+    """Return the numbers of rocks by size class."""
     size_cm = 100 * found["size_m"].to_numpy(float)
     (large, small), names = size_classes(size_cm), size_names()
     n = len(found)
@@ -129,7 +128,7 @@ def counts(found: pd.DataFrame) -> list[Metric]:
 
 
 def soundness(table: pd.DataFrame) -> list[Metric]:
-    """Closedness, islands and sizes of the full meshes, from their rows."""
+    """Return watertightness, number of connected components and sizes of the full meshes."""
     metrics: list[Metric] = []
     rocks, ground = table[table["rock"] != NO_ROCK], table[table["rock"] == NO_ROCK].iloc[0]
     if len(rocks):
@@ -145,7 +144,7 @@ def soundness(table: pd.DataFrame) -> list[Metric]:
 
 
 def _copies(table: pd.DataFrame) -> list[Metric]:
-    """How rocks meet the ground, and how near their thinned copies are."""
+    """Return the contact of rocks with the ground and the accuracy of decimated copies."""
     rocks = table[table["rock"] != NO_ROCK]
     if not len(rocks):
         return []
@@ -163,14 +162,14 @@ def _copies(table: pd.DataFrame) -> list[Metric]:
 
 
 def _by_rock(table: pd.DataFrame) -> list[Metric]:
-    """Medians over rocks of each rock's own metrics, by true size; and the ground's F-score."""
+    """Return medians over rocks of the metrics of each rock, by true size class, and the F-score of the ground."""
     metrics = []
     scored = table.dropna(subset=["surface_median_mm"])
     members = size_classes(100 * scored["true_size_m"].to_numpy(float))
-    for name, mine in zip(size_names(), members, strict=True):
-        for column, unit in BY_ROCK if mine.any() else ():
-            value = float(scored.loc[mine, column].median())
-            metrics.append(Metric(name, f"{column.removesuffix('_mm')}_by_rock", value, unit, int(mine.sum()), "truth"))
+    for name, in_class in zip(size_names(), members, strict=True):
+        for column, unit in BY_ROCK if in_class.any() else ():
+            value, n = float(scored.loc[in_class, column].median()), int(in_class.sum())
+            metrics.append(Metric(name, f"{column.removesuffix('_mm')}_by_rock", value, unit, n, "truth"))
     ground = scored[scored["rock"] == NO_ROCK]
     if len(ground):
         metrics.append(Metric("ground", "f_score_5mm", float(ground["f_score_5mm"].iloc[0]), "1", 1, "truth"))
@@ -180,28 +179,29 @@ def _by_rock(table: pd.DataFrame) -> list[Metric]:
 def _against_truth(
     true: pd.DataFrame, found: pd.DataFrame, compared: Comparison
 ) -> tuple[list[Metric], dict[int, dict[str, float]]]:
-    """Metrics of the terrain, and those of each found rock and of the ground."""
+    """Return the metrics of the terrain, and the metrics of each detected rock and of the ground."""
     in_truth = _moved(found, compared.truth_from_sandbox)
     pairs = pair_rocks(true, in_truth)
-    there, back = compared.true, compared.ours
-    metrics = recall_and_precision(true, in_truth, pairs, _wide_seen(true, there.points, there.rock))
+    samples, reconstructed = compared.true, compared.reconstructed
+    metrics = recall_and_precision(true, in_truth, pairs, _is_visible(true, samples.points, samples.rock))
     true_rocks, found_rocks = true["rock"].to_numpy()[pairs.true], found["rock"].to_numpy()[pairs.found]
-    paired, level = np.isin(there.rock, true_rocks), there.rock == NO_ROCK
-    metrics += summary("paired rocks", "surface_distance", 1000 * there.distance[paired], "mm", "truth")
-    metrics += summary("ground", "surface_distance", 1000 * there.distance[level], "mm", "truth")
+    paired, level = np.isin(samples.rock, true_rocks), samples.rock == NO_ROCK
+    metrics += summary("paired rocks", "surface_distance", 1000 * samples.distance[paired], "mm", "truth")
+    metrics += summary("ground", "surface_distance", 1000 * samples.distance[level], "mm", "truth")
     if paired.any():
-        score = f_score(there.distance[paired], back.distance[np.isin(back.rock, found_rocks)])
+        score = f_score(samples.distance[paired], reconstructed.distance[np.isin(reconstructed.rock, found_rocks)])
         metrics.append(Metric("paired rocks", "f_score_5mm", score, "1", int(paired.sum()), "truth"))
-    own = accuracy(there, back, dict(zip(found_rocks.tolist(), true_rocks.tolist(), strict=True)))
+    of_rocks = accuracy(samples, reconstructed, dict(zip(found_rocks.tolist(), true_rocks.tolist(), strict=True)))
     sizes = true["size_m"].to_numpy(float)[pairs.true]
     for rock, size in zip(found_rocks.tolist(), sizes.tolist(), strict=True):
-        own.setdefault(rock, {})["true_size_m"] = size
-    return metrics + _alignment_metrics(compared), own
+        of_rocks.setdefault(rock, {})["true_size_m"] = size
+    return metrics + _alignment_metrics(compared), of_rocks
 
 
-def _wide_seen(true: pd.DataFrame, points: np.ndarray, rock: np.ndarray) -> np.ndarray:
-    """(n,) bool: true rocks of which scans saw enough width, by points (m, 3) on seen surface and the rock of each."""
-    width = [np.ptp(points[rock == one, :2], axis=0).max() if (rock == one).any() else 0.0 for one in true["rock"]]
+def _is_visible(true: pd.DataFrame, points: np.ndarray, rock_of_point: np.ndarray) -> np.ndarray:
+    """Return (n,) bool: true rocks with enough visible width, from points (m, 3) on visible surfaces."""
+    parts = [points[rock_of_point == rock, :2] for rock in true["rock"]]
+    width = [np.ptp(part, axis=0).max() if len(part) else 0.0 for part in parts]
     return np.array(width) >= SEEN_WIDTH * true["size_m"].to_numpy(float)
 
 

@@ -1,4 +1,4 @@
-"""How well label files agree with hand-annotated or true ones: precision, recall, F1, mean IoU, pooled over files."""
+"""Evaluation of label files against ground truth: precision, recall, F1 and mean IoU, pooled over files."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "camera": lambda key: key.camera,
 }
 
-Name = TypeVar("Name", PhotoKey, str)  # what a label file is called: POLAR's way, or anyone's
-Content = TypeVar("Content")  # of a label file
+Name = TypeVar("Name", PhotoKey, str)  # name of a label file: a photo key or any text
+Content = TypeVar("Content")  # content of a label file
 
 log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
 class Labels:
-    """The boxes of one photo: class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels."""
+    """Boxes of a photo: class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels."""
 
     classes: np.ndarray
     boxes: np.ndarray
@@ -45,19 +45,19 @@ class Labels:
 
 @dataclass(frozen=True)
 class Counts:
-    """Sums over files; they add up."""
+    """Sums over files, which can be added."""
 
     files: int = 0
     tp: int = 0
     fp: int = 0
     fn: int = 0
-    iou_sum: float = 0.0  # over truth boxes, of the one-to-one assignment with the largest sum
+    iou_sum: float = 0.0  # over true boxes, of the one-to-one assignment with the largest sum
 
     def __add__(self, other: Counts) -> Counts:
-        return Counts(*(one + more for one, more in zip(astuple(self), astuple(other), strict=True)))
+        return Counts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
     def metrics(self) -> dict[str, float | int | None]:
-        """Ratios of the sums; None where the divisor is 0."""
+        """Return the counts and ratios of the sums; None for a division by zero."""
         truth, labels = self.tp + self.fn, self.tp + self.fp
         return {
             "files": self.files,
@@ -74,15 +74,15 @@ class Counts:
 
 
 def count_boxes(truth: np.ndarray, labels: np.ndarray, threshold: float = 0.5) -> Counts:
-    """Compare the boxes (n, 4) and (m, 4) of one class on one photo."""
+    """Compare the boxes (n, 4) and (m, 4) of a class in a photo."""
     return count_overlaps(iou(truth, labels), threshold)
 
 
 def count_overlaps(overlap: np.ndarray, threshold: float = 0.5) -> Counts:
-    """Compare the n true objects of one class on one photo with m labels by their IoU (n, m).
+    """Compare n true objects of a class in a photo with m labels by the IoU (n, m).
 
-    Pairs are one-to-one: as many as can be with IoU >= threshold, then of the largest summed IoU. The mean IoU has an
-    assignment of its own, without threshold.
+    Matches are one-to-one, with the maximum number of pairs with IoU >= threshold, then the largest summed IoU. The
+    mean IoU uses a separate assignment without threshold.
     """
     truth, labels = overlap.shape
     pairs = len(match(overlap, threshold)[0])
@@ -91,7 +91,7 @@ def count_overlaps(overlap: np.ndarray, threshold: float = 0.5) -> Counts:
 
 
 def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[str, Counts]:
-    """Compare two sets of labels of one photo, class by class."""
+    """Compare two sets of labels of a photo for each class."""
     return {
         name: count_boxes(truth.boxes[truth.classes == number], labels.boxes[labels.classes == number], threshold)
         for number, name in enumerate(BOX_CLASSES)
@@ -99,9 +99,9 @@ def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[s
 
 
 def score(truth: Mapping[Name, Labels], labels: Mapping[Name, Labels], threshold: float = 0.5) -> dict[str, Any]:
-    """Metrics by class, over all photos of the truth and, where they have photo keys, by part of the key.
+    """Return metrics by class for all photos of the truth and, for photo keys, by part of the key.
 
-    A photo of the truth without labels has all its boxes missed; labels of photos without truth are not looked at.
+    All boxes of a photo without labels are missed. Labels of photos without truth are ignored.
 
     Returns
     -------
@@ -130,37 +130,37 @@ def score(truth: Mapping[Name, Labels], labels: Mapping[Name, Labels], threshold
 def score_folders(
     truth: Path, labels: Path, threshold: float = 0.5, keys: Callable[[PhotoKey], bool] | None = None
 ) -> dict[str, Any]:
-    """Compare two folders of YOLO files, each flat, with `TerrainNN` subfolders, or a release's root.
+    """Compare two folders of YOLO files: flat, with `TerrainNN` subfolders, or the root of a release.
 
-    Files are paired by photo key, which strays have none of; where the truth has no photo keys at all, by name.
+    Files are matched by photo key, or by file name if no file of the truth has a photo key.
 
     Parameters
     ----------
     keys
-        Which photos are compared; all of the truth's when None.
+        Selects the compared photos; None: all photos of the truth.
 
     Returns
     -------
     dict
-        That of `score`, and `files`: how many were compared, were missing, were left out and why.
+        The result of `score`, and `files`: numbers of compared and missing files, and lists of skipped files.
 
     Raises
     ------
     FormatError
-        A folder is missing, a label file is broken, or all truth files are. A broken truth file among sound ones is
-        left out and listed: it is nobody's labels that are wrong there, and the release has one.
+        A folder is missing, a label file is invalid, or all files of the truth are invalid. Single invalid files of
+        the truth are skipped and listed, because the release has such a file.
     LabelError
-        A photo has two label files in one folder, the truth has no label file at all, or none of the labels' names.
+        A photo has two label files in a folder, the truth has no label file, or no name is in both folders.
     """
     of_truth, of_labels = _label_files(truth), _label_files(labels)
     if not of_truth.files:
         return _score_by_name(of_truth.stray, of_labels, truth, labels, threshold)
     if not set(of_truth.files) & set(of_labels.files):
-        raise LabelError(f"no label file of a photo that {truth} has", path=labels)
-    wanted = {key: path for key, path in of_truth.files.items() if keys is None or keys(key)}
-    report = _score_files(wanted, of_labels.files, truth, labels, threshold)
+        raise LabelError(f"no label file of a photo in {truth}", path=labels)
+    selected = {key: path for key, path in of_truth.files.items() if keys is None or keys(key)}
+    report = _score_files(selected, of_labels.files, truth, labels, threshold)
     report["files"] |= {
-        "not_selected": len(of_truth.files) - len(wanted),
+        "not_selected": len(of_truth.files) - len(selected),
         "labels_without_truth": len([key for key in of_labels.files if key not in of_truth.files]),
         "stray_truth": _names(of_truth.stray, truth),
         "stray_labels": _names(of_labels.stray, labels),
@@ -171,17 +171,17 @@ def score_folders(
 def _score_by_name(
     of_truth: list[Path], of_labels: release.KeyFiles, truth: Path, labels: Path, threshold: float
 ) -> dict[str, Any]:
-    """Of flat folders whose files are not named by photo keys."""
+    """Compare flat folders of files without photo keys by file name."""
     true = {path.stem: path for path in of_truth if path.suffix == ".txt"}
-    found = {path.stem: path for path in [*of_labels.files.values(), *of_labels.stray] if path.suffix == ".txt"}
+    predicted = {path.stem: path for path in [*of_labels.files.values(), *of_labels.stray] if path.suffix == ".txt"}
     if not true:
-        raise LabelError("no label file, such as 01_A_off_180_L_0256.txt or picture.txt", path=truth)
-    if not set(true) & set(found):
-        raise LabelError(f"no label file of the same name as one of {truth}", path=labels)
-    report = _score_files(true, found, truth, labels, threshold)
+        raise LabelError("no label file, such as 01_A_off_180_L_0256.txt or image.txt", path=truth)
+    if not set(true) & set(predicted):
+        raise LabelError(f"no label file has the same name as a file in {truth}", path=labels)
+    report = _score_files(true, predicted, truth, labels, threshold)
     report["files"] |= {
         "not_selected": 0,
-        "labels_without_truth": len(set(found) - set(true)),
+        "labels_without_truth": len(set(predicted) - set(true)),
         "stray_truth": [],
         "stray_labels": [],
     }
@@ -192,40 +192,41 @@ def _score_files(
     of_truth: Mapping[Name, Path], of_labels: Mapping[Name, Path], truth: Path, labels: Path, threshold: float
 ) -> dict[str, Any]:
     read_truth, unreadable = read_sound(of_truth, box_reader())
-    read_found = box_reader(detections=True)
+    read_detections = box_reader(detections=True)
     if unreadable and not read_truth:
-        raise FormatError(f"none of {len(unreadable)} label files can be read, first {unreadable[0]}", path=truth)
-    read_labels = {name: read_found(of_labels[name]) for name in read_truth if name in of_labels}
+        raise FormatError(f"all {len(unreadable)} label files are invalid, first {unreadable[0]}", path=truth)
+    read_labels = {name: read_detections(of_labels[name]) for name in read_truth if name in of_labels}
     missing = [name for name in read_truth if name not in read_labels]
     if missing:
         log.warning("%s: %d of %d files are missing, first %s.txt", labels, len(missing), len(of_truth), missing[0])
-    repeated = [name for name, own in read_labels.items() if _repeats(read_truth[name], own)]
+    repeated = [name for name, boxes in read_labels.items() if _contains_truth(read_truth[name], boxes)]
     if repeated:
         log.warning(
-            "%s: %d of %d files repeat every box of their truth file, first %s.txt: seeds scored against themselves?",
+            "%s: %d of %d files contain exact copies of all boxes of the truth, first %s.txt: are seeds evaluated "
+            "against themselves?",
             labels, len(repeated), len(read_labels), repeated[0],
         )  # fmt: skip
     files = {"compared": len(read_truth), "missing_labels": len(missing), "unreadable_truth": unreadable}
     return {**score(read_truth, read_labels, threshold), "files": files}
 
 
-def _repeats(truth: Labels, labels: Labels) -> bool:
-    """Whether every true box is among the labels to the last digit, as boxes that were copied are."""
+def _contains_truth(truth: Labels, labels: Labels) -> bool:
+    """Return whether every true box is exactly equal to a label, as for copied boxes."""
     copied = {(number, *box) for number, box in zip(labels.classes.tolist(), labels.boxes.tolist(), strict=True)}
-    own = [(number, *box) for number, box in zip(truth.classes.tolist(), truth.boxes.tolist(), strict=True)]
-    return bool(own) and all(row in copied for row in own)
+    true = [(number, *box) for number, box in zip(truth.classes.tolist(), truth.boxes.tolist(), strict=True)]
+    return bool(true) and all(row in copied for row in true)
 
 
 def _parts_of(name: PhotoKey | str) -> dict[str, str]:
-    """By group: the part that a photo belongs to."""
+    """Return the value of a photo for each group; empty for names that are no photo keys."""
     return {group: value_of(name) for group, value_of in GROUPS.items()} if isinstance(name, PhotoKey) else {}
 
 
 def box_reader(detections: bool = False) -> Callable[[Path], Labels]:
-    """Return a reader of YOLO box files whose class numbers mean what the class list of their folder states.
+    """Return a reader of YOLO box files that uses the class list of the folder.
 
-    The reader raises a FormatError for a line that is no box. With `detections` a line may have a confidence, and a
-    file of a run's polygons counts as the boxes around them.
+    The reader raises a FormatError for a line that is not a box. With `detections`, a line may have a confidence, and
+    polygons of a run are replaced by the boxes around them.
     """
     names = cache(yolo.class_names)
 
@@ -238,16 +239,16 @@ def box_reader(detections: bool = False) -> Callable[[Path], Labels]:
 
 
 def read_sound(files: Mapping[Name, Path], reader: Callable[[Path], Content]) -> tuple[dict[Name, Content], list[str]]:
-    """What the files hold, and what is wrong with those that are broken, which a warning names too."""
-    found: dict[Name, Content] = {}
+    """Return the contents of the valid files, and the errors of the invalid files, which are also logged."""
+    contents: dict[Name, Content] = {}
     unreadable = []
     for key, path in files.items():
         try:
-            found[key] = reader(path)
+            contents[key] = reader(path)
         except FormatError as error:
-            log.warning("left out of the scores: %s", error)
+            log.warning("excluded from the evaluation: %s", error)
             unreadable.append(f"{path.name}: {FormatError(error.reason, line=error.line)}")
-    return found, unreadable
+    return contents, unreadable
 
 
 def _label_files(folder: Path) -> release.KeyFiles:

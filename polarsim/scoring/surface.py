@@ -1,4 +1,4 @@
-"""Surfaces that are measured: points sampled on them, closest points, and number of islands."""
+"""Triangle surfaces: sampling, closest points and visibility."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from polarsim.geometry.casters import caster
 from polarsim.geometry.rays import Caster
 
-_LIFT = 2e-3  # metres: sampled points are looked at from here above their own surface
+_LIFT = 2e-3  # metres; offset of ray origins from the surface
 
 
 class Surface:
-    """Triangles (f, 3) of vertices (v, 3), metres, that tell their closest points and what is seen from a point."""
+    """Triangle surface of faces (f, 3) and vertices (v, 3), metres."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self.vertices, self.faces = np.asarray(vertices, float), np.asarray(faces, np.int64)
@@ -40,7 +40,7 @@ class Surface:
         return caster(self.vertices, self.faces)
 
     def sample(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, 3) spread evenly by area, and the face (n,) of each."""
+        """Return random points (n, 3), uniform by area, and the face (n,) of each point."""
         share = np.cumsum(self.area)
         face = np.searchsorted(share, rng.random(n) * share[-1], side="right").clip(max=len(self.faces) - 1)
         s, t = np.sqrt(rng.random(n)), rng.random(n)
@@ -49,23 +49,23 @@ class Surface:
         return weights[:, :1] * a + weights[:, 1:2] * b + weights[:, 2:] * c, face
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest point (n, 3) on the surface to each point (n, 3), and the face (n,) that it lies on."""
-        found = self._scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
-        return found["points"].numpy().astype(float), found["primitive_ids"].numpy().astype(np.int64)
+        """Return the nearest surface points (n, 3) of points (n, 3), and the faces (n,) of the surface points."""
+        closest = self._scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
+        return closest["points"].numpy().astype(float), closest["primitive_ids"].numpy().astype(np.int64)
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """(n,) metres from each point (n, 3) to the surface."""
+        """Return the distances (n,) of points (n, 3) to the surface, metres."""
         return np.linalg.norm(self.nearest(points)[0] - points, axis=1)
 
     def height_below(self, points: np.ndarray) -> np.ndarray:
-        """(n,) how far points (n, 3) lie above the surface, metres, straight down or up; NaN beside it."""
+        """Return the heights (n,) of points (n, 3) above the surface, metres; NaN outside the surface."""
         high = np.column_stack([points[:, :2], np.full(len(points), self.vertices[:, 2].max() + 1.0)])
         down = np.broadcast_to([0.0, 0.0, -1.0], high.shape)
         distance = self._rays.nearest(high, down)[0]
         return np.where(np.isfinite(distance), points[:, 2] - (high[:, 2] - distance), np.nan)
 
     def seen_from(self, eye: np.ndarray, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(n,) bool: points on the surface, with their normals, that an eye (3,) can see."""
+        """Return (n,) bool: surface points (n, 3) with normals (n, 3) that are visible from a point (3,)."""
         towards = eye - points
         facing = np.einsum("nk,nk->n", towards, normals) > 0
         starts = points + _LIFT * normals

@@ -1,6 +1,6 @@
-"""The analog's true cameras, lamps and meshes, moved into the run's own frame: components of the ablation.
+"""True cameras, lamps and meshes of the analog in the frame of a run, for the ablation.
 
-Scoring reads truth, and nothing else may: twins out of this folder are evaluated by the ablation and used by no stage.
+Only the scoring package may read ground truth. Twins rendered from these files are evaluated by the ablation only.
 """
 
 from __future__ import annotations
@@ -36,22 +36,23 @@ def write_truth(
     true_cameras: Path,
     true_meshes: Path,
 ) -> None:
-    """Write a terrain's true `PosX.json` and `lamps.json`, and its true meshes, as the run would have them.
+    """Write the true `PosX.json`, `lamps.json` and meshes of a terrain in the frame of the run.
 
-    The frame is the one in which the run's meshes lie on the true surface (`true_surface.compare`); true rocks have the
-    number of the run's rock that they are, so that they can be paired with labels, and others a number of their own.
+    The frame is that in which the meshes of the run are aligned with the true surface (`true_surface.compare`). True
+    rocks have the id of the matched rock of the run, so that they can be matched with labels; unmatched rocks have new
+    ids.
 
     Parameters
     ----------
     rocks, meshes, located
-        The run's rocks.parquet, its meshes, and the poses that these were made with.
+        rocks.parquet and meshes of the run, and the poses for which the meshes were reconstructed.
     truth
-        The analog's truth/TerrainTT.
+        Folder truth/TerrainTT of the analog.
     true_cameras, true_meshes
-        Folders that are written.
+        Output folders.
     """
-    ours = read_terrain(meshes, terrain)
-    truth_from_sandbox = compare(terrain, ours, located, truth, inventory).truth_from_sandbox
+    scene = read_terrain(meshes, terrain)
+    truth_from_sandbox = compare(terrain, scene, located, truth, inventory).truth_from_sandbox
     sandbox_from_truth = truth_from_sandbox.inverse()
     true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))
     found[["x", "y", "z"]] = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
@@ -73,16 +74,16 @@ def write_truth(
 
 
 def thin_meshes(*, terrain: int, meshes: Path, thinned: Path) -> None:
-    """Write a folder with the run's ground and the thinned copies of its rocks alone."""
+    """Write a folder with the ground and only the decimated copies of the rocks of a run."""
     with writing_folder(thinned) as folder:
         for rock, path in mesh_files(meshes, terrain).items():
             copy = path if rock == NO_ROCK else meshes / obj.rock_name(terrain, rock, decimated=True)
-            source = copy if copy.exists() else path  # of some published rocks there is no copy
+            source = copy if copy.exists() else path  # some published rocks have no decimated copy
             shutil.copyfile(source, folder / source.name)
 
 
 def _write_lamps(folder: Path, lamps: Path, sandbox_from_truth: Pose) -> None:
-    """The Sun lamps; the rover light is on the rig."""
+    """Write the positions of the Sun lamps; the rover light is part of the rig."""
     lamps_truth = read_json(lamps)
     write_suns(
         folder, {sun: sandbox_from_truth.apply(np.array(lamps_truth[sun], float)) for sun in SUNS if sun in lamps_truth}

@@ -1,4 +1,4 @@
-"""Our meshes and the true ones laid on each other: points on the seen part of each, and where the other one lies."""
+"""Comparison of reconstructed and true meshes: samples of the visible parts with the distance to the other surface."""
 
 from __future__ import annotations
 
@@ -22,138 +22,139 @@ from polarsim.scoring.alignment import read_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
 from polarsim.survey import half_width
 
-SEED = 0  # of the points that are sampled on surfaces
-SURFACE_SAMPLES = 20_000  # points on the rocks, and on the ground
-EDGE = 0.1  # metres: a strip along the walls does not count as ground
-REACH_PX = 3  # a return so near in the map counts as the point's: maps are registered to a pixel or two
-SAME_RANGE = 0.015  # metres between a point's distance and the return's
+SEED = 0  # of the samples on surfaces
+SURFACE_SAMPLES = 20_000  # points on all rocks, and on the ground
+EDGE = 0.1  # metres; width of the excluded strip along the walls
+REACH_PX = 3  # search radius for the range of a point: range maps are registered to 1 or 2 px
+SAME_RANGE = 0.015  # metres; maximum difference between the distance of a point and a range
 
 
 @dataclass(frozen=True)
 class TrueView:
-    """One position's view of the true scene."""
+    """View of the true scene from a position."""
 
-    camera: Camera  # rectified, in the true frame
+    camera: Camera  # rectified, in the frame of the ground truth
     ranges: np.ndarray | None  # (h, w) metres, NaN without a return
 
-    def sees(self, surface: Surface, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(n,) whether points (n, 3) of a surface with normals (n, 3), all in the true frame, are seen."""
+    def visible(self, surface: Surface, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: visible points (n, 3) of a surface with normals (n, 3), frame of the ground truth."""
         eye, pixels = self.camera.centre, self.camera.project(points)
-        seen = self.camera.inside(pixels)
-        seen[seen] = surface.seen_from(eye, points[seen], normals[seen])
+        visible = self.camera.inside(pixels)
+        visible[visible] = surface.seen_from(eye, points[visible], normals[visible])
         if self.ranges is not None:
-            seen[seen] = _returned(self.ranges, pixels[seen], np.linalg.norm(points[seen] - eye, axis=1))
-        return seen
+            distance = np.linalg.norm(points[visible] - eye, axis=1)
+            visible[visible] = _has_return(self.ranges, pixels[visible], distance)
+        return visible
 
 
-def true_views(true: Mapping[str, LocalisedRig], positions: set[str], known: Inventory | None) -> list[TrueView]:
-    """A view for each of `positions` that has a true pose; with its range map where the inventory names one.
+def true_views(true: Mapping[str, LocalisedRig], positions: set[str], raw: Inventory | None) -> list[TrueView]:
+    """Return a view for each position with a true pose, with the range map if the inventory has it.
 
     Raises
     ------
     FormatError
-        A range map is broken.
+        A range map is invalid.
     """
-    found = []
+    views = []
     for position in sorted(set(true) & positions):
         grid = rectified_left(true[position].rig)
-        path = known.range_maps.get(position) if known is not None else None
+        path = raw.range_maps.get(position) if raw is not None else None
         points = nasa.read_range_map(Path(path), (grid.lens.width, grid.lens.height)) if path else None
         ranges = None if points is None else np.linalg.norm(points, axis=-1)
         camera = Camera(true[position].sandbox_from_left @ grid.left_from_rectified, grid.lens)
-        found.append(TrueView(camera, ranges))
-    return found
+        views.append(TrueView(camera, ranges))
+    return views
 
 
-def _returned(ranges: np.ndarray, pixels: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """(n,) whether a range near pixels (n, 2) is the expected one (n,)."""
+def _has_return(ranges: np.ndarray, pixels: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Return (n,) bool: pixels (n, 2) near which a range equals the expected distance (n,)."""
     column, row = np.floor(pixels).astype(int).T
     found = np.zeros(len(pixels), bool)
     steps = range(-REACH_PX, REACH_PX + 1)
     with np.errstate(invalid="ignore"):
         for down in steps:
             for across in steps:
-                beside = ranges[
+                neighbour = ranges[
                     np.clip(row + down, 0, ranges.shape[0] - 1), np.clip(column + across, 0, ranges.shape[1] - 1)
                 ]
-                found |= np.abs(beside - expected) < SAME_RANGE
+                found |= np.abs(neighbour - expected) < SAME_RANGE
     return found
 
 
 @dataclass(frozen=True)
-class Samples:
-    """Points (n, 3) on the seen part of a surface, true frame, metres."""
+class SurfaceSamples:
+    """Points (n, 3) on the visible part of a surface, frame of the ground truth, metres."""
 
     points: np.ndarray
-    rock: np.ndarray  # (n,) whose surface they lie on; NO_ROCK for ground
-    offset: np.ndarray  # (n,) metres to the other surface, below 0 inside it
-    beside: np.ndarray  # (n,) rock of the other surface there
-    area: np.ndarray  # (n,) m^2 that a point stands for
+    rock: np.ndarray  # (n,) rock of the point; NO_ROCK for ground
+    offset: np.ndarray  # (n,) signed distance to the other surface, metres, negative inside
+    other_rock: np.ndarray  # (n,) rock of the nearest point of the other surface
+    area: np.ndarray  # (n,) area per sample, m^2
 
     @property
     def distance(self) -> np.ndarray:
         return np.abs(self.offset)
 
     def table(self) -> pd.DataFrame:
-        """Rock, position to a tenth of a millimetre, offset in millimetres to a hundredth."""
+        """Return rock, position rounded to 0.1 mm, and offset in millimetres rounded to 0.01 mm."""
         x, y, z = np.round(self.points, 4).T
         return pd.DataFrame({"rock": self.rock, "x": x, "y": y, "z": z, "offset_mm": np.round(1000 * self.offset, 2)})
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Samples of both surfaces, and the frames that brought them together."""
+    """Samples of both surfaces, and the alignments of the frames."""
 
-    true: Samples
-    ours: Samples
+    true: SurfaceSamples
+    reconstructed: SurfaceSamples
     truth_from_sandbox: Pose  # after an ICP of the ground
-    by_cameras: Pose  # before
+    by_cameras: Pose  # before the ICP
 
 
 def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None) -> Comparison:
-    """Lay a terrain's meshes on the true ones: by the camera poses, then by one small rigid ICP of the ground.
+    """Align the meshes of a terrain with the true meshes by camera poses, then by a small rigid ICP of the ground.
 
-    What nobody saw nobody can measure: undersides, and ground below rocks. A strip along the walls is left out too.
+    Only visible parts are compared: undersides of rocks, ground below rocks and a strip along the walls are excluded.
     """
-    by_cameras, known = read_alignment(cameras, truth), read_inventory(inventory) if inventory is not None else None
-    views = true_views(read_all_localised(truth / "cameras"), set(read_all_localised(cameras)), known)
+    by_cameras, raw = read_alignment(cameras, truth), read_inventory(inventory) if inventory is not None else None
+    views = true_views(read_all_localised(truth / "cameras"), set(read_all_localised(cameras)), raw)
     true_scene = read_terrain(truth / "meshes", terrain)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     rng = generator(SEED, "surface samples", terrain)
-    points, rock, area = _seen_points(true_surface, true_scene.rock_of_face, views, half_width(terrain), rng)
+    points, rock, area = _visible_points(true_surface, true_scene.rock_of_face, views, half_width(terrain), rng)
     alignment = refine_alignment(by_cameras, points[rock == NO_ROCK], Surface(scene.vertices, scene.faces))
-    our_surface = Surface(alignment.apply(scene.vertices), scene.faces)
-    true = Samples(points, rock, *_beside(our_surface, scene.rock_of_face, points), area)
-    points, rock, area = _seen_points(our_surface, scene.rock_of_face, views, half_width(terrain), rng)
-    ours = Samples(points, rock, *_beside(true_surface, true_scene.rock_of_face, points), area)
-    return Comparison(true, ours, alignment, by_cameras)
+    surface = Surface(alignment.apply(scene.vertices), scene.faces)
+    true = SurfaceSamples(points, rock, *_signed_distance(surface, scene.rock_of_face, points), area)
+    points, rock, area = _visible_points(surface, scene.rock_of_face, views, half_width(terrain), rng)
+    distances = _signed_distance(true_surface, true_scene.rock_of_face, points)
+    return Comparison(true, SurfaceSamples(points, rock, *distances, area), alignment, by_cameras)
 
 
-def _seen_points(
+def _visible_points(
     surface: Surface, rock_of_face: np.ndarray, views: list[TrueView], half: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points that were seen, of `SURFACE_SAMPLES` on rocks and as many on ground within a half width (metres).
+    """Return the visible points, their rocks and the area per point, within a half width (metres).
 
-    The rock of each, and the area that it stands for.
+    Before the visibility test, `SURFACE_SAMPLES` points are sampled on rocks and on the ground.
     """
     parts = []
-    for wanted in (rock_of_face != NO_ROCK, rock_of_face == NO_ROCK):
-        if not wanted.any():
+    for selected in (rock_of_face != NO_ROCK, rock_of_face == NO_ROCK):
+        if not selected.any():
             continue
-        faces = np.flatnonzero(wanted)
+        faces = np.flatnonzero(selected)
         part = Surface(surface.vertices, surface.faces[faces])
         points, face = part.sample(SURFACE_SAMPLES, rng)
-        seen = np.logical_or.reduce([view.sees(surface, points, part.normals[face]) for view in views])
-        seen &= (np.abs(points[:, :2]) < half - EDGE).all(axis=1)
+        visible = np.logical_or.reduce([view.visible(surface, points, part.normals[face]) for view in views])
+        visible &= (np.abs(points[:, :2]) < half - EDGE).all(axis=1)
         area = part.area.sum() / SURFACE_SAMPLES
-        parts.append((points[seen], rock_of_face[faces[face[seen]]], np.full(seen.sum(), area)))
+        parts.append((points[visible], rock_of_face[faces[face[visible]]], np.full(visible.sum(), area)))
     points, rock, areas = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return points, rock, areas
 
 
-def _beside(surface: Surface, rock_of_face: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distance (n,) of points to a surface, and the rock (n,) that it belongs to there."""
+def _signed_distance(surface: Surface, rock_of_face: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the signed distances (n,) of points to a surface, and the rocks (n,) of the nearest surface points."""
     nearest, face = surface.nearest(points)
-    away = points - nearest
-    side = np.einsum("nk,nk->n", away, surface.normals[face])
-    return np.copysign(np.linalg.norm(away, axis=1), side), rock_of_face[face]
+    offset = points - nearest
+    side = np.einsum("nk,nk->n", offset, surface.normals[face])
+    return np.copysign(np.linalg.norm(offset, axis=1), side), rock_of_face[face]

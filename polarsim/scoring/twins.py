@@ -1,4 +1,4 @@
-"""How well twins agree with what they copy: rendered boxes with annotated or true ones, pixels with those of photos."""
+"""Evaluation of twins: rendered boxes against annotations or ground truth, and pixels against photos."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from polarsim.scoring.metrics import Metric, summary, write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.tone import to_8bit, white_of
 
-LIT_DN = 40  # above black: darker pixels hold too much noise for a ratio
-FULL_DN = 4000  # above black: brighter ones are clipped
-COMPARED_PHOTOS = 32  # of a terrain, one an exposure bracket at most
-WINDOW = 11  # pixels of the structural similarity's window
+LIT_DN = 40  # minimum signal above the black level; darker pixels are too noisy for a ratio
+FULL_DN = 4000  # maximum signal above the black level; brighter pixels are clipped
+COMPARED_PHOTOS = 32  # maximum number per terrain, with at most a single photo per exposure bracket
+SSIM_WINDOW_PX = 11
 
 
 @dataclass(frozen=True)
-class Likeness:
-    """How alike a twin and its photo are."""
+class TwinSimilarity:
+    """Similarity of a twin and the photo."""
 
-    lit_px: int  # pixels that are lit and not clipped in both
-    log2_twin_over_photo: float  # median over them; NaN without any
-    log2_difference: float  # median of the absolute values
+    lit_px: int  # number of pixels that are lit and not clipped in both images
+    log2_twin_over_photo: float  # median over these pixels; NaN without pixels
+    log2_difference: float  # median of absolute values
     ssim: float
 
 
@@ -48,96 +48,96 @@ def score_twins(
     pairs: Path,
     options: ScoringOptions,
 ) -> None:
-    """Write the evaluation of a terrain's twins, and how alike each twin and its photo are, a row a pair.
+    """Write the evaluation of the twins of a terrain, and the table of similarities with a row per twin and photo.
 
     Parameters
     ----------
     boxes
-        Folder of the rendered ground-truth boxes, KEY.txt.
+        Folder of the rendered boxes, KEY.txt.
     truth
-        Folder of hand-annotated KEY.txt files, or the analog's labels.parquet; None where there is none.
+        Folder of annotated KEY.txt files, or labels.parquet of the analog; None without reference.
     twins
         Folder of the twins, KEY.png, by model.
     photos
-        photos.parquet; it may have no row.
+        photos.parquet; may be empty.
     evaluation, pairs
-        What to write: metrics CSV; Parquet with the columns of `TWIN_PAIRS`.
+        Outputs: CSV of metrics; Parquet table with the columns of `TWIN_PAIRS`.
     """
     metrics: list[Metric] = []
     compared: list[dict[str, object]] = []
     if truth is not None:
-        found = read_folder(boxes, terrain)
-        wanted = read_truth(truth, terrain, found, options)
-        tasks = {key: f"camera {key.camera}" for key in wanted}
+        rendered = read_folder(boxes, terrain)
+        true = read_truth(truth, terrain, rendered, options)
+        tasks = {key: f"camera {key.camera}" for key in true}
         order = ("camera L", "camera R", ALL)
-        for metric in score_tasks(wanted, found, tasks, order, against(truth), options):
-            subject = "rendered " + metric.subject.replace(ALL, "all")  # they know no seeds: all photos count
+        for metric in score_tasks(true, rendered, tasks, order, against(truth), options):
+            subject = "rendered " + metric.subject.replace(ALL, "all")  # rendered boxes do not depend on seeds
             metrics.append(replace(metric, subject=subject))
     if photos is not None:
         paths = pictures_at(photos)
         for model, folder in sorted(twins.items()):
-            there = [key for key in sorted(paths) if key.terrain == terrain and (folder / f"{key}.png").exists()]
-            alike = {
+            common = [key for key in sorted(paths) if key.terrain == terrain and (folder / f"{key}.png").exists()]
+            similarities = {
                 key: compare_pictures(paths[key], folder / f"{key}.png")
-                for key in typical_photos(there, COMPARED_PHOTOS)
+                for key in typical_photos(common, COMPARED_PHOTOS)
             }
-            metrics += likeness_metrics(model, list(alike.values()))
-            compared += [{**key_columns(key), "model": model, **asdict(likeness)} for key, likeness in alike.items()]
+            metrics += similarity_metrics(model, list(similarities.values()))
+            compared += [{**key_columns(key), "model": model, **asdict(pair)} for key, pair in similarities.items()]
     write_metrics(evaluation, "render", terrain, metrics)
     write_parquet(pairs, pd.DataFrame(compared, columns=list(TWIN_PAIRS.columns)).astype(TWIN_PAIRS.dtypes))
 
 
 def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
-    """Up to n photos under a Sun lamp, of middle exposure, spread evenly over the exposure brackets."""
+    """Return up to n photos under a Sun lamp, exposed near 256 ms, evenly distributed over exposure brackets."""
     sunlit = sorted((key for key in keys if key.azimuth != "no"), key=lambda key: (key.bracket, key))
     brackets = groupby(sunlit, key=lambda key: key.bracket)
-    found = sorted(min(own, key=lambda key: (key.stops_off_usual, key)) for _, own in brackets)
-    if len(found) <= n:
-        return found
-    return [found[number] for number in np.linspace(0, len(found) - 1, n).round().astype(int)] if n else []
+    typical = sorted(min(photos, key=lambda key: (key.stops_off_usual, key)) for _, photos in brackets)
+    if len(typical) <= n:
+        return typical
+    return [typical[number] for number in np.linspace(0, len(typical) - 1, n).round().astype(int)] if n else []
 
 
-def compare_pictures(photo_path: Path, twin_path: Path) -> Likeness:
-    """Brightness and structure of a twin beside its photo.
+def compare_pictures(photo_path: Path, twin_path: Path) -> TwinSimilarity:
+    """Compare brightness and structure of a twin and the photo.
 
     Raises
     ------
     FormatError
-        A picture cannot be read, or they differ in size.
+        An image is unreadable, or the sizes differ.
     """
     photo, twin = png.read(photo_path), png.read(twin_path)
     if photo.shape != twin.shape:
-        raise FormatError(f"{twin.shape[::-1]} pixels, its photo has {photo.shape[::-1]}", path=twin_path)
+        raise FormatError(f"{twin.shape[::-1]} pixels, expected {photo.shape[::-1]} as in the photo", path=twin_path)
     ratio = log_ratio(photo, twin)
     medians = (float(np.median(ratio)), float(np.median(np.abs(ratio)))) if ratio.size else (np.nan, np.nan)
-    return Likeness(ratio.size, *medians, similarity(photo, twin))
+    return TwinSimilarity(ratio.size, *medians, similarity(photo, twin))
 
 
-def likeness_metrics(model: str, found: Sequence[Likeness]) -> list[Metric]:
-    """Medians over the pairs of a model."""
+def similarity_metrics(model: str, pairs: Sequence[TwinSimilarity]) -> list[Metric]:
+    """Return the medians over the twins of a model."""
     metrics: list[Metric] = []
     for name, unit in (("log2_twin_over_photo", "stops"), ("log2_difference", "stops"), ("ssim", "1")):
-        values = np.array([getattr(likeness, name) for likeness in found], float)
+        values = np.array([getattr(pair, name) for pair in pairs], float)
         metrics += summary(model, name, values, unit, "photos", p90=False)
     return metrics
 
 
 def log_ratio(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
-    """log2(twin / photo) of the pixels that are lit and not clipped in both, (n,)."""
+    """Return log2(twin / photo), (n,), of the pixels that are lit and not clipped in both images."""
     signals = [picture.astype(float) - BLACK_LEVEL for picture in (photo, twin)]
     good = np.logical_and.reduce([(signal > LIT_DN) & (signal < FULL_DN) for signal in signals])
     return np.log2(signals[1][good] / signals[0][good])
 
 
 def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
-    """Mean structural similarity (Wang et al., IEEE Trans. Image Process. 13 (2004) 600), flat window, tone-mapped.
+    """Return the mean structural similarity (Wang et al., IEEE Trans. Image Process. 13 (2004) 600), uniform window.
 
-    Both are shown with the photo's white.
+    Both images are tone-mapped with the white point of the photo.
     """
     import cv2
 
     def mean(picture: np.ndarray) -> np.ndarray:
-        return cv2.blur(picture, (WINDOW, WINDOW), borderType=cv2.BORDER_REFLECT)
+        return cv2.blur(picture, (SSIM_WINDOW_PX, SSIM_WINDOW_PX), borderType=cv2.BORDER_REFLECT)
 
     white = white_of(photo)
     first, second = (to_8bit(picture, white)[..., 0].astype(np.float32) for picture in (photo, twin))

@@ -98,9 +98,9 @@ def test_polygons_of_the_nearest_exposure_of_a_bracket_count(scores):
 
 
 def test_masks_that_cannot_be_scored_are_refused(scores):
-    with pytest.raises(LabelError, match="no polygons of any of 1 photos"):
+    with pytest.raises(LabelError, match="no polygons"):
         scores({}, {FIRST: mask()})
-    with pytest.raises(LabelError, match=rf"{FIRST}\.png: 20 x 10 pixels, expected a photo's"):
+    with pytest.raises(LabelError, match=rf"{FIRST}\.png: 20 x 10"):
         scores({FIRST: painted()}, {FIRST: np.zeros((10, 20), np.uint8)})
     with pytest.raises(FormatError, match="value 7"):
         scores({}, {FIRST: np.full((HEIGHT, WIDTH), 7, np.uint8)})

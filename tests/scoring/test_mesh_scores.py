@@ -17,7 +17,7 @@ from polarsim.scoring.mesh_scores import (
     surface_iou,
 )
 from polarsim.scoring.surface import Surface
-from polarsim.scoring.true_surface import Samples
+from polarsim.scoring.true_surface import SurfaceSamples
 
 LEVEL = Mesh(
     np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
@@ -55,24 +55,24 @@ def test_f_score_is_the_harmonic_mean_of_both_shares():
     assert np.isnan(f_score(np.zeros(0), np.zeros(3)))
 
 
-def samples(rock, offset, beside, area=1.0):
-    count = len(rock)
-    return Samples(np.zeros((count, 3)), np.array(rock), np.array(offset), np.array(beside), np.full(count, area))
+def samples(rock, offset, other_rock, area=1.0):
+    n = len(rock)
+    return SurfaceSamples(np.zeros((n, 3)), np.array(rock), np.array(offset), np.array(other_rock), np.full(n, area))
 
 
-def test_metrics_go_to_the_found_rock_of_each_true_one():
-    there = samples([7, 7, -1], [0.001, -0.003, 0.0005], [2, 2, -1])
-    own = accuracy(there, samples([2, -1], [0.001, 0.0], [7, -1]), {2: 7, 3: 9})
-    assert own[2]["true_rock"] == 7
-    assert own[2]["surface_median_mm"] == pytest.approx(2)
-    assert own[-1]["surface_median_mm"] == pytest.approx(0.5)
-    assert 3 not in own  # its true rock has no visible point
+def test_metrics_belong_to_the_detected_rock_of_each_true_rock():
+    true = samples([7, 7, -1], [0.001, -0.003, 0.0005], [2, 2, -1])
+    metrics = accuracy(true, samples([2, -1], [0.001, 0.0], [7, -1]), {2: 7, 3: 9})
+    assert metrics[2]["true_rock"] == 7
+    assert metrics[2]["surface_median_mm"] == pytest.approx(2)
+    assert metrics[-1]["surface_median_mm"] == pytest.approx(0.5)
+    assert 3 not in metrics  # true rock 9 has no visible point
 
 
-def test_surface_iou_counts_area_that_is_both_rocks_over_area_of_either():
-    there = samples([7, 7, 7, -1], [0.0] * 4, [2, 2, -1, 2], area=3.0)  # 6 in both, 3 lost to the ground
-    back = samples([2, 2, 2, -1], [0.0] * 4, [7, -1, 5, -1], area=1.5)  # 3 that are not the true rock's
-    assert surface_iou(there, back, true=7, found=2) == pytest.approx(6 / (9 + 3))
+def test_surface_iou_is_the_common_area_over_the_area_of_the_union():
+    true = samples([7, 7, 7, -1], [0.0] * 4, [2, 2, -1, 2], area=3.0)  # 6 in both, 3 only in the true rock
+    reconstructed = samples([2, 2, 2, -1], [0.0] * 4, [7, -1, 5, -1], area=1.5)  # 3 only in the reconstructed rock
+    assert surface_iou(true, reconstructed, true_rock=7, rock=2) == pytest.approx(6 / (9 + 3))
 
 
 def test_a_folder_gives_a_row_for_the_ground_and_each_rock(tmp_path, rng):

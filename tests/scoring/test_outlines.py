@@ -7,7 +7,7 @@ from polarsim.formats.tables import read_csv
 from polarsim.photo import PhotoKey
 from polarsim.scoring.metrics import COLUMNS
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.outlines import Region, overlaps, region_iou, score_outlines
+from polarsim.scoring.outlines import PlacedMask, mask_iou, overlaps, score_outlines
 
 ROCK_POLYGON, SHADOW_POLYGON = 2, 3
 LEFT, RIGHT = (PhotoKey.parse(f"03_A_off_30_{camera}_0256") for camera in "LR")
@@ -49,17 +49,17 @@ def scores(tmp_path):
 
 
 def region(mask, left, top):
-    return Region(np.asarray(mask, bool), np.array([left, top]))
+    return PlacedMask(np.asarray(mask, bool), np.array([left, top]))
 
 
 def test_regions_overlap_where_both_have_pixels():
     square = region(np.ones((10, 10)), 5, 5)
-    assert region_iou(square, square) == 1
-    assert region_iou(square, region(np.ones((10, 10)), 10, 5)) == pytest.approx(50 / 150)
-    assert region_iou(square, region(np.ones((4, 4)), 40, 40)) == 0
+    assert mask_iou(square, square) == 1
+    assert mask_iou(square, region(np.ones((10, 10)), 10, 5)) == pytest.approx(50 / 150)
+    assert mask_iou(square, region(np.ones((4, 4)), 40, 40)) == 0
     hollow = np.ones((10, 10))
     hollow[2:8, 2:8] = 0
-    assert region_iou(square, region(hollow, 5, 5)) == pytest.approx(0.64)
+    assert mask_iou(square, region(hollow, 5, 5)) == pytest.approx(0.64)
     np.testing.assert_allclose(overlaps([square], []), np.zeros((1, 0)))
 
 

@@ -9,7 +9,7 @@ from polarsim.photo import PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.reliability import (
     COLUMNS,
-    Confidences,
+    LabelConfidences,
     brier_score,
     calibration_error,
     equal_bins,
@@ -67,13 +67,13 @@ def test_honest_labels_have_no_calibration_error_and_the_brier_score_of_their_sp
     right = (
         np.tile([True, False, False, False, False], 10).tolist() + np.tile([True, True, True, True, False], 10).tolist()
     )
-    bins = reliability_bins(Confidences(confidence, np.array(right), np.ones(100)))
+    bins = reliability_bins(LabelConfidences(confidence, np.array(right), np.ones(100)))
     assert calibration_error(bins) == pytest.approx(0)
     assert brier_score(bins) == pytest.approx(0.2 * 0.8)
 
 
 def test_boastful_labels_are_off_by_what_they_boast():
-    bins = reliability_bins(Confidences(np.full(80, 0.9), np.arange(80) % 2 == 0, np.ones(80)))
+    bins = reliability_bins(LabelConfidences(np.full(80, 0.9), np.arange(80) % 2 == 0, np.ones(80)))
     assert calibration_error(bins) == pytest.approx(0.4)
     assert brier_score(bins) == pytest.approx((0.1**2 + 0.9**2) / 2)
 
@@ -87,7 +87,7 @@ def test_sources_stand_beside_all_together():
 
 
 confidences = st.lists(st.tuples(st.integers(0, 20), st.booleans(), st.integers(1, 4)), min_size=1, max_size=400).map(
-    lambda rows: Confidences(
+    lambda rows: LabelConfidences(
         np.array([row[0] for row in rows]) / 20,
         np.array([row[1] for row in rows]),
         1 / np.array([row[2] for row in rows]),
@@ -112,7 +112,7 @@ def test_bins_follow_the_confidence_and_lose_nothing(confidences):
 
 
 def test_many_labels_make_ten_bins_of_equal_size_and_few_make_one():
-    even = Confidences(np.linspace(0, 1, 1000), np.ones(1000, bool), np.ones(1000))
+    even = LabelConfidences(np.linspace(0, 1, 1000), np.ones(1000, bool), np.ones(1000))
     assert np.bincount(equal_bins(even)).tolist() == [100] * 10
-    few = Confidences(np.linspace(0, 1, 40), np.ones(40, bool), np.ones(40))
+    few = LabelConfidences(np.linspace(0, 1, 40), np.ones(40, bool), np.ones(40))
     assert set(equal_bins(few)) == {0}

@@ -180,21 +180,22 @@ def test_any_two_folders_are_paired_by_name(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "message"),
+    ("name", "text", "error", "folder_of_error"),
     [
-        ("01_A_off_180_L_0256", "0 0.5 0.5 0.1\n", "none of 1 label files can be read"),
-        ("frame_1", "rubbish\n", "none of 1 label files can be read"),
-        ("01_A_off_180_R_0256", "0 0.5 0.5 0.1 0.1\n", "no label file of a photo that"),
-        ("frame_2", "0 0.5 0.5 0.1 0.1\n", "no label file of the same name"),
+        ("01_A_off_180_L_0256", "0 0.5 0.5 0.1\n", FormatError, "truth"),
+        ("frame_1", "rubbish\n", FormatError, "truth"),
+        ("01_A_off_180_R_0256", "0 0.5 0.5 0.1 0.1\n", LabelError, "found"),
+        ("frame_2", "0 0.5 0.5 0.1 0.1\n", LabelError, "found"),
     ],
 )
-def test_nothing_to_compare_is_an_error_and_no_row_of_zeros(tmp_path, name, text, message):
+def test_folders_without_a_common_valid_file_are_an_error(tmp_path, name, text, error, folder_of_error):
     other = "01_A_off_180_L_0256" if name[0] == "0" else "frame_1"
     for folder, stem, content in (("truth", name, text), ("found", other, "0 0.5 0.5 0.1 0.1\n")):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / f"{stem}.txt").write_text(content)
-    with pytest.raises((FormatError, LabelError), match=message):
+    with pytest.raises(error) as caught:
         score_folders(tmp_path / "truth", tmp_path / "found")
+    assert caught.value.path == tmp_path / folder_of_error
 
 
 def test_polygons_of_a_run_are_scored_by_the_boxes_around_them(tmp_path):

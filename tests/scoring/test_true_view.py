@@ -18,7 +18,7 @@ def seen(known=None):
     grid = rectified_left(stated_rig())
     rig = LocalisedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
     (view,) = true_views({"A": rig, "B": rig}, {"A"}, known)
-    return view.sees(FLOOR, PLACES, UP).tolist(), view.sees(FLOOR, PLACES, -UP).tolist()
+    return view.visible(FLOOR, PLACES, UP).tolist(), view.visible(FLOOR, PLACES, -UP).tolist()
 
 
 def test_without_a_map_all_counts_that_faces_the_camera_inside_the_picture():
