@@ -1,7 +1,7 @@
 """Write the tables of columns into pages: `python -m polarsim.schemas docs/tables.md docs/formats.md`.
 
-A page has a line `<!-- columns of PATH -->` for each table and `<!-- end of columns -->` after its columns; `*` stands
-for every table that no other line of the page names.
+A page has a line `<!-- columns of PATH -->` before and `<!-- end of columns -->` after the columns of each table. `*`
+is replaced by all tables that are not named in the page.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ _BLOCK = re.compile(r"(<!-- columns of (.+?) -->\n)(.*?)(<!-- end of columns -->
 
 
 def filled_page(page: str) -> str:
-    """Return a page with the columns of its tables."""
-    known = {table.path: table for table in (*REPORT_TABLES, *STAGE_TABLES)}
-    named = {found[2] for found in _BLOCK.finditer(page)}
+    """Return a page with the columns of the tables filled in."""
+    table_of_path = {table.path: table for table in (*REPORT_TABLES, *STAGE_TABLES)}
+    named = {match[2] for match in _BLOCK.finditer(page)}
 
-    def columns(found: re.Match[str]) -> str:
+    def columns(match: re.Match[str]) -> str:
         text = _sections(table for table in STAGE_TABLES if table.path not in named)
-        return f"{found[1]}\n{text if found[2] == '*' else known[found[2]].markdown()}\n\n{found[4]}"
+        return f"{match[1]}\n{text if match[2] == '*' else table_of_path[match[2]].markdown()}\n\n{match[4]}"
 
     return _BLOCK.sub(columns, page)
 

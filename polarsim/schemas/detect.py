@@ -3,43 +3,43 @@
 from polarsim.schemas.photos import BOX, CONFIDENCE, KEY, KEY_NAME, KIND, ROCK
 from polarsim.schemas.table import BOOL, INTEGER, NUMBER, TEXT, Columns, Table, with_interval
 
-TRAINED = Columns("trained", TEXT, "", "Domain of the detector's training")
+TRAINED = Columns("trained", TEXT, "", "Training domain of the detector")
 SIDES = (TRAINED, Columns("evaluated", TEXT, "", "Domain of the test photos"))
-PAIR = (TRAINED, Columns("first second", TEXT, "", "The domains that are compared"))
+PAIR = (TRAINED, Columns("first second", TEXT, "", "Compared domains"))
 ANY_KIND = Columns("kind", TEXT, "", "`rock`, `shadow`, or `all`: mean of both")
-SPLIT = Columns("split", TEXT, "", "How photos were split: by `photo` key, `view`, `position` or `terrain`")
-SEED = Columns("seed", INTEGER, "", "Seed of the detector's training")
+SPLIT = Columns("split", TEXT, "", "Unit of the split of photos: `photo` key, `view`, `position` or `terrain`")
+SEED = Columns("seed", INTEGER, "", "Seed of the training")
 DETECTOR = Columns("detector", TEXT, "", "Model of the detector")
 TRAINING = (
     DETECTOR,
-    Columns("start", TEXT, "", "Weights that the training started from"),
+    Columns("start", TEXT, "", "Initial weights of the training"),
     Columns("epochs", INTEGER, "count", "Epochs of the training"),
-    Columns("imgsz", INTEGER, "px", "Longer side of the pictures in training and test"),
+    Columns("imgsz", INTEGER, "px", "Longer side of the images in training and test"),
 )
-UNITS = Columns("units", INTEGER, "count", "Units that bootstrap intervals resample")
-UNIT = Columns("unit", TEXT, "", "What a unit is: a `view` (terrain, position, camera) or a `photo`")
+UNITS = Columns("units", INTEGER, "count", "Resampling units of the bootstrap")
+UNIT = Columns("unit", TEXT, "", "Resampling unit: `view` (terrain, position, camera) or `photo`")
 IMAGES = Columns("images", INTEGER, "count", "Test photos")
 LABELS_COUNT = Columns("labels", INTEGER, "count", "Labels of the test photos")
-PAIRS = Columns("pairs", INTEGER, "count", "Labelled objects in both domains: same photo key, same rock id")
+PAIRS = Columns("pairs", INTEGER, "count", "Objects labelled in both domains: same photo key, same rock id")
 METRICS = (
     with_interval("map50", "1", "Average precision at IoU 0.5"),
     with_interval("map50_95", "1", "Mean of the average precision over IoU 0.5 to 0.95"),
-    with_interval("iou_mean", "1", "Mean over labelled rocks of the largest IoU with a prediction, 0 without one"),
+    with_interval("iou_mean", "1", "Mean over labelled rocks of the largest IoU with a prediction; 0 if undetected"),
 )
 IPDS = (
-    Columns("ipd", NUMBER, "1", "Absolute value of the mean difference of IoU, the paper's formula"),
+    Columns("ipd", NUMBER, "1", "Absolute value of the mean difference of IoU, the formula of the paper"),
     Columns("ipd_abs", NUMBER, "1", "Mean of the absolute differences of IoU"),
     Columns("ipd_low ipd_high ipd_abs_low ipd_abs_high", NUMBER, "1", "95 % intervals; empty for a single unit"),
 )
 UNDETECTED = Columns(
-    "undetected", TEXT, "", "Rule for a labelled rock that no prediction overlaps: `zero` (IoU 0) or `left_out`"
+    "undetected", TEXT, "", "Treatment of labelled rocks that no prediction overlaps: `zero` (IoU 0) or `left_out`"
 )
-UNPAIRED = Columns("unpaired", TEXT, "", "Rule for a rock that is labelled in one domain only: `zero` or `left_out`")
+UNPAIRED = Columns("unpaired", TEXT, "", "Treatment of rocks labelled in a single domain: `zero` or `left_out`")
 MIN_CONFIDENCE = Columns("confidence", NUMBER, "1", "Minimum confidence of a prediction")
 PERFORMANCES = (
     Columns("photos", INTEGER, "count", "Photos of the rock in both domains"),
     Columns("iou_first iou_second", NUMBER, "1", "Mean IoU over these photos in each domain"),
-    Columns("difference", NUMBER, "1", "The first less the second"),
+    Columns("difference", NUMBER, "1", "`iou_first` minus `iou_second`"),
 )
 
 PREDICTIONS = Table(
@@ -57,10 +57,10 @@ DETECTION = Table(
     ANY_KIND,
     SPLIT,
     SEED,
-    Columns("leaks_views", BOOL, "", "Whether a view has photos both in training and in test"),
+    Columns("leaks_views", BOOL, "", "Whether photos of a view are both in the training and the test set"),
     TRAINING,
     IMAGES,
-    Columns("left_out", INTEGER, "count", "Corrupt pictures of its training and of the test, which are left out"),
+    Columns("left_out", INTEGER, "count", "Corrupt images of training and test, which are excluded"),
     UNITS,
     UNIT,
     LABELS_COUNT,
@@ -76,10 +76,10 @@ BREAKDOWN = Table(
         "by",
         TEXT,
         "",
-        "`all`, `size` of the label's box (COCO's classes: small below 32 x 32 px, medium up to 96 x 96, large), "
+        "Grouping: `all`, `size` of the box of the label (COCO: small below 32 x 32 px, medium up to 96 x 96, large), "
         "`exposure` (ms), `azimuth`, `light` or `terrain`",
     ),
-    Columns("group", TEXT, "", "Value of `by`"),
+    Columns("group", TEXT, "", "Value of the grouping `by`"),
     ANY_KIND,
     IMAGES,
     UNITS,
@@ -93,7 +93,7 @@ CURVES = Table(
     KIND,
     Columns("iou", NUMBER, "1", "IoU threshold, 0.5 or 0.75"),
     Columns("recall", NUMBER, "1", "0, 0.01 ... 1"),
-    Columns("precision", NUMBER, "1", "Highest precision at this recall or a higher one"),
+    Columns("precision", NUMBER, "1", "Maximum precision at this or a higher recall"),
 )
 FALSE_POSITIVES = Table(
     "detect/false_positives.parquet",
@@ -105,21 +105,21 @@ FALSE_POSITIVES = Table(
         "region",
         TEXT,
         "",
-        "`rock-free terrain`: photos of terrains without a rock label; `rock-free tiles`: of 8 x 4 tiles of all other "
-        "photos those that no rock label reaches into",
+        "`rock-free terrain`: photos of terrains without rock labels; `rock-free tiles`: tiles without rock labels of "
+        "the remaining photos, which are divided into 8 x 4 tiles",
     ),
     Columns("terrains", TEXT, "", "Terrains of the photos"),
     IMAGES,
     UNITS,
-    Columns("photo_areas", NUMBER, "count", "Rock-free area, in areas of a whole photo"),
+    Columns("photo_areas", NUMBER, "count", "Rock-free area in units of the area of a photo"),
     Columns(
         "false_positives",
         INTEGER,
         "count",
-        "Predicted rocks of `detect.comparison.iou_confidence` or more that cover less than a tenth of the smaller "
-        "one of themselves and each rock label",
+        "Predicted rocks with a confidence of at least `detect.comparison.iou_confidence` that intersect each "
+        "rock label by less than a tenth of the smaller box",
     ),
-    with_interval("per_photo", "1", "False positives over `photo_areas`"),
+    with_interval("per_photo", "1", "`false_positives` divided by `photo_areas`"),
     with_interval("area_share", "1", "Share of the rock-free area that false positives cover"),
 )
 IPD = Table(
@@ -155,50 +155,58 @@ INSTANCES = Table(
     KEY_NAME,
     KIND,
     ROCK,
-    Columns("iou", NUMBER, "1", "Largest IoU with a prediction, 0 without one"),
-    Columns("area_px", NUMBER, "px2", "Area of the label's box"),
+    Columns("iou", NUMBER, "1", "Largest IoU with a prediction; 0 if undetected"),
+    Columns("area_px", NUMBER, "px2", "Area of the box of the label"),
 )
 DIFFERENCES = Table(
     "detect/differences.parquet",
-    "A comparison of two detectors or domains, both with the same resamples",
+    "A comparison of two detectors or domains with the same bootstrap replicates",
     SPLIT,
     SEED,
     Columns("metric", TEXT, "", "`map50` or `ipd`"),
     KIND,
-    Columns("against", TEXT, "", "Domain that the IPD compares with; empty for mAP"),
+    Columns("against", TEXT, "", "Reference domain of the IPD; empty for mAP"),
     Columns("trained evaluated", TEXT, "", "Detector and domain of `value`"),
     Columns("other_trained other_evaluated", TEXT, "", "Detector and domain of `other_value`"),
-    Columns("value other_value", NUMBER, "1", "The metric of both"),
-    with_interval("difference", "1", "The first less the second"),
+    Columns("value other_value", NUMBER, "1", "Values of the metric"),
+    with_interval("difference", "1", "`value` minus `other_value`"),
     PAIRS,
     IMAGES,
     UNITS,
     UNIT,
 )
-BAD_DEPTH_MM, BAD_DEPTH_PERCENT = 20.0, 1.0  # error of a stereo depth from which a pixel is bad
+BAD_DEPTH_MM, BAD_DEPTH_PERCENT = 20.0, 1.0  # minimum depth error of a bad pixel
 STEREO = Table(
     "detect/stereo.parquet",
-    "A left and right picture of a domain",
-    Columns("domain", TEXT, "", "Domain of the pictures"),
+    "A stereo pair of a domain",
+    Columns("domain", TEXT, "", "Domain of the images"),
     KEY_NAME,
     KEY[1],
-    Columns("position light azimuth", TEXT, "", "Further parts of the left picture's key"),
+    Columns("position light azimuth", TEXT, "", "Further parts of the key of the left image"),
     KEY[3],
+    Columns("pixels", INTEGER, "px", "Pixels of meshes visible to both cameras, between `nearest_m` and `farthest_m`"),
+    Columns("valid_share", NUMBER, "1", "Share of these pixels with a depth"),
     Columns(
-        "pixels", INTEGER, "px", "Pixels that both cameras show on the meshes, between `nearest_m` and `farthest_m`"
+        "median_abs_error_mm",
+        NUMBER,
+        "mm",
+        "Median absolute error of depth along the axis of the rectified left camera",
     ),
-    Columns("valid_share", NUMBER, "1", "Share of these with a depth"),
-    Columns("median_abs_error_mm", NUMBER, "mm", "Median error of the depth along the rectified left camera's axis"),
-    Columns("bad_share bad_relative_share", NUMBER, "1", "Share without a depth, or off by `bad_mm` or `bad_percent`"),
+    Columns(
+        "bad_share bad_relative_share",
+        NUMBER,
+        "1",
+        "Share of pixels without a depth, or with an error above `bad_mm` or `bad_percent`",
+    ),
 )
 STEREO_INSTANCES = Table(
     "detect/stereo_instances.parquet",
-    "A rock in such a pair of pictures",
-    Columns("domain", TEXT, "", "Domain of the pictures"),
+    "A rock in a stereo pair",
+    Columns("domain", TEXT, "", "Domain of the images"),
     KEY_NAME,
     ROCK,
     Columns("pixels", INTEGER, "px", "Pixels of the rock"),
-    Columns("performance", NUMBER, "1", "Share of them with a depth within `bad_mm`"),
+    Columns("performance", NUMBER, "1", "Share of these pixels with a depth error below `bad_mm`"),
 )
 STEREO_IPD = Table(
     "detect/stereo_ipd.parquet",
@@ -211,11 +219,11 @@ STEREO_IPD = Table(
 )
 PICTURES = Table(
     "detect/pictures/<domain>/pictures.csv",
-    "A picture of the domain",
+    "An image of the domain",
     KEY_NAME,
     Columns("state", TEXT, "", "`used`, `missing` or `corrupt`"),
-    Columns("camera", TEXT, "", "Pictures of the same camera have the same value"),
-    Columns("terrains", TEXT, "", "Terrains that the picture shows"),
+    Columns("camera", TEXT, "", "Identifier of the camera"),
+    Columns("terrains", TEXT, "", "Terrains in the image"),
 )
 PARTS = Table(
     "detect/<split>/split.csv",
@@ -224,39 +232,44 @@ PARTS = Table(
     Columns("part", TEXT, "", "`train`, `val` or `test`"),
 )
 
-CHANGE_METRICS = ("ipd", "ipd_abs", "map50", "false_positives", "false_positive_area")
-CHANGE_ENDS = ("_twin", "", "_change", "_change_low", "_change_high")  # the twin, the changed twin, and what changes
+CHANGE_ENDS = (
+    "_twin",
+    "",
+    "_change",
+    "_change_low",
+    "_change_high",
+)  # of columns of the twin, changed twin, difference
 
 
 def _change(metric: str, description: str) -> Columns:
     names = " ".join(f"{metric}{end}" for end in CHANGE_ENDS)
-    return Columns(names, NUMBER, "1", f"{description}: of the twin (`_twin`), the changed twin, their difference")
+    return Columns(names, NUMBER, "1", f"{description}: of the twin (`_twin`), of the changed twin, and the difference")
 
 
 CHANGES = (
     _change("ipd", "IPD to the photos over these pairs"),
-    _change("ipd_abs", "The same with absolute differences"),
+    _change("ipd_abs", "IPD with absolute differences"),
     _change("map50", "mAP@0.5"),
-    _change("false_positives", "False positives per whole photo's rock-free area, rocks only"),
-    _change("false_positive_area", "Share of the rock-free area that they cover"),
+    _change("false_positives", "False positives per rock-free area of a photo, rocks only"),
+    _change("false_positive_area", "Share of the rock-free area that false positives cover"),
 )
 ABLATION = Table(
     "gap/ablation.parquet",
     "A component, detector and kind",
     SPLIT,
     SEED,
-    Columns("component", TEXT, "", "Name of the component that is replaced"),
-    Columns("replaced", TEXT, "", "What differs from the run's twin"),
+    Columns("component", TEXT, "", "Name of the replaced component"),
+    Columns("replaced", TEXT, "", "Difference from the twin of the run"),
     Columns("model", TEXT, "", "Reflectance model of the twin"),
     TRAINED,
     KIND,
     DETECTOR,
     *TRAINING[2:],
-    Columns("images", INTEGER, "count", "Test photos that all twins of the ablation have"),
+    Columns("images", INTEGER, "count", "Test photos common to all twins of the ablation"),
     UNITS,
     UNIT,
     Columns("pairs", INTEGER, "count", "Labelled objects of photo, twin and changed twin"),
-    Columns("iou_photo iou_twin iou", NUMBER, "1", "Mean IoU over these in photos, twin and changed twin"),
+    Columns("iou_photo iou_twin iou", NUMBER, "1", "Mean IoU over these objects in photos, twin and changed twin"),
     Columns("map50_photo", NUMBER, "1", "mAP@0.5 on photos"),
     Columns("false_positives_photo false_positive_area_photo", NUMBER, "1", "False positives on photos, rocks only"),
     CHANGES,

@@ -10,7 +10,7 @@ KEY = (
     Columns("exposure_ms", INTEGER, "ms", "Exposure, the last part of the key"),
 )
 KIND = Columns("kind", TEXT, "", "`rock` or `shadow`")
-ROCK = Columns("rock", INTEGER, "", "Rock id, of a shadow that of the rock that casts it; -1 without one")
+ROCK = Columns("rock", INTEGER, "", "Rock id; of a shadow: id of the rock that casts the shadow; -1 if unknown")
 CONFIDENCE = Columns("confidence", NUMBER, "1", "Confidence of the label or prediction, 0 to 1")
 BOX = Columns("x0 y0 x1 y1", NUMBER, "px", "Edges of the box: left, top, right, bottom")
 
@@ -19,9 +19,9 @@ PHOTOS = Table(
     "A photo",
     KEY,
     Columns("width height", INTEGER, "px", "Size of the photo"),
-    Columns("bits", INTEGER, "", "Bits of the file's grey values"),
+    Columns("bits", INTEGER, "", "Bit depth of the file"),
     Columns("sha256", TEXT, "", "SHA-256 of the file"),
-    Columns("path", TEXT, "", "Path of the file, from the folder of this table or a folder above it"),
+    Columns("path", TEXT, "", "Path of the file, relative to the folder of this table or a parent folder"),
 )
 LABELS = Table(
     "labels/labels.parquet",
@@ -33,9 +33,9 @@ LABELS = Table(
         "source",
         TEXT,
         "",
-        "Origin: `seed` (annotated in this exposure bracket), `fused` (annotated under other lamps or by the other "
-        "camera), `translated` (moved to the other camera without a known pose), `projected` (a mesh), `cast` (the "
-        "shadow of a mesh); of twins `rendered`",
+        "Origin: `seed` (annotated in this exposure bracket), `fused` (annotated under other lamps or in the second "
+        "camera), `translated` (moved to the second camera without a known pose), `projected` (from a mesh), `cast` "
+        "(shadow of a mesh); of twins `rendered`",
     ),
     CONFIDENCE,
     BOX,
@@ -47,6 +47,6 @@ UNDONE = Table(
     KIND,
     ROCK,
     Columns("change", TEXT, "", "`gone`, `moved` or `new`"),
-    Columns("moved_px", NUMBER, "px", "Distance of the edge that moves most; NaN where only one side has the label"),
+    Columns("moved_px", NUMBER, "px", "Maximum displacement of an edge; NaN for `gone` and `new` labels"),
 )
 TABLES = (PHOTOS, LABELS, UNDONE)

@@ -1,4 +1,4 @@
-"""Tables of the report, below `tables/`; the columns `run`, `source` and `config` precede those of each table."""
+"""Tables of the report, below `tables/`. The first columns of each table are `run`, `source` and `config`."""
 
 from polarsim.schemas import covers, detect, evaluation, rover, stages
 from polarsim.schemas.photos import KIND
@@ -10,38 +10,37 @@ ORIGIN = (
         "source",
         TEXT,
         "",
-        "Source of its data: `analog` (generated sandbox), `release` (published labels and meshes), `polar` (NASA's "
-        "photos and scans)",
+        "Data source: `analog` (simulated sandbox), `release` (published labels and meshes), `polar` (NASA's photos "
+        "and scans)",
     ),
     Columns(
         "config",
         TEXT,
         "",
-        "Hash of the options that can change a result: not the name of the run, the folders of its data, its "
-        "downloads, or sections that the run does not use",
+        "Hash of the options that can change a result, without the name of the run, folders of data, downloads and "
+        "unused sections",
     ),
 )
 SEEDS = Columns(
     "seeds",
     TEXT,
     "",
-    "Annotated photos that the run started from: camera, rover light, azimuths, exposure; `none` with "
-    "`labels.seeds: none`",
+    "Selection of the seeds: camera, rover light, azimuths, exposure; `none` with `labels.seeds: none`",
 )
 
 
 def _like(path: str, row: str, table: Table, *more: Columns) -> Table:
-    """Declare a table of the report with the columns of a stage's table and further ones."""
+    """Declare a table of the report with the columns of a table of a stage and further columns."""
     return Table(path, row, table.declared, *more)
 
 
 def _part(table: Table, *names: str) -> tuple[Columns, ...]:
-    return tuple(one for one in table.declared if set(one.each) & set(names))
+    return tuple(columns for columns in table.declared if set(columns.each) & set(names))
 
 
 MAP_METRICS = (
-    Columns("map50 map50_95", NUMBER, "1", "Average precision at IoU 0.5, and its mean over IoU 0.5 to 0.95"),
-    Columns("iou_mean", NUMBER, "1", "Mean over labelled rocks of the largest IoU with a prediction, 0 without one"),
+    Columns("map50 map50_95", NUMBER, "1", "Average precision at IoU 0.5, and mean over IoU 0.5 to 0.95"),
+    Columns("iou_mean", NUMBER, "1", "Mean over labelled rocks of the largest IoU with a prediction; 0 if undetected"),
 )
 DETECTION = Table(
     "tables/detection",
@@ -64,7 +63,7 @@ DETECTION = Table(
         "1",
         "95 % intervals, bootstrapped over `units`; empty for a single unit",
     ),
-    Columns("paper_map50 paper_map50_95 paper_iou_mean", NUMBER, "1", "The paper's values (rocks only)"),
+    Columns("paper_map50 paper_map50_95 paper_iou_mean", NUMBER, "1", "Values in the paper (rocks only)"),
 )
 IPD = Table(
     "tables/ipd",
@@ -80,7 +79,7 @@ IPD = Table(
     detect.UNDETECTED,
     detect.UNPAIRED,
     detect.MIN_CONFIDENCE,
-    Columns("paper_ipd", NUMBER, "1", "The paper's value (rocks only)"),
+    Columns("paper_ipd", NUMBER, "1", "Value in the paper (rocks only)"),
 )
 BREAKDOWN = _like("tables/detection_breakdown", "A detector, domain, kind and group", detect.BREAKDOWN)
 FALSE_POSITIVES = _like("tables/false_positives", "A detector, domain and region", detect.FALSE_POSITIVES)
@@ -90,12 +89,12 @@ GAP = _like("tables/gap", "A component, detector and kind", detect.ABLATION)
 STEREO = Table(
     "tables/stereo",
     "A domain and terrain, and all terrains of a domain",
-    Columns("domain", TEXT, "", "Domain of the pictures"),
+    Columns("domain", TEXT, "", "Domain of the images"),
     Columns("terrain", TEXT, "", "Terrain, or `all`"),
-    Columns("pairs", INTEGER, "count", "Left and right pictures that were matched"),
+    Columns("pairs", INTEGER, "count", "Stereo pairs"),
     _part(detect.STEREO, "valid_share", "median_abs_error_mm", "bad_share"),
     Columns("rocks", INTEGER, "count", "Rocks in the pairs"),
-    Columns("performance", NUMBER, "1", "Mean share of a rock's pixels with the right depth"),
+    Columns("performance", NUMBER, "1", "Mean over rocks of the share of pixels with the correct depth"),
 )
 COVERS = _like("tables/covers", "A terrain, kind and training", covers.COVER_SCORES)
 MASKS = _like("tables/masks", "A region, photo and class", covers.MASK_SCORES)
@@ -108,66 +107,67 @@ CAMERAS = Table(
         "method",
         TEXT,
         "",
-        "`scans`, `labels` or, without a proof, `labels, unsure` or `survey`; with `, photos` where refined on photos",
+        "Method of localisation: `scans`, `labels`, or unconfirmed `labels, unsure` or `survey`; followed by "
+        "`, photos` after refinement on photos",
     ),
-    Columns("x_m y_m z_m", NUMBER, "m", "Left camera, sandbox frame"),
-    Columns("yaw_deg pitch_deg roll_deg", NUMBER, "deg", "Its heading: yaw from +X towards +Y, pitch downwards"),
+    Columns("x_m y_m z_m", NUMBER, "m", "Position of the left camera, sandbox frame"),
+    Columns("yaw_deg pitch_deg roll_deg", NUMBER, "deg", "Orientation: yaw from +X towards +Y, pitch downwards"),
     Columns("sd_mm", NUMBER, "mm", "Formal standard deviation of the position"),
-    Columns("sd_deg", NUMBER, "deg", "Formal standard deviation of the heading"),
+    Columns("sd_deg", NUMBER, "deg", "Formal standard deviation of the orientation"),
     Columns("off_survey_m", NUMBER, "m", "Distance from the surveyed position"),
-    Columns("off_survey_deg", NUMBER, "deg", "Angle to the surveyed heading"),
+    Columns("off_survey_deg", NUMBER, "deg", "Angle to the surveyed orientation"),
     Columns(
         "median_off_before_px median_off_px",
         NUMBER,
         "px",
-        "Median distance of photos from the shaded meshes before and after the refinement, along each window's "
-        "best-determined direction",
+        "Median offset between photos and shaded meshes before and after the refinement, along the best-determined "
+        "direction of each window",
     ),
-    Columns("error_mm", NUMBER, "mm", "Distance from the true position, after a rigid alignment (analog)"),
-    Columns("error_deg", NUMBER, "deg", "Angle to the true heading after that alignment (analog)"),
+    Columns("error_mm", NUMBER, "mm", "Distance from the true position after a rigid alignment (analog)"),
+    Columns("error_deg", NUMBER, "deg", "Angle to the true orientation after the alignment (analog)"),
     Columns(
         "reprojection_l_px reprojection_r_px",
         NUMBER,
         "px",
-        "Median distance between true points projected by the true and by our camera (analog)",
+        "Median distance between projections of true points by the true and the estimated camera (analog)",
     ),
     Columns(
         "rock_reprojection_l_px rock_reprojection_r_px",
         NUMBER,
         "px",
-        "The same of true rocks' points with our meshes placed on the true surface",
+        "Reprojection error of points of true rocks with the meshes aligned with the true surface (analog)",
     ),
 )
 ALIGNMENT = Table(
     "tables/alignment",
-    "A pair of scans, or a position and its boxes",
+    "A pair of scans, or the boxes of a position",
     evaluation.TERRAIN,
     Columns("evidence", TEXT, "", "`scans` or `labels`"),
     Columns("between", TEXT, "", "Pair of positions, or position"),
-    Columns("points", NUMBER, "count", "Samples of one scan that lie on the other"),
-    Columns("fitness", NUMBER, "1", "Their share of all samples"),
-    Columns("rmse_mm", NUMBER, "mm", "Their RMS distance"),
-    Columns("agreement", NUMBER, "1", "Share of common cells whose heights agree to 15 mm"),
-    Columns("matched", NUMBER, "count", "Rocks that are matched with a box"),
-    Columns("mean_iou", NUMBER, "1", "Mean IoU of these rocks' projected meshes and boxes"),
-    Columns("median_dx_px median_dy_px", NUMBER, "px", "Median distance of their centres"),
+    Columns("points", NUMBER, "count", "Samples of the first scan on the surface of the second scan"),
+    Columns("fitness", NUMBER, "1", "Share of these samples"),
+    Columns("rmse_mm", NUMBER, "mm", "RMS distance of these samples"),
+    Columns("agreement", NUMBER, "1", "Share of common cells in which heights agree within 15 mm"),
+    Columns("matched", NUMBER, "count", "Rocks matched with a box"),
+    Columns("mean_iou", NUMBER, "1", "Mean IoU of the projected meshes and boxes of these rocks"),
+    Columns("median_dx_px median_dy_px", NUMBER, "px", "Median distance between the centres of these boxes"),
 )
 RENDER = Table(
     "tables/render",
     "A subject, group and its value",
-    Columns("subject", TEXT, "", "A model, or `rendered rock`, `rendered shadow`: the twins' own boxes"),
+    Columns("subject", TEXT, "", "A model, or boxes of twins: `rendered rock`, `rendered shadow`"),
     Columns("group", TEXT, "", "`all`, `terrain`, `position`, `azimuth`, `light` or `camera`"),
     Columns("value", TEXT, "", "Value of the group"),
-    Columns("n", INTEGER, "count", "Compared photos, one an exposure bracket; of boxes: true ones"),
+    Columns("n", INTEGER, "count", "Compared photos, at most 1 per exposure bracket; for boxes: true boxes"),
     evaluation.LIKENESS,
-    Columns("f1 miou", NUMBER, "1", "Boxes against true or annotated ones, by terrain"),
+    Columns("f1 miou", NUMBER, "1", "F1 and mean IoU of boxes against true or annotated boxes, by terrain"),
 )
 ROCKS = Table(
     "tables/rocks",
     "A rock",
     evaluation.TERRAIN,
     stages.ROCKS.declared[:-2],
-    Columns("found_by", TEXT, "", "`scan`, `published` or `override`"),
+    Columns("found_by", TEXT, "", "Origin: `scan`, `published` or `override`"),
     stages.ROCKS.declared[-1],
 )
 MESHES = Table("tables/meshes", "A mesh", evaluation.TERRAIN, evaluation.MESH_SCORES.declared)
@@ -176,11 +176,11 @@ LABELS = Table(
     "A kind, task, group and value",
     Columns("kind", TEXT, "", "`rock`, `shadow`, or `shadow, where annotated`"),
     Columns("task", TEXT, "", "Relation of the photo to the seeds, see `tables/evaluation`, labels"),
-    Columns("group", TEXT, "", "`all`, `terrain`, `position`, `azimuth`, or `size`: square root of the box's area, px"),
-    Columns("value", TEXT, "", "Value of the group; a size on an edge belongs to the class above"),
-    Columns("truth_boxes label_boxes", INTEGER, "count", "Boxes of all photos: a copy on each exposure counts"),
-    Columns("precision recall f1 miou", NUMBER, "1", "As in `tables/evaluation`, with the same counts"),
-    Columns("confidence", NUMBER, "1", "Mean confidence of the labels; calibrated labels have that of their precision"),
+    Columns("group", TEXT, "", "`all`, `terrain`, `position`, `azimuth`, or `size`: square root of the box area, px"),
+    Columns("value", TEXT, "", "Value of the group; a size class includes the lower bound"),
+    Columns("truth_boxes label_boxes", INTEGER, "count", "Boxes of all photos, including copies in each exposure"),
+    Columns("precision recall f1 miou", NUMBER, "1", "Metrics as in `tables/evaluation`"),
+    Columns("confidence", NUMBER, "1", "Mean confidence of the labels; equal to the precision for calibrated labels"),
     SEEDS,
 )
 RELIABILITY = Table(
@@ -188,16 +188,18 @@ RELIABILITY = Table(
     "A kind, source of labels and bin of confidence",
     KIND,
     Columns("label_source", TEXT, "", "Origin of the labels, or `all`"),
-    Columns("labels", NUMBER, "count", "Distinct boxes; bins share a box whose copies differ in confidence"),
+    Columns(
+        "labels", NUMBER, "count", "Distinct boxes; a box with copies of different confidence is divided among bins"
+    ),
     Columns(
         "low high confidence",
         NUMBER,
         "1",
-        "Minimum, maximum and mean confidence; bins hold about equal numbers of labels, at most ten bins with at least "
-        "30 labels each",
+        "Minimum, maximum and mean confidence in the bin; at most 10 bins with about equal numbers of labels and at "
+        "least 30 labels each",
     ),
-    Columns("right right_low right_high", NUMBER, "1", "Share of right labels, and its 95 % interval (Wilson)"),
-    Columns("brier", NUMBER, "1", "Mean squared distance of the confidence from 1 (right) or 0 (wrong)"),
+    Columns("right right_low right_high", NUMBER, "1", "Share of correct labels with 95 % interval (Wilson)"),
+    Columns("brier", NUMBER, "1", "Brier score: mean squared error of the confidence"),
     SEEDS,
 )
 EVALUATION = _like("tables/evaluation", "A metric and terrain", evaluation.EVALUATION)

@@ -5,13 +5,12 @@ from polarsim.schemas.table import INTEGER, NUMBER, TEXT, Columns, Table, with_i
 METRIC = Columns("metric", TEXT, "", "Name of the metric")
 UNIT = Columns("unit", TEXT, "", "Unit of the metric")
 SEED = Columns("seed", INTEGER, "", "Seed of the drive")
-ENDED = Columns("ended", TEXT, "", "How the drive ended")
+ENDED = Columns("ended", TEXT, "", "Reason for the end of the drive")
 MODE = Columns(
     "mode",
     TEXT,
     "",
-    "How the rover decides: by labels (`truth`), a `detector`, `stereo` depth, `both`, or `blind` along the straight "
-    "line",
+    "Input of the planner: labels (`truth`), `detector`, `stereo` depth, `both`, or none (`blind`: straight line)",
 )
 CASE = (
     MODE,
@@ -19,8 +18,8 @@ CASE = (
         "sun exposure lights model detector",
         TEXT,
         "",
-        "Sun, exposure, rover lights, reflectance model and detector of the drive; `any`: the drive does not depend on "
-        "it, `all`: over all of them",
+        "Sun, exposure, rover lights, reflectance model and detector of the drive; `any`: without effect on the drive, "
+        "`all`: pooled",
     ),
 )
 DRIVES_COUNT = Columns("drives", INTEGER, "count", "Number of drives")
@@ -46,7 +45,7 @@ DRIVES = Table(
     UNIT,
     SEEDS_COUNT,
     Columns("mean", NUMBER, "`unit`", "Mean over drives"),
-    Columns("low high", NUMBER, "`unit`", "95 % interval of the mean, Student's"),
+    Columns("low high", NUMBER, "`unit`", "95 % interval of the mean (Student's t)"),
     Columns("least most", NUMBER, "`unit`", "Minimum and maximum over drives"),
 )
 ONBOARD = Table(
@@ -56,22 +55,22 @@ ONBOARD = Table(
         "source",
         TEXT,
         "",
-        "Boxes: `detector`, `truth` (labels in the place of detections), or `visible` (of these the ones that stand "
-        "out in the picture); in `tables/rover_onboard` this column is `boxes`",
+        "Boxes: `detector`, `truth` (labels instead of detections), or `visible` (labels with contrast in the image); "
+        "in `tables/rover_onboard` this column is `boxes`",
     ),
-    Columns("model", TEXT, "", "Reflectance model of the pictures"),
-    Columns("exposure_ms", NUMBER, "ms", "Exposure; 0: all exposures together"),
+    Columns("model", TEXT, "", "Reflectance model of the images"),
+    Columns("exposure_ms", NUMBER, "ms", "Exposure; 0: all exposures"),
     METRIC,
     Columns("height_m", NUMBER, "m", "Height of the rocks"),
     Columns("from_m to_m", NUMBER, "m", "Range of distances"),
-    Columns("value low high", NUMBER, "", "Value, and its 95 % interval, bootstrapped over rides"),
-    Columns("rides", INTEGER, "count", "Rides: a drive under a Sun each"),
-    Columns("count", NUMBER, "count", "Number of objects that the metric was measured on"),
+    Columns("value low high", NUMBER, "", "Value with 95 % interval, bootstrapped over rides"),
+    Columns("rides", INTEGER, "count", "Rides: drives under a given Sun"),
+    Columns("count", NUMBER, "count", "Sample size"),
 )
-COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # what an event is
-MODES = ("truth", "detector", "stereo", "both", "blind")  # of a rover that finds its own way
-ANY, ALL = "any", "all"  # level of an axis that a drive does not depend on, and all levels together
-HIGH_M = 0.10  # a touch of a rock above is a collision
+COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # kinds of events
+MODES = ("truth", "detector", "stereo", "both", "blind")  # inputs of the planner
+ANY, ALL = "any", "all"  # level of an axis without effect on a drive, and all levels pooled
+HIGH_M = 0.10  # minimum height of a rock for a collision; contact with a lower rock is a touch
 AUTONOMY_EVENTS = Table(
     "rover/autonomy/<drive>/events.parquet",
     "An event of a drive",
@@ -90,23 +89,23 @@ AUTONOMY = Table(
     UNIT,
     DRIVES_COUNT,
     SEEDS_COUNT,
-    Columns("value low high", NUMBER, "`unit`", "Mean over drives, and its 95 % interval over seeds"),
+    Columns("value low high", NUMBER, "`unit`", "Mean over drives with 95 % interval over seeds"),
 )
 AUTONOMY_EFFECTS = Table(
     "rover/autonomy_effects.parquet",
-    "A mode (`all`: mean of the modes that see), axis, level of the axis and metric",
+    "A mode (`all`: mean of all modes except `blind`), axis, level of the axis and metric",
     MODE,
     Columns("axis", TEXT, "", "`sun`, `exposure`, `lights`, `model` or `detector`"),
     Columns("level", TEXT, "", "Value on the axis"),
     METRIC,
     UNIT,
-    Columns("seeds", INTEGER, "count", "Seeds of which all drives are there"),
-    Columns("value low high", NUMBER, "`unit`", "Mean over the other axes, and its 95 % interval"),
+    Columns("seeds", INTEGER, "count", "Seeds with all drives"),
+    Columns("value low high", NUMBER, "`unit`", "Mean over the other axes with 95 % interval"),
     Columns(
         "change change_low change_high",
         NUMBER,
         "`unit`",
-        "Difference from the mean of the axis's other levels with the same seeds, and its 95 % interval",
+        "Difference from the mean of the other levels of the axis with the same seeds, with 95 % interval",
     ),
 )
 AUTONOMY_DETECTORS = Table(
@@ -116,10 +115,10 @@ AUTONOMY_DETECTORS = Table(
     Columns("detector", TEXT, "", "Name of the detector"),
     DRIVES_COUNT,
     SEEDS_COUNT,
-    Columns("ipd", NUMBER, "1", "IPD of rocks between photos and the model of the rover's pictures"),
-    Columns("map50", NUMBER, "1", "mAP@0.5 of rocks in that model"),
-    Columns("rock_f1", NUMBER, "1", "F1 of rock cells of the drives' maps"),
-    Columns("collisions", NUMBER, "count", "Mean collisions of a drive"),
+    Columns("ipd", NUMBER, "1", "IPD of rocks between photos and the reflectance model of the rover images"),
+    Columns("map50", NUMBER, "1", "mAP@0.5 of rocks with this reflectance model"),
+    Columns("rock_f1", NUMBER, "1", "F1 of rock cells in the maps of the drives"),
+    Columns("collisions", NUMBER, "count", "Mean number of collisions per drive"),
     Columns("success", NUMBER, "1", "Share of drives that arrive without a collision"),
     Columns("rock_points", NUMBER, "count", "Mean points of the rock map"),
 )
@@ -129,17 +128,20 @@ AUTONOMY_RANK = Table(
     MODE,
     Columns("gap", TEXT, "", "`ipd`, `map50` or `rock_f1`"),
     Columns("drive", TEXT, "", "`collisions`, `success` or `rock_points`"),
-    Columns("detectors drives", INTEGER, "count", "Detectors, and their drives in light and with seeds that all drove"),
-    Columns("units", INTEGER, "count", "Units that intervals resample"),
-    Columns("unit", TEXT, "", "`seed`, or `light` (Sun, exposure, lights) where one seed drove"),
-    with_interval("spearman", "1", "Rank correlation over detectors, positive where a smaller gap drives better"),
-    with_interval("kendall", "1", "The same by Kendall"),
-    Columns("kendall_p", NUMBER, "1", "Share of random orders that agree or disagree as much"),
+    Columns("detectors drives", INTEGER, "count", "Detectors, and drives with the lights and seeds common to all"),
+    Columns("units", INTEGER, "count", "Resampling units of intervals"),
+    Columns("unit", TEXT, "", "Resampling unit: `seed`, or `light` (Sun, exposure, lights) for a single seed"),
+    with_interval(
+        "spearman", "1", "Spearman's rank correlation over detectors, positive if a smaller gap means better drives"
+    ),
+    with_interval("kendall", "1", "Kendall's rank correlation"),
+    Columns("kendall_p", NUMBER, "1", "Share of random orders with at least this absolute correlation"),
     Columns(
         "says",
         TEXT,
         "",
-        "`too few detectors` (fewer than 5), `nothing to order by` (all alike), `not shown`, `better` or `worse`",
+        "Verdict: `too few detectors` (fewer than 5), `nothing to order by` (all equal), `not shown`, `better` or "
+        "`worse`",
     ),
 )
 TABLES = (

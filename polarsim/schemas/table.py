@@ -14,19 +14,18 @@ BOOL: Dtype = "bool"
 
 @dataclass(frozen=True)
 class Columns:
-    """One or several columns with the same type, unit and description.
+    """Columns with the same type, unit and description.
 
     Attributes
     ----------
     names
         Names of the columns, separated by blanks.
     dtype
-        Type as pandas names it.
+        Name of the type in pandas.
     unit
-        Unit of the values, such as `px` or `mm`; `1` for shares and ratios; empty for text, identifiers and truth
-        values.
+        Unit of the values, such as `px` or `mm`; `1` for shares and ratios; empty for text, identifiers and booleans.
     description
-        Content of the columns, in a sentence of Markdown without its full stop.
+        Content of the columns: Markdown without a full stop at the end.
     """
 
     names: str
@@ -40,14 +39,14 @@ class Columns:
 
 
 class Table:
-    """A table of a run: its path below the run's folder, what a row is, and its columns in order."""
+    """Table of a run: path below the folder of the run, meaning of a row, and columns in order."""
 
     def __init__(self, path: str, row: str, *columns: Columns | tuple[Columns, ...]) -> None:
-        self.path = path  # `TT` stands for a terrain; without a suffix: four files, .csv, .md, .tex and .parquet
-        self.row = row  # what a row is, in a noun phrase: "A photo"
-        self.declared = tuple(one for part in columns for one in (part if isinstance(part, tuple) else (part,)))
-        self.dtypes: dict[str, Dtype] = {name: one.dtype for one in self.declared for name in one.each}
-        if len(self.dtypes) != sum(len(one.each) for one in self.declared):
+        self.path = path  # `TT` is the number of a terrain; no suffix: four files, .csv, .md, .tex and .parquet
+        self.row = row  # meaning of a row as a noun phrase: "A photo"
+        self.declared = tuple(group for part in columns for group in (part if isinstance(part, tuple) else (part,)))
+        self.dtypes: dict[str, Dtype] = {name: group.dtype for group in self.declared for name in group.each}
+        if len(self.dtypes) != sum(len(group.each) for group in self.declared):
             raise ValueError(f"{path}: a column is declared twice")
 
     @property
@@ -57,22 +56,22 @@ class Table:
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each column that has one."""
-        return {name: one.unit for one in self.declared for name in one.each if one.unit}
+        """Units of the columns with a unit."""
+        return {name: group.unit for group in self.declared for name in group.each if group.unit}
 
     def without(self, *names: str) -> tuple[str, ...]:
-        """Return the names of the columns but some, in order."""
+        """Return the names of the columns in order, except the given names."""
         return tuple(name for name in self.columns if name not in names)
 
     def markdown(self) -> str:
         """Return the columns as a table in Markdown."""
         rows = [
-            f"| {', '.join(f'`{name}`' for name in one.each)} | {one.dtype} | {one.unit} | {one.description} |"
-            for one in self.declared
+            f"| {', '.join(f'`{name}`' for name in group.each)} | {group.dtype} | {group.unit} | {group.description} |"
+            for group in self.declared
         ]
-        return "\n".join(["| column | type | unit | meaning |", "|---|---|---|---|", *rows])
+        return "\n".join(["| column | type | unit | description |", "|---|---|---|---|", *rows])
 
 
 def with_interval(name: str, unit: str, description: str) -> Columns:
-    """Return a metric and the bounds of its 95 % interval: `name`, `name_low`, `name_high`."""
-    return Columns(f"{name} {name}_low {name}_high", NUMBER, unit, f"{description}, and its 95 % interval")
+    """Return a metric and the bounds of the 95 % interval: `name`, `name_low`, `name_high`."""
+    return Columns(f"{name} {name}_low {name}_high", NUMBER, unit, f"{description} (with 95 % interval)")

@@ -35,7 +35,9 @@ def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
     return RockPairs(*pairs(-distance / radius, distance < radius))
 
 
-def recall_and_precision(true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, visible: np.ndarray) -> list[Metric]:
+def recall_and_precision(
+    true: pd.DataFrame, found: pd.DataFrame, pairs: RockPairs, visible: np.ndarray
+) -> list[Metric]:
     """Return recall and precision by size class, and errors of size, height and volume of matched rocks.
 
     Recall uses the size of true rocks, precision the size of detected rocks. `recall_seen` is the recall of the true

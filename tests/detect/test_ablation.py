@@ -12,12 +12,14 @@ from polarsim.detect.gap_options import Component, GapOptions
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import tables
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.schemas.detect import CHANGE_ENDS, CHANGE_METRICS
+from polarsim.schemas.detect import CHANGE_ENDS
+from polarsim.schemas.detect import CHANGES as CHANGE_COLUMNS
 
 ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views
 OPTIONS = ComparisonOptions(resamples=1000)
 SIDE = 100.0  # px, of every rock
 COLUMNS = ["x0", "y0", "x1", "y1"]
+CHANGE_METRICS = [columns.each[1] for columns in CHANGE_COLUMNS]
 CHANGES = [f"{figure}{end}" for figure in CHANGE_METRICS for end in CHANGE_ENDS if "change" in end]
 
 

@@ -6,8 +6,11 @@ from polarsim.formats import png
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report.figures.gap import draw_gap
 from polarsim.report.gap_table import tabulate_gap
-from polarsim.schemas.detect import CHANGE_ENDS, CHANGE_METRICS
+from polarsim.schemas.detect import CHANGE_ENDS
+from polarsim.schemas.detect import CHANGES as CHANGE_COLUMNS
 from polarsim.schemas.report import GAP
+
+CHANGE_METRICS = [columns.each[1] for columns in CHANGE_COLUMNS]
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 CHANGES = {"pose": -0.01, "noise": 0.02, "mesh": -0.1}  # of ipd, in the order of the configuration
