@@ -38,8 +38,8 @@ def test_a_matrix_acts_on_homogeneous_points_as_its_pose(pose):
     np.testing.assert_allclose(Pose.from_matrix(pose.matrix).matrix, pose.matrix, atol=1e-12)
 
 
-def test_a_camera_that_looks_down_and_ahead_has_known_axes():
-    # Yaw 180: looks to -X; 30 degrees down; level. Right is then +Y (X x Z reversed), down has -Z and -X parts.
+def test_axes_of_a_camera_with_yaw_180_and_pitch_30():
+    # Yaw 180 degrees (towards -X), 30 degrees down, level: right is +Y, down has components -Z and -X.
     pose = looking(np.array([3.0, 0, 1.5]), np.pi, np.radians(30))
     half, root = 0.5, np.sqrt(3) / 2
     np.testing.assert_allclose(pose.rotate(np.array([0.0, 0, 1])), [-root, 0, -half], atol=1e-12)
@@ -64,20 +64,14 @@ def test_a_fit_undoes_any_rigid_motion(target_from_source):
     np.testing.assert_allclose(found.apply(POINTS), target_from_source.apply(POINTS), atol=1e-9)
 
 
-def test_the_angle_between_poses_is_that_of_the_rotation_between_them():
+def test_the_angle_between_poses_is_the_angle_of_their_rotation():
     first, second = looking(np.zeros(3), 0.2, 0.3), looking(np.ones(3), 0.2, 0.3 + 0.05)
     assert angle_between(first, second) == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(
-    ("matrix", "reason"),
-    [
-        (np.eye(3), "expected 4 x 4"),
-        (np.diag([1.0, 1, 1.001, 1]), "not orthogonal"),
-        (np.diag([1.0, 1, -1, 1]), "mirrors"),
-        (np.full((4, 4), np.inf), "not orthogonal"),
-    ],
+    "matrix", [np.eye(3), np.diag([1.0, 1, 1.001, 1]), np.diag([1.0, 1, -1, 1]), np.full((4, 4), np.inf)]
 )
-def test_a_matrix_that_is_no_pose_is_refused(matrix, reason):
-    with pytest.raises(FormatError, match=reason), np.errstate(invalid="ignore"):
+def test_an_invalid_matrix_is_refused(matrix):
+    with pytest.raises(FormatError), np.errstate(invalid="ignore"):
         Pose.from_matrix(matrix)

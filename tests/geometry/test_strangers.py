@@ -6,7 +6,7 @@ from polarsim.geometry.consensus import find_strangers
 from polarsim.geometry.poses import looking
 from polarsim.geometry.stereo import stated_rig
 
-POSES = {  # as far apart as NASA's A and C
+POSES = {  # at the distance of NASA's A and C
     "A": looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)),
     "C": looking(np.array([0.8, -3.7, 1.5]), np.radians(104), np.radians(25)),
 }
@@ -14,7 +14,7 @@ POSES = {  # as far apart as NASA's A and C
 
 @pytest.fixture
 def projected(rng):
-    """Boxes of twenty rocks in the left photos of both positions; NaN for those out of sight."""
+    """Return boxes of twenty rocks in the left photos of both positions; NaN for rocks out of view."""
     lens, seen = stated_rig().left, {name: [] for name in POSES}
     for x, y, size in rng.uniform((-1.4, -1.4, 0.08), (1.4, 1.4, 0.3), (20, 3)):
         rock = np.array([x, y, size / 3]) + size / 2 * rng.uniform(-1, 1, (60, 3))
@@ -27,42 +27,42 @@ def projected(rng):
 
 @pytest.fixture
 def annotated(projected, rng):
-    """What people draw of them: edges 2 px off."""
+    """Return annotated boxes with edges that are off by 2 px."""
     shown = {name: boxes[np.isfinite(boxes).all(axis=1)] for name, boxes in projected.items()}
     return {name: boxes + rng.normal(0, 2, boxes.shape) for name, boxes in shown.items()}
 
 
-def test_boxes_at_their_own_position_are_no_strangers(annotated, projected):
+def test_boxes_at_the_correct_position_are_accepted(annotated, projected):
     assert find_strangers(annotated, projected) == []
 
 
-def test_boxes_of_another_position_are_named_with_both_shares(annotated, projected):
+def test_boxes_of_another_position_are_reported(annotated, projected):
     (stranger,) = find_strangers({"A": annotated["A"], "C": annotated["A"]}, projected)
     assert (stranger.position, stranger.other) == ("C", "A")
     assert stranger.met < 0.2
     assert stranger.met_from_other > 0.9
-    assert str(stranger).startswith("the seeds of position C show another position: rocks meet ")
-    assert "% from that of position A; they are left out" in str(stranger)
+    assert "position C" in str(stranger)
+    assert "position A" in str(stranger)
 
 
-def test_exchanged_positions_are_both_named(annotated, projected):
+def test_exchanged_positions_are_both_reported(annotated, projected):
     exchanged = {"A": annotated["C"], "C": annotated["A"]}
     assert [stranger.position for stranger in find_strangers(exchanged, projected)] == ["A", "C"]
 
 
 @pytest.mark.parametrize("name", sorted(POSES))
-def test_half_of_the_boxes_missing_makes_no_stranger(name, annotated, projected):
+def test_missing_boxes_are_accepted(name, annotated, projected):
     assert find_strangers({**annotated, name: annotated[name][::2]}, projected) == []
 
 
 @pytest.mark.parametrize("name", sorted(POSES))
-def test_half_of_the_rocks_unknown_makes_no_stranger(name, annotated, projected):
+def test_unknown_rocks_are_accepted(name, annotated, projected):
     known = {pose: boxes[::2] for pose, boxes in projected.items()}
     assert find_strangers(annotated, known) == []
     assert [one.position for one in find_strangers({name: annotated["A" if name == "C" else "C"]}, known)] == [name]
 
 
-def test_few_boxes_and_a_lone_pose_tell_nothing(annotated, projected):
+def test_few_boxes_and_a_single_pose_are_accepted(annotated, projected):
     assert find_strangers({"C": annotated["A"][:3]}, projected) == []
     assert find_strangers({"C": annotated["A"]}, {"C": projected["C"]}) == []
     assert find_strangers({"B": annotated["A"]}, projected) == []

@@ -14,7 +14,7 @@ BOXES = np.concatenate([ROCKS, SHADOWS])
 
 @pytest.fixture
 def root(tmp_path):
-    """A whole exposure bracket of labels; shadows from 128 ms on."""
+    """Write a complete exposure bracket of labels; shadows from 128 ms."""
     for exposure_ms in exposures(11, "30"):
         shown = (2 if exposure_ms >= 128 else 1) > CLASSES
         yolo.write_boxes(path(tmp_path / "tree", exposure_ms), CLASSES[shown], BOXES[shown])

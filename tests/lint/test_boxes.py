@@ -11,7 +11,7 @@ def box(x, y, width=40, height=30):
 
 
 def labels(*rows):
-    """(class, box) of each row."""
+    """Return class and box of each row."""
     return np.array([kind for kind, _ in rows], int), np.array([position for _, position in rows], float).reshape(-1, 4)
 
 
@@ -31,7 +31,7 @@ SOUND = [(ROCK, box(100, 100)), (SHADOW, box(140, 110)), (ROCK, box(500, 600))]
         ((ROCK, box(-1, 900, 10, 10)), "out_of_photo"),
     ],
 )
-def test_a_defect_that_one_file_shows_is_found_and_no_other(row, defect):
+def test_a_defect_of_a_single_file_is_reported(row, defect):
     (found,) = box_defects(*labels(*SOUND, row))
     assert (found.name, found.rows) == (defect, (3,))
 
@@ -42,7 +42,7 @@ def test_sound_boxes_and_no_boxes_have_no_defect():
     assert list(box_defects(*labels())) == []
 
 
-def test_a_box_counts_by_the_size_of_its_photo():
+def test_limits_depend_on_the_size_of_the_photo():
     small = labels((ROCK, box(10, 10, 400, 30)))
     assert list(box_defects(*small)) == []
     assert [found.name for found in box_defects(*small, (640, 480))] == ["giant"]

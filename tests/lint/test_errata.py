@@ -9,7 +9,7 @@ from tests.lint.conftest import BOXES, CLASSES, KEY, path
 
 
 class Counted(HTMLParser):
-    """How often each tag, and each class of a shape, stands in a page."""
+    """Count tags and classes of shapes in a page."""
 
     def __init__(self):
         super().__init__()
@@ -27,23 +27,23 @@ def annotated(root, tmp_path, twins=()):
     return page.seen, tables.read_csv(tmp_path / "defects.csv", ["code", "severity", "file", "line"])
 
 
-def test_each_defect_has_its_picture_with_what_is_wrong_and_what_lacks(root, tmp_path):
-    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])  # without the first rock
-    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])  # the last shadow twice
+def test_each_defect_has_a_figure_with_wrong_and_missing_boxes(root, tmp_path):
+    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])  # the first rock is missing
+    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])  # the last shadow is repeated
     seen, table = annotated(root, tmp_path)
     assert sorted(table["code"]) == ["B201", "E301", "E305"]
     assert (seen["svg"], seen["lacking"], seen["wrong"]) == (3, 1, 2)
     assert seen["shape"] == 5 + 6 + 6
 
 
-def test_a_defect_stands_on_the_twin_of_its_own_photo_alone(root, tmp_path):
+def test_a_defect_is_drawn_on_the_twin_of_its_photo(root, tmp_path):
     yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])
     yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])
     twins = tmp_path / "twins"
     twins.mkdir()
     png.write(twins / f"{KEY.with_exposure(512)}.png", np.full((HEIGHT, WIDTH), 900, np.uint16))
     seen, _ = annotated(root, tmp_path, [twins])
-    assert (seen["svg"], seen["image"]) == (3, 2)  # both findings of 512 ms, not that of 1,024
+    assert (seen["svg"], seen["image"]) == (3, 2)  # both findings of 512 ms, not the finding of 1,024 ms
 
 
 def test_a_sound_set_has_an_empty_page(root, tmp_path):

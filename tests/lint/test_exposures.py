@@ -8,7 +8,7 @@ KEY = PhotoKey.parse("03_A_off_180_L_0256")
 
 
 def bracket(changed):
-    """Five exposures with the sound boxes; those of `changed` (exposure -> rows) have others."""
+    """Return five exposures with sound boxes, except for those in `changed` (exposure -> rows)."""
     rows = dict.fromkeys((128, 256, 512, 1024, 2048), SOUND) | changed
     return {KEY.with_exposure(exposure): labels(*found) for exposure, found in rows.items()}
 
@@ -25,25 +25,25 @@ def bracket(changed):
         ([], ["empty_file", "shadows_off_late"]),
     ],
 )
-def test_one_exposure_that_differs_from_the_others_is_found(rows, defects):
+def test_an_exposure_that_differs_is_reported(rows, defects):
     found = list(set_defects(bracket({512: rows})))
     assert [defect.name for _, defect in found] == defects
     assert {key.exposure_ms for key, _ in found} == {512}
 
 
-def test_shadows_that_begin_late_are_no_defect():
+def test_short_exposures_without_shadows_have_no_defect():
     rocks = [SOUND[0], SOUND[2]]
     assert list(set_defects(bracket({32: rocks, 64: rocks}))) == []
 
 
-def test_a_file_with_some_of_the_shadows_lacks_the_others():
+def test_missing_shadows_are_reported():
     two = [*SOUND, (SHADOW, box(540, 610))]
     changed = dict.fromkeys((128, 256, 512, 1024), two)
     ((key, defect),) = set_defects(bracket(changed))
     assert (key.exposure_ms, defect.name) == (2048, "shadow_missing")
 
 
-def test_where_two_contents_are_as_frequent_the_one_with_fewer_boxes_counts():
+def test_of_two_equally_frequent_contents_the_one_with_fewer_boxes_is_modal():
     more = [*SOUND, (ROCK, box(900, 900))]
     files = {KEY.with_exposure(e): labels(*(more if e > 128 else SOUND)) for e in (64, 128, 256, 512)}
     assert [(key.exposure_ms, defect.name) for key, defect in set_defects(files)] == [
@@ -56,11 +56,11 @@ def test_brackets_without_any_box_have_no_defect():
     assert list(set_defects({KEY: labels(), KEY.with_exposure(512): labels()})) == []
 
 
-def test_a_gap_in_a_nearly_complete_bracket_is_found():
+def test_a_missing_file_of_a_nearly_complete_bracket_is_reported():
     whole = {KEY.with_exposure(exposure) for exposure in exposures(3, "180")}
     assert missing_exposures(whole) == []
     assert missing_exposures(whole - {KEY}) == [KEY]
-    assert missing_exposures({KEY}) == []  # a folder of seeds has one file an exposure bracket by intent
+    assert missing_exposures({KEY}) == []  # folders of seeds have a single file per exposure bracket
 
 
 def test_brackets_without_sun_are_never_complete():

@@ -55,7 +55,7 @@ def test_label_files_with_pictures_are_validated_in_every_usual_layout(tmp_path,
 
 
 @pytest.mark.parametrize("folder", ["{}", "labels/{}", "boxes", "labels/boxes"])
-def test_label_files_of_a_run_are_validated_and_its_own_marks_are_no_strays(tmp_path, folder):
+def test_label_files_of_a_run_are_validated_without_its_marker_files(tmp_path, folder):
     root = tmp_path / "run"
     place = root / folder.format("boxes") / "Terrain11"
     for exposure_ms in exposures(11, "30"):
@@ -79,7 +79,7 @@ def test_flat_label_files_are_validated_by_the_names_of_their_class_list(tmp_pat
 
 
 @pytest.mark.parametrize("files", [{}, {"holiday.txt": BOX}, {"a/b.json": "{}"}])
-def test_a_folder_of_no_known_layout_is_refused_with_what_was_found(tmp_path, files):
+def test_a_folder_of_unknown_layout_is_refused_with_its_content(tmp_path, files):
     for name, text in files.items():
         write(tmp_path / "some" / name, text)
     (tmp_path / "some").mkdir(exist_ok=True)
@@ -90,7 +90,7 @@ def test_a_folder_of_no_known_layout_is_refused_with_what_was_found(tmp_path, fi
         lint(tmp_path / "nowhere", set(RULES))
 
 
-def test_a_repaired_copy_holds_label_files_only_and_its_line_names_it(root, tmp_path, polarsim):
+def test_a_repaired_copy_has_only_label_files_and_is_named_in_the_output(root, tmp_path, polarsim):
     for name in ("Terrain11/photo.png", "TerrainMeshes/Terrain11/terrain11_rock1 copy.obj", "truth/poses.json"):
         write(root / name, "large")
     write(path(root, 256).with_name(SNAKEMAKE_FILE), "")
@@ -126,7 +126,7 @@ def test_detections_are_scored_and_truth_with_a_confidence_is_refused(tmp_path, 
     assert "confidence" in swapped.stderr
 
 
-def test_numbers_of_scored_labels_mean_what_their_class_list_states(tmp_path, polarsim):
+def test_scored_labels_use_their_class_list(tmp_path, polarsim):
     write(tmp_path / f"truth/{KEY}.txt", BOX + "1 0.3 0.3 0.1 0.1\n")
     write(tmp_path / f"found/{KEY}.txt", "1 0.5 0.5 0.2 0.2 0.9\n0 0.3 0.3 0.1 0.1 0.8\n")
     write(tmp_path / "found/data.yaml", "names: [shadow, rock]")
@@ -161,12 +161,12 @@ def test_masks_are_painted_from_every_layout_of_polygons(tmp_path, polarsim, pla
     assert polarsim("masks", tmp_path / "nowhere", tmp_path / "more").returncode == 1
 
 
-def test_a_triangle_is_a_polygon_and_a_line_with_a_track_id_is_none(tmp_path):
+def test_a_triangle_is_a_polygon_but_a_box_with_a_track_id_is_not(tmp_path):
     triangle = write(tmp_path / f"{KEY}.txt", "2 0.4 0.5 0.45 0.5 0.45 0.55\n")
     assert len(yolo.read_polygons(triangle)[0][1]) == 3
     with pytest.raises(FormatError, match="track id"):
         yolo.read_polygons(write(triangle, "2 0.5 0.5 0.05 0.05 0.9 1\n"))
-    both = write(triangle, RING + "2 0.4 0.5 0.45 0.5 1 0.55\n")  # at the photo's border, beside a larger polygon
+    both = write(triangle, RING + "2 0.4 0.5 0.45 0.5 1 0.55\n")  # at the image border, next to a larger polygon
     assert len(yolo.read_polygons(both)) == 2
 
 

@@ -15,7 +15,7 @@ BOX = "0 0.5 0.5 0.2 0.2\n"
 
 @pytest.fixture
 def root(tmp_path):
-    """Two pictures of 320 x 240 with labels, in a folder `train`."""
+    """Write two pictures of 320 x 240 with labels, in a folder `train`."""
     for name in ("one", "two"):
         for folder in ("images/train", "labels/train"):
             (tmp_path / folder).mkdir(parents=True, exist_ok=True)
@@ -47,7 +47,7 @@ def test_defects_of_a_label_file_are_found_with_its_line(root, text, defect, lin
     assert found(root) == [(defect, "labels/train/one.txt", line)]
 
 
-def test_labels_and_pictures_that_lack_each_other_are_found(root):
+def test_labels_without_pictures_and_pictures_without_labels_are_reported(root):
     (root / "labels/train/two.txt").rename(root / "labels/train/three.txt")
     assert found(root) == [
         ("missing_labels", "images/train/two.png", 0),
@@ -55,14 +55,14 @@ def test_labels_and_pictures_that_lack_each_other_are_found(root):
     ]
 
 
-def test_a_broken_picture_is_found_and_a_folder_without_labels_refused(root):
+def test_a_broken_picture_is_reported_and_a_folder_without_labels_refused(root):
     (root / "images/train/one.png").write_text("no picture")
     assert found(root) == [("unreadable_picture", "images/train/one.png", 0)]
     for path in (root / "labels/train").iterdir():
         path.unlink()
-    with pytest.raises(FormatError, match="no label file"):
+    with pytest.raises(FormatError, match=str(root)):
         found(root)
-    with pytest.raises(FormatError, match="published layout only"):
+    with pytest.raises(FormatError, match=str(root)):
         lint(root, set(RULES), fix=root / "out")
 
 
@@ -80,7 +80,7 @@ def test_pictures_of_large_cameras_and_of_phones_are_sound(root, name):
 
 @pytest.mark.parametrize("content", [b"", b"no picture", b"II*\0", b"\xff\xd8\xff\xe0"])
 @pytest.mark.parametrize("name", ["one.png", "one.jpg", "one.tif"])
-def test_what_is_no_picture_is_a_finding(root, name, content):
+def test_invalid_pictures_are_reported(root, name, content):
     (root / "images/train/one.png").unlink()
     (root / "images/train" / name).write_bytes(content)
     assert found(root) == [("unreadable_picture", f"images/train/{name}", 0)]

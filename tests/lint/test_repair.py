@@ -18,7 +18,7 @@ POLYGONS = "SegmentationLabels/terrain11/labels"
 
 
 def repaired(root):
-    """The copy with all repairs, and what `changes.csv` says of it."""
+    """Return the copy with all repairs, and its `changes.csv`."""
     before = lint(root, set(RULES))
     out = root.with_name("repaired")
     count = write_repaired(root, before.findings, out)
@@ -50,16 +50,16 @@ def test_a_sound_tree_is_copied_byte_by_byte(root):
 @pytest.mark.parametrize(
     ("classes", "boxes"),
     [
-        (CLASSES[1:], BOXES[1:]),  # a rock missing
-        (CLASSES[:-1], BOXES[:-1]),  # a shadow missing
-        (CLASSES[:3], BOXES[:3]),  # all shadows missing
-        (np.append(CLASSES, 0), np.vstack([BOXES, [30, 30, 70, 70]])),  # a rock too many
+        (CLASSES[1:], BOXES[1:]),  # a missing rock
+        (CLASSES[:-1], BOXES[:-1]),  # a missing shadow
+        (CLASSES[:3], BOXES[:3]),  # no shadows
+        (np.append(CLASSES, 0), np.vstack([BOXES, [30, 30, 70, 70]])),  # an additional rock
         (CLASSES, BOXES + np.array([9, 0, 9, 0])),  # everything moved
-        (np.append(CLASSES, 1), np.vstack([BOXES, BOXES[-1:]])),  # a shadow twice
+        (np.append(CLASSES, 1), np.vstack([BOXES, BOXES[-1:]])),  # a repeated shadow
         (CLASSES[:0], BOXES[:0]),
     ],
 )
-def test_one_exposure_becomes_what_the_others_are(root, classes, boxes):
+def test_an_exposure_gets_the_content_of_the_majority(root, classes, boxes):
     yolo.write_boxes(path(root, 1024), classes, boxes)
     out, changes = repaired(root)
     assert len(changes) >= 1
@@ -74,7 +74,7 @@ def test_a_missing_file_is_written(root):
     assert (yolo.read_boxes(path(out, 32))[0] == 0).all()  # too dark for shadows
 
 
-def test_malformed_lines_and_boxes_beyond_the_border_go(root):
+def test_malformed_lines_and_boxes_outside_the_photo_are_removed(root):
     text = path(root, 1024).read_text()
     path(root, 1024).write_text("0 0.5 0.5 0.1\n" + text + "rock 1 2 3 4\n")
     out, _ = repaired(root)
@@ -82,7 +82,7 @@ def test_malformed_lines_and_boxes_beyond_the_border_go(root):
 
 
 @pytest.mark.parametrize("told", ["4: something of 17 at 2:1", "none of this file, 1: 0", ""])
-def test_another_wording_of_messages_repairs_the_same(root, monkeypatch, told):
+def test_repairs_do_not_depend_on_the_wording_of_messages(root, monkeypatch, told):
     text = path(root, 1024).read_text()
     path(root, 1024).write_text("0 0.5 0.5 0.1\n" + text + "rock 1 2 3 4\n")
     polygons = root / POLYGONS / path(root, 1024).name
@@ -98,7 +98,7 @@ def test_another_wording_of_messages_repairs_the_same(root, monkeypatch, told):
     assert files_of(after) == files_of(before)
 
 
-def test_a_reader_that_names_a_line_that_is_not_there_stops_the_repair(tmp_path):
+def test_an_error_at_a_line_that_does_not_exist_is_raised(tmp_path):
     def reader(path):
         raise FormatError("no box", path, 9)
 
@@ -109,7 +109,7 @@ def test_a_reader_that_names_a_line_that_is_not_there_stops_the_repair(tmp_path)
     assert file.read_text() == "0 0.5 0.5 0.1 0.1\n"
 
 
-def test_files_of_wrong_names_go_and_impossible_exposures_are_renamed(root):
+def test_files_with_wrong_names_are_removed_and_impossible_exposures_renamed(root):
     text = path(root, 1024).read_text()
     path(root, 1024).rename(path(root, 1024).with_name("11_A_off_30_L_1028.txt"))
     path(root, 256).with_name("11_A_off_30_L_0256 copy.txt").write_text(text)
@@ -134,9 +134,9 @@ def test_polygons_become_valid_and_are_painted_in_order(root):
     assert kinds == [1, 2]
 
 
-def test_a_copy_over_or_inside_the_tree_is_refused(root):
+def test_an_existing_or_nested_output_folder_is_refused(root):
     for out in (root, root / "inside"):
-        with pytest.raises(FormatError, match="needs a new folder"):
+        with pytest.raises(FormatError, match=str(root)):
             write_repaired(root, [], out)
 
 
@@ -200,14 +200,14 @@ def test_a_defect_of_any_number_of_exposures_does_not_spread(folder, data, damag
 
 
 def assert_boxes(file, shown):
-    """A file has the sound boxes; of doubtful shadows nothing is asserted where no sound file has any."""
+    """Assert the sound boxes of a file, except doubtful shadows that no sound file has."""
     classes, boxes = yolo.read_boxes(file)
     for number in range(1 + shown.all()):
         mine, wanted = boxes[classes == number], BOXES[number == CLASSES]
         np.testing.assert_allclose(mine[np.argsort(mine[:, 0])], wanted, atol=2e-3)
 
 
-def test_most_exposures_with_a_box_twice_leave_the_sound_file_alone(root):
+def test_repeated_boxes_in_most_exposures_do_not_change_the_sound_file(root):
     for exposure_ms in EXPOSURES[:-1]:
         file = path(root, exposure_ms)
         file.write_text("".join(f"{line}\n" for line in twice(file.read_text().splitlines(), 0)))
@@ -218,7 +218,7 @@ def test_most_exposures_with_a_box_twice_leave_the_sound_file_alone(root):
     assert_whole(out, EXPOSURES[-2])
 
 
-def test_a_defect_that_a_repair_reveals_is_repaired_and_listed(root):
+def test_a_defect_revealed_by_a_repair_is_repaired_and_listed(root):
     file = path(root, 1024)
     lines = file.read_text().splitlines()
     file.write_text("\n".join([lines[0], *lines, "rock 1"]))

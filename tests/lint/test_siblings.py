@@ -1,4 +1,4 @@
-"""Small made-up terrains, seen from three positions by two cameras, with one file that is wrong."""
+"""Small synthetic terrains, seen from three positions by two cameras, with one wrong file."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ SIDE = 0.16  # metres
 
 
 def annotated(key, points, offset=0.0):
-    """Boxes of things of 16 cm on the ground; `offset` metres away from the lamp."""
+    """Return boxes of objects of 16 cm on the ground, moved by `offset` metres away from the lamp."""
     left = looking(SURVEYED_LEFT[key.position], np.radians(survey.NOMINAL_YAW_DEG[key.position]), np.radians(25))
     rig = stated_rig()
     pose = left if key.camera == "L" else left @ rig.left_from_right
@@ -38,13 +38,13 @@ def annotated(key, points, offset=0.0):
 
 def labels(key, rng):
     rocks, shadows = annotated(key, PLACES), annotated(key, PLACES, 0.18)
-    rocks += rng.integers(-2, 3, rocks.shape)  # each azimuth was annotated anew
+    rocks += rng.integers(-2, 3, rocks.shape)  # each azimuth was annotated separately
     return np.array([ROCK] * len(rocks) + [SHADOW] * len(shadows)), np.concatenate([rocks, shadows])
 
 
 @pytest.fixture
 def files():
-    """One file an exposure bracket; the rover light changes no label."""
+    """Return one file per exposure bracket; the rover light changes no label."""
     found = {}
     for position in "AB":
         for camera in "LR":
@@ -89,14 +89,14 @@ def test_the_boxes_of_another_view_are_found(files):
         assert (str(KEY), "other_view") in names(files | {KEY: files[PhotoKey.parse(other)]})
 
 
-def test_a_rock_that_one_azimuth_lacks_or_has_alone_is_found(files):
+def test_rocks_that_differ_between_azimuths_are_reported(files):
     classes, boxes = files[KEY]
     assert (str(KEY), "rock_absent") in names(changed(files, KEY, classes[1:], boxes[1:]))
     more = np.concatenate([boxes, [[20, 900, 90, 950]]])
     assert (str(KEY), "rock_alone") in names(changed(files, KEY, [*classes, ROCK], more))
 
 
-def test_a_rock_that_was_annotated_as_a_shadow_is_found_with_its_row(files):
+def test_a_rock_annotated_as_a_shadow_is_reported_with_its_row(files):
     classes, boxes = files[KEY]
     swapped = np.array([SHADOW, *classes[1:]])
     found = [one for key, one in sibling_defects(changed(files, KEY, swapped, boxes)) if one.name == "swapped_class"]
@@ -113,7 +113,7 @@ def test_other_labels_with_the_rover_light_on_are_found(files):
     assert (str(LIT), "light_shadow_moved") in names(changed(files, LIT, classes, moved))
 
 
-def test_a_rock_off_its_line_between_left_and_right_is_found(files):
+def test_epipolar_violations_are_reported(files):
     key = PhotoKey.parse("03_A_off_180_R_0256")
     classes, boxes = files[key]
     height = boxes[2, 3] - boxes[2, 1]
@@ -129,11 +129,11 @@ def test_a_shadow_on_the_suns_side_is_found_with_its_row(files):
     assert [one.rows for one in found] == [(8,)]
 
 
-def test_a_left_photo_without_sun_whose_right_has_no_labels_is_found(files):
+def test_missing_right_labels_without_sun_are_reported(files):
     lone, pair = (PhotoKey(3, "A", "on", "no", "L", exposure) for exposure in (1024, 2048))
     dark = {lone: files[KEY], pair: files[KEY], PhotoKey(3, "A", "on", "no", "R", 2048): files[KEY]}
     assert {one for one in names(files | dark) if one[1] == "missing_right"} == {(str(lone), "missing_right")}
 
 
-def test_every_rule_has_a_code_of_its_own():
+def test_every_rule_has_a_unique_code():
     assert len({rule.code for rule in RULES.values()}) == len(RULES)

@@ -49,7 +49,7 @@ def test_every_rock_is_one_region_around_its_position(found):
 
 
 def size_above(rock, height):
-    """Longest horizontal side of what of a rock stands higher than this above the hills, from points on its faces."""
+    """Return the longest horizontal side of the part of a rock above a height, from points on its faces."""
     weights = np.random.default_rng(0).dirichlet(np.full(3, 0.5), (len(rock.simplices), 400))
     points = np.einsum("fks,fsd->fkd", weights, rock.points[rock.simplices]).reshape(-1, 3)
     return np.ptp(points[points[:, 2] > hills(points[:, :2]) + height, :2], axis=0).max()
@@ -61,7 +61,7 @@ def test_sizes_above_the_foot_are_right_to_two_cells(found, three_rocks):
     np.testing.assert_allclose(sizes, true, atol=2 * CELL)
 
 
-def test_the_ground_is_right_also_under_the_rocks(found):
+def test_the_ground_is_accurate_under_rocks(found):
     sand, _ = found
     error = np.abs(sand.ground - hills(sand.grid.centres()))
     assert np.median(error) < 0.0005
@@ -77,7 +77,7 @@ def test_the_order_of_points_does_not_matter(three_rock_scans, found, rng):
         assert one.height == pytest.approx(other.height, abs=1e-9)
 
 
-def test_a_motion_of_the_whole_scene_moves_the_rocks_and_changes_none(three_rock_scans, found):
+def test_a_motion_of_the_scene_moves_the_rocks(three_rock_scans, found):
     quarter = Pose.from_rotvec(np.array([0, 0, np.pi / 2]), np.array([10 * CELL, -5 * CELL, 0.1]))
     inside = three_rock_scans.select((np.abs(three_rock_scans.points[:, :2]) < 1.7).all(axis=1))
     _, before = regions_of(inside)
@@ -91,7 +91,7 @@ def test_a_motion_of_the_whole_scene_moves_the_rocks_and_changes_none(three_rock
         assert other.volume == pytest.approx(region.volume, rel=0.1)
 
 
-def test_more_noise_never_makes_ground_or_rocks_truer(three_rocks):
+def test_noise_does_not_improve_ground_or_rocks(three_rocks):
     errors = []
     for noise in (0.0005, 0.002, 0.006):
         scans = three_rocks.scanned(np.random.default_rng(4), noise=noise)
@@ -126,7 +126,7 @@ def test_an_id_is_the_number_of_a_square_of_the_sandbox():
     }  # fmt: skip
 
 
-def test_rocks_of_one_square_have_ids_by_size_and_rocks_beyond_the_walls_that_of_the_border():
+def test_ids_in_a_square_are_ordered_by_size_and_rocks_outside_get_ids_of_the_border():
     many = [region(0.1 + 0.01 * k, 0.1, 0.2 - 0.01 * k) for k in range(5)]
     assert list(by_id(many)) == [137, 393, 649, 769, 770]
     assert [id(one) for one in by_id(many).values()] == [id(one) for one in many]
@@ -134,7 +134,7 @@ def test_rocks_of_one_square_have_ids_by_size_and_rocks_beyond_the_walls_that_of
 
 
 @given(gone=st.integers(0, 39), seed=st.integers(0, 50))
-def test_a_rock_that_goes_changes_only_ids_of_its_own_square(gone, seed):
+def test_a_removed_rock_changes_only_ids_of_its_square(gone, seed):
     rng = np.random.default_rng(seed)
     rocks = [region(*rng.uniform(-1.9, 1.9, 2), size) for size in rng.uniform(0.05, 0.3, 40)]
     before = {id(one): rock for rock, one in by_id(rocks).items()}
@@ -145,7 +145,7 @@ def test_a_rock_that_goes_changes_only_ids_of_its_own_square(gone, seed):
             assert after[id(one)] == before[id(one)]
 
 
-def test_a_cuboid_of_the_override_file_wins_and_drops_are_left_out(found):
+def test_cuboids_and_drops_of_the_override_file_are_applied(found):
     sand, regions = found
     (_, kept), (second, _), (third, _) = by_id(regions).items()
     around = Cuboid(np.array([*(kept.centre - 0.2), -1.0]), np.array([*(kept.centre + 0.2), 1.0]))
@@ -154,7 +154,7 @@ def test_a_cuboid_of_the_override_file_wins_and_drops_are_left_out(found):
     np.testing.assert_allclose(rocks[7].region.centre, kept.centre, atol=0.02)
 
 
-def test_a_find_whose_id_is_taken_gets_the_next_free_one(found):
+def test_a_region_with_a_used_id_gets_the_next_free_id(found):
     sand, regions = found
     (_, kept), (second, _), (third, moved) = by_id(regions).items()
     around = Cuboid(np.array([*(kept.centre - 0.2), -1.0]), np.array([*(kept.centre + 0.2), 1.0]))
@@ -163,19 +163,19 @@ def test_a_find_whose_id_is_taken_gets_the_next_free_one(found):
     np.testing.assert_array_equal(rocks[third + 1].region.seen, moved.seen)
 
 
-def test_finds_keep_the_ids_of_the_positions_where_they_lie(found, caplog):
+def test_regions_keep_the_ids_of_their_positions(found, caplog):
     sand, regions = found
     (_, one), (_, other), (third, last) = by_id(regions).items()
     points = {2: one.centre + 0.01, 9: other.centre, third: np.array([-1.2, 1.2])}
     _, rocks = crop_rocks(sand, regions, Overrides(positions=points), LIMITS.foot)
     kept = {rock: id(found.region) for rock, found in rocks.items()}
-    assert kept == {2: id(one), 9: id(other), third + 1: id(last)}  # its id waits for the rock that it belongs to
+    assert kept == {2: id(one), 9: id(other), third + 1: id(last)}  # the third id is reserved for its rock
     assert all(found.source == "scan" for found in rocks.values())
-    assert f"rock {third}: there is no find at -1.200, 1.200" in caplog.text
+    assert f"rock {third}: no detected rock at -1.200, 1.200" in caplog.text
 
 
 @pytest.mark.parametrize("gone", [(), (0,), (1,), (0, 2)])
-def test_ids_of_positions_stay_whatever_else_is_found(found, gone):
+def test_ids_of_positions_do_not_depend_on_other_regions(found, gone):
     sand, regions = found
     points = {rock: region.centre for rock, region in enumerate(regions, 1)}
     left = [region for number, region in enumerate(regions) if number not in gone]
@@ -185,7 +185,7 @@ def test_ids_of_positions_stay_whatever_else_is_found(found, gone):
     }
 
 
-def test_a_drop_goes_by_the_ids_that_positions_give(found):
+def test_drops_use_the_ids_of_positions(found):
     sand, regions = found
     (_, one), (second, _), (third, _) = by_id(regions).items()
     overrides = Overrides(positions={8: one.centre}, drop=(8,))
@@ -193,7 +193,7 @@ def test_a_drop_goes_by_the_ids_that_positions_give(found):
     assert sorted(rocks) == [second, third]
 
 
-def test_a_rock_that_only_a_box_tells_changes_no_other_id(three_rock_scans):
+def test_a_rock_that_is_only_annotated_changes_no_other_id(three_rock_scans):
     sand = find_ground(three_rock_scans.select(SAND.contains(three_rock_scans.points)), SAND, CELL, SLOPE)
     lowest = min(region.height for region in find_regions(sand, LIMITS, Evidence({}, {}, 0.3)))
     picky = Limits(foot=0.006, height=lowest + 0.001, confirmed_height=0.010, size=0.035)
@@ -209,7 +209,7 @@ def test_a_rock_that_only_a_box_tells_changes_no_other_id(three_rock_scans):
         np.testing.assert_array_equal(one.seen, after[rock].seen)
 
 
-def test_cloth_that_hangs_into_the_box_becomes_no_ground(bare_scans, rng):
+def test_cloth_in_the_box_is_not_ground(bare_scans, rng):
     corner = rng.uniform([-1.9, -1.9], [-1.7, -1.7], (40_000, 2))
     cloth = np.column_stack([corner, 0.15 + 0.03 * rng.normal(size=len(corner))])
     away = bare_scans.points[:, :2].max(axis=1) > -1.7
@@ -218,10 +218,10 @@ def test_cloth_that_hangs_into_the_box_becomes_no_ground(bare_scans, rng):
     sand, regions = regions_of(scans)
     sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot)
     error = sand.ground - hills(sand.grid.centres())
-    assert np.abs(error[:30, :30]).max() < 0.08  # 24 cm of the corner, filled from beside it
+    assert np.abs(error[:30, :30]).max() < 0.08  # 24 cm of the corner, filled from neighbours
 
 
-def test_a_low_find_is_kept_where_labels_confirm_it(three_rock_scans):
+def test_a_low_region_is_kept_if_labels_confirm_it(three_rock_scans):
     sand = find_ground(three_rock_scans.select(SAND.contains(three_rock_scans.points)), SAND, CELL, SLOPE)
     high = Limits(foot=0.006, height=0.2, confirmed_height=0.010, size=0.035)
     assert find_regions(sand, high, Evidence({}, {}, 0.3)) == []
@@ -235,7 +235,7 @@ def test_a_low_find_is_kept_where_labels_confirm_it(three_rock_scans):
 
 
 def with_patch(scans, size, height, rng):
-    """Scans with a level patch, `size` (x, y) metres, standing on the sand at (0.6, 1.0)."""
+    """Return scans with a level patch of `size` (x, y) metres above the sand at (0.6, 1.0)."""
     low, high = np.array([0.6, 1.0]) - np.array(size) / 2, np.array([0.6, 1.0]) + np.array(size) / 2
     away = ((scans.points[:, :2] < low) | (scans.points[:, :2] > high)).any(axis=1)
     spots = rng.uniform(low, high, (round(2e5 * np.prod(size)), 2))
@@ -244,7 +244,7 @@ def with_patch(scans, size, height, rng):
     return ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
 
 
-def test_a_wide_low_swell_and_an_upright_strip_are_no_rocks_but_a_stone_is(bare_scans, rng):
+def test_swells_and_upright_strips_are_not_rocks_but_a_stone_is(bare_scans, rng):
     for size, height, expected in (((0.30, 0.30), 0.022, 0), ((0.06, 0.05), 0.15, 0), ((0.10, 0.10), 0.05, 1)):
         _, regions = regions_of(with_patch(bare_scans, size, height, rng))
         assert len(regions) == expected, (size, height)
@@ -256,8 +256,8 @@ def test_an_upright_strip_makes_no_spike_in_the_ground(bare_scans, rng):
     assert np.abs(sand.ground - hills(sand.grid.centres())).max() < 0.02
 
 
-def test_sand_that_is_seen_under_an_overhang_does_not_cut_a_rock(rng):
-    # A vault of 24 cm, 12 cm high, of which one scan sees the top and another one the sand below its centre.
+def test_visible_sand_under_an_overhang_does_not_cut_a_rock(rng):
+    # A vault of 24 cm, 12 cm high; one scan shows its top, another scan the sand below its centre.
     sand = np.column_stack([rng.uniform(-1.9, 1.9, (1_000_000, 2)), np.zeros(1_000_000)])
     away = np.hypot(*(sand[:, :2] - [0.4, 0.2]).T)
     vault = np.column_stack([sand[away < 0.12, :2], np.sqrt(0.12**2 - away[away < 0.12] ** 2)])
@@ -274,11 +274,11 @@ def test_walls_bound_the_sand(rng):
     points = np.concatenate([floor, wall])
     extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))))
     assert extent.x0 == pytest.approx(-1.93 + 0.03, abs=0.005)
-    assert (extent.y0, extent.x1, extent.y1) == (-1.97, 1.97, 1.97)  # the survey's 2.0 m less the margin
+    assert (extent.y0, extent.x1, extent.y1) == (-1.97, 1.97, 1.97)  # the surveyed 2.0 m minus the margin
 
 
-def test_a_small_box_is_bounded_by_its_own_width(rng):
+def test_a_small_box_is_bounded_by_its_width(rng):
     points = np.column_stack([rng.uniform(-0.7, 0.7, (50_000, 2)), np.zeros(50_000)])
-    points[(np.abs(points[:, :2]) > 0.53).any(axis=1), 2] = -0.4  # the floor beside it
+    points[(np.abs(points[:, :2]) > 0.53).any(axis=1), 2] = -0.4  # the floor around it
     extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))), 0.5)
     assert (extent.x0, extent.y0, extent.x1, extent.y1) == (-0.47, -0.47, 0.47, 0.47)

@@ -32,7 +32,7 @@ def as_trimesh(mesh):
 
 @pytest.fixture(scope="module")
 def seen_ball():
-    """The part of a ball that two scanners see, above level ground at z = 0."""
+    """Return the part of a ball that two scanners see, above level ground at z = 0."""
     directions = np.array(trimesh.creation.icosphere(subdivisions=5).vertices)
     points = CENTRE + RADIUS * directions
     to_scanners = SCANNERS[None] - points[:, None]
@@ -46,7 +46,7 @@ def ball(seen_ball):
     return closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
 
 
-def test_a_rock_is_one_closed_outward_solid_for_another_program_too(ball):
+def test_a_rock_is_a_closed_outward_solid_for_trimesh(ball):
     other = as_trimesh(ball)
     assert other.is_watertight
     assert other.is_winding_consistent
@@ -62,16 +62,16 @@ def test_there_is_no_gap_at_the_ground(ball):
     assert ball.vertices[:, 2].min() < -0.010
 
 
-def test_the_seen_side_is_met_to_half_a_millimetre(ball, seen_ball):
+def test_the_scanned_side_is_accurate_to_half_a_millimetre(ball, seen_ball):
     near = KDTree(seen_ball.points).query(ball.vertices)[0] < 0.003
     error = np.abs(np.linalg.norm(ball.vertices[near] - CENTRE, axis=1) - RADIUS)
     assert near.sum() > 1000
     assert np.median(error) < 0.0005
 
 
-def test_the_unseen_back_makes_up_the_volume_of_the_ball(ball):
+def test_the_hidden_back_completes_the_volume_of_the_ball(ball):
     height = RADIUS + CENTRE[2]
-    cap = np.pi * height**2 * (RADIUS - height / 3)  # of a ball, cut by the ground
+    cap = np.pi * height**2 * (RADIUS - height / 3)  # cut off by the ground
     assert volume_above(ball, GRID, LEVEL) == pytest.approx(cap, rel=0.12)
 
 
@@ -81,7 +81,7 @@ def test_the_same_cloud_gives_the_same_bytes(ball, seen_ball):
     assert again.faces.tobytes() == ball.faces.tobytes()
 
 
-def test_where_no_surface_closes_a_hull_as_fine_as_other_rocks_does(ball, seen_ball, monkeypatch, caplog):
+def test_a_rock_without_a_closed_surface_gets_a_fine_hull(ball, seen_ball, monkeypatch, caplog):
     sound, calls = surfaces.poisson, []
 
     def torn_at_first(cloud, cell):
@@ -91,7 +91,7 @@ def test_where_no_surface_closes_a_hull_as_fine_as_other_rocks_does(ball, seen_b
 
     monkeypatch.setattr(surfaces, "poisson", torn_at_first)
     hull = closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
-    assert "their convex hull stands for the rock" in caplog.text
+    assert "convex hull" in caplog.text
     assert is_watertight(hull.faces)
     assert len(hull.vertices) == pytest.approx(len(ball.vertices), rel=0.3)
     assert volume(hull) == pytest.approx(volume(ball), rel=0.05)
@@ -121,9 +121,9 @@ def test_a_decimated_solid_stays_closed_and_keeps_its_volume():
     assert volume(copy) == pytest.approx(volume(ball), rel=0.02)
 
 
-def test_small_components_doubles_and_loose_vertices_go():
+def test_small_components_doubled_and_unused_vertices_are_removed():
     box = as_mesh(trimesh.creation.box())
-    soup = box.vertices[box.faces].reshape(-1, 3)  # every triangle with corners of its own
+    soup = box.vertices[box.faces].reshape(-1, 3)  # every triangle with separate corners
     crumb = np.array([[5, 5, 5], [5, 6, 5], [6, 5, 5.0]])
     vertices = np.concatenate([soup, crumb, [[9, 9, 9]]])
     clean = largest_island(merged_vertices(Mesh(vertices, np.arange(len(soup) + 3).reshape(-1, 3))))
@@ -145,7 +145,7 @@ def test_a_hull_is_outward(rng):
     assert volume(hull) == pytest.approx(trimesh.convex.convex_hull(hull.vertices).volume)
 
 
-def test_nothing_closes_a_rock_over_ground_that_was_seen_bare(seen_ball):
+def test_no_closing_points_above_visible_bare_ground(seen_ball):
     bare = np.linalg.norm(GRID.centres() - CENTRE[:2], axis=-1) > 0.9 * RADIUS
     free = closing_points(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003).points
     kept = closing_points(seen_ball, GRID, LEVEL, bare, SCANNERS, 0.003).points
@@ -154,14 +154,14 @@ def test_nothing_closes_a_rock_over_ground_that_was_seen_bare(seen_ball):
     np.testing.assert_array_equal(kept, free[~over_bare])
 
 
-def test_points_on_a_hull_lie_on_its_faces_close_to_each_other_and_none_on_a_face_without_area():
+def test_points_on_a_hull_are_dense_and_skip_faces_without_area():
     rng = np.random.default_rng(8)
     hull = hull_mesh(rng.normal(size=(40, 3)) * 0.1)
     sliver = Mesh(hull.vertices, np.concatenate([hull.faces[:5], [[0, 0, 1]], hull.faces[5:]]))
     found, spacing = hull_points(sliver, 0.004), 0.004
     assert np.array_equal(found.points, hull_points(hull, spacing).points)
     heights = ((hull.vertices[None] - found.points[:, None]) * found.normals[:, None]).sum(axis=2)
-    assert heights.max() < 1e-12  # nothing of the hull lies before a face
+    assert heights.max() < 1e-12  # no point of the hull is outside a face
     assert np.sort(-heights, axis=1)[:, 2].max() < 1e-12  # and three corners on it
     near = KDTree(found.points).query(found.points, k=2)[0][:, 1]
     assert near.max() < spacing
