@@ -1,14 +1,14 @@
-"""Stop a run at random moments: the same command ends it with the bytes of a run that nobody disturbed.
+"""Interrupt a run at random moments and check that the same command completes it with the same bytes.
 
     make chaos                                                20 moments of each kind on a small analog, hours
     .venv/bin/python -m benchmarks.chaos --quick --moments 20 the same on a workflow of quick jobs
 
 Kinds: kill -9 of `polarsim run`, of snakemake (of a local job the parent), of a job; SIGTERM, SIGHUP and SIGINT; a disk
-that is full at a random size (needs root); `scancel` and `scontrol requeue` of a job that runs on a SLURM of one node
-(needs root and SLURM; left out where there is none). After each the same command must end with exit code 0, leave no
-process, no job and no file of a killed job, and have made the same bytes.
+that becomes full at a random size (needs root); `scancel` and `scontrol requeue` of a running job on a SLURM of one
+node (needs root and SLURM, otherwise skipped). After each interruption the same command must exit with code 0, leave no
+process, no job and no file of a killed job, and produce the same bytes.
 
-Last figures: docs/howto/trouble.md.
+Last metrics: docs/howto/trouble.md.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ grid: {azimuths: ["30"], lights: ["off"], exposures_ms: [256]}
 render: {models: [hapke]}
 """
 KINDS = ("kill run", "kill snakemake", "kill job", "SIGTERM", "SIGHUP", "SIGINT", "full disk")
-SLURM_KINDS = {"scancel": ("scancel",), "requeue": ("scontrol", "requeue")}  # the command that is given the job
-# The node is smaller than the profile's, and nothing is asked for a second longer than needed.
+SLURM_KINDS = {"scancel": ("scancel",), "requeue": ("scontrol", "requeue")}  # command that gets the job
+# The node is smaller than the node of the profile, and no time limit is longer than needed.
 THROUGH_SLURM = (
     *("--profile", "config/profiles/slurm", "--cores", str(CORES), "--resources", f"mem_mb={MEMORY_MB}"),
     *("--latency-wait", "10", "--slurm-init-seconds-before-status-checks", "2"),
@@ -52,16 +52,16 @@ NO_OUTPUTS = {"logs", "benchmarks"}
 
 
 class ChaosError(Exception):
-    """A run did not come back as an undisturbed one."""
+    """A resumed run differs from an undisturbed run."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--moments", type=int, default=20, help="of each kind")
-    parser.add_argument("--kinds", nargs="+", choices=(*KINDS, *SLURM_KINDS), help="default: all that can be")
+    parser.add_argument("--moments", type=int, default=20, help="number of moments of each kind")
+    parser.add_argument("--kinds", nargs="+", choices=(*KINDS, *SLURM_KINDS), help="default: all possible kinds")
     parser.add_argument("--seed", type=int, default=32)
     parser.add_argument("--quick", action="store_true", help="a workflow of quick jobs instead of the analog")
-    parser.add_argument("--minutes", type=float, default=1e9, help="begin no moment after that time")
+    parser.add_argument("--minutes", type=float, default=1e9, help="time after which no moment starts")
     arguments = parser.parse_args()
     kinds = arguments.kinds or (*KINDS, *SLURM_KINDS)
     if SLURM_KINDS.keys() & set(kinds) and (reason := why_not()):
@@ -71,7 +71,7 @@ def main() -> None:
         kinds = KINDS
     until = time.monotonic() + 60 * arguments.minutes
     done = dict.fromkeys(kinds, 0)
-    with tempfile.TemporaryDirectory(prefix="chaos ") as name, ExitStack() as context:  # a space, as users have them
+    with tempfile.TemporaryDirectory(prefix="chaos ") as name, ExitStack() as context:  # a path with a space
         rng, folder = random.Random(arguments.seed), Path(name).resolve()
         suites: dict[str, Suite] = {}
         if local := [kind for kind in kinds if kind in KINDS]:
@@ -90,11 +90,11 @@ def main() -> None:
 
 
 class Suite:
-    """A folder with a workflow, and what an undisturbed run of it makes on this machine alone."""
+    """Folder with a workflow, and the files of an undisturbed local run."""
 
     def __init__(self, folder: Path, rng: random.Random, *, quick: bool) -> None:
         self.folder, self.rng, self.results = folder / "a run", rng, folder / "a run/results"
-        self.log = folder / "said.txt"  # of the last call
+        self.log = folder / "said.txt"  # output of the last call
         self.words: tuple[str, ...] = ()
         if quick:
             write_workflow(self.folder)
@@ -104,7 +104,7 @@ class Suite:
             shutil.copy(CHECKOUT / "Snakefile", self.folder)
             (self.folder / "config/chaos.yaml").write_text(SMALL)
             self.words = ("labels", "geometry", "--configfile", "config/chaos.yaml")
-            self.finish()  # generates the raw data, which stay
+            self.finish()  # generates the raw data, which are kept
         self.clear()
         began = time.monotonic()
         self.finish()
@@ -113,7 +113,7 @@ class Suite:
         print(f"undisturbed: {self.seconds:.0f} s, {len(self.expected)} files", flush=True)
 
     def start(self) -> subprocess.Popen[bytes]:
-        """The one command."""
+        """Start the command."""
         program = [sys.executable, "-c", "from polarsim.cli import main; main()"]
         environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
         with self.log.open("w") as log:
@@ -121,7 +121,7 @@ class Suite:
             return subprocess.Popen(words, cwd=self.folder, env=environment, stdout=log, stderr=subprocess.STDOUT)
 
     def finish(self) -> None:
-        """The same command, to the end."""
+        """Run the command to the end."""
         if code := self.start().wait():
             raise ChaosError(f"exit code {code}: {self.said()}")
 
@@ -129,12 +129,12 @@ class Suite:
         return self.log.read_text(errors="replace")[-3000:]
 
     def clear(self) -> None:
-        """Begin from the raw data."""
+        """Delete everything except the raw data."""
         for path in (self.results, self.folder / ".snakemake"):
             shutil.rmtree(path, ignore_errors=True)
 
     def digests(self) -> dict[str, str]:
-        """sha256 of all that the run made, and of all that it left beside it."""
+        """Return the sha256 of all outputs and of all other files of the run."""
         return {
             str(path.relative_to(self.results)): hashlib.sha256(path.read_bytes()).hexdigest()
             for path in sorted(self.results.rglob("*"))
@@ -142,16 +142,16 @@ class Suite:
         }
 
     def left(self) -> list[str]:
-        """What is still at work."""
+        """Return the processes that still run."""
         return [f"process {one.pid}" for one in processes.marked(self.folder)]
 
     def disturb(self, kind: str) -> str:
-        """Disturb a run from the beginning once, end it by the same command, compare; what was done.
+        """Disturb a new run once, complete it by the same command, compare, and return a description.
 
         Raises
         ------
         ChaosError
-            The run did not come back with the same bytes, or left something.
+            The run has different bytes, or left a process or file.
         """
         self.clear()
         what = self.fill_up() if kind == "full disk" else self.stop(kind)
@@ -165,7 +165,7 @@ class Suite:
         return what
 
     def stop(self, kind: str) -> str:
-        """Disturb at a random moment, or as soon after it as there is what to hit; again where the run ended before."""
+        """Disturb at a random moment, or when the target exists; repeat if the run ended before."""
         while True:
             began, moment, process = time.monotonic(), self.rng.uniform(0, self.seconds), self.start()
             time.sleep(moment)
@@ -179,7 +179,7 @@ class Suite:
             self.clear()
 
     def hit(self, kind: str, process: subprocess.Popen[bytes]) -> bool:
-        """Whether there was what to hit."""
+        """Kill the target, and return whether it existed."""
         marked = processes.marked(self.folder)
         snakemake = [one for one in marked if one.ppid() == process.pid]
         scripts = [one for one in marked if any("/.snakemake/scripts/" in word for word in one.cmdline())]
@@ -200,7 +200,7 @@ class Suite:
 
 
 class SlurmSuite(Suite):
-    """The same through the profile of SLURM; bytes must be those of the run on this machine alone."""
+    """Suite with the profile of SLURM; its bytes must equal those of a local run."""
 
     def __init__(self, folder: Path, rng: random.Random, slurm: Slurm, *, quick: bool) -> None:
         super().__init__(folder, rng, quick=quick)
@@ -211,11 +211,11 @@ class SlurmSuite(Suite):
         self.clear()
         self.seconds = self.last_work()
         if self.digests() != self.expected:
-            raise ChaosError("an undisturbed run through SLURM has other bytes")
+            raise ChaosError("an undisturbed run through SLURM has different bytes")
         print(f"undisturbed through SLURM: {self.seconds:.0f} s until the last job's end", flush=True)
 
     def last_work(self) -> float:
-        """Run undisturbed; seconds until the last moment at which a job ran."""
+        """Run undisturbed, and return the seconds until the end of the last job."""
         began, last, process = time.monotonic(), 0.0, self.start()
         while process.poll() is None:
             if self.slurm.at_work():
@@ -230,7 +230,7 @@ class SlurmSuite(Suite):
         return [*super().left(), *jobs.splitlines()]
 
     def hit(self, kind: str, process: subprocess.Popen[bytes]) -> bool:  # noqa: ARG002
-        """Whether a job ran and was stopped: not, if it ended before."""
+        """Stop a running job, and return whether there was one."""
         jobs = self.slurm.at_work()
         if not jobs:
             return False

@@ -1,11 +1,11 @@
-"""Whether two runs made the same: every file of both below results/<run>, by its bytes, else by what it says.
+"""Compare all files of two runs below results/<run>, by bytes or by content.
 
     python benchmarks/compare_runs.py BEFORE AFTER [--renamed OLD=NEW ...] [--without FOLDER ...]
 
-Made for changes that shall change nothing: labels, meshes and renders must keep their bytes; tables must say the same
-but for the configuration's digest, and pictures must have the same pixels. `--renamed` names words that changed in
-paths, columns and cells. Logs, times and pages (html, md, tex, which repeat tables) are left out. Prints a line for
-each folder and each file that differs, and ends with 1 if there is one.
+For changes of the code that must not change outputs: labels, meshes and renders must keep their bytes, tables must be
+equal except for the configuration's digest, and pictures must have the same pixels. `--renamed` lists words that
+changed in paths, columns and cells. Logs, times and pages (html, md, tex, which repeat tables) are skipped. The script
+prints a line for each folder and each file that differs, and exits with 1 if a file differs.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from polarsim.formats import png
 
 LEFT_OUT = ("logs", "benchmarks")
 REPEATED = (".html", ".md", ".tex")
-DIGESTS = ("config", "code", "digest")  # columns and keys that change with every option and every line of code
+DIGESTS = ("config", "code", "digest")  # columns and keys that depend on options and code
 
 
 def comparable(folder: Path, without: tuple[str, ...]) -> dict[str, Path]:
-    """Files of a run by their path below it."""
+    """Return the files of a run by their path below it."""
     return {
         name: path
         for path in sorted(folder.rglob("*"))
@@ -42,15 +42,15 @@ def comparable(folder: Path, without: tuple[str, ...]) -> dict[str, Path]:
 
 
 def renaming(pairs: dict[str, str]) -> Callable[[str], str]:
-    """What puts the new words for the old ones, each as a whole word or a part between underscores."""
+    """Return a function that replaces old by new words, as entire words or parts between underscores."""
     if not pairs:
         return lambda text: text
     pattern = re.compile("|".join(rf"(?<![A-Za-z]){re.escape(old)}(?![a-z])" for old in pairs))
     return lambda text: pattern.sub(lambda found: pairs[found[0]], text)
 
 
-def said(path: Path, renamed: Callable[[str], str]) -> Any:
-    """What a file says, free of its form: a list of columns, a tree of values, pixels, lines or bytes."""
+def content(path: Path, renamed: Callable[[str], str]) -> Any:
+    """Return the content of a file independent of its format: columns, a tree of values, pixels, lines or bytes."""
     if path.suffix in (".parquet", ".csv"):
         table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path, dtype=str)
         table = table.drop(columns=[name for name in DIGESTS if name in table])
@@ -73,12 +73,12 @@ def _without_digests(value: Any) -> Any:
 
 
 def main() -> int:
-    """Compare, print, and return how the process shall end."""
+    """Compare, print, and return the exit code."""
     parser = argparse.ArgumentParser(description="Compare the files of two runs.")
-    parser.add_argument("before", type=Path, help="results/<run> of the state before")
-    parser.add_argument("after", type=Path, help="results/<run> of the state after")
+    parser.add_argument("before", type=Path, help="results/<run> of the previous state")
+    parser.add_argument("after", type=Path, help="results/<run> of the new state")
     parser.add_argument("--renamed", nargs="*", default=[], metavar="OLD=NEW", help="words that changed")
-    parser.add_argument("--without", nargs="*", default=[], metavar="FOLDER", help="folders of the run to leave out")
+    parser.add_argument("--without", nargs="*", default=[], metavar="FOLDER", help="folders of the run to skip")
     asked = parser.parse_args()
     renamed = renaming(dict(pair.split("=", 1) for pair in asked.renamed))
     before = {renamed(name): path for name, path in comparable(asked.before, tuple(asked.without)).items()}
@@ -91,7 +91,7 @@ def main() -> int:
         elif before[name].read_bytes() == after[name].read_bytes():
             outcome = "same bytes"
         else:
-            outcome = "says the same" if said(before[name], renamed) == said(after[name], str) else "differs"
+            outcome = "says the same" if content(before[name], renamed) == content(after[name], str) else "differs"
         counts[folder, outcome] += 1
         if outcome not in ("same bytes", "says the same"):
             print(f"{outcome}: {name}")

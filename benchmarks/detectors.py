@@ -1,16 +1,16 @@
-"""Speed and memory of any detector on the device that is there, and the time that the paper's full protocol would take.
+"""Speed and memory of detectors on the available device, and the predicted time of the paper's full protocol.
 
     python benchmarks/detectors.py [--models compact yolov5n] [--imgsz 640] [--device auto] [--threads 2] [--json]
 
-Pictures are noise with 20 blobs each, as photos become at that size. Start-up does not count: training is the
-difference of a long and a short one. Every detector has a process of its own, so that its peak of memory is its own.
-Rates are of wall time; on a machine that does other things too, look at the CPU seconds.
+Images are noise with 20 blobs each, about as many objects as in photos of that size. Start-up time is excluded: the
+training time is the difference of a long and a short training. Every detector has a separate process, so that its peak
+of memory is measured separately. Rates are of wall time; on a busy machine use the CPU seconds.
 
-Last figures (AMD EPYC, Zen 4, one thread of a busy machine, `--imgsz 288 --pictures 8`): compact 64 ms of CPU a
-picture to train, 34 ms to predict, 569 MB; yolov5n 93 ms, 47 ms, 742 MB. With so few pictures an epoch's validation and
-checkpoint weigh much: compact on 259 pictures 43 ms. The paper's protocol on this thread: 97 and 182 hours.
-NVIDIA H100 (`--device cuda --imgsz 640 --pictures 160`): compact trains on 148 pictures/s, yolov8n in batches of 16 on
-172; they predict 64 and 120.
+Last metrics (AMD EPYC, Zen 4, one thread of a busy machine, `--imgsz 288 --pictures 8`), CPU time per image: compact
+64 ms for training, 34 ms for inference, 569 MB; yolov5n 93 ms, 47 ms, 742 MB. With so few images, validation and
+checkpoint of an epoch dominate: compact on 259 images 43 ms. The paper's protocol on this thread: 97 and 182 hours.
+NVIDIA H100 (`--device cuda --imgsz 640 --pictures 160`): training of compact 148 images/s, of yolov8n in batches of 16
+172; inference 64 and 120.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SHORT, LONG = 1, 4  # epochs
 
 
 def make_dataset(root: Path, imgsz: int, train: int, test: int) -> Path:
-    """A data set as `polarsim.detect.dataset` writes it."""
+    """Write a data set in the format of `polarsim.detect.dataset`."""
     random = np.random.default_rng(0)
     height = round(imgsz * HEIGHT / WIDTH)
     parts = ["train"] * train + ["val"] * 2 + ["test"] * test
@@ -59,19 +59,19 @@ def make_dataset(root: Path, imgsz: int, train: int, test: int) -> Path:
 
 
 def measure(model: str, given: argparse.Namespace) -> dict[str, object]:
-    """Rates, memory and predicted time of one detector."""
+    """Measure rates, memory and predicted time of a detector."""
     root = Path(tempfile.mkdtemp())
     try:
         options = TrainingOptions(model=model, batch=given.batch)
         prediction = PredictionOptions(device=given.device)
         dataset = make_dataset(root / "data", given.imgsz, given.pictures, given.pictures)
-        _train(root, dataset, options, prediction, SHORT, given)  # pays for the imports
+        _train(root, dataset, options, prediction, SHORT, given)  # includes the imports
         spent = {epochs: _train(root, dataset, options, prediction, epochs, given) for epochs in (SHORT, LONG)}
         train_s, train_cpu_s = (
             (long - short) / (LONG - SHORT) / given.pictures
             for short, long in zip(spent[SHORT], spent[LONG], strict=True)
         )
-        _predict(root, dataset, prediction, given.threads)  # the first pays for start-up
+        _predict(root, dataset, prediction, given.threads)  # includes start-up
         predict_s, predict_cpu_s = (
             value / given.pictures for value in _predict(root, dataset, prediction, given.threads)
         )
@@ -94,8 +94,9 @@ def measure(model: str, given: argparse.Namespace) -> dict[str, object]:
 
 
 def paper_hours(train_s: float, predict_s: float) -> dict[str, float]:
-    """Hours of the paper's protocol, by seconds a picture: 3 detectors, 200 epochs of 3,460; 9 times 5,190
-    predictions.
+    """Return the hours of the paper's protocol, from seconds per image.
+
+    It has 3 detectors, 200 epochs of 3,460 images, and 9 times 5,190 predictions.
     """
     one = PAPER_TRAINED * PAPER_EPOCHS * train_s / 3600
     predictions = PAPER_PREDICTED * PAPER_PAIRS * predict_s / 3600
@@ -114,7 +115,7 @@ def _train(
     epochs: int,
     given: argparse.Namespace,
 ) -> tuple[float, float]:
-    """Wall and CPU seconds."""
+    """Return wall and CPU seconds."""
     start = time.perf_counter(), time.process_time()
     train_detector(
         dataset=dataset,
@@ -158,9 +159,9 @@ def main() -> None:
     parser.add_argument("--batch", type=int, default=4)
     parser.add_argument("--device", default="auto", choices=["auto", "cpu", "cuda"])
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--pictures", type=int, default=24, help="to train on, and to predict")
-    parser.add_argument("--json", action="store_true", help="a list with an object a detector")
-    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)  # one detector, in this process
+    parser.add_argument("--pictures", type=int, default=24, help="number of images for training, and for inference")
+    parser.add_argument("--json", action="store_true", help="print a list with an object per detector")
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)  # a single detector, in this process
     given = parser.parse_args()
     if given.here:
         sys.stdout.write(json.dumps(measure(given.models[0], given)))

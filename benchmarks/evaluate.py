@@ -1,13 +1,12 @@
-"""Speed of the figures with their intervals, of the paper's 1,730 test photos: compiled kernels beside the reference.
+"""Speed of the evaluation with intervals for the paper's 1,730 test photos: compiled kernels against the reference.
 
     python benchmarks/evaluate.py [photos]
 
-Photos have 14 labels and 300 predictions of either kind, twice as many as a detector writes at most. CPU seconds on one
-thread of one detector in one domain; a run has 9 such pairs a split and seed. The reference draws a tenth of the
-samples.
+Each photo has 14 labels and 300 predictions of each kind, twice the maximum of a detector. CPU seconds on one thread
+for one detector in one domain; a run has 9 such pairs per split and seed. The reference uses a tenth of the samples.
 
-Last figures (AMD EPYC, Zen 4, busy machine): bootstrap 12.2 s, compiled 1.5 s (8.1 times); matching 0.56 ms a photo and
-kind, compiled 0.04 ms (14 times); all figures of a detector in a domain 13.0 s (by the reference 55 s).
+Last metrics (AMD EPYC, Zen 4, busy machine): bootstrap 12.2 s, compiled 1.5 s (8.1 times); matching 0.56 ms per photo
+and kind, compiled 0.04 ms (14 times); all metrics of a detector in a domain 13.0 s (with the reference 55 s).
 """
 
 from __future__ import annotations
@@ -32,8 +31,8 @@ LABELS, PREDICTIONS, RESAMPLES = 14, 300, 1000
 PAIRS = 9
 
 
-def made_tables(photos: int) -> tuple[list[str], pd.DataFrame, pd.DataFrame]:
-    """Keys, labels, predictions: half of the labels are found with some error, all else is strewn."""
+def synthetic_tables(photos: int) -> tuple[list[str], pd.DataFrame, pd.DataFrame]:
+    """Return keys, labels and predictions: half of the labels are detected with an error, the rest is random."""
     rng = np.random.default_rng(0)
     every = [str(key) for terrain in range(1, 14) for key in photo_grid(terrain)]
     keys = sorted(rng.choice(every, photos, replace=False).tolist())
@@ -64,7 +63,7 @@ def cpu_seconds(work: Callable[[], object]) -> float:
 
 
 def main(photos: int) -> None:
-    keys, labels, found = made_tables(photos)
+    keys, labels, found = synthetic_tables(photos)
     performance = instance_performance(labels, found, 0.25)
     match_predictions(keys[:2], labels[:0], found[:0], performance[:0])  # imports and compiles
     matched = match_predictions(keys, labels, found, performance)
@@ -94,7 +93,7 @@ def main(photos: int) -> None:
 
 
 def _overlaps(keys: list[str], labels: pd.DataFrame, found: pd.DataFrame) -> list[np.ndarray]:
-    """(predictions, labels) of the first kind in each photo."""
+    """Return overlaps (predictions, labels) of the first kind in each photo."""
     sides = []
     for table in (found, labels):
         own = table[(table["kind"] == BOX_CLASSES[0]) & table["key"].isin(keys)]

@@ -1,8 +1,8 @@
-"""How long the explorer's page takes to filter all of NASA's photos and two models' twins, in headless Chromium.
+"""Time that the explorer's page needs to filter all of NASA's photos and two models' twins, in headless Chromium.
 
     python benchmarks/explore.py
 
-Needs Chromium and polarsim[browser]. The run is made up: 5,190 photos of the grid with two twins each.
+Needs Chromium and polarsim[browser]. The run is synthetic: 5,190 photos of the grid with two twins each.
 
 Last metrics (AMD EPYC, two cores, load 11): page 54 kB gzipped, columns of 15,570 pictures 680 kB; ready after 0.8 s;
 filters 0.3 to 7 ms.
@@ -29,8 +29,8 @@ DOMAINS = ("photo", "hapke", "principled")
 FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader"]
 
 
-def made_up() -> Files:
-    """The page with a table of pictures and nothing behind it."""
+def synthetic_page() -> Files:
+    """Return the page with a table of pictures, without the picture files."""
     keys = [key for terrain in TERRAINS for key in photo_grid(terrain)]
     table = pd.DataFrame([{**key_columns(key), "domain": domain} for key in keys for domain in DOMAINS])
     random = np.random.default_rng(1)
@@ -46,7 +46,7 @@ def made_up() -> Files:
 def main() -> None:
     from playwright.sync_api import sync_playwright
 
-    files = made_up()
+    files = synthetic_page()
     packed = sum(len(gzip.compress(content())) for content in page_files().values())
     print(
         f"page: {packed / 1e3:.1f} kB gzipped; columns of pictures: {len(files['data/pictures.arrow']()) / 1e3:.0f} kB"

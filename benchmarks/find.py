@@ -2,12 +2,13 @@
 
     python benchmarks/find.py PICTURE ... [--threads 2] [--weights DETECTOR.pt] [--precision P] [--no-draw]
 
-Each picture is looked at four times under other names; the first look pays for start-up and does not count. Wall time
-depends on what else runs: the CPU seconds say what a photo costs.
+Each picture is processed four times under different names; the first pass includes start-up and is ignored. Wall time
+depends on other processes; CPU seconds are the cost of a photo.
 
-Last figures (AMD EPYC, Zen 4, two cores, nothing else running, eight cover photos, packaged detector, pictures drawn):
-two threads 7.81 and 7.84 photos/s, 0.25 CPU seconds a photo, 0.54 GB. The packaged detector before, which looked at
-1,792 px: 5.94 and 6.30 photos/s, 0.32 and 0.30 CPU seconds, 0.61 GB; one thread 3.35 photos/s, 0.51 GB.
+Last metrics (AMD EPYC, Zen 4, two cores, otherwise idle, eight cover photos, packaged detector, with output images):
+two threads 7.81 and 7.84 photos/s, 0.25 CPU seconds per photo, 0.54 GB. The previous packaged detector with an
+inference width of 1,792 px: 5.94 and 6.30 photos/s, 0.32 and 0.30 CPU seconds, 0.61 GB; one thread 3.35 photos/s,
+0.51 GB.
 """
 
 from __future__ import annotations

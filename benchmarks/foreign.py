@@ -1,27 +1,27 @@
-"""Scans that the analog did not make, and what becomes of them.
+"""Reconstruction of scans from a second simulator, which is independent of the analog.
 
 `python benchmarks/foreign.py FOLDER [seed] [meshes] [--hard] [--bare] [--touching] [--without-boxes]`
 
-Another sandbox, another scanner: real scanned rocks (OBJ files of the published release, rotated and scaled; lumpy
-ellipsoids where there are none) on waves, craters and ripples, in a box of thick boards that loose cloth hangs over
-differently in every scan. Ranges have noise that grows with range and incidence, stripes along rows and columns, mixed
-pixels by the width of the beam, gross outliers, and nothing from grazing surfaces. Files are in NASA's form, full size.
+Scanned rocks (OBJ files of the published release, rotated and scaled; lumpy ellipsoids without them) on waves, craters
+and ripples, in a box of thick boards with loose cloth that moves between scans. Ranges have noise that grows with range
+and incidence, stripes along rows and columns, mixed pixels by the width of the beam, gross outliers, and no returns
+from grazing surfaces. Files are in NASA's format, full size.
 
-In every Left photo somebody drew the rocks, as far as they are seen, each edge 2.5 px off (one standard deviation), and
-none that is smaller than 12 px; `--without-boxes` leaves this out.
+Every left photo has boxes of the visible rocks of 12 px and more, with edges that are off by 2.5 px (standard
+deviation); `--without-boxes` omits them.
 
-`--hard` adds what can pass for small rocks: a slope, asymmetric ripples, tracks of wheels with cleats, heaps of sand,
-and pebbles of 1 to 2.5 cm that are no rocks. `--bare` leaves out the rocks: whatever is found then is wrong.
-`--touching` pushes half of the rocks against a larger one and lays a fifth on one.
+`--hard` adds objects that are similar to small rocks: a slope, asymmetric ripples, tracks of wheels with cleats, heaps
+of sand, and pebbles of 1 to 2.5 cm. `--bare` omits the rocks, so that every detection is false. `--touching` pushes
+half of the rocks against a larger rock and puts a fifth on top of a rock.
 
-Nothing here is shared with the analog; poses, lenses and file formats are the library's.
+No code is shared with the analog, except poses, lenses and file formats of the library.
 
-Last figures (seeds 1 and 2, rocks of terrains 01, 03, 04, 08, 11, three maps of 1936 x 1216, one thread of a 2-core
-virtual machine): CPU seconds cameras 17 and 18, rocks 20 and 17, meshes 88 and 59, of which the ground with cells of
-4 mm takes most. Position C in the frame of A, without any alignment, to 0.3 mm and 0.005 degrees; in the cameras' own
-frame the ground lies 0.16 and 0.15 mm off the true one (median), rocks 0.47 and 0.48 mm (median of medians). Rocks of
-8 cm and more: all found and no other; every rock closed, copies within 2.3 mm. Rocks of 35 to 95 mm without boxes,
-seeds 30, 31, 32, 46: 41 of 47 found, 51 of 53 finds true; on hard ground 41 of 48, 50 of 52.
+Last metrics (seeds 1 and 2, rocks of terrains 01, 03, 04, 08, 11, three maps of 1936 x 1216, one thread of a 2-core
+virtual machine): CPU seconds cameras 17 and 18, rocks 20 and 17, meshes 88 and 59, mostly for the ground with cells of
+4 mm. Position C relative to A, without alignment: 0.3 mm and 0.005 degrees. In the frame of the cameras, the median
+error of the ground is 0.16 and 0.15 mm, of rocks 0.47 and 0.48 mm (median of medians). Rocks of 8 cm and more: recall
+and precision 1; all rocks closed, copies within 2.3 mm. Rocks of 35 to 95 mm without boxes, seeds 30, 31, 32, 46: 41 of
+47 detected, 51 of 53 detections correct; on hard ground 41 of 48, 50 of 52.
 """
 
 from __future__ import annotations
@@ -60,17 +60,20 @@ TRIPODS = {"A": ((3.55, -0.35, 1.55), 179, 25), "B": ((6.1, -0.45, 1.55), 178, 2
 HALF, STEP = 2.0, 0.005  # metres: inner half width of the box, cell of the ground
 BOARD, RIM, FLOOR = 0.076, 0.30, -0.6  # metres: thickness and top of the walls, level of the hall
 LARGEST, SMALLEST = 0.34, 0.05  # metres: longest sides of rocks
-PEN_PX, SMALLEST_PX = 2.5, 12.0  # noise of an edge that a person draws, and the least side of a box, sqrt(area)
+ANNOTATION_SD_PX, SMALLEST_PX = 2.5, 12.0  # noise of an annotated edge, and minimum side of a box, sqrt(area)
 BEAM_PX = 0.7  # half the width of the scanner's beam
-SMALL = (0.035, 0.095)  # metres: sizes of the rocks that have figures of their own, from the smallest that is wanted on
-COUNT = 26  # rocks of a scene
-PEBBLES, HEAPS = 80, 8  # on hard ground
-PUSHED, LAID = 0.5, 0.2  # shares of the rocks of a touching scene that lean against a larger one, or lie on it
-TOUCH = 0.004  # metres between vertices of surfaces that touch
+SMALL = (0.035, 0.095)  # sizes of rocks with separate metrics, metres
+COUNT = 26  # number of rocks of a scene
+PEBBLES, HEAPS = 80, 8  # numbers on hard ground
+PUSHED_SHARE, LAID_SHARE = (
+    0.5,
+    0.2,
+)  # shares of the rocks of a touching scene that lean against, or are on top of, a larger rock
+TOUCH = 0.004  # maximum distance between vertices of touching surfaces, metres
 
 
 def ground_heights(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (n,) along both sides, and heights (n, n) of waves, craters with rims, and ripples."""
+    """Return coordinates (n,) along both sides, and heights (n, n) of waves, craters with rims, and ripples."""
     axis = np.arange(-HALF - BOARD, HALF + BOARD + STEP / 2, STEP)
     x, y = np.meshgrid(axis, axis)
     height = 0.02 * np.sin(1.1 * x + rng.uniform(0, 6)) + 0.02 * np.sin(0.9 * y + rng.uniform(0, 6))
@@ -85,7 +88,7 @@ def ground_heights(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def relief(axis: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(n, n) heights to add to the ground of a hard scene: a slope, ripples, two tracks, heaps."""
+    """Return heights (n, n) to add to the ground of a hard scene: a slope, ripples, two tracks, heaps."""
     x, y = np.meshgrid(axis, axis)
     dip, towards = np.tan(np.radians(rng.uniform(2, 5))), rng.uniform(0, 2 * np.pi)
     height = dip * (x * np.cos(towards) + y * np.sin(towards))
@@ -106,25 +109,25 @@ def relief(axis: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def pebbles(axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
-    """Lumps of 1 to 2.5 cm, half sunk: smaller than any rock that is wanted."""
+    """Return lumps of 1 to 2.5 cm, half sunk: smaller than the minimum size of rocks."""
     lumps = [_lump(rng) for _ in range(8)]
-    return [_sunk(lumps[n % 8], rng.uniform(0.010, 0.025), axis, height, rng) for n in range(PEBBLES)]
+    return [_sink(lumps[n % 8], rng.uniform(0.010, 0.025), axis, height, rng) for n in range(PEBBLES)]
 
 
-def _sunk(lump: Mesh, size: float, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh:
+def _sink(lump: Mesh, size: float, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh:
     position = np.array([[*rng.uniform(-1.8, 1.8, 2)]])
     level = at(axis, height, position)[0] + rng.uniform(0.0, 0.25) * size
     return Mesh(size * lump.vertices + [*position[0], level], lump.faces)
 
 
 def at(axis: np.ndarray, height: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n,) heights of the ground at points (n, 2 or 3)."""
+    """Return heights (n,) of the ground at points (n, 2 or 3)."""
     position = (points[:, [1, 0]] - axis[0]) / STEP
     return ndimage.map_coordinates(height, position.T, order=1, mode="nearest")
 
 
 def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
-    """Real rocks where there are any, else lumpy ellipsoids; centred, longest horizontal side 1."""
+    """Return scanned rocks, or lumpy ellipsoids without meshes; centred, longest horizontal side 1."""
     files = sorted(meshes.glob("*/*_rock*.obj")) if meshes else []
     found = [obj.read(path) for path in files if "decimate" not in path.name] or [_lump(rng) for _ in range(40)]
     solids = []
@@ -133,7 +136,7 @@ def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
         vertices = mesh.vertices[used]
         centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
         side = np.ptp(vertices[:, :2], axis=0).max()
-        if np.ptp(vertices[:, 2]) > 0.25 * side:  # flat ones would vanish in the sand
+        if np.ptp(vertices[:, 2]) > 0.25 * side:  # flatter rocks would be under the sand
             solids.append(Mesh((vertices - centre) / side, faces.reshape(-1, 3)))
     return solids
 
@@ -149,8 +152,10 @@ def _lump(rng: np.random.Generator) -> Mesh:
     return Mesh(points * rng.uniform(0.6, 1, 3), np.asarray(ball.triangles).astype(np.int64))
 
 
-def strewn(axis: np.ndarray, height: np.ndarray, count: int, given: list[Mesh], rng: np.random.Generator) -> list[Mesh]:
-    """Rocks of a power law of sizes, rotated about the vertical, sunk into the ground, none touching another."""
+def place_rocks(
+    axis: np.ndarray, height: np.ndarray, count: int, given: list[Mesh], rng: np.random.Generator
+) -> list[Mesh]:
+    """Place rocks with a power law of sizes, rotated about the vertical, sunk into the ground, without contact."""
     placed: list[Mesh] = []
     taken = np.zeros((0, 3))
     sizes = np.clip(SMALLEST * rng.uniform(0, 1, count) ** -0.8, SMALLEST, LARGEST)
@@ -173,26 +178,32 @@ def strewn(axis: np.ndarray, height: np.ndarray, count: int, given: list[Mesh], 
     return placed
 
 
-def gathered(rocks: list[Mesh], axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
-    """The same rocks, large ones first, many of them beside or on one that came before them."""
+def push_together(rocks: list[Mesh], axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> list[Mesh]:
+    """Move many of the rocks next to or on top of a larger rock."""
     placed = rocks[:1]
     for rock in rocks[1:]:
         chance, moved = rng.random(), None
-        for _ in range(20 if chance < PUSHED + LAID else 0):
+        for _ in range(20 if chance < PUSHED_SHARE + LAID_SHARE else 0):
             parent = placed[rng.integers(len(placed))]
-            moved = _pushed(rock, parent, axis, height, rng) if chance < PUSHED else _laid(rock, parent, placed, rng)
-            if moved is not None and all(other is parent or _apart(moved, other) for other in placed):
+            moved = (
+                _push_against(rock, parent, axis, height, rng)
+                if chance < PUSHED_SHARE
+                else _put_on_top(rock, parent, placed, rng)
+            )
+            if moved is not None and all(other is parent or _is_apart(moved, other) for other in placed):
                 break
             moved = None
-        if moved is None and all(_apart(rock, other) for other in placed):
+        if moved is None and all(_is_apart(rock, other) for other in placed):
             moved = rock
         if moved is not None:
             placed.append(moved)
     return placed
 
 
-def _pushed(rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator) -> Mesh | None:
-    """A rock slid over the ground, out of a random direction, until it touches its parent; None at the walls."""
+def _push_against(
+    rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng: np.random.Generator
+) -> Mesh | None:
+    """Slide a rock over the ground from a random direction until it touches its parent; None at the walls."""
     centres = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))[:2] / 2 for mesh in (rock, parent)]
     angle, tree = rng.uniform(0, 2 * np.pi), KDTree(parent.vertices)
     near, far = 0.0, sum(np.ptp(mesh.vertices[:, :2], axis=0).max() for mesh in (rock, parent))
@@ -208,8 +219,8 @@ def _pushed(rock: Mesh, parent: Mesh, axis: np.ndarray, height: np.ndarray, rng:
     return Mesh(vertices, rock.faces) if (np.abs(position) < 1.75).all() else None
 
 
-def _laid(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator) -> Mesh | None:
-    """A rock, closed from below by its hull, dropped onto its parent; None on one that is hardly larger."""
+def _put_on_top(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator) -> Mesh | None:
+    """Drop a rock, closed from below by its hull, onto its parent; None if the parent is not clearly larger."""
     size, larger = (np.ptp(mesh.vertices[:, :2], axis=0).max() for mesh in (rock, parent))
     if size > 0.8 * larger:
         return None
@@ -226,12 +237,12 @@ def _laid(rock: Mesh, parent: Mesh, placed: list[Mesh], rng: np.random.Generator
     return Mesh(start - [0, 0, fall + 0.003], np.concatenate([rock.faces, below]))
 
 
-def _apart(one: Mesh, other: Mesh) -> bool:
+def _is_apart(one: Mesh, other: Mesh) -> bool:
     return not np.isfinite(KDTree(other.vertices).query(one.vertices, distance_upper_bound=TOUCH)[0]).any()
 
 
 def box(cloth: float, rng: np.random.Generator) -> Mesh:
-    """Boards around the sand, cloth over them that bulges by up to `cloth` metres, another way in every scan."""
+    """Return boards around the sand, with cloth that bulges by up to `cloth` metres, different in every scan."""
     parts, faces, start = [], [], 0
     along = np.linspace(-HALF - BOARD, HALF + BOARD, 300)
     profile = [(0.0, FLOOR), (0.0, RIM), (BOARD, RIM), (BOARD, FLOOR)]
@@ -258,8 +269,8 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
     return np.concatenate([np.stack([a, a + 1, a + columns], 1), np.stack([a + 1, a + columns + 1, a + columns], 1)])
 
 
-def swept(solids: list[Mesh], sandbox_from_eye: Pose, directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(h, w, 3) float32 points in the eye's frame along directions (h, w, 3); NaN where nothing came back."""
+def scan(solids: list[Mesh], sandbox_from_eye: Pose, directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return points (h, w, 3) float32 in the scanner's frame along directions (h, w, 3); NaN without a return."""
     scene = _scene(solids)
     rays = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     distance, cosine = _hits(scene, sandbox_from_eye, rays)
@@ -291,7 +302,7 @@ def _scene(solids: list[Mesh]) -> o3d.t.geometry.RaycastingScene:
 
 
 def _hits(scene: o3d.t.geometry.RaycastingScene, pose: Pose, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances and cosines of incidence (h, w) along unit rays (h, w, 3)."""
+    """Return distances and cosines of incidence (h, w) along unit rays (h, w, 3)."""
     rotated = pose.rotate(rays.reshape(-1, 3)).reshape(rays.shape)
     start = np.broadcast_to(pose.translation, rotated.shape)
     hit = scene.cast_rays(o3d.core.Tensor(np.concatenate([start, rotated], axis=-1).astype(np.float32)))
@@ -302,16 +313,16 @@ def _hits(scene: o3d.t.geometry.RaycastingScene, pose: Pose, rays: np.ndarray) -
 def make(
     folder: Path, seed: int, meshes: Path | None, count: int = COUNT, *, hard: bool = False, touching: bool = False
 ) -> None:
-    """Write range maps and calibration as NASA would, and the truth beside them."""
+    """Write range maps and calibration in NASA's format, and the ground truth."""
     rng, of_hard = np.random.default_rng(seed), np.random.default_rng([seed, 2])
     axis, height = ground_heights(rng)
     height += relief(axis, of_hard) if hard else 0.0
     clutter = pebbles(axis, height, of_hard) if hard else []
     x, y = np.meshgrid(axis, axis)
     ground = Mesh(np.stack([x, y, height], -1).reshape(-1, 3), _grid_faces(len(axis), len(axis)))
-    rocks = strewn(axis, height, count, shapes(meshes, rng), rng)
+    rocks = place_rocks(axis, height, count, shapes(meshes, rng), rng)
     if touching:
-        rocks = gathered(rocks, axis, height, np.random.default_rng([seed, 3]))
+        rocks = push_together(rocks, axis, height, np.random.default_rng([seed, 3]))
     rig, grid = stated_rig(), rectified_left(stated_rig())
     maps = {}
     for position, (tripod, yaw, pitch) in TRIPODS.items():
@@ -319,7 +330,7 @@ def make(
         angles = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
         sandbox_from_left = looking(centre, *angles)
         solids = [ground, *rocks, *clutter, box(0.02, rng)]
-        points = swept(solids, sandbox_from_left @ grid.left_from_rectified, grid.lens.pixel_directions(), rng)
+        points = scan(solids, sandbox_from_left @ grid.left_from_rectified, grid.lens.pixel_directions(), rng)
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
         nasa.write_range_map(maps[position], points)
         write_localised(folder / f"truth/cameras/Pos{position}.json", LocalisedRig(rig, sandbox_from_left, "truth"))
@@ -333,7 +344,7 @@ def _write_truth(truth: Path, ground: Mesh, rocks: list[Mesh], axis: np.ndarray,
     for number, rock in enumerate(rocks, 1):
         above = rock.vertices[:, 2] - at(axis, height, rock.vertices)
         faces = rock.faces[(above > -0.003)[rock.faces].any(axis=1)]
-        if not len(faces):  # wholly under the sand, where nobody can find it
+        if not len(faces):  # completely under the sand
             continue
         used, index = np.unique(faces, return_inverse=True)
         part = rock.vertices[used]
@@ -347,8 +358,8 @@ def _write_truth(truth: Path, ground: Mesh, rocks: list[Mesh], axis: np.ndarray,
     obj.write(truth / "meshes" / name, ground, Path(name).stem)
 
 
-def draw(folder: Path, seed: int) -> None:
-    """Write one file of rock boxes a position as people draw them, from the truth in a folder."""
+def annotate(folder: Path, seed: int) -> None:
+    """Write a file of annotated rock boxes per position, from the ground truth in a folder."""
     rng = np.random.default_rng([seed, 1])
     rocks = [obj.read(path) for path in obj.rock_files(folder / "truth/meshes").values()]
     scene = _scene([obj.read(folder / "truth/meshes" / obj.ground_name(TERRAIN)), *rocks])
@@ -360,7 +371,7 @@ def draw(folder: Path, seed: int) -> None:
             inside = ((pixels > 0) & (pixels < [lens.width, lens.height])).all(axis=1)
             seen = pixels[inside & _in_sight(scene, placed.sandbox_from_left.translation, rock.vertices)]
             if len(seen):
-                box = clip(around(seen)[None] + rng.normal(0, PEN_PX, 4))[0]
+                box = clip(around(seen)[None] + rng.normal(0, ANNOTATION_SD_PX, 4))[0]
                 if np.sqrt(area(box)) >= SMALLEST_PX:
                     boxes.append(np.round(box))
         key = PhotoKey(TERRAIN, position, "off", "30", "L", 256)
@@ -368,14 +379,14 @@ def draw(folder: Path, seed: int) -> None:
 
 
 def _in_sight(scene: o3d.t.geometry.RaycastingScene, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n,) whether nothing stands between an eye and points (n, 3)."""
+    """Return whether points (n, 3) are visible from a position, (n,)."""
     away = points - eye
     rays = np.concatenate([np.broadcast_to(eye, away.shape), away], axis=1).astype(np.float32)
     return np.asarray(scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy() > 0.999)
 
 
 def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict[str, float]:
-    """Cameras, rocks and meshes of the scans in a folder, and their scores; CPU seconds of each stage."""
+    """Reconstruct cameras, rocks and meshes from the scans in a folder; return the CPU seconds of each stage."""
     options = rocks_options or RocksOptions()
     (folder / "seeds").mkdir(exist_ok=True)
     seconds, start = {}, time.process_time()
@@ -414,8 +425,8 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
     return seconds
 
 
-def scored(folder: Path) -> pd.DataFrame:
-    """Figures of cameras and rocks against the truth."""
+def score(folder: Path) -> pd.DataFrame:
+    """Return metrics of cameras and rocks against the ground truth."""
     common = {"terrain": TERRAIN, "cameras": folder / "cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
     score_cameras(**common, matches=None, annotated=None, evaluation=folder / "cameras.csv")
     rocks = {"rocks": folder / "rocks.parquet", "evaluation": folder / "rocks.csv", "scores": folder / "scores.csv"}
@@ -424,10 +435,10 @@ def scored(folder: Path) -> pd.DataFrame:
     return pd.concat([pd.read_csv(folder / f"{name}.csv") for name in ("cameras", "rocks")], ignore_index=True)
 
 
-def small_finds(folder: Path) -> dict[str, float]:
-    """How many small rocks there are and were found, how many small finds there are and are true; all others' errors.
+def score_small_rocks(folder: Path) -> dict[str, float]:
+    """Count small rocks and detections, correct and missed, and the errors of the rest.
 
-    Rocks count by their own size, in the frame of position A, paired with finds of any size.
+    Rocks are classified by their size, in the frame of position A, and matched with detections of any size.
     """
     true, found = (pd.read_parquet(folder / name) for name in ("truth/rocks.parquet", "rocks.parquet"))
     placed = [
@@ -458,11 +469,11 @@ def main() -> None:
         make(folder, seed, meshes, count, hard="--hard" in sys.argv, touching="--touching" in sys.argv)
     shutil.rmtree(folder / "seeds", ignore_errors=True)
     if "--without-boxes" not in sys.argv:
-        draw(folder, seed)
+        annotate(folder, seed)
     print("CPU seconds:", {name: round(value, 1) for name, value in reconstruct(folder).items()})
-    print(small_finds(folder))
+    print(score_small_rocks(folder))
     if "--bare" not in sys.argv:
-        print(scored(folder)[["stage", "subject", "metric", "value", "unit", "n"]].to_string(index=False))
+        print(score(folder)[["stage", "subject", "metric", "value", "unit", "n"]].to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -1,18 +1,18 @@
-"""How near materials fitted to the analog's photos come to its true albedo and to photos that were held out.
+"""Accuracy of materials fitted to the analog's photos: error of the albedo, and error on held-out photos.
 
 `python benchmarks/materials.py RUN ANALOG [--terrains 3 11] [--held-out 30 180 270 350]`
 
-RUN is a finished run's folder (`results/demo`), ANALOG the raw data that it was made of (`data/analog`); both are only
-read. Materials are fitted anew, once for every azimuth that is held out. True albedo is read where the analog wrote it,
-else it is worked out from the analog's terrain.
+RUN is the folder of a finished run (`results/demo`), ANALOG its raw data (`data/analog`); both are only read. Materials
+are fitted again for every held-out azimuth. The true albedo is read from the analog's files, or computed from the
+analog's terrain.
 
-Last figures (demo, found cameras and meshes of 10 mm ground, azimuth 30 held out; Hapke / Principled). Error of albedo
-on the ground, median: terrain 1 4.5 / 4.9 %, 3 3.4 / 3.2 %, 11 3.0 / 4.2 %, where a constant is off by 8 to 9 %; rocks
-7 to 24 %, for they scatter by another law than the sand whose parameters they share. Pixels of the held-out azimuth,
-median stops without a fit, with a constant albedo, with all: terrain 3 0.49, 0.31, 0.25 / 0.41, 0.35, 0.32; terrain 11
-0.43, 0.21, 0.15 / 0.34, 0.29, 0.23. Most of what is left are slopes of sand and grains, which no albedo can show: in
-low light they matter most. Lamp 180 is 6 times as bright as 30 in truth, 350 3.2 times; found 6.8 and 7.1 / 5.0 and
-5.3, and 3.6 and 3.1 / 3.6 and 3.3. 47 to 77 CPU s a terrain of 4 views.
+Last metrics (demo, estimated cameras and meshes of 10 mm ground, azimuth 30 held out; Hapke / Principled). Median error
+of the albedo on the ground: terrain 1 4.5 / 4.9 %, 3 3.4 / 3.2 %, 11 3.0 / 4.2 %, with a constant albedo 8 to 9 %; on
+rocks 7 to 24 %, because their scattering law differs from that of sand, with which they share parameters. Pixels of the
+held-out azimuth, median stops without a fit, with a constant albedo, with all parameters: terrain 3 0.49, 0.31, 0.25 /
+0.41, 0.35, 0.32; terrain 11 0.43, 0.21, 0.15 / 0.34, 0.29, 0.23. Most of the remaining error is due to slopes of sand
+and grains, which an albedo cannot represent, and which matter most in low light. Lamp 180 is 6 times as bright as 30,
+350 3.2 times; estimates 6.8 and 7.1 / 5.0 and 5.3, and 3.6 and 3.1 / 3.6 and 3.3. 47 to 77 CPU s per terrain.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ MODELS = ("principled", "hapke")
 
 
 def true_albedo(terrain: int, truth: Path, positions: list[str], options: AnalogOptions) -> pd.DataFrame:
-    """What the photos of some positions show."""
+    """Return the true albedo at the points that the photos of some positions show."""
     if (truth / "albedo.parquet").exists():
         return read_parquet(truth / "albedo.parquet", ALBEDO_COLUMNS)
     made, found = build_terrain(terrain, options), AlbedoMap()
@@ -54,7 +54,7 @@ def true_albedo(terrain: int, truth: Path, positions: list[str], options: Analog
 
 
 def measure(terrain: int, run: Path, analog: Path, held_out: list[str], photos: Path) -> None:
-    """Print a terrain's figures."""
+    """Print the metrics of a terrain."""
     name = f"Terrain{terrain:02d}"
     cameras, meshes, truth = run / "cameras" / name, run / "meshes" / name, analog / "truth" / name
     mesh = read_terrain(meshes, terrain)

@@ -1,10 +1,10 @@
-"""Time that Snakemake takes to plan runs, and to find that a finished one has nothing left to do.
+"""Time that Snakemake needs to plan runs, and to detect that a finished run is complete.
 
     python benchmarks/planning.py
 
-A dry-run reads the configuration, names all files and builds the graph of jobs; nothing is made. "Finished" is the same
-configuration in a folder of its own with all of its files there, empty, and taken as made (`snakemake --touch`). CPU
-time is told beside wall time, since machines are busy.
+A dry-run reads the configuration, names all files and builds the graph of jobs without executing them. "Finished" is
+the same configuration in a separate folder with empty files that Snakemake treats as outputs (`snakemake --touch`). CPU
+time is printed next to wall time, because machines are busy.
 
 Last metrics (AMD EPYC, two cores at a load of 13): demo 17.3 s, 3.1 s of CPU; full (334 jobs) 19.8 s, 3.7; 13 terrains
 with 18 trainings 18.9 s, 3.8; full finished 11.7 s, 3.2.
@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def snakemake(folder: Path, configuration: Path, *arguments: str) -> tuple[str, float, float]:
-    """What Snakemake prints, its wall time and its CPU time, s."""
+    """Return Snakemake's output, its wall time and its CPU time, s."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     command = [sys.executable, "-m", "snakemake", "--cores", "1", *arguments, "--configfile", str(configuration)]
     done = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
@@ -36,7 +36,7 @@ def snakemake(folder: Path, configuration: Path, *arguments: str) -> tuple[str, 
 
 
 def with_detectors(folder: Path) -> Path:
-    """The demo with all 13 terrains and photos, two splits and three seeds."""
+    """Write the demo's configuration with all 13 terrains and photos, two splits and three seeds."""
     content = yaml.safe_load((ROOT / "config/config.yaml").read_text())
     content.update(run="planned", terrains=list(range(1, 14)), positions=list("ABCDEFG"), grid={})
     content["detect"] |= {"splits": ["photo", "terrain"], "seeds": [0, 1, 2]}
@@ -46,7 +46,7 @@ def with_detectors(folder: Path) -> Path:
 
 
 def finish(folder: Path, configuration: Path) -> int:
-    """Put an empty file or folder where each output belongs, and take all as made; how many there are."""
+    """Create an empty file or folder for each output, mark all as complete, and return their number."""
     summary = snakemake(folder, configuration, "--summary")[0]
     outputs = [Path(line.split("\t")[0]) for line in summary.splitlines() if line.startswith(("results/", "data/"))]
     for path in outputs:

@@ -1,11 +1,11 @@
-"""Which pixels of a view depend on the processor: `python -m benchmarks.processors [--cells 300] [--engine numba]`.
+"""Pixels of a view that depend on the processor: `python -m benchmarks.processors [--cells 300] [--engine numba]`.
 
-One view of three lamps, 4 rays a pixel, is rendered twice, each time by a process of its own: with all that this
-processor has, and as one without AVX-512 would. For that NumPy, OpenBLAS, Numba and Embree are told to leave AVX-512
-alone. Printed for every OLAT image, its photo at 256 ms and every picture of ids: pixels that differ, and by how much.
-Bytes of PNG files are not compared: they are made by ISA-L, which cannot be told; what they hold is.
+A view of three lamps with 4 rays per pixel is rendered twice in separate processes: with all features of this
+processor, and without AVX-512, which is disabled in NumPy, OpenBLAS, Numba and Embree. For every OLAT image, its photo
+at 256 ms and every image of ids, the script prints the number of different pixels and their difference. The content of
+PNG files is compared, not the bytes, because ISA-L writes them and cannot be configured.
 
-Last figures: see "Renderer" in docs/notes/render.md.
+Last metrics: see "Renderer" in docs/notes/render.md.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ WITHOUT_AVX512 = {
 
 
 def render(out: Path, cells: int, options: RenderOptions) -> None:
-    """Write all pictures of the view to an NPZ file."""
+    """Write all images of the view to an NPZ file."""
     rig = surveyed_rig()
     camera = Camera(rig.sandbox_from_left, rig.rig.left)
     lamps = {name: lamp for name, lamp in lamps_of(SUN_LAMPS, rig).items() if name in LAMPS}
@@ -54,7 +54,7 @@ def render(out: Path, cells: int, options: RenderOptions) -> None:
 
 
 def difference(name: str, here: np.ndarray, there: np.ndarray) -> str:
-    """One line of the table."""
+    """Return a line of the table."""
     differ = here != there
     apart = np.abs(here[differ].astype(float) - there[differ])
     largest = np.maximum(here[differ], there[differ]).astype(float)
@@ -65,7 +65,7 @@ def difference(name: str, here: np.ndarray, there: np.ndarray) -> str:
 def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--cells", type=int, default=300, help="cells along a side of the ground")
-    asked.add_argument("--engine", default="numba", help="what evaluates reflectance")
+    asked.add_argument("--engine", default="numba", help="engine of the reflectance")
     asked.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     asked.add_argument("--isa", help=argparse.SUPPRESS)
     args = asked.parse_args()

@@ -1,9 +1,9 @@
-"""What people themselves would score on cover photos: their labels of the same view under another lamp as predictions.
+"""Agreement of people on cover photos: their labels of the same view under another lamp, scored as predictions.
 
 .venv/bin/python -m benchmarks.redrawn --covers results/covers/covers [--root data/polar-sim]
 
-Rocks stay where they are under every lamp, so boxes of two azimuths of one camera are two drawings of one thing: no
-detector can agree with people much better. Confidence is the area of a box, people gave none. Shadows move.
+Rocks do not move between lamps, so that boxes of two azimuths of a camera are repeated annotations of the same object:
+a detector cannot agree with people much better. The confidence is the area of a box. Shadows are not scored.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from polarsim.photo import AZIMUTHS, HEIGHT, ROCK, WIDTH, PhotoKey
 
 
 def redrawn(root: Path, keys: list[PhotoKey], azimuth: str) -> pd.DataFrame:
-    """Labels that people drew under another azimuth, as predictions of the photos of some keys; no row where none."""
+    """Return labels of some photos under another azimuth as predictions; empty without labels."""
     rows = []
     for key in keys:
         files = release.label_files(root, key.terrain)

@@ -1,20 +1,19 @@
-"""Photos a second of the renderer, files to files, beside Mitsuba 3 in one run.
+"""Photos per second of the renderer, from files to files, compared with Mitsuba 3 in the same run.
 
 `python -m benchmarks.render [--threads 2] [--samples 4] [--cells 500] [--json FILE]`
 
-Ours: the full photo grid of one terrain and position, 2 cameras x (4 Suns x 2 lights + rover light alone) x 7 exposures
-x 2 models = 252 photos of 1936 x 1216 pixels, PNGs, boxes, ids, COCO and tables written: `render_twins` as the
-workflow calls it, from OBJ meshes on disk. Mitsuba (left out with a message where it is not installed): photos of the
-left camera, one after the other, with its fastest CPU variant that runs here, the `direct` integrator, the principled
-model, the same samples a pixel, on as many threads; its scenes are built before the clock starts, every kernel has run
-once, and no file is written.
+Ours: the full photo grid of one terrain and position, 2 cameras x (4 Suns x 2 lights + only rover light) x 7 exposures
+x 2 models = 252 photos of 1936 x 1216 pixels, with PNGs, boxes, ids, COCO and tables: `render_twins` as the workflow
+calls it, from OBJ meshes on disk. Mitsuba (skipped with a message if it is not installed): photos of the left camera in
+sequence, with its fastest CPU variant on this machine, the `direct` integrator, the principled model, the same number
+of samples per pixel and of threads; scenes are built and kernels are compiled before the measurement, and no file is
+written.
 
-Last figures (AMD EPYC of Zen 4 with AVX-512, `--threads 1` on two cores at a load of 10, 776,482 triangles): 15.0 CPU
-seconds, the commit before compiled loops 22.7; Mitsuba 3.9.1, `llvm_ad_mono`, 0.94 a photo: ours is 15.8 times as fast
-by CPU time, 13.9 times by the clock. On two such cores with nothing else running (`--threads 2`): 31.2 to 32.8
-photos/s in six runs, 14 CPU seconds, 1.0 GB. Before that (two runs, AMD EPYC with AVX2, nothing else running, two
-threads): 28.5 and 32.6 CPU seconds, 14.9 and 12.8 photos/s, 12.2 and 12.4 times as fast as Mitsuba, by CPU time 14.5
-and 14.8.
+Last metrics (AMD EPYC of Zen 4 with AVX-512, `--threads 1` on two cores at a load of 10, 776,482 triangles): 15.0 CPU
+seconds, before compiled loops 22.7; Mitsuba 3.9.1, `llvm_ad_mono`, 0.94 per photo: ours is 15.8 times as fast by CPU
+time, 13.9 times by wall time. On two such cores, otherwise idle (`--threads 2`): 31.2 to 32.8 photos/s in six runs, 14
+CPU seconds, 1.0 GB. Earlier (two runs, AMD EPYC with AVX2, otherwise idle, two threads): 28.5 and 32.6 CPU seconds,
+14.9 and 12.8 photos/s, 12.2 and 12.4 times as fast as Mitsuba, by CPU time 14.5 and 14.8.
 """
 
 from __future__ import annotations
@@ -43,12 +42,12 @@ from polarsim.survey import SUN_LAMPS
 from tests.support.made_terrain import made_terrain, surveyed_rig
 
 TERRAIN, POSITION = 4, "A"
-EXPOSURES_MS = tuple(2**step for step in range(5, 12))  # NASA's: 32 to 2048
+EXPOSURES_MS = tuple(2**step for step in range(5, 12))  # of NASA: 32 to 2048
 MODELS: tuple[Model, ...] = ("principled", "hapke")
 
 
 def grid_keys() -> list[PhotoKey]:
-    """Every photo of one terrain and position that has light in it."""
+    """Return every photo of one terrain and position with light."""
     lights = [("off", sun) for sun in SUNS] + [("on", sun) for sun in SUNS] + [("on", "no")]
     return [
         PhotoKey(TERRAIN, POSITION, light, azimuth, camera, exposure)
@@ -59,14 +58,14 @@ def grid_keys() -> list[PhotoKey]:
 
 
 def write_terrain(folder: Path, mesh: TerrainMesh) -> None:
-    """The meshes as files, ground and rocks."""
+    """Write the meshes of ground and rocks."""
     obj.write(folder / obj.ground_name(TERRAIN), mesh.part(NO_ROCK), "ground")
     for rock in mesh.rocks:
         obj.write(folder / obj.rock_name(TERRAIN, rock), mesh.part(rock), f"rock{rock}")
 
 
 def ours(mesh: TerrainMesh, keys: Sequence[PhotoKey], options: RenderOptions, threads: int) -> dict[str, float]:
-    """Seconds of the whole stage."""
+    """Return the seconds of the entire stage."""
     with tempfile.TemporaryDirectory() as name:
         out = Path(name)
         for folder in ("cameras", "meshes"):
@@ -88,16 +87,16 @@ def ours(mesh: TerrainMesh, keys: Sequence[PhotoKey], options: RenderOptions, th
         seconds = {"wall_s": time.perf_counter() - wall, "cpu_s": time.process_time() - cpu}
         written = sum(1 for model in MODELS for _ in (out / model).glob("*.png"))
         if written != len(keys) * len(MODELS):
-            raise SystemExit(f"{written} photos written, {len(keys) * len(MODELS)} asked for")
+            raise SystemExit(f"{written} photos written, {len(keys) * len(MODELS)} expected")
         return seconds
 
 
 def mitsuba(mesh: TerrainMesh, options: RenderOptions, threads: int) -> dict[str, Any]:
-    """Seconds that Mitsuba takes for a photo, the mean over the nine ways to light it; empty without Mitsuba."""
+    """Return Mitsuba's seconds per photo, the mean over nine illuminations; empty without Mitsuba."""
     try:
         import mitsuba as mi
     except ImportError:
-        print("Mitsuba is not installed (pip install polarsim[mitsuba]): not compared")
+        print("Mitsuba is not installed (pip install polarsim[mitsuba]): no comparison")
         return {}
     import drjit as dr
 
@@ -133,9 +132,9 @@ def mitsuba(mesh: TerrainMesh, options: RenderOptions, threads: int) -> dict[str
 def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--threads", type=int, default=2)
-    asked.add_argument("--samples", type=int, default=4, help="rays a pixel")
+    asked.add_argument("--samples", type=int, default=4, help="rays per pixel")
     asked.add_argument("--cells", type=int, default=500, help="cells along a side of the ground")
-    asked.add_argument("--json", type=Path, help="file for the figures")
+    asked.add_argument("--json", type=Path, help="output file of the metrics")
     args = asked.parse_args()
     mesh = made_terrain(args.cells)
     keys = grid_keys()

@@ -1,19 +1,19 @@
-"""The photo grid of `render.py` on a GPU beside the CPU, before PNG: `python -m benchmarks.render_gpu [--json FILE]`.
+"""The photo grid of `render.py` on GPU and CPU, without PNG: `python -m benchmarks.render_gpu [--json FILE]`.
 
-    --device cuda|vulkan|cpu    what Taichi runs on; default: the first GPU that it finds. cpu is for trying it out.
+    --device cuda|vulkan|cpu    Taichi's device; default: the first GPU. cpu is for tests.
     --threads 2                 of the CPU's renderer; the device's photos are exposed on all cores
     --samples 4 --cells 500 --scale 1
 
-Without a GPU it prints "skipped: no GPU" and ends well. Both sides make the same 252 photos of 1936 x 1216 pixels in
-memory: rays, shadows and reflectance of ten OLAT images a camera, sums, 12 bits. Left out on both are the build of the
-trees and the compilation of kernels (`ready_s`), labels, and PNG files. Those the CPU writes, whatever made the photos:
-`png_bound_photos_per_s` is what all its cores can write. `ratio` is that of the rates before PNG.
+Without a GPU it prints "skipped: no GPU" and exits with 0. Both renderers compute the same 252 photos of 1936 x 1216
+pixels in memory: rays, shadows and reflectance of ten OLAT images per camera, sums, 12 bits. The measurement excludes
+the build of the trees and the compilation of kernels (`ready_s`), labels, and PNG files, which the CPU writes in both
+cases: `png_bound_photos_per_s` is the rate of all its cores. `ratio` is the ratio of the rates without PNG.
 
-The pictures of both must be the same but for pixels at edges, where float32 rays of two trees part.
+The images of both must be equal except for pixels at edges, where float32 rays of two trees may hit different faces.
 
-On an NVIDIA H100 with 16 cores (776,482 triangles): 450 photos/s before PNG, two threads of the CPU 34.6; layers alone
-17.8 times as fast; 5 pixels of 100,000 differ, brightness by 5e-7. With 16 threads and `--samples 16`: 391 and 51.7.
-Sixteen cores write 2,128 PNG files a second.
+On an NVIDIA H100 with 16 cores (776,482 triangles): 450 photos/s without PNG, two threads of the CPU 34.6; OLAT images
+17.8 times as fast; 5 of 100,000 pixels differ, brightness by 5e-7. With 16 threads and `--samples 16`: 391 and 51.7.
+Sixteen cores write 2,128 PNG files per second.
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ from polarsim.survey import SUN_LAMPS
 from tests.support.made_terrain import made_terrain, surveyed_rig
 
 CAMERAS = ("L", "R")
-PNGS = 8  # files written to time one
-FAINT = 1e-3  # of an OLAT image's brightest: a smaller difference counts as none
-MOST_DIFFERENT = 5e-3  # share of an OLAT image's pixels: those at edges
-MOST_OFF = 1e-3  # of an OLAT image's mean brightness
+PNGS = 8  # number of written files for the time per file
+FAINT = 1e-3  # minimum difference, relative to an OLAT image's maximum
+MAX_DIFFERENT = 5e-3  # maximum share of different pixels of an OLAT image, at edges
+MAX_BRIGHTNESS_ERROR = 1e-3  # maximum difference, relative to the mean brightness of an OLAT image
 
 OlatImages = Mapping[tuple[Model, str], np.ndarray]
 
 
 class Grid:
-    """The grid of photos on one device."""
+    """Grid of photos on a device."""
 
     def __init__(self, mesh: TerrainMesh, options: RenderOptions, scale: float, threads: int, cores: int) -> None:
         """`threads` render, `cores` expose."""
@@ -63,7 +63,7 @@ class Grid:
         self.surfaces: Surfaces = surfaces_of(mesh, options)
         start = time.perf_counter()
         self.surfaces.prepare(shadows=False)
-        self.olat_images("L")  # kernels compile, triangles are laid on the device
+        self.olat_images("L")  # compiles kernels and copies triangles to the device
         self.ready_s = time.perf_counter() - start
 
     def olat_images(self, camera: str) -> OlatImages:
@@ -71,7 +71,7 @@ class Grid:
         return render_view(self.surfaces, view, self.lamps, MODELS, None, self.options, self.threads).olat_images
 
     def photos(self, olat_images: OlatImages, keys: Sequence[PhotoKey]) -> list[np.ndarray]:
-        """Photos of one camera in both models."""
+        """Return the photos of a camera in both models."""
         sets = sorted({(model, key.bracket) for key in keys for model in MODELS}, key=str)
 
         def exposed(model_and_set: tuple[Model, tuple[object, ...]]) -> list[np.ndarray]:
@@ -85,7 +85,7 @@ class Grid:
             return [photo for found in pool.map(exposed, sets) for photo in found]
 
     def timed(self) -> dict[str, Any]:
-        """Seconds of all photos, the last camera's OLAT images, and some photos."""
+        """Return the seconds of all photos, the last camera's OLAT images, and some photos."""
         keys, olat_images_s, photos_s, cpu = grid_keys(), 0.0, 0.0, time.process_time()
         for camera in CAMERAS:
             start = time.perf_counter()
@@ -106,15 +106,15 @@ class Grid:
         }
 
 
-def found_device() -> str | None:
-    """The first GPU that Taichi finds."""
+def find_device() -> str | None:
+    """Return the first available GPU of Taichi."""
     from polarsim.geometry.taichi_device import is_there
 
     return next((device for device in ("cuda", "vulkan") if is_there(device)), None)  # type: ignore[arg-type]
 
 
-def compared(cpu: OlatImages, device: OlatImages) -> dict[str, float]:
-    """Worst difference of an OLAT image: share of pixels that differ, and of the mean brightness."""
+def compare(cpu: OlatImages, device: OlatImages) -> dict[str, float]:
+    """Return the maximum over OLAT images of the share of different pixels, and of the mean brightness difference."""
     different = [
         np.mean(np.abs(device[key] - olat_image) > FAINT * olat_image.max()) for key, olat_image in cpu.items()
     ]
@@ -123,7 +123,7 @@ def compared(cpu: OlatImages, device: OlatImages) -> dict[str, float]:
 
 
 def png_seconds(photos: Sequence[np.ndarray]) -> float:
-    """CPU seconds that writing a photo takes."""
+    """Return the CPU seconds per written photo."""
     with tempfile.TemporaryDirectory() as folder:
         start = time.process_time()
         for number, photo in enumerate(photos):
@@ -135,12 +135,12 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--device", choices=("cuda", "vulkan", "cpu"))
     asked.add_argument("--threads", type=int, default=2, help="of the CPU's renderer")
-    asked.add_argument("--samples", type=int, default=4, help="rays a pixel")
+    asked.add_argument("--samples", type=int, default=4, help="rays per pixel")
     asked.add_argument("--cells", type=int, default=500, help="cells along a side of the ground")
-    asked.add_argument("--scale", type=float, default=1, help="of the photos' sides")
-    asked.add_argument("--json", type=Path, help="file for the figures")
+    asked.add_argument("--scale", type=float, default=1, help="scale of the photos' sides")
+    asked.add_argument("--json", type=Path, help="output file of the metrics")
     args = asked.parse_args()
-    device = args.device or found_device()
+    device = args.device or find_device()
     if device is None:
         print("skipped: no GPU")
         return
@@ -152,7 +152,7 @@ def main() -> None:
     gpu = Grid(mesh, on_device, args.scale, args.threads, cores)
     gpu_found = gpu.timed()
     png_s = png_seconds(gpu_found.pop("some"))
-    same = compared(cpu_found.pop("layers"), gpu_found.pop("layers"))
+    same = compare(cpu_found.pop("layers"), gpu_found.pop("layers"))
     result: dict[str, Any] = {
         "device": device,
         "samples": args.samples,
@@ -173,8 +173,8 @@ def main() -> None:
         print(f"{name:24s} {value:.4g}" if isinstance(value, float) else f"{name:24s} {value}")
     if args.json:
         write_json(args.json, result)
-    if same["different_pixels"] > MOST_DIFFERENT or same["mean_off"] > MOST_OFF:
-        raise SystemExit("the device's pictures are not those of the CPU")
+    if same["different_pixels"] > MAX_DIFFERENT or same["mean_off"] > MAX_BRIGHTNESS_ERROR:
+        raise SystemExit("the device's images differ from the CPU's images")
 
 
 if __name__ == "__main__":

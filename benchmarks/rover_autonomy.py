@@ -1,18 +1,18 @@
-"""Drives in which the rover decides, by the workflow's own functions: what they touch and cost.
+"""Autonomous drives of the rover by the workflow's functions: collisions and cost.
 
 `python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 3 8 12 [--modes truth] [--seeds 40] [--minutes 60]`
 
-The large table, of modes, Suns, exposures, lights and detectors, of which those of a run are named `<domain>-seed<N>`:
+The large table, of modes, Suns, exposures, lights and detectors; detectors of a run are named `<domain>-seed<N>`:
 
 `python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 --modes truth detector stereo both blind --seeds 5`
 `  --suns 1 2 3 4 --exposures 64 256 auto --lights off on --detect results/demo/detect`
 `  --weights packaged_rover hapke-seed0=results/demo/detect/position/seed0/detectors/hapke.pt ...`
 
-A folder a drive, as the rule `drive_alone` makes it, a row printed each, `--jobs` at a time (with OMP_NUM_THREADS=1).
-Drives that are there are kept, so a call that ran out of its minutes goes on with the next; all of a seed come before
-the next seed's, so what is there compares. At the end tables and figures of all drives that are there, as the rules of
-`rover_autonomy` make them, in `OUT/tables` and `OUT/figures`. `--detect` names the tables of the run that trained the
-detectors: the gap that they are ranked by.
+Each drive gets a folder, as by the rule `drive_alone`, and a printed row; `--jobs` drives run at a time (with
+OMP_NUM_THREADS=1). Existing drives are kept, so that a call resumes after its time limit. All drives of a seed precede
+those of the next seed, so that partial results are comparable. Finally, tables and figures of all existing drives are
+written to `OUT/tables` and `OUT/figures`, as by the rules of `rover_autonomy`. `--detect` is the run that trained the
+detectors, which provides the gap for their ranking.
 """
 
 from __future__ import annotations
@@ -46,22 +46,22 @@ from polarsim.rover.world.options import WorldOptions
 from polarsim.schemas.rover import AUTONOMY, EVERY_AUTONOMY
 
 CONFIG = Path(__file__).parents[1] / "config"
-CASES = {"run", "modes", "auto_exposure", "headlights", "detectors"}  # say which drives, not how
+CASES = {"run", "modes", "auto_exposure", "headlights", "detectors"}  # options that select drives
 
 
-def driven(asked: argparse.Namespace, options: AutonomyOptions, cameras: CameraSuiteOptions) -> Iterator[Case]:
-    """All drives that are there or that there is time for, some at a time."""
+def drives(asked: argparse.Namespace, options: AutonomyOptions, cameras: CameraSuiteOptions) -> Iterator[Case]:
+    """Yield all drives that exist or fit into the time limit, several at a time."""
     every = cases(options, cameras, range(asked.seeds), list(asked.weights))
-    end = time.monotonic() + 60 * asked.minutes  # of a clock that processes share
+    end = time.monotonic() + 60 * asked.minutes  # this clock is common to all processes
     with ProcessPoolExecutor(asked.jobs) as pool:
-        there = pool.map(_is_driven, every, repeat(asked), repeat(options), repeat(cameras), repeat(end))
+        there = pool.map(_run_drive, every, repeat(asked), repeat(options), repeat(cameras), repeat(end))
         yield from (case for case, is_there in zip(every, there, strict=True) if is_there)
 
 
-def _is_driven(
+def _run_drive(
     case: Case, asked: argparse.Namespace, options: AutonomyOptions, cameras: CameraSuiteOptions, end: float
 ) -> bool:
-    """Make a drive, where it is not there yet and there is time; whether it is there now."""
+    """Run a drive if it does not exist and time is left; return whether it exists."""
     folder = asked.out / "drives" / case.name
     if not (folder / "figures.parquet").exists():
         if time.monotonic() > end:
@@ -83,14 +83,14 @@ def _is_driven(
     return True
 
 
-def made_with(terrains: list[int], options: AutonomyOptions) -> str:
-    """Tells drives of other terrains or options apart, whichever of the cases they are."""
+def options_digest(terrains: list[int], options: AutonomyOptions) -> str:
+    """Return a digest of terrains and options, to distinguish drives; cases do not affect it."""
     return hashlib.sha256(f"{terrains} {options.model_dump_json(exclude=CASES)}".encode()).hexdigest()[:12]
 
 
 def row_of(case: Case, own: pd.DataFrame) -> str:
     value = own.set_index("metric")["value"]
-    closest = value.get("closest pass of a rock above 10 cm", math.nan)  # a drive may never be near one
+    closest = value.get("closest pass of a rock above 10 cm", math.nan)  # missing if no rock was near
     return (
         f"{case.name}: {own['ended'].iloc[0]} after {value['time']:.1f} s, {value['collisions']:.0f} collisions, "
         f"closest {closest:.3f} m, "
@@ -99,8 +99,8 @@ def row_of(case: Case, own: pd.DataFrame) -> str:
     )
 
 
-def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str]) -> None:
-    """Tables and figures of these drives."""
+def write_tables(asked: argparse.Namespace, found: list[Case], origin: dict[str, str]) -> None:
+    """Write tables and figures of these drives."""
     folders = [asked.out / "drives" / case.name for case in found]
     rover, shown, drawn = (asked.out / name for name in ("rover", "tables", "figures"))
     each, together, effects = (rover / f"{name}.parquet" for name in ("every_autonomy", "autonomy", "autonomy_effects"))
@@ -121,8 +121,8 @@ def sum_up(asked: argparse.Namespace, found: list[Case], origin: dict[str, str])
         print((shown / "rover_rank.md").read_text())
 
 
-def onboard_of(text: str) -> tuple[str, OnboardDetector]:
-    """Name and options of a detector: one that comes with polarsim, or `name=path`."""
+def detector_argument(text: str) -> tuple[str, OnboardDetector]:
+    """Return name and options of a detector: a packaged detector, or `name=path`."""
     name, _, path = text.partition("=")
     if path and not Path(path).is_file():
         raise argparse.ArgumentTypeError(f"{path}: no such file")
@@ -140,15 +140,15 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--suns", nargs="+", default=["3"])
     parser.add_argument("--exposures", nargs="+", default=["256"], help="ms, or auto")
     parser.add_argument("--lights", nargs="+", default=["off"], choices=("off", "on"))
-    parser.add_argument("--models", nargs="+", help="reflectance models of the pictures; that of --pair")
-    parser.add_argument("--weights", nargs="+", default=[onboard_of("packaged_rover")], type=onboard_of)
+    parser.add_argument("--models", nargs="+", help="reflectance models of the images; default: model of --pair")
+    parser.add_argument("--weights", nargs="+", default=[detector_argument("packaged_rover")], type=detector_argument)
     parser.add_argument("--detect", type=Path, help="results/<run>/detect of the run that trained them")
-    parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="its photos' domain, and that of pictures")
+    parser.add_argument("--pair", nargs=2, default=["analog", "hapke"], help="domains of photos and of images")
     parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("--minutes", type=float, default=60, help="no drive begins after them")
+    parser.add_argument("--minutes", type=float, default=60, help="time after which no drive starts")
     parser.add_argument("--jobs", type=int, default=1, help="drives at a time")
-    parser.add_argument("--threads", type=int, default=1, help="that render a drive's pictures")
-    parser.add_argument("--source", default="release", help="where the meshes come from, for tables")
+    parser.add_argument("--threads", type=int, default=1, help="threads that render a drive's images")
+    parser.add_argument("--source", default="release", help="source of the meshes, for tables")
     asked = parser.parse_args()
     asked.weights = dict(asked.weights)
     return asked
@@ -161,17 +161,17 @@ def main() -> None:
             "modes": asked.modes,
             "headlights": asked.lights,
             "auto_exposure": asked.exposures == ["auto"],
-            "longest_s": max(160, 80 * len(asked.terrains)),  # a terrain takes half a minute without stops
+            "longest_s": max(160, 80 * len(asked.terrains)),  # about half a minute per terrain without stops
         }
     )
     cameras = CameraSuiteOptions.model_validate(
         {"suns": asked.suns, "models": asked.models or [asked.pair[1]], "scale": 0.5}
         | ({} if options.auto_exposure else {"exposures_ms": [float(text) for text in asked.exposures]})
     )
-    told = made_with(asked.terrains, options)
-    found = list(driven(asked, options, cameras))
+    told = options_digest(asked.terrains, options)
+    found = list(drives(asked, options, cameras))
     if found:
-        sum_up(asked, found, {"run": asked.out.name, "source": asked.source, "config": told})
+        write_tables(asked, found, {"run": asked.out.name, "source": asked.source, "config": told})
 
 
 if __name__ == "__main__":

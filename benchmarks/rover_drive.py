@@ -1,18 +1,18 @@
-"""What a rover's drive costs and how well it keeps its books: flat ground, a slope, and Case III.
+"""Cost and energy balance of a rover's drive: flat ground, a slope, and Case III.
 
 `python benchmarks/rover_drive.py [--meshes results/demo/meshes] [--terrains 3 1 11] [--seeds 10] [--out FOLDER]`
 
-Without --meshes only the flat drive and the slope. CPU seconds of one thread throughout.
+Without --meshes only the flat drive and the slope are simulated. CPU seconds of one thread.
 
-Last figures (two shared cores under a load of 2): flat ground, 8 s, steps of 2, 1, 0.5, 0.25 ms end at 1.3069, 1.3067,
+Last metrics (two shared cores under a load of 2): flat ground, 8 s, steps of 2, 1, 0.5, 0.25 ms end at 1.3069, 1.3067,
 1.3067, 1.3067 m, load ripples by 2.7 %, energy missing -0.019, -0.009, -0.005, -0.002 %; 88 us a step of 1 ms with
 bulldozing and the log, 11.3 times real time. Locked on 10 and 15 degrees: 0.008 and 0.037 mm in 10 s.
 Ten seeds, 10.5 m, all across, mean +- standard deviation; heading control with combined steering, then P-only:
 demo meshes, terrains 3, 1, 11: 17.9 +- 0.7 mm RMS off the line (77 at most, in the crater of terrain 11), slip 0.104,
 sinkage 13.0 mm (95th percentile 28.0), 144 J/m; P-only 51.0 +- 2.3 mm (168), 0.095, 11.6 mm, 126 J/m.
 Release, terrains 4, 1, 11: 11.6 +- 0.3 mm (58), 0.085, 16.7 mm (25.6), 112 J/m; P-only 138.8 +- 33.9 mm (336), 0.086,
-14.7 mm, 120 J/m. Energy missing at most 0.07 %. Over the demo's rocks, nothing else running, 10.5 to 11.9 times real
-time (12.5 on flat ground then); a whole drive of 61 s, meshes read and files written, 10.1 s of CPU.
+14.7 mm, 120 J/m. Energy missing at most 0.07 %. On the demo's rocks, otherwise idle, 10.5 to 11.9 times real time (12.5
+on flat ground); a complete drive of 61 s with reading of meshes and writing of files: 10.1 s of CPU.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def parked(slope_deg: float) -> None:
 
 @contextmanager
 def physics_timed() -> Iterator[list[tuple[float, float]]]:
-    """Seconds and CPU seconds of what drives simulate meanwhile, without reading the meshes and writing files."""
+    """Yield wall and CPU seconds of the simulation, without reading of meshes and writing of files."""
     steps: list[tuple[float, float]] = []
     advance = Simulation.advance
 

@@ -1,15 +1,15 @@
-"""What a frame of a drive costs: one view under one Sun, both models, three exposures, labels and files.
+"""Cost of a frame of a drive: a view under one Sun, both models, three exposures, labels and files.
 
 `python benchmarks/rover_frames.py [--drive results/RUN/rover/seed0] [--view CamBirdViewLeft] [--frames 5]`
 
-CPU seconds of all threads by part, seconds by the clock, and the largest resident memory.
-Without `--drive` a drive over made-up hills and rocks is used (`tests/rover/driven.py`).
+CPU seconds of all threads by part, wall seconds, and maximum resident memory. Without `--drive`, a drive over synthetic
+hills and rocks is used (`tests/rover/driven.py`).
 
-Last figures, a drive of 61 s over the demo's terrains 3, 1 and 11, two threads, nothing else running; CPU s, by the
-clock: CamBirdViewLeft, 1920 x 1080, Sun 2 1.99 to 2.45, 1.15 to 1.43, six runs; of 1.99 ground 0.03, render 1.85,
-expose 0.01, labels 0.02, files 0.07. front_end_cam, 1936 x 1216, Sun 2 2.09, 1.17, Sun 3 2.27, 1.31. 1.9 GiB. With
-`finer` 3 for 4 8 % less time and 1.2 GiB, with 2 17 % and 0.8 GiB. A virtual machine of the same kind took half as long
-again once.
+Last metrics, a drive of 61 s over the demo's terrains 3, 1 and 11, two threads, otherwise idle; CPU s and wall s:
+CamBirdViewLeft, 1920 x 1080, Sun 2 1.99 to 2.45, 1.15 to 1.43, six runs; of 1.99 ground 0.03, render 1.85, expose 0.01,
+labels 0.02, files 0.07. front_end_cam, 1936 x 1216, Sun 2 2.09, 1.17, Sun 3 2.27, 1.31. 1.9 GiB. With `finer` 3 instead
+of 4, 8 % less time and 1.2 GiB, with 2 17 % and 0.8 GiB. A virtual machine of the same type once needed 1.5 times as
+long.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def main() -> None:
     parser.add_argument("--vehicle", type=Path, default=Path("config/viper.yaml"))
     parser.add_argument("--view", default="CamBirdViewLeft")
     parser.add_argument("--sun", default="2")
-    parser.add_argument("--frames", type=int, default=5, help="how many, in the drive's second half")
+    parser.add_argument("--frames", type=int, default=5, help="number of frames, in the drive's second half")
     parser.add_argument("--threads", type=int, default=1)
     chosen = parser.parse_args()
     options = CameraSuiteOptions(views=(chosen.view,), suns=(chosen.sun,))
@@ -44,7 +44,7 @@ def main() -> None:
     start = time.process_time()
     first = len(suite.frames) // 2
     suite.show(first)
-    suite.render(chosen.view, [chosen.sun], chosen.threads)  # what is built once
+    suite.render(chosen.view, [chosen.sun], chosen.threads)  # excludes set-up from the measurement
     print(f"start: {time.process_time() - start:.2f} s, {len(suite.rover_camera.scene.surfaces.faces):,} triangles")
     began = time.perf_counter()
     rows = [_frame(suite, chosen, first + 1 + number) for number in range(chosen.frames)]
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def _frame(suite: CameraSuite, chosen: argparse.Namespace, frame: int) -> list[float]:
-    """CPU seconds of each part."""
+    """Return the CPU seconds of each part."""
     view, sun, options = chosen.view, chosen.sun, suite.options
     marks = [time.process_time()]
     suite.show(frame)

@@ -2,12 +2,12 @@
 
 `python -m benchmarks.rover_soil [--quick] [--fit]`
 
---fit fits the soils `trec-grc3`, `mgru3-tilt-bed` and `ex1-silica-5` anew. CPU seconds throughout, one thread.
+--fit fits the soils `trec-grc3`, `mgru3-tilt-bed` and `ex1-silica-5` again. CPU seconds on one thread.
 
-Last figures (two shared cores, loaded; slips 0 to 0.8, both wheels): 5 mm cells sinkage within 0.9 %, torque 1.0 %,
-pull 2 % or 0.2 N; 2 cm cells 1.4 %, 1.7 %, 8 % or 1.0 N. Soils of their own: TREC 2.92 degrees RMS, tilt bed 1.31
-(lunar 4.62, 4.87); EX1 slip 0.056, sinkage 0.93 mm (lunar 0.104, 1.44). A step of four wheels on 2 cm cells 103 us, 136
-with bulldozing every 10 steps, 382 on 1 cm.
+Last metrics (two shared cores, loaded; slips 0 to 0.8, both wheels): 5 mm cells sinkage within 0.9 %, torque 1.0 %,
+pull 2 % or 0.2 N; 2 cm cells 1.4 %, 1.7 %, 8 % or 1.0 N. Fitted soils: TREC 2.92 degrees RMS, tilt bed 1.31 (lunar
+4.62, 4.87); EX1 slip 0.056, sinkage 0.93 mm (lunar 0.104, 1.44). A step of four wheels on 2 cm cells 103 us, 136 with
+bulldozing every 10 steps, 382 on 1 cm.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SLIPS = (0, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8)
 
 
 def step_costs(seconds: float) -> None:
-    """Four wheels of a rover on 12 x 4 m of level ground at 0.2 m/s, 1 ms; microseconds a step."""
+    """Print microseconds per step of four wheels on 12 x 4 m of level ground at 0.2 m/s, 1 ms."""
     corners = np.array([(0.642, 0.61), (0.642, -0.61), (-0.642, 0.61), (-0.642, -0.61)])
     for label, cell, rule in (
         ("2 cm", 0.02, None),
@@ -59,7 +59,7 @@ def step_costs(seconds: float) -> None:
 
 
 def against_limit(slips: tuple[float, ...]) -> None:
-    """Wheels on both grids, and the integrals of infinitely fine ones."""
+    """Compare wheels on both grids with the integrals of an infinitely fine grid."""
     for cell, K_e in ((0.005, 4e9), (0.02, 2e8)):
         for wheel, soil, load in ((WHEEL_A, "lunar", LOAD_A), (WHEEL_B, "hit-simulant", LOAD_B)):
             law = replace(SOILS[soil], K_e=K_e, R=0.0).law(slip_sinkage=False)
@@ -78,7 +78,7 @@ def rms(misses: np.ndarray) -> float:
 
 
 def fitted(misses: Callable[[ContactLaw], np.ndarray], start: list[float]) -> str:
-    """Fit a soil without cohesion, n = 1: K, friction angle, K_phi, and n_slip where `start` has four numbers."""
+    """Fit a soil without cohesion, n = 1: K, friction angle, K_phi, and n_slip if `start` has four numbers."""
     names, size = ("K mm", "phi degrees", "K_phi MPa/m", "n_slip"), len(start)
 
     def law(numbers: np.ndarray) -> ContactLaw:
@@ -104,7 +104,7 @@ def against_measured(fit: bool) -> None:
     for soil in ("ex1-silica-5", "lunar"):
         slips, sinkages = ex1_misses(SOILS[soil].at_gravity(EARTH).law())
         print(f"EX1: {soil} slip {rms(slips):.3f} RMS, sinkage {rms(sinkages):.2f} mm RMS")
-    if fit:  # from a start too weak the wheel climbs no slope, and the misses have no gradient
+    if fit:  # with a weaker start, the wheel climbs no slope and the gradient is zero
         scale = np.repeat([0.05, 2.0], 5)  # of slip, and mm
         print("  fitted:", fitted(lambda law: np.concatenate(ex1_misses(law)) / scale, [10.0, 40.0, 5.0, 1.0]))
 

@@ -1,14 +1,15 @@
-"""One photo of two million triangles, one lamp, one ray a pixel, beside Mitsuba 3: `python -m benchmarks.single_photo`.
+"""Time of a photo with two million triangles, one lamp, one ray per pixel, compared with Mitsuba 3.
 
-`--threads 2`, `--cells 1000` (along a side of the ground), `--json FILE`. Prints CPU and wall seconds to get the scene
-ready, and for a photo: the median of five, the first one, which loads what is compiled, by itself.
+`python -m benchmarks.single_photo`, with `--threads 2`, `--cells 1000` (along a side of the ground), `--json FILE`.
+Prints CPU and wall seconds to prepare the scene, and for a photo: the median of five, and separately the first photo,
+which loads compiled code.
 
-Last figures (AMD EPYC of Zen 4 with AVX-512, `--threads 1` on two cores at a load of 10, 2.3 million triangles), CPU
-seconds: ours ready in 2.2, a photo 0.47, the commit before compiled loops 0.66; Mitsuba 3.9.1, `llvm_ad_mono`, ready in
-1.5, a photo 0.41. Of ours 0.33 are Embree's. Before that (AVX2, nothing else running, two threads), two runs: ours
-ready in 1.84 and 2.17, a photo 0.82 and 1.11; Mitsuba 3.9.1, `llvm_ad_mono`, ready in 1.77 and 2.37, a photo 0.65 and
-0.87. Our rays alone take 0.34 to the surface and 0.21 to the lamp; 0.07 of that is Embree's robust traversal, without
-which 30 of 2.1 million pixels see through the edge between two triangles.
+Last metrics (AMD EPYC of Zen 4 with AVX-512, `--threads 1` on two cores at a load of 10, 2.3 million triangles), CPU
+seconds: ours prepared in 2.2, a photo 0.47, before compiled loops 0.66; Mitsuba 3.9.1, `llvm_ad_mono`, prepared in 1.5,
+a photo 0.41. Of ours, Embree needs 0.33. Earlier (AVX2, otherwise idle, two threads), two runs: ours prepared in 1.84
+and 2.17, a photo 0.82 and 1.11; Mitsuba 3.9.1, `llvm_ad_mono`, prepared in 1.77 and 2.37, a photo 0.65 and 0.87. Our
+rays need 0.34 to the surface and 0.21 to the lamp; 0.07 of this is Embree's robust traversal, without which 30 of 2.1
+million pixels pass between two triangles at an edge.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ OPTIONS = RenderOptions(falloff=True, bounce=0)
 
 
 class Clock:
-    """CPU and wall seconds by name."""
+    """Records CPU and wall seconds by name."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, list[float]] = {}
@@ -79,7 +80,7 @@ def mitsuba(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
     try:
         import mitsuba as mi
     except ImportError:
-        print("Mitsuba is not installed (pip install polarsim[mitsuba]): not compared")
+        print("Mitsuba is not installed (pip install polarsim[mitsuba]): no comparison")
         return
     import drjit as dr
 
@@ -99,7 +100,7 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--threads", type=int, default=2)
     asked.add_argument("--cells", type=int, default=1000, help="cells along a side of the ground")
-    asked.add_argument("--json", type=Path, help="file for the figures")
+    asked.add_argument("--json", type=Path, help="output file of the metrics")
     args = asked.parse_args()
     mesh, clock = made_terrain(args.cells), Clock()
     lens = replace(surveyed_rig().rig.left, fy=surveyed_rig().rig.left.fx, distortion=(0.0,) * 5)

@@ -1,20 +1,20 @@
-"""Rocks that touch or lie on each other, told apart by scans alone: how many are, and what the rule for it is made of.
+"""Separation of rocks that touch or are on top of each other, from scans only, and fit of its coefficients.
 
 `python benchmarks/touching.py FOLDER [--fit] SCENE...`
 
-A scene is `analog_SEED_TERRAIN`, `foreign_SEED` (`foreign.py --touching` with the real rocks below `$POLAR_SIM_ROOT`)
-or `strewn_SEED` (the same rocks, none touching). Scenes that FOLDER lacks are made: scans and cameras, no photo and no
-box. Each rock of which 20 cells of the floor grid were seen is one of
+A scene is `analog_SEED_TERRAIN`, `foreign_SEED` (`foreign.py --touching` with the scanned rocks below
+`$POLAR_SIM_ROOT`) or `strewn_SEED` (the same rocks without contact). Scenes that are missing in FOLDER are generated:
+scans and cameras, without photos and boxes. Each rock with at least 20 visible cells of the floor grid is one of
 
-    found   one find and the rock have more than half of their cells in common
-    lost    most of it was taken for standing out of the ground, but as a part of something else
-    missed  all others
+    found   a detection and the rock share more than half of their cells
+    lost    most of it was classified as rock, but as a part of another rock
+    missed  all other rocks
 
-and is cut where two finds that are mostly of it hold 15 % of it each. A false find is mostly of no rock.
+and is cut if each of two detections, mostly on this rock, covers 15 % of it. A false detection is mostly on no rock.
 
-`--fit` fits `polarsim.rocks.creases.COEFFICIENTS`: logistic regression (ridge) on all pairs that are met while pieces
-are joined as the truth has it, likeliest first. It prints the coefficients of all scenes, and what those of the others
-do on each.
+`--fit` fits `polarsim.rocks.creases.COEFFICIENTS`: logistic regression (ridge) on all pairs of pieces that occur while
+pieces are joined as in the ground truth, most certain pairs first. It prints the coefficients from all scenes, and the
+result of each scene with coefficients from the other scenes.
 """
 
 from __future__ import annotations
@@ -51,24 +51,24 @@ from polarsim.run_files.rigs import read_all_localised, read_localised, write_ri
 
 OPTIONS = RocksOptions()
 LIMITS = Limits(FOOT_HEIGHT, OPTIONS.min_height_mm / 1000, CONFIRMED_HEIGHT, OPTIONS.min_size_mm / 1000)
-OWN = 0.03  # metres from a rock's true surface within which what stands out of the ground is its own
-SEEN_CELLS, LARGE = 20, 0.08  # cells of a rock that counts; metres of a large one
-PURE = 0.75  # of a piece that one rock must have before the piece teaches anything
+OWN_DISTANCE = 0.03  # metres from a rock's true surface within which the surface above the ground belongs to the rock
+MIN_VISIBLE_CELLS, LARGE = 20, 0.08  # minimum number of visible cells of a rock; minimum size of a large rock, metres
+MIN_PURITY = 0.75  # minimum share of a piece on a single rock for the fit
 RIDGE, ROUNDS = 10.0, 2
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What the scans of a scene show; arrays are (rows, columns)."""
+    """Scans of a scene; arrays are (rows, columns)."""
 
     name: str
     sand: Sand
-    true: np.ndarray  # number of the rock that each cell's surface is of, 0 for none
+    true: np.ndarray  # number of the rock at each cell, 0 for none
     size: dict[int, float]  # metres, of each rock
 
 
 def make(folder: Path, name: str) -> None:
-    """Write scans, cameras and truth of a scene."""
+    """Write scans, cameras and ground truth of a scene."""
     kind, seed, *terrain = name.split("_")
     number, positions = (int(terrain[0]), ["A", "C"]) if kind == "analog" else (2, ["A", "B", "C"])
     if kind == "analog":
@@ -101,7 +101,7 @@ def _foreign() -> ModuleType:
 
 
 def read(folder: Path) -> Scene:
-    """A scene's sand, and whose each cell is."""
+    """Read a scene's sand and the rock at each cell."""
     localised = read_all_localised(folder / "cameras")
     scans = read_scans(read_inventory(folder / "inventory.json"), localised)
     extent = sand_extent(scans)
@@ -113,14 +113,14 @@ def read(folder: Path) -> Scene:
     owner = np.zeros(sand.surface.size, np.int64)
     true_from_sandbox = true @ localised["A"].sandbox_from_left.inverse()
     points = np.column_stack([sand.grid.centres().reshape(-1, 2)[cells], sand.top.ravel()[cells]])
-    owner[cells] = _owners(folder / "truth/meshes", true_from_sandbox, points)
+    owner[cells] = _nearest_rocks(folder / "truth/meshes", true_from_sandbox, points)
     rocks = pd.read_parquet(folder / "truth/rocks.parquet")
     sizes = dict(zip(rocks["rock"].tolist(), rocks["size_m"].tolist(), strict=True))
     return Scene(folder.name, sand, owner.reshape(sand.surface.shape), sizes)
 
 
-def _owners(meshes: Path, true_from_sandbox: Pose, points: np.ndarray) -> np.ndarray:
-    """(n,) number of the rock that is next to each of points (n, 3); 0 where none is near."""
+def _nearest_rocks(meshes: Path, true_from_sandbox: Pose, points: np.ndarray) -> np.ndarray:
+    """Return the number (n,) of the rock nearest to each point (n, 3); 0 if none is near."""
     world, numbers = o3d.t.geometry.RaycastingScene(), []
     for number, path in obj.rock_files(meshes).items():
         mesh = obj.read(path)
@@ -130,12 +130,12 @@ def _owners(meshes: Path, true_from_sandbox: Pose, points: np.ndarray) -> np.nda
         return np.zeros(len(points), np.int64)
     there = true_from_sandbox.apply(points).astype(np.float32)
     nearest = world.compute_closest_points(o3d.core.Tensor(there))
-    near = np.linalg.norm(nearest["points"].numpy() - there, axis=1) < OWN
+    near = np.linalg.norm(nearest["points"].numpy() - there, axis=1) < OWN_DISTANCE
     return np.where(near, np.array(numbers)[np.where(near, nearest["geometry_ids"].numpy(), 0)], 0)
 
 
-def told(scene: Scene, coefficients: tuple[float, ...]) -> pd.DataFrame:
-    """A row a rock: its size, whether it was found, lost or missed, whether it was cut; rock 0 for a false find."""
+def detection_table(scene: Scene, coefficients: tuple[float, ...]) -> pd.DataFrame:
+    """Return a row for each rock: size, found, lost or missed, and whether it was cut; rock 0 for false detections."""
     with mock.patch.object(splitting, "chance_of_two", partial(chance_of_two, coefficients=coefficients)):
         found = find_regions(scene.sand, LIMITS, Evidence({}, {}, CONFIRMING_IOU))
     shared = np.zeros((len(found), max(scene.size, default=0) + 1), np.int64)
@@ -145,7 +145,7 @@ def told(scene: Scene, coefficients: tuple[float, ...]) -> pd.DataFrame:
     rows = [(scene.name, 0, region.size, "false", False) for n, region in enumerate(found) if owner[n] == 0]
     for rock, size in scene.size.items():
         cells, own = int((scene.true == rock).sum()), shared[:, rock]
-        if cells < SEEN_CELLS:
+        if cells < MIN_VISIBLE_CELLS:
             continue
         overlap = (own / (sizes + cells - own)).max(initial=0)
         what = "found" if overlap > 0.5 else "lost" if own.sum() > 0.4 * cells else "missed"
@@ -153,15 +153,17 @@ def told(scene: Scene, coefficients: tuple[float, ...]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["scene", "rock", "size", "what", "cut"])
 
 
-def taught(scene: Scene, joining: Joining, coefficients: tuple[float, ...]) -> list[tuple[np.ndarray, bool, float]]:
-    """Terms, whether these are two rocks, and weight of all pairs met while pieces of one rock are joined."""
+def training_pairs(
+    scene: Scene, joining: Joining, coefficients: tuple[float, ...]
+) -> list[tuple[np.ndarray, bool, float]]:
+    """Return terms, class (two rocks) and weight of all pairs that occur while pieces of the same rock are joined."""
     met: dict[tuple[int, int, int, int], tuple[np.ndarray, bool, float]] = {}
     apart: set[tuple[int, int, int, int]] = set()
     while True:
         keys = {(*pair, *(len(joining.bodies[n].cells) for n in pair)): pair for pair in joining.pairs}
         for key, pair in keys.items():
-            (one, pure), (other, also_pure) = (_owner(scene, joining.bodies[n].cells) for n in pair)
-            if key not in met and min(pure, also_pure) > PURE and (one or other):
+            (one, pure), (other, also_pure) = (_main_rock(scene, joining.bodies[n].cells) for n in pair)
+            if key not in met and min(pure, also_pure) > MIN_PURITY and (one or other):
                 met[key] = joining.pairs[pair], one != other, np.sqrt(min(key[2:]) / 100)
         open_keys = [key for key in keys if key not in apart]
         if not open_keys:
@@ -174,14 +176,14 @@ def taught(scene: Scene, joining: Joining, coefficients: tuple[float, ...]) -> l
             joining.join(*keys[key])
 
 
-def _owner(scene: Scene, cells: np.ndarray) -> tuple[int, float]:
-    """The rock that has most of flat cells (n,), and its share of those that were seen."""
+def _main_rock(scene: Scene, cells: np.ndarray) -> tuple[int, float]:
+    """Return the rock that covers most of the flat cells (n,), and its share of the visible cells."""
     counts = np.bincount(scene.true.ravel()[cells][np.isfinite(scene.sand.surface.ravel()[cells])], minlength=1)
     return int(counts.argmax()), float(counts.max() / max(1, counts.sum()))
 
 
-def fitted(pairs: list[tuple[np.ndarray, bool, float]]) -> tuple[float, ...]:
-    """Coefficients of a constant and of each term: ridge on standardised terms, by Newton's method."""
+def fit_coefficients(pairs: list[tuple[np.ndarray, bool, float]]) -> tuple[float, ...]:
+    """Fit coefficients of a constant and of each term: ridge on standardised terms, by Newton's method."""
     terms, two, weights = (np.array(column, float) for column in zip(*pairs, strict=True))
     mean = np.average(terms, axis=0, weights=weights)
     spread = np.sqrt(np.average((terms - mean) ** 2, axis=0, weights=weights))
@@ -197,15 +199,15 @@ def fitted(pairs: list[tuple[np.ndarray, bool, float]]) -> tuple[float, ...]:
 
 
 def fit(scenes: list[Scene]) -> None:
-    """Print the coefficients of all scenes, and what becomes of each scene by those of the others."""
+    """Print the coefficients from all scenes, and the result of each scene with coefficients from the other scenes."""
     coefficients, pairs = COEFFICIENTS, {}
     for _ in range(ROUNDS):
-        pairs = {scene.name: taught(scene, _joining(scene), coefficients) for scene in scenes}
-        coefficients = fitted(list(chain(*pairs.values())))
+        pairs = {scene.name: training_pairs(scene, _joining(scene), coefficients) for scene in scenes}
+        coefficients = fit_coefficients(list(chain(*pairs.values())))
     print("pairs:", sum(map(len, pairs.values())))
     print({name: round(value, 4) for name, value in zip(("constant", *TERMS), coefficients, strict=True)})
     others = {name: list(chain(*(pairs[other] for other in pairs if other != name))) for name in pairs}
-    report(pd.concat([told(scene, fitted(others[scene.name])) for scene in scenes]))
+    report(pd.concat([detection_table(scene, fit_coefficients(others[scene.name])) for scene in scenes]))
 
 
 def _joining(scene: Scene) -> Joining:
@@ -234,7 +236,7 @@ def main() -> None:
     if "--fit" in sys.argv:
         fit(scenes)
     else:
-        report(pd.concat([told(scene, COEFFICIENTS) for scene in scenes]))
+        report(pd.concat([detection_table(scene, COEFFICIENTS) for scene in scenes]))
 
 
 if __name__ == "__main__":

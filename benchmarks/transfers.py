@@ -1,17 +1,17 @@
-"""What `snakemake labels` writes for the published release, task by task and file by file, against what people drew.
+"""Score labels of `snakemake labels` for the published release against human annotations, by task and file.
 
 `python benchmarks/transfers.py RELEASE WORK [--config config/release.yaml] [--terrains 1 3 4 8 11 12] [--fit]`
 
-RELEASE is the release's folder (Labels, TerrainMeshes). Every choice of seeds goes through the stages as a run does:
-raw files taken in, cameras located, meshes adopted, labels propagated, all with the options of the configuration, in
-folders below WORK, which a second call takes up again. Seeds are the configuration's: Left, rover light off, of each
-azimuth the exposure with most boxes. Truth is every published file that can be read; the others are named.
+RELEASE is the release's folder (Labels, TerrainMeshes). For each choice of seeds, the stages run as in a normal run:
+raw files, cameras, meshes, labels, with the options of the configuration, in folders below WORK that a second call
+reuses. Seeds are those of the configuration: left, rover light off, the exposure with most boxes of each azimuth. The
+ground truth is every readable published file; unreadable files are printed.
 
-`--fit` prints the coefficients of `polarsim/labels/label.py`, fitted to all terrains given, and scores each terrain
-with an annotator model fitted to the others; `python -m polarsim.labels.fit_annotator` fits the one that polarsim uses.
+`--fit` prints the coefficients of `polarsim/labels/label.py`, fitted to all given terrains, and scores each terrain
+with an annotator model fitted to the rest; `python -m polarsim.labels.fit_annotator` fits the model that polarsim uses.
 
-`--ceilings` scores what no method can beat instead: boxes at the mean of infinitely many drawings of a rock, present
-as other people's drawings have it, or as the truth has it.
+`--ceilings` scores upper bounds instead: boxes at the mean of infinitely many annotations of a rock, with presence as
+annotated under other lamps, or as in the ground truth.
 """
 
 from __future__ import annotations
@@ -61,19 +61,19 @@ from polarsim.survey import wall_height
 
 POSITIONS = "ABC"
 EDGES = ["x0", "y0", "x1", "y1"]
-SAME_ROCK = 0.1  # least IoU of an annotated box with the mean of a rock's other drawings
+MIN_ANNOTATION_IOU = 0.1  # minimum IoU of an annotated box with the mean of a rock's other annotations
 
 Truth = dict[PhotoKey, dict[str, np.ndarray]]  # boxes (n, 4) by kind
 
 
 def read_truth(root: Path, terrain: int) -> Truth:
-    """Every published label file of a terrain that can be read; the others are printed."""
+    """Read the readable label files of a terrain, and print the errors of the rest."""
     truth: Truth = {}
     for key, path in release.label_files(root, terrain).items():
         try:
             classes, boxes = yolo.read_boxes(path)
         except FormatError as error:
-            print(f"left out: {error}")
+            print(f"skipped: {error}")
             continue
         truth[key] = {kind: boxes[classes == number] for number, kind in enumerate(BOX_CLASSES)}
     return truth
@@ -81,7 +81,7 @@ def read_truth(root: Path, terrain: int) -> Truth:
 
 @dataclass(frozen=True)
 class Run:
-    """One terrain labelled from some seeds: a folder that holds what the stages write."""
+    """Terrain labelled from some seeds, with a folder of the stages' outputs."""
 
     root: Path
     work: Path
@@ -89,7 +89,7 @@ class Run:
     config: Config
     azimuths: tuple[Azimuth, ...]
     seeded: str = POSITIONS
-    unlocalised: str = ""  # a position that is left where the survey has it
+    unlocalised: str = ""  # a position that keeps its surveyed pose
 
     @property
     def folder(self) -> Path:
@@ -102,7 +102,7 @@ class Run:
         return {PhotoKey.parse(path.stem) for path in (self.folder / "seeds").glob("*.txt")}
 
     def localise(self) -> None:
-        """Raw files to cameras and meshes, once."""
+        """Convert raw files to cameras and meshes, once."""
         if (self.folder / "placed").exists():
             return
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -151,7 +151,7 @@ class Run:
     def labels(
         self, keys: Sequence[PhotoKey], options: LabelsOptions, out: Path, annotator: Annotator | None = None
     ) -> pd.DataFrame:
-        """The label table of some photos; it and the boxes are written to a folder."""
+        """Return the label table of some photos, and write it with the boxes to a folder."""
         self.localise()
         propagate_labels(
             terrain=self.terrain,
@@ -171,7 +171,7 @@ class Run:
 
 @dataclass
 class Scores:
-    """Counts by task, kind and terrain, and every label with whether it hits."""
+    """Counts by task, kind and terrain, and every label with its result."""
 
     counts: dict[tuple[str, str, int], Counts] = field(default_factory=dict)
     labels: list[pd.DataFrame] = field(default_factory=list)
@@ -198,7 +198,7 @@ class Scores:
 
 
 def task_of(key: PhotoKey) -> str:
-    """What a photo of a run with seeds of all azimuths asks for."""
+    """Return the task of a photo of a run with seeds of all azimuths."""
     if key.azimuth == "no":
         return f"no lamp, rover light {key.light}"
     if key.camera == "R":
@@ -214,7 +214,7 @@ def score_run(
     scores: Scores,
     annotator: Annotator | None,
 ) -> None:
-    """Every file that is no seed, of the photos that `truth` holds."""
+    """Score every file in `truth` that is not a seed."""
     run.localise()
     wanted = {key: annotated for key, annotated in truth.items() if key not in run.seeds}
     table = run.labels(sorted(wanted), options, run.folder, annotator)
@@ -224,7 +224,7 @@ def score_run(
 
 
 def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
-    """Seeds of one azimuth, of three, and of two positions: what they are asked for, in the Left photos, light off."""
+    """Yield runs with seeds of one azimuth, of three, and of two positions, with their left photos, light off."""
     left = {key: annotated for key, annotated in truth.items() if (key.camera, key.light) == ("L", "off")}
     for azimuth in SUNS:
         others = tuple(other for other in SUNS if other != azimuth)
@@ -240,7 +240,7 @@ def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
 
 
 def unlocalised_run(run: Run, truth: Truth, position: str) -> Iterator[tuple[Run, Truth, str]]:
-    """A position whose cameras were not found."""
+    """Yield a run with a position without localised cameras."""
     lost = replace(run, unlocalised=position)
     suns = {key: annotated for key, annotated in truth.items() if key.position == position and key.azimuth in SUNS}
     for camera, task in (("L", "not placed, other Left photos"), ("R", "not placed, Left to Right")):
@@ -253,20 +253,20 @@ def with_seeds(run: Run, azimuths: tuple[Azimuth, ...], seeded: str) -> Run:
 
 @dataclass(frozen=True)
 class Drawing:
-    """One position's rocks for one file: boxes (n, 4) as endless drawings would have them, and which ones it shows."""
+    """Rocks of a position for a file: boxes (n, 4) at the mean of infinitely many annotations, and their presence."""
 
     boxes: np.ndarray
     tracks: list[Track]
     shown: np.ndarray  # (n,) bool
 
     def under(self, drawings: Iterable[DrawingKey]) -> np.ndarray:
-        """(n,) in how many of some drawings each rock is."""
+        """Return the number (n,) of the given annotations that contain each rock."""
         asked = set(drawings)
         return np.array([len(asked & set(track.rows)) for track in self.tracks], int)
 
 
 def both_cameras(run: Run, truth: Truth) -> Known:
-    """What the drawings of both cameras under Sun lamps tell together: of each the file with most rocks."""
+    """Return the annotations of both cameras under Sun lamps: of each the file with most rocks."""
     run.localise()
     localised = rigs.read_all_localised(run.folder / "cameras")
     seeds: Seeds = {}
@@ -279,11 +279,11 @@ def both_cameras(run: Run, truth: Truth) -> Known:
 
 
 def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:
-    """The rocks that any drawing of a position shows, for a file with boxes `annotated` (m, 4).
+    """Return the rocks of all annotations of a position, for a file with boxes `annotated` (m, 4).
 
-    The mean of n other drawings lies off an annotated box by sqrt((n + 1) / n) times the noise of one drawing; the
-    mean of
-    infinitely many would by the noise alone. So the mean is moved towards the annotated box until its distance is that.
+    The distance between an annotated box and the mean of n other annotations is sqrt((n + 1) / n) times the noise of
+    an annotation; for infinitely many it would equal the noise. Therefore the mean is moved towards the annotated box
+    to this distance.
     """
     rocks = PositionRocks(known, key.position, options)
     means, counts, tracks = [], [], []
@@ -299,13 +299,13 @@ def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: Labe
         counts.append(len(drawings))
         tracks.append(track)
     boxes, others = np.array(means).reshape(-1, 4), np.array(counts, float)[:, None]
-    rows, columns = match(iou(annotated, boxes), SAME_ROCK)
+    rows, columns = match(iou(annotated, boxes), MIN_ANNOTATION_IOU)
     boxes[columns] = annotated[rows] + np.sqrt(others / (others + 1))[columns] * (boxes[columns] - annotated[rows])
     return Drawing(clip(boxes), tracks, np.isin(np.arange(len(boxes)), columns))
 
 
 def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Scores) -> None:
-    """Perfect boxes of every annotated file, chosen in several ways."""
+    """Score perfect boxes of every annotated file, with presence chosen in several ways."""
     known = both_cameras(run, truth)
     for key, annotated in truth.items():
         if key.position not in known.tracks:
@@ -335,7 +335,7 @@ def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Score
 
 
 def as_labels(boxes: np.ndarray) -> pd.DataFrame:
-    """The columns of a label table that scoring looks at."""
+    """Return the columns of a label table that scoring uses."""
     return pd.DataFrame(boxes, columns=EDGES).assign(kind=ROCK)
 
 
@@ -353,7 +353,7 @@ def fit_confidence(labels: pd.DataFrame) -> None:
 
 
 def shares_right(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
-    """(n,) shares of the azimuths that labels were given, back from their confidences."""
+    """Return the shares (n,) of the azimuths from the confidences of labels."""
     start, missed, size = COEFFICIENTS[kind, source]
     if not missed or source != "fused":
         return np.ones(len(labels))
@@ -366,11 +366,11 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("release", type=Path)
     asked.add_argument("work", type=Path)
-    asked.add_argument("--config", type=Path, default=Path("config/release.yaml"), help="whose options are used")
+    asked.add_argument("--config", type=Path, default=Path("config/release.yaml"), help="configuration of the options")
     asked.add_argument("--terrains", type=int, nargs="+", default=[1, 3, 4, 8, 11, 12])
     asked.add_argument("--fit", action="store_true")
-    asked.add_argument("--ceilings", action="store_true", help="what no method can beat, instead of what ours does")
-    asked.add_argument("--quick", action="store_true", help="only what needs seeds of all azimuths")
+    asked.add_argument("--ceilings", action="store_true", help="score upper bounds instead of our method")
+    asked.add_argument("--quick", action="store_true", help="only tasks with seeds of all azimuths")
     args = asked.parse_args()
     config = read_config(args.config)
     options = LabelsOptions(**config.labels.stage_options())

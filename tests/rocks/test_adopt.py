@@ -7,11 +7,11 @@ from polarsim.errors import FormatError
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
+from polarsim.geometry.topology import compacted
 from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.fitted_ground import FOOT_SD, fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
-from polarsim.geometry.topology import compacted
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.scene import made_from
 
@@ -168,7 +168,9 @@ def test_the_ground_passes_through_rims_on_a_slope_and_ignores_an_outlier():
     assert np.abs(ground - sloping)[far].max() < FOOT_SD / 2
     for number, foot in enumerate(rims):
         gap = np.abs(foot[:, 2] - GRID.sample(ground, foot)).max()
-        assert gap < FOOT_SD / 2 if number != 5 else gap > FOOT_SD, number  # feet are soft constraints, without a cliff at the outlier
+        assert gap < FOOT_SD / 2 if number != 5 else gap > FOOT_SD, (
+            number
+        )  # feet are soft constraints, without a cliff at the outlier
 
 
 def test_a_rim_is_the_foot_of_a_rock():

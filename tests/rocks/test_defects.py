@@ -8,13 +8,12 @@ from scipy.spatial import KDTree
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
-from polarsim.geometry.topology import is_watertight, open_edges, part_of_face
+from polarsim.geometry.topology import compacted, is_watertight, open_edges, part_of_face
 from polarsim.rocks.adopt import cleaned, volume_above
 from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.repair import defect_table, defects, repaired
 from polarsim.rocks.scans import Extent
-from polarsim.geometry.topology import compacted
 from polarsim.schemas.stages import DEFECTS
 
 RADIUS = 0.08

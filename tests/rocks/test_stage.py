@@ -1,4 +1,4 @@
-"""Scans on disk to rocks, clouds and meshes on disk: found, closed, outward, the ground without holes."""
+"""The rocks stage from scans to files: detected rocks, closed outward meshes, and ground without holes."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.formats import nasa, obj, tables
-from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.geometry.stereo import StereoRig, rectified_left, stated_rig
 from polarsim.geometry.topology import is_watertight, part_of_face
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.rocks.find import find_rocks
@@ -20,18 +20,20 @@ from polarsim.run_files.scene import read_terrain
 from .conftest import TRIPODS, Scene
 
 TERRAIN = 1
+FULL = stated_rig()
+RIG = StereoRig(FULL.left.scaled(0.5), FULL.right.scaled(0.5), FULL.left_from_right)  # to save time
 
 
 def reconstruct(scene: Scene, folder: Path, noise: float) -> Path:
-    """Scan a scene into files and run the stage on them."""
+    """Write scans of a scene and run the stage on them."""
     rng = np.random.default_rng(3)
-    grid = rectified_left(stated_rig())
+    grid = rectified_left(RIG)
     maps = {}
     for position, sandbox_from_rectified in TRIPODS.items():
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
         nasa.write_range_map(maps[position], scene.range_map(sandbox_from_rectified, grid.lens, noise, rng))
         sandbox_from_left = sandbox_from_rectified @ grid.left_from_rectified.inverse()
-        write_localised(folder / f"cameras/Pos{position}.json", LocalisedRig(stated_rig(), sandbox_from_left))
+        write_localised(folder / f"cameras/Pos{position}.json", LocalisedRig(RIG, sandbox_from_left))
     write_inventory(folder / "inventory.json", Inventory(TERRAIN, "polar", range_maps=maps))
     (folder / "seeds").mkdir()
     options = RocksOptions(rock_cell_mm=3, ground_mesh_cell_mm=20)
@@ -70,7 +72,7 @@ def three_rocks_on_disk(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path,
     return reconstruct(scene, tmp_path_factory.mktemp("scans"), noise=0.002), scene
 
 
-def test_every_rock_is_found_where_it_lies_and_no_other(three_rocks_on_disk):
+def test_all_rocks_are_detected_at_their_positions(three_rocks_on_disk):
     folder, scene = three_rocks_on_disk
     found = tables.read_parquet(folder / "rocks.parquet")[["x", "y"]].to_numpy()
     true = np.array([rock.points.mean(axis=0)[:2] for rock in scene.rocks])
@@ -79,7 +81,7 @@ def test_every_rock_is_found_where_it_lies_and_no_other(three_rocks_on_disk):
     assert nearest.max() < 0.04  # metres
 
 
-def test_rock_meshes_are_closed_outward_and_of_one_piece(three_rocks_on_disk):
+def test_rock_meshes_are_closed_outward_and_connected(three_rocks_on_disk):
     folder, _ = three_rocks_on_disk
     files = obj.rock_files(folder / "meshes")
     assert len(files) == 3
@@ -91,7 +93,7 @@ def test_rock_meshes_are_closed_outward_and_of_one_piece(three_rocks_on_disk):
         assert path.with_stem(path.stem + "_decimate-005").exists()
 
 
-def test_the_visible_surface_of_the_rocks_lies_on_the_true_one(three_rocks_on_disk):
+def test_the_visible_surface_of_the_rocks_is_accurate(three_rocks_on_disk):
     folder, scene = three_rocks_on_disk
     for path in obj.rock_files(folder / "meshes").values():
         vertices = obj.read(path).vertices
@@ -110,16 +112,16 @@ def test_the_ground_covers_the_sand_and_follows_it(three_rocks_on_disk):
     inner = ground[(np.abs(ground[:, :2]) < 1.6).all(axis=1)]
     error = np.abs(inner[:, 2] - scene.ground(inner[:, 0], inner[:, 1]))
     assert np.median(error) < 0.002
-    assert np.percentile(error, 99) < 0.03  # under rocks and behind them it is filled
+    assert np.percentile(error, 99) < 0.03  # filled under and behind rocks
 
 
-def test_bare_ground_gives_no_rock_and_a_ground(tmp_path):
+def test_bare_ground_has_no_rock(tmp_path):
     folder = reconstruct(Scene(), tmp_path, noise=0.002)
     assert len(tables.read_parquet(folder / "rocks.parquet")) == 0
     assert read_terrain(folder / "meshes", TERRAIN).rocks == []
 
 
-def test_published_meshes_keep_their_ids_on_a_ground_that_meets_them(release_root, tmp_path):
+def test_published_meshes_keep_their_ids_and_get_a_ground_at_their_feet(release_root, tmp_path):
     meshes = obj.rock_files(release_root / "TerrainMeshes" / "Terrain11")
     write_inventory(
         tmp_path / "inventory.json", Inventory(11, "release", meshes={str(k): str(p) for k, p in meshes.items()})
