@@ -1,4 +1,4 @@
-"""What of a rock's mesh shapes its box in a photo: few points instead of thousands of vertices."""
+"""Outlines of rocks: the few points of a mesh that determine its box in a photo."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.topology import largest_island
 
-RIM_SECTORS = 24  # the rim is the lowest outer vertex in each of these
-EDGES = 4  # of a box: left, top, right, bottom
-# Scanned rocks carry skirts of sand that people do not draw: left and right edges come from vertices this far above the
-# rim, metres, but never from above this share of the rock's height.
+RIM_SECTORS = 24  # number of sectors with a rim point, the lowest outer vertex
+EDGES = 4  # left, top, right, bottom edge of a box
+# Scanned rocks have skirts of sand that people do not annotate: left and right edges are computed from vertices this far
+# above the rim, metres, or above this share of the rock's height, whichever is lower.
 TRIM, TRIM_SHARE = 0.004, 0.35
 
 
 @dataclass(frozen=True)
 class Outlines:
-    """Points (m, k, 3) of m rocks in the sandbox, filled up by repetition.
+    """Points (m, k, 3) of m rocks in the sandbox, padded by repetition.
 
-    `whole` gives the top and bottom edges of a rock's box, `upper` the left and right ones: scans carry a skirt of
-    sand that widens meshes at their foot, and people do not draw it.
+    `whole` determines the top and bottom edges of a rock's box, `upper` the left and right edges: scanned meshes have a
+    skirt of sand at their foot, which people do not annotate.
     """
 
     rocks: np.ndarray  # (m,) ids
@@ -38,28 +38,28 @@ class Outlines:
 
     @cached_property
     def centres(self) -> np.ndarray:
-        """(m, 3) centres of the rocks' extents."""
+        """Centres (m, 3) of the rocks' extents."""
         return np.asarray((self.whole.min(axis=1) + self.whole.max(axis=1)) / 2)
 
     def part(self, rows: np.ndarray) -> Outlines:
-        """Some of the rocks, by number or mask."""
+        """Select rocks by index or mask."""
         return Outlines(self.rocks[rows], self.whole[rows], self.upper[rows])
 
     def thinned(self, directions: int) -> Outlines:
-        """The same with at most so many points a rock: those furthest out in directions spread over the sphere."""
+        """Reduce each rock to its outermost points in at most `directions` directions, spread over the sphere."""
         spread = spread_directions(directions)
         return Outlines(self.rocks, _furthest(self.whole, spread), _furthest(self.upper, spread))
 
     def project(self, camera: Camera) -> np.ndarray:
-        """(m, 4) boxes in pixels, not cut at the photo's border; NaN for rocks that reach behind the camera."""
+        """Return boxes (m, 4) in pixels, not clipped; NaN for rocks with points of negative depth."""
         return self.edges(camera)[0]
 
     def seen(self, camera: Camera) -> np.ndarray:
-        """(m, 4) the same boxes cut at the photo's border."""
+        """Return boxes (m, 4) clipped at the image border."""
         return clip(self.project(camera), *camera.size)
 
     def edges(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        """The boxes (m, 4), and the points (m, 4, 3) that make their left, top, right and bottom edges."""
+        """Return boxes (m, 4), and the points (m, 4, 3) that define their left, top, right and bottom edges."""
         u, v = camera.project(self.upper)[..., 0], camera.project(self.whole)[..., 1]
         row = np.arange(len(self))
         makers = (u.argmin(axis=1), v.argmin(axis=1), u.argmax(axis=1), v.argmax(axis=1))
@@ -69,14 +69,14 @@ class Outlines:
 
 
 def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) and (k, 3) of a rock that shape its box: of the whole rock, and of what stands above its skirt.
+    """Return points (n, 3) and (k, 3) that determine a rock's box: of the entire rock, and of the part above its skirt.
 
     Parameters
     ----------
     trim : float
-        Metres above the plane through the rock's rim at which the upper part begins.
+        Height of the upper part above the plane through the rock's rim, metres.
     trim_share : float
-        The upper part begins below this part of the rock's height in any case.
+        Maximum height of the lower end of the upper part, share of the rock's height.
     """
     vertices = largest_island(mesh).vertices
     bottom, top = vertices[:, 2].min(), vertices[:, 2].max()
@@ -85,7 +85,7 @@ def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.
 
 
 def outlines_of(meshes: dict[int, Mesh], trim: float = TRIM, trim_share: float = TRIM_SHARE) -> Outlines:
-    """Outlines of meshes by rock id; none for no meshes."""
+    """Return the outlines of meshes by rock id."""
     if not meshes:
         return Outlines(np.zeros(0, int), np.zeros((0, 1, 3)), np.zeros((0, 1, 3)))
     parts = [outline(mesh, trim, trim_share) for mesh in meshes.values()]
@@ -94,7 +94,7 @@ def outlines_of(meshes: dict[int, Mesh], trim: float = TRIM, trim_share: float =
 
 
 def hull_points(points: np.ndarray) -> np.ndarray:
-    """(k, 3) corners of the convex hull; all points where there is no solid hull."""
+    """Return the corners (k, 3) of the convex hull; all points if the hull has no volume."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except (QhullError, ValueError):
@@ -102,7 +102,7 @@ def hull_points(points: np.ndarray) -> np.ndarray:
 
 
 def spread_directions(count: int) -> np.ndarray:
-    """(count, 3) unit vectors spread evenly over the sphere (Fibonacci lattice)."""
+    """Return unit vectors (count, 3) spread evenly over the sphere (Fibonacci lattice)."""
     step = np.arange(count) + 0.5
     z, angle = 1 - 2 * step / count, np.pi * (1 + np.sqrt(5)) * step
     radius = np.sqrt(1 - z**2)
@@ -110,7 +110,7 @@ def spread_directions(count: int) -> np.ndarray:
 
 
 def _rim_height(vertices: np.ndarray) -> np.ndarray:
-    """(n,) height of the plane through the rock's rim at each vertex: a robust fit to its lowest outer vertices."""
+    """Return the height (n,) of the plane through the rock's rim at each vertex, by a robust fit to its rim points."""
     low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
     share = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
     outer = np.flatnonzero(np.abs(share).max(axis=1) > 0.75)
@@ -123,12 +123,12 @@ def _rim_height(vertices: np.ndarray) -> np.ndarray:
 
 
 def _furthest(points: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(m, d, 3) of points (m, k, 3)."""
+    """Return the outermost (m, d, 3) of points (m, k, 3) in directions (d, 3)."""
     furthest = np.argmax(points @ directions.T, axis=1)
     return np.asarray(np.take_along_axis(points, furthest[..., None], axis=1))
 
 
 def _filled(groups: list[np.ndarray]) -> np.ndarray:
-    """Groups of points (k_i, 3) as one (m, max k, 3) array."""
+    """Return groups of points (k_i, 3) as an array (m, max k, 3), padded by repetition."""
     longest = max(len(group) for group in groups)
     return np.stack([group[np.minimum(np.arange(longest), len(group) - 1)] for group in groups])

@@ -29,7 +29,7 @@ SQUARE = np.array([[0.0, 0, 10, 10]])
     ("other", "expected"),
     [
         ([0, 0, 10, 10], 1),
-        ([5, 0, 15, 10], 50 / 150),  # half of each is shared
+        ([5, 0, 15, 10], 50 / 150),  # overlap of half of each box
         ([5, 5, 15, 15], 25 / 175),
         ([2, 2, 4, 4], 4 / 100),
         ([10, 0, 20, 10], 0),  # they touch
@@ -37,11 +37,11 @@ SQUARE = np.array([[0.0, 0, 10, 10]])
         ([5, 5, 5, 5], 0),  # empty
     ],
 )
-def test_overlap_is_the_shared_area_over_the_whole(other, expected):
+def test_iou_of_two_boxes(other, expected):
     assert iou(SQUARE, np.array([other], float))[0, 0] == pytest.approx(expected)
 
 
-def test_a_box_inside_another_one_is_covered_whichever_is_the_smaller():
+def test_a_box_inside_a_larger_box_is_covered():
     label = np.array([[300.0, 350, 400, 450]])
     boxes = np.array([[310.0, 360, 330, 380], [0, 0, 1900, 1200], [395, 350, 495, 450], [500, 350, 600, 450]])
     np.testing.assert_allclose(largest_covered_share(boxes, label), [1, 1, 0.05, 0])
@@ -52,7 +52,7 @@ def test_no_boxes_give_an_empty_table():
     assert iou(np.zeros((0, 4)), SQUARE).shape == (0, 1)
 
 
-OVERLAP = np.array([[1.0, 0.6], [0.6, 0.0]])  # row 0 fits column 0 best, but then row 1 has none
+OVERLAP = np.array([[1.0, 0.6], [0.6, 0.0]])  # the best pair leaves row 1 unmatched
 
 
 def distances(boxes, others):
@@ -63,13 +63,13 @@ def distances(boxes, others):
     ("objective", "found"),
     [("most", {(0, 1), (1, 0)}), ("sum", {(0, 1), (1, 0)}), ("greedy", {(0, 0)})],
 )
-def test_an_objective_decides_between_many_pairs_and_good_ones(objective, found):
+def test_objectives_prefer_many_pairs_or_good_pairs(objective, found):
     rows, columns = pairs(OVERLAP, OVERLAP > 0, objective)
     assert set(zip(rows.tolist(), columns.tolist(), strict=True)) == found
 
 
 @pytest.mark.parametrize(("objective", "count"), [("most", 2), ("sum", 1)])
-def test_the_largest_sum_may_be_one_pair(objective, count):
+def test_the_largest_sum_may_be_a_single_pair(objective, count):
     score = np.array([[1.0, 0.4], [0.4, 0.0]])
     assert len(pairs(score, score > 0, objective)[0]) == count
 
@@ -81,7 +81,7 @@ def test_nothing_allowed_gives_no_pairs(objective, shape):
     assert len(rows) == len(columns) == 0
 
 
-MATCHERS = {  # function of two sets of boxes -> pairs, and the score that it makes as large as can be; which may pair
+MATCHERS = {  # matching function, maximised score, and allowed pairs
     "match": (lambda a, b: match(iou(a, b)), iou, lambda a, b: iou(a, b) >= 0.5),
     "match_nearest": (
         lambda a, b: match_nearest(a, b, 40),
@@ -95,7 +95,7 @@ MATCHERS = {  # function of two sets of boxes -> pairs, and the score that it ma
 @pytest.mark.parametrize("name", MATCHERS)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_no_other_pairing_is_better(name, seed):
-    """By all orders of three boxes of equal size; assign has no rule of its own for these but the gate."""
+    """Compare with all permutations of three boxes of equal size, for which assign depends only on the gate."""
     matcher, score, allowed = MATCHERS[name]
     random = np.random.default_rng(seed)
     a, b = (np.hstack([corner, corner + 50]) for corner in random.uniform(0, 90, (2, 3, 2)))
@@ -129,11 +129,11 @@ def test_the_box_of_one_pixel_is_one_pixel_wide():
 
 
 @given(st.lists(st.floats(-60, 160), min_size=4, max_size=4), st.floats(0, 20))
-def test_a_window_holds_the_pixels_of_the_picture_that_a_widened_box_touches(edges, margin):
+def test_a_window_contains_the_pixels_that_an_enlarged_box_touches(edges, margin):
     width, height = 80, 100
     box = np.array([*np.minimum(edges[:2], edges[2:]), *np.maximum(edges[:2], edges[2:])])
     rows, columns = window(box, np.full(2, margin), width, height)
-    x, y = np.meshgrid(np.arange(width), np.arange(height))  # a pixel reaches from here to one further
+    x, y = np.meshgrid(np.arange(width), np.arange(height))  # pixels extend from x to x + 1
     (x0, y0), (x1, y1) = box[:2] - margin, box[2:] + margin
     touched = (x + 1 > x0) & (x < x1) & (y + 1 > y0) & (y < y1)
     held = np.zeros((height, width), bool)

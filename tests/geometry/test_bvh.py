@@ -11,7 +11,7 @@ coordinates = st.floats(-100, 100, width=32)
 
 @st.composite
 def triangles(draw):
-    """Vertices and faces; coarse coordinates, so that many centres and whole triangles fall together."""
+    """Return vertices and faces with coarse coordinates, so that many centres and triangles coincide."""
     count = draw(st.integers(1, 60))
     coarse = st.integers(-2, 2).map(float)
     values = draw(st.sampled_from([coarse, coordinates]))
@@ -19,7 +19,7 @@ def triangles(draw):
 
 
 def walked(tree):
-    """Every node from the root down: (depth, low, high, code) of each child."""
+    """Yield (depth, low, high, code) of each child, from the root."""
     left = [(0, 0)]
     while left:
         node, depth = left.pop()
@@ -37,7 +37,7 @@ def points(code):
 
 @settings(max_examples=60, deadline=None)
 @given(triangles())
-def test_a_tree_holds_every_triangle_once_in_small_leaves_and_tight_boxes(scene):
+def test_every_triangle_is_once_in_a_small_leaf_with_tight_boxes(scene):
     vertices, faces = scene
     tree, again = bvh.built(vertices, faces), bvh.built(vertices, faces)
     nodes = list(walked(tree))
@@ -56,9 +56,9 @@ def test_a_tree_holds_every_triangle_once_in_small_leaves_and_tight_boxes(scene)
         np.testing.assert_array_equal(getattr(tree, name), getattr(again, name))
 
 
-def test_a_tree_that_would_get_too_deep_is_halved(monkeypatch):
+def test_too_deep_trees_are_halved(monkeypatch):
     count = 300
-    centres = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut takes few off
+    centres = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut separates few triangles
     vertices = (centres[:, None] * np.array([[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0]])).reshape(-1, 3)
     faces = np.arange(3 * count).reshape(-1, 3)
     deep = max(depth for depth, *_ in walked(bvh.built(vertices, faces)))
@@ -67,7 +67,7 @@ def test_a_tree_that_would_get_too_deep_is_halved(monkeypatch):
     assert shallow <= 8 < deep
 
 
-def test_a_cut_parts_what_lies_apart():
+def test_a_cut_separates_distant_triangles():
     near = np.random.default_rng(0).uniform(0, 1, (30, 3))
     vertices = np.concatenate([near, near + np.array([100, 0, 0])])
     faces = np.random.default_rng(1).permutation(np.arange(60).reshape(-1, 3))
@@ -76,6 +76,6 @@ def test_a_cut_parts_what_lies_apart():
     assert sorted(tree.boxes[0, [1, 3], 0] > 50) == [False, True]
 
 
-def test_nothing_has_no_tree():
+def test_an_empty_mesh_is_refused():
     with pytest.raises(ValueError, match="triangles"):
         bvh.built(np.zeros((0, 3)), np.zeros((0, 3), int))

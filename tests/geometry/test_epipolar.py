@@ -11,7 +11,7 @@ from polarsim.geometry.stereo import StereoRig, stated_rig
 
 
 def images_of(points, rig):
-    """Pixels of points (n, 3), left frame, in both images."""
+    """Return pixels of points (n, 3), left frame, in both images."""
     return rig.left.project(points), rig.right.project(rig.left_from_right.inverse().apply(points))
 
 

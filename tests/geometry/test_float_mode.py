@@ -6,12 +6,12 @@ import pytest
 
 from polarsim.geometry.float_mode import denormals_as_zero, restore
 
-TINY = np.float32(1e-39)  # no float32 so small has full precision
+TINY = np.float32(1e-39)  # denormal float32
 
 
 @numba.njit
 def halves(number):
-    """A half of a number as usual, with such numbers as zero, and as usual again."""
+    """Return half of a number in the normal mode, with denormals as zero, and in the normal mode again."""
     half = np.float32(0.5)
     found = np.zeros(3, np.float32)
     found[0] = number[0] * half
@@ -23,6 +23,6 @@ def halves(number):
 
 
 @pytest.mark.skipif(platform.machine().lower() not in ("x86_64", "amd64"), reason="needs a processor with MXCSR")
-def test_numbers_without_full_precision_are_zero_between_the_two_calls_alone():
+def test_denormals_are_zero_only_between_the_two_calls():
     assert (halves(np.full(3, TINY)) > 0).tolist() == [True, False, True]
     assert np.full(1, TINY)[0] * np.float32(0.5) > 0  # the caller's thread

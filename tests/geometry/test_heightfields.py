@@ -1,4 +1,4 @@
-"""Self-affine relief: how heights differ over a distance, on whatever nodes they are asked for."""
+"""Self-affine relief: height differences over a distance, at arbitrary nodes."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ def made(x, y, hurst, seed=0, deviation=0.03, finest=0.1):
 
 
 @pytest.mark.parametrize("hurst", [0.4, 0.7])
-def test_heights_differ_with_the_stated_power_of_the_distance(hurst):
+def test_height_differences_follow_a_power_law(hurst):
     x = np.arange(-30, 30.01, 0.05)
     squares = []
     for seed in range(4):
@@ -25,7 +25,7 @@ def test_heights_differ_with_the_stated_power_of_the_distance(hurst):
     assert power == pytest.approx(hurst, abs=0.05)
 
 
-def test_one_ground_on_fine_nodes_and_on_coarse_ones_that_show_its_octaves():
+def test_fine_and_coarse_nodes_show_the_same_ground():
     fine = np.linspace(-3, 3, 61)
     coarse = fine[::6]
     np.testing.assert_allclose(
@@ -34,19 +34,19 @@ def test_one_ground_on_fine_nodes_and_on_coarse_ones_that_show_its_octaves():
 
 
 def test_fine_columns_show_no_ridges_across_coarse_rows():
-    """Rows 1 m apart cannot show octaves of less; fine columns drew them as ridges: a fan of specks at the horizon."""
+    """Rows with a distance of 1 m cannot show finer octaves; with fine columns they would become ridges."""
     x = np.arange(-2, 2, 0.02)
     coarse, fine = (made(x, y, 0.4) for y in (np.arange(-20, 20.5, 1.0), x))
     assert np.diff(coarse, axis=1).std() < 0.25 * np.diff(fine, axis=1).std()
 
 
-def test_far_away_fine_octaves_fade_without_a_step():
+def test_fine_octaves_fade_with_distance_without_a_step():
     spacing = np.array([1.0])
     x = np.arange(0.0, 40.0, 0.1)
     level = octave_relief(x, x[:5], spacing=spacing, amplitude=np.ones(1), half_m=20.0, far_m=100.0, seed=0)
     assert np.abs(level[:, x < 20]).max() > 0.3
     assert not level[:, x > 23].any()
-    assert np.abs(np.diff(level, axis=1)).max() < 0.2  # as anywhere
+    assert np.abs(np.diff(level, axis=1)).max() < 0.2  # as everywhere
 
 
 def test_without_octaves_there_is_no_relief():

@@ -1,4 +1,4 @@
-"""Images keep their mean and their form when they are made smaller."""
+"""Downscaled images keep their mean and aspect ratio."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def test_a_smaller_image_keeps_the_mean(rng):
 
 
 @pytest.mark.parametrize(("pixels", "shape"), [(64, (32, 64)), (128, (64, 128)), (200, (100, 200)), (1, (1, 1))])
-def test_the_longer_side_is_as_asked_for_and_the_form_stays(rng, pixels, shape):
+def test_the_longer_side_is_resized_with_the_same_aspect_ratio(rng, pixels, shape):
     image = rng.random((64, 128)).astype(np.float32)
     found = resize_longer_side(image, pixels)
     assert found.shape == shape

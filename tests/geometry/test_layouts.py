@@ -1,4 +1,4 @@
-"""Results depend on the values of arrays: not on their memory layout, type, byte order or write protection."""
+"""Results depend only on the values of arrays, not on memory layout, type, byte order or write protection."""
 
 from dataclasses import astuple, is_dataclass
 
@@ -36,7 +36,7 @@ TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 
 
 def spaced(array):
-    """A view of every second element along each axis of a larger array."""
+    """Return a view of every second element along each axis of a larger array."""
     room = np.zeros([2 * size for size in array.shape], array.dtype)
     view = room[tuple(slice(1, None, 2) for _ in array.shape)]
     view[...] = array
@@ -252,7 +252,7 @@ CASES = {  # a function, and by argument: values and types that hold them exactl
 
 
 def parts_of(result):
-    """Arrays of a result, in order."""
+    """Yield the arrays of a result, in order."""
     if is_dataclass(result):
         result = astuple(result)
     if isinstance(result, tuple | list):
@@ -265,7 +265,7 @@ def parts_of(result):
 @pytest.mark.parametrize("name", CASES)
 @settings(max_examples=30)
 @given(data=st.data())
-def test_layout_type_and_order_of_bytes_change_no_result(name, data):
+def test_layout_type_and_byte_order_do_not_change_results(name, data):
     function, *wanted = CASES[name]
     plain, other = [], []
     for case in wanted:

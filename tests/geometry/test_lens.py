@@ -10,7 +10,7 @@ MATRIX = np.array([[2068.44, 0, 964.405], [0, 2064.29, 593.512], [0, 0, 1]])
 TERMS = np.array([-0.108441, 0.158389, 0.000537106, -0.00127904, 0.01])
 
 
-def test_points_fall_where_opencv_puts_them_half_a_pixel_on(rng):
+def test_projection_equals_opencv_plus_half_a_pixel(rng):
     points = np.column_stack([rng.uniform(-2, 2, (200, 2)), rng.uniform(4.5, 8, 200)])
     expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), MATRIX, TERMS)[0][:, 0]
     found = Lens.from_opencv(MATRIX, TERMS).project(points)
@@ -18,24 +18,24 @@ def test_points_fall_where_opencv_puts_them_half_a_pixel_on(rng):
 
 
 @given(st.floats(0, 1936), st.floats(0, 1216))
-def test_the_direction_of_a_pixel_leads_back_to_it(u, v):
+def test_directions_invert_the_projection(u, v):
     lens = stated_rig().left
     pixel = np.array([[u, v]])
     np.testing.assert_allclose(lens.project(3.7 * lens.directions(pixel)), pixel, atol=1e-8)
 
 
-def test_the_first_pixel_has_its_centre_half_a_pixel_in():
+def test_the_centre_of_the_first_pixel_is_at_half_a_pixel():
     lens = Lens(2000, 2000, 968, 608)
     directions = lens.pixel_directions(slice(0, 1), slice(0, 2))
     np.testing.assert_allclose(directions[0, 0], [(0.5 - 968) / 2000, (0.5 - 608) / 2000, 1])
     np.testing.assert_allclose(directions[0, 1] - directions[0, 0], [1 / 2000, 0, 0], atol=1e-12)
 
 
-def test_what_lies_behind_the_camera_has_no_pixel():
+def test_points_with_negative_depth_have_no_pixel():
     assert np.isnan(stated_rig().left.project(np.array([[0.1, 0.1, -1.0], [0, 0, 0]]))).all()
 
 
-def test_a_photo_of_half_the_size_shows_things_at_half_the_pixels():
+def test_a_photo_of_half_size_has_half_the_pixel_coordinates():
     lens = stated_rig().left
     points = np.array([[0.5, -0.3, 4.0], [-1.0, 0.4, 5.0]])
     half = lens.scaled(0.5)
@@ -43,5 +43,5 @@ def test_a_photo_of_half_the_size_shows_things_at_half_the_pixels():
     assert (half.width, half.height) == (968, 608)
 
 
-def test_the_opencv_matrix_comes_back():
+def test_the_opencv_matrix_is_restored():
     np.testing.assert_allclose(Lens.from_opencv(MATRIX, TERMS).opencv_matrix(), MATRIX)

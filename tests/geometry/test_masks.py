@@ -1,4 +1,4 @@
-"""IoU of masks, by hand."""
+"""IoU of masks, calculated by hand."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,11 @@ FOUND = np.array([[0, 0, 1, 1], [0, 1, 1, 0], [0, 2, 0, 1]])
 
 def test_iou_of_a_case_by_hand():
     counts = confusion(TRUTH, FOUND, 3)
-    np.testing.assert_array_equal(counts, [[4, 1, 0], [1, 3, 0], [1, 0, 1]])  # the ignored pixel is in none
+    np.testing.assert_array_equal(counts, [[4, 1, 0], [1, 3, 0], [1, 0, 1]])  # without the ignored pixel
     np.testing.assert_allclose(iou(counts), [4 / 7, 3 / 5, 1 / 2])
 
 
-def test_a_class_that_nobody_has_is_no_number_and_one_that_is_missed_is_zero():
+def test_iou_is_nan_for_unused_classes_and_zero_for_missed_classes():
     counts = confusion(np.zeros((2, 2), np.uint8), np.zeros((2, 2), np.uint8), 3)
     np.testing.assert_array_equal(iou(counts), [1, np.nan, np.nan])
     missed = confusion(np.array([0, 2], np.uint8), np.array([0, 0], np.uint8), 3)

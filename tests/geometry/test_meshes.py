@@ -1,4 +1,4 @@
-"""Tests of surfaces of triangles."""
+"""Tests of triangle meshes."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,11 @@ OCTAHEDRON = Mesh(CORNERS, hull_faces(CORNERS))
 
 
 def off_the_sphere(mesh: Mesh) -> float:
-    """How far the middles of triangles lie below it."""
+    """Return the distances of triangle centres below the unit sphere."""
     return float(1 - np.linalg.norm(mesh.vertices[mesh.faces].mean(axis=1), axis=1).mean())
 
 
-def test_a_subdivided_octahedron_keeps_its_corners_and_nears_the_sphere():
+def test_a_subdivided_octahedron_keeps_its_corners_and_approaches_the_sphere():
     once, twice = subdivided(OCTAHEDRON), subdivided(subdivided(OCTAHEDRON))
     np.testing.assert_array_equal(once.vertices[:6], CORNERS)
     assert len(twice.faces) == 16 * len(OCTAHEDRON.faces)

@@ -17,16 +17,16 @@ def picture(seed=1, size=(120, 160)):
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(-4, 4), st.floats(-4, 4))
-def test_a_moved_picture_is_found_where_it_moved_to(dx, dy):
+def test_a_translated_image_is_matched(dx, dy):
     shaded = picture()
     photo = shift(shaded, (dy, dx), order=3, mode="wrap") + BLACK_LEVEL
     found = find(shaded.astype(np.float32), photo.astype(np.float32), EVERYWHERE, WINDOW)
     assert len(found.pixel) > 20
     moved = np.median(found.seen - found.pixel, axis=0)
-    np.testing.assert_allclose(moved, [dx, dy], atol=0.1)  # parabolas draw peaks to whole pixels
+    np.testing.assert_allclose(moved, [dx, dy], atol=0.1)  # parabolas bias peaks to integer pixels
 
 
-def test_brightness_does_not_matter_but_the_right_picture_does():
+def test_matching_ignores_brightness_but_not_content():
     shaded = picture().astype(np.float32)
     brighter = find(shaded / 5000, (3 * shaded + BLACK_LEVEL) / 1.2, EVERYWHERE, WINDOW)
     assert np.abs(brighter.seen - brighter.pixel).max() < 0.3
@@ -34,7 +34,7 @@ def test_brightness_does_not_matter_but_the_right_picture_does():
 
 
 @pytest.mark.parametrize("empty", ["unusable", "clipped", "black"])
-def test_what_tells_nothing_is_not_looked_for(empty):
+def test_windows_without_texture_are_skipped(empty):
     shaded = picture().astype(np.float32)
     photo, usable = shaded + BLACK_LEVEL, EVERYWHERE
     if empty == "unusable":
@@ -48,7 +48,7 @@ def test_what_tells_nothing_is_not_looked_for(empty):
     assert found.whitening.shape == (0, 2, 2)
 
 
-def test_a_window_on_an_edge_tells_its_position_across_the_edge_alone():
+def test_a_window_on_an_edge_is_accurate_only_across_the_edge():
     rng = np.random.default_rng(1)
     y, x = np.mgrid[:120, :160]
     shaded = 1000 + 400 * np.tanh((x + 0.5 * y - 110) / 2) + 0.2 * picture()
@@ -62,12 +62,14 @@ def test_a_window_on_an_edge_tells_its_position_across_the_edge_alone():
     assert (strength[:, 1] > 3 * strength[:, 0]).all()
 
 
-def test_stated_deviations_are_those_that_noise_makes():
+def test_stated_deviations_equal_the_effect_of_noise():
     rng = np.random.default_rng(2)
     shaded = picture(size=(300, 400))
     moves = []
     for _ in range(5):
-        photo = shaded + BLACK_LEVEL + gaussian_filter(rng.normal(0, 300, shaded.shape), 1.5)  # as like as shadings are
+        photo = (
+            shaded + BLACK_LEVEL + gaussian_filter(rng.normal(0, 300, shaded.shape), 1.5)
+        )  # as similar as shaded views are
         found = find(shaded.astype(np.float32), photo.astype(np.float32), np.ones(shaded.shape, bool), WINDOW)
         moves.append(np.einsum("nkl,nl->nk", found.whitening, found.seen - found.pixel))
     assert 0.3 < np.concatenate(moves).std() < 1.5

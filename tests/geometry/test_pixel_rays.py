@@ -14,7 +14,7 @@ LENSES = {
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (-0.25, 0.25), (0.5, -0.5)])
-def test_directions_lead_back_to_their_pixels(lens, offset):
+def test_directions_project_to_their_pixels(lens, offset):
     rows = slice(0, lens.height, 7)
     directions = pixel_directions(lens, rows, offset)
     u, v = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height)[rows] + 0.5)
@@ -23,14 +23,14 @@ def test_directions_lead_back_to_their_pixels(lens, offset):
     assert (directions[..., 2] == 1).all()
 
 
-def test_a_part_of_the_rows_has_the_directions_of_the_whole():
+def test_directions_of_some_rows_equal_those_of_all_rows():
     lens = LENSES["small"]
     whole = pixel_directions(lens, slice(None))
     np.testing.assert_array_equal(pixel_directions(lens, slice(5, 17)), whole[5:17])
 
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
-def test_directions_in_rows_and_columns_are_those_of_the_whole(lens):
+def test_separated_directions_equal_pixel_directions(lens):
     of_row, of_column = separated(lens, (0.25, -0.25))
     xy = np.einsum("vtk,ut->vuk", of_row, of_column)
     np.testing.assert_allclose(xy, pixel_directions(lens, slice(None), (0.25, -0.25))[..., :2], atol=1e-12)

@@ -41,7 +41,7 @@ def test_rings_are_simple_and_run_clockwise(mask, simplify_px):
 
 @st.composite
 def slivers(draw):
-    """Thin slanting ellipses in one mask, as shadows are."""
+    """Return a mask of thin slanted ellipses, similar to shadows."""
     y, x = np.mgrid[:50, :70] + 0.5
     mask = np.zeros(x.shape, bool)
     for _ in range(draw(st.integers(1, 3))):
@@ -91,14 +91,14 @@ def test_a_ring_shaped_region_becomes_pieces_without_a_hole():
 
 def test_a_rectangle_is_outlined_along_its_pixel_centres_border():
     mask = np.zeros((10, 10), bool)
-    mask[2:5, 3:9] = True  # columns 3 to 8, rows 2 to 4: the corner pixels' corners are cut by marching squares
+    mask[2:5, 3:9] = True  # columns 3 to 8, rows 2 to 4; marching squares cuts the corners of corner pixels
     (ring,) = outlines(mask)
     np.testing.assert_allclose([ring.min(axis=0), ring.max(axis=0)], [[3, 2], [9, 5]])
     assert signed_area(ring) == pytest.approx(6 * 3 - 4 * 0.125)
 
 
 def test_a_triangle_covers_the_pixel_centres_inside_it():
-    # By hand: centres (0.5, 0.5), (1.5, 0.5), (0.5, 1.5) lie below x + y = 2.8, (1.5, 1.5) and (2.5, 0.5) do not.
+    # By hand: centres (0.5, 0.5), (1.5, 0.5), (0.5, 1.5) are below x + y = 2.8, (1.5, 1.5) and (2.5, 0.5) are not.
     mask = rasterised(np.array([[0, 0], [2.8, 0], [0, 2.8]]), (4, 4))
     assert sorted(zip(*np.nonzero(mask), strict=True)) == [(0, 0), (0, 1), (1, 0)]
 

@@ -27,9 +27,9 @@ def random_scene(rng, triangles=200, rays=5000):
     ("origin", "direction", "distance"),
     [
         ((0.2, 0.2, 1.5), DOWN, 1.5),
-        ((9, 9, 1.5), DOWN, np.inf),  # beside the triangle
+        ((9, 9, 1.5), DOWN, np.inf),  # next to the triangle
         ((0.2, 0.2, 1.5), (0, 0, -0.5), 3.0),  # in lengths of the direction
-        ((0.2, 0.2, 1.5), UP, np.inf),  # behind the origin
+        ((0.2, 0.2, 1.5), UP, np.inf),  # in the opposite direction
         ((0.2, 0.2, -2), UP, 2.0),  # from below
     ],
 )
@@ -51,7 +51,7 @@ def test_the_nearer_of_two_triangles_wins(engine):
 
 
 @engines
-def test_a_meeting_tells_the_point_on_the_triangle(rng, engine):
+def test_hits_include_the_point_on_the_triangle(rng, engine):
     vertices, faces, origins, directions = random_scene(rng)
     cast = caster(vertices, faces, engine=engine)
     hit = cast.intersect(origins, directions)
@@ -67,7 +67,7 @@ def test_a_meeting_tells_the_point_on_the_triangle(rng, engine):
 
 
 @engines
-def test_occluded_looks_between_the_start_offset_and_far(engine):
+def test_occlusion_is_tested_between_the_start_offset_and_far(engine):
     cast = caster(*GROUND, engine=engine)
     heights = np.array([1.0, 1.0, 1.0, 0.0, START_OFFSET / 2, 2 * START_OFFSET, 1.0])
     far = np.array([0.9, 1.1, np.inf, 1.0, 1.0, 1.0, 0.0])
@@ -77,7 +77,7 @@ def test_occluded_looks_between_the_start_offset_and_far(engine):
 
 
 @engines
-def test_occluded_takes_one_far_for_all_and_any_direction_length(engine):
+def test_occlusion_accepts_a_scalar_far_and_any_direction_length(engine):
     cast = caster(*GROUND, engine=engine)
     directions = np.array([[0, 0, -0.01], [0, 0, -1], [0, 0, -100.0]])
     origins = np.tile([0.2, 0.2, 0.5], (3, 1))
@@ -85,7 +85,7 @@ def test_occluded_takes_one_far_for_all_and_any_direction_length(engine):
 
 
 @engines
-def test_no_rays_and_no_triangles_are_fine(engine):
+def test_no_rays_and_no_triangles(engine):
     none = np.zeros((0, 3))
     distance, face = caster(*GROUND, engine=engine).nearest(none, none)
     assert distance.shape == face.shape == (0,)
@@ -100,17 +100,17 @@ def test_no_rays_and_no_triangles_are_fine(engine):
 
 
 @fast_engines
-def test_fast_engines_obey_the_reference(engine, rng):
+def test_fast_engines_equal_the_reference(engine, rng):
     vertices, faces, origins, directions = random_scene(rng)
     expected, expected_face = caster(vertices, faces, "numpy").nearest(origins, directions)
     distance, face = caster(vertices, faces, engine).nearest(origins, directions)
-    differ = face != expected_face  # rays through an edge may see either side of it in float32
+    differ = face != expected_face  # rays through an edge may hit either face in float32
     assert differ.mean() < 1e-3
-    np.testing.assert_allclose(distance[~differ], expected[~differ], rtol=2e-5, atol=5e-6)  # 2e-6 seen
+    np.testing.assert_allclose(distance[~differ], expected[~differ], rtol=2e-5, atol=5e-6)  # observed: 2e-6
 
 
 @fast_engines
-def test_fast_engines_block_what_the_reference_blocks(engine, rng):
+def test_occlusion_of_fast_engines_equals_the_reference(engine, rng):
     vertices, faces, origins, directions = random_scene(rng)
     expected = caster(vertices, faces, "numpy").occluded(origins, directions, 1.0)
     assert 0.05 < expected.mean() < 0.95
@@ -118,7 +118,7 @@ def test_fast_engines_block_what_the_reference_blocks(engine, rng):
 
 
 def closed_grid(side=60):
-    """Vertices and faces of a wavy sheet of 4 m x 4 m, its waves 5 cm high."""
+    """Return vertices and faces of a wavy sheet of 4 m x 4 m with waves of 5 cm."""
     x, y = np.meshgrid(np.linspace(-2, 2, side), np.linspace(-2, 2, side))
     vertices = np.stack([x, y, 0.05 * np.sin(7 * x) * np.cos(5 * y)], axis=-1).reshape(-1, 3)
     corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
@@ -129,23 +129,23 @@ def closed_grid(side=60):
 
 
 @fast_engines
-def test_fast_engines_let_no_ray_through_a_closed_grid(engine, rng):
+def test_no_ray_passes_through_a_closed_grid(engine, rng):
     vertices, faces = closed_grid()
     targets = np.stack([*rng.uniform(-1.6, 1.6, (2, 1_000_000)), np.zeros(1_000_000)], axis=1)
     lens = np.tile([3.6, -0.4, 1.5], (len(targets), 1))
     distance, _ = caster(vertices, faces, engine).nearest(lens, targets - lens)
-    np.testing.assert_allclose(distance, 1.0, atol=0.2)  # the ground lies within 5 cm of the targets' plane
+    np.testing.assert_allclose(distance, 1.0, atol=0.2)  # the ground is within 5 cm of the targets' plane
 
 
 @fast_engines
 @pytest.mark.parametrize("direction", [(0, 0, -1), (0, 0, -7), (0.3, 0.2, -1), (1e-9, 0, -1), (-1, 0, -0.6)])
-def test_no_ray_slips_through_a_vertex_or_an_edge(engine, direction):
+def test_no_ray_passes_through_a_vertex_or_an_edge(engine, direction):
     vertices, faces = closed_grid()
     shown = np.abs(vertices[faces]).max(axis=(1, 2)) < 1.5
     corners = vertices.astype(np.float32)[faces[shown]].astype(float)
     targets = np.concatenate([corners.reshape(-1, 3), (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3) / 2])
     directions = np.tile(np.array(direction, float), (len(targets), 1))
-    # Steeper than the waves; straight down the ray's x and y are those of the vertex to the last bit.
+    # Steeper than the waves; for a vertical ray, x and y equal those of the vertex exactly.
     origins = targets - 0.25 * directions / np.abs(directions[:, 2:])
     cast = caster(vertices, faces, engine)
     assert (cast.nearest(origins, directions)[1] != NO_FACE).all()
@@ -153,7 +153,7 @@ def test_no_ray_slips_through_a_vertex_or_an_edge(engine, direction):
 
 
 @fast_engines
-def test_fast_engines_give_the_same_with_one_and_two_threads(engine, rng):
+def test_results_do_not_depend_on_threads(engine, rng):
     vertices, faces, origins, directions = random_scene(rng, rays=600_000)
     found = []
     for threads in (1, 2):
@@ -177,7 +177,7 @@ def test_packets_of_8_and_16_rays_give_the_same_bits(monkeypatch, rng):
         np.testing.assert_array_equal(first, second)
 
 
-def test_one_origin_of_all_rays_is_that_of_each(rng):
+def test_a_common_origin_equals_repeated_origins(rng):
     vertices, faces, _, directions = random_scene(rng)
     cast, origin = caster(vertices, faces), np.array([0.1, 0.2, 3.0])
     same, each = np.broadcast_to(origin, directions.shape), np.tile(origin, (len(directions), 1))
@@ -187,7 +187,7 @@ def test_one_origin_of_all_rays_is_that_of_each(rng):
 
 
 @engines
-def test_two_sets_of_triangles_cast_at_as_one(engine):
+def test_two_joined_sets_of_triangles(engine):
     vertices, faces, origins, directions = random_scene(np.random.default_rng(3), rays=500)
     whole = caster(vertices, faces, engine=engine)
     joined = Joined(caster(vertices, faces[:150], engine=engine), caster(vertices, faces[150:], engine=engine), 150)
@@ -197,7 +197,7 @@ def test_two_sets_of_triangles_cast_at_as_one(engine):
 
 
 @engines
-def test_vertices_that_no_triangle_has_change_nothing(engine, rng):
+def test_unused_vertices_do_not_matter(engine, rng):
     vertices, faces, origins, directions = random_scene(rng, rays=500)
     among_others = rng.normal(size=(3 * len(vertices), 3))
     among_others[1::3] = vertices
@@ -207,7 +207,7 @@ def test_vertices_that_no_triangle_has_change_nothing(engine, rng):
 
 
 @pytest.mark.parametrize("engine", ["embree", "numpy"])
-def test_arrays_that_must_not_be_written_can_be_cast(engine):
+def test_read_only_arrays_are_accepted(engine):
     origins, directions, far = np.array([[0.2, 0.2, 1.5]]), np.array([DOWN]), np.ones(1)
     for array in (origins, directions, far):
         array.flags.writeable = False
@@ -255,8 +255,8 @@ kept = cast()
 """
 
 
-def test_taichis_thread_frees_its_arrays_and_leaves_the_device():
-    # On any other thread CUDA has no context, and ends the process.
+def test_taichi_frees_its_arrays_and_resets_the_device():
+    # On other threads CUDA has no context, and the process would end.
     done = subprocess.run([sys.executable, "-c", FREED_ELSEWHERE], capture_output=True, text=True, check=True)
     told = done.stdout.split("\n")[:-1]
     assert "freed False" in told
@@ -264,13 +264,13 @@ def test_taichis_thread_frees_its_arrays_and_leaves_the_device():
     assert not [line for line in told if line.endswith("True")]
 
 
-def test_a_device_that_is_not_there_is_an_error(monkeypatch):
+def test_an_unavailable_device_is_an_error(monkeypatch):
     monkeypatch.setattr("polarsim.geometry.taichi_device.is_there", lambda _: False)
     with pytest.raises(PolarsimError):
         caster(*GROUND, "taichi", device="vulkan")
 
 
-def test_a_caster_works_on_after_taichi_was_started_anew():
+def test_a_caster_works_after_a_restart_of_taichi():
     from polarsim.geometry import taichi_device
 
     cast = caster(*GROUND, "taichi")

@@ -1,4 +1,4 @@
-"""Scenes in parts: the same hits as all triangles at once, before and after parts have moved."""
+"""Scenes of movable parts have the same hits as a single scene, before and after parts have moved."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from polarsim.geometry.rays_embree import MovableMesh, MovableScene
 
 
 def soup(random, triangles):
-    """Separate triangles about the origin, so that no edge is shared and no tie depends on a tree."""
+    """Return separate triangles around the origin without shared edges, so that no tie depends on a tree."""
     return random.normal(size=(3 * triangles, 3)), np.arange(3 * triangles).reshape(-1, 3)
 
 
@@ -20,7 +20,7 @@ def rays(random, number):
 
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), sizes=st.lists(st.integers(1, 40), min_size=1, max_size=6), moved=st.booleans())
-def test_parts_are_met_as_all_triangles_at_once(seed, sizes, moved):
+def test_parts_have_the_hits_of_a_single_scene(seed, sizes, moved):
     random = np.random.default_rng(seed)
     soups = [soup(random, size) for size in sizes]
     scene = MovableScene([MovableMesh(*each) for each in soups])
@@ -43,7 +43,7 @@ def test_parts_are_met_as_all_triangles_at_once(seed, sizes, moved):
 
 
 @pytest.mark.parametrize(("mask", "face"), [(1, 0), (2, 1), (3, 0)])
-def test_a_mask_chooses_the_parts_that_rays_meet(mask, face):
+def test_a_mask_selects_parts(mask, face):
     triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
     one = np.array([[0, 1, 2]])
     scene = MovableScene([MovableMesh(triangle + np.array([0, 0, 1]), one, 1), MovableMesh(triangle, one, 2)])

@@ -4,10 +4,10 @@ import pytest
 from polarsim.geometry.stereo import rectified_left, stated_rig
 
 
-def test_rectifying_the_stated_calibration_gives_the_known_grid():
+def test_the_rectified_grid_of_the_stated_calibration():
     lens = rectified_left(stated_rig()).lens
     matrix = lens.opencv_matrix()
-    # What OpenCV 4 and 5 make of terrain 11's calibration (the published maps: 1991.49, 966.256, 600.347).
+    # Output of OpenCV 4 and 5 for terrain 11's calibration (published maps: 1991.49, 966.256, 600.347).
     assert matrix[0, 0] == pytest.approx(1990.61, abs=0.1)
     assert matrix[1, 1] == pytest.approx(1990.61, abs=0.1)
     assert matrix[0, 2] == pytest.approx(966.21, abs=0.1)
@@ -15,7 +15,7 @@ def test_rectifying_the_stated_calibration_gives_the_known_grid():
     assert not any(lens.distortion)
 
 
-def test_the_baseline_lies_along_the_rectified_rows():
+def test_the_baseline_is_parallel_to_the_rectified_rows():
     rig = stated_rig()
     grid = rectified_left(rig)
     baseline = grid.left_from_rectified.inverse().rotate(rig.left_from_right.translation)
@@ -30,7 +30,7 @@ def test_a_far_point_has_nearly_the_same_direction_in_both_cameras():
     assert angle < 0.2  # R and T of the calibration rotate by 0.16 degrees
 
 
-def test_cameras_are_asked_for_by_letter():
+def test_cameras_are_selected_by_letter():
     rig = stated_rig()
     assert rig.lens("L") is rig.left
     assert rig.lens("R") is rig.right

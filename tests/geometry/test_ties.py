@@ -1,4 +1,4 @@
-"""Left and right photos of a rough ground: what is left between the rows is the rig's fault."""
+"""Matches between left and right photos of a rough ground: vertical offsets are errors of the rig."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ CELLS = 161
 
 @pytest.fixture(scope="module")
 def ground():
-    """Bumps with a pattern painted on them: rays, and the photo of a camera."""
+    """Bumps with a texture: ray casts, and the photo of a camera."""
     rng = np.random.default_rng(4)
     axis = np.linspace(-2, 2, CELLS)
     x, y = np.meshgrid(axis, axis)
@@ -51,7 +51,7 @@ def ties_under(ground, rig):
     return find_ties(look_with_both(rays, POSE, rig), left, right, WINDOW)
 
 
-def test_under_the_true_rig_windows_lie_where_they_should(ground):
+def test_windows_have_no_offset_with_the_true_rig(ground):
     ties = ties_under(ground, RIG)
     off = ties.right - ties.expected
     assert len(off) > 300
@@ -60,27 +60,27 @@ def test_under_the_true_rig_windows_lie_where_they_should(ground):
     assert np.median(np.abs(off)) < 0.1
 
 
-def test_expected_pixels_are_those_of_the_points(ground):
+def test_expected_pixels_are_projections_of_the_points(ground):
     ties = ties_under(ground, RIG)
     np.testing.assert_allclose(RIG.left.project(ties.points_left), ties.left, atol=1e-3)
     seen = RIG.right.project(RIG.left_from_right.inverse().apply(ties.points_left))
     np.testing.assert_allclose(seen, ties.expected, atol=1e-3)
 
 
-def test_a_right_camera_rotated_about_x_lies_beside_the_rows(ground):
+def test_a_rotation_about_x_causes_vertical_offsets(ground):
     rotated = replace(RIG, left_from_right=RIG.left_from_right @ Pose.from_rotvec(np.radians([0.2, 0, 0]), np.zeros(3)))
     off = np.median((ties := ties_under(ground, rotated)).right - ties.expected, axis=0)
     assert abs(off[1]) == pytest.approx(np.radians(0.2) * RIG.right.fy, abs=0.1)
     assert abs(off[0]) < 0.1
 
 
-def test_exchanged_photos_are_not_found_in_each_other(ground):
+def test_exchanged_photos_have_few_matches(ground):
     rays, left, right = ground
     ties = find_ties(look_with_both(rays, POSE, RIG), right, left, WINDOW)
     assert len(ties.right) < 0.15 * ties.tried
 
 
-def test_what_the_right_camera_does_not_see_is_not_asked_for(ground):
+def test_parts_hidden_from_the_right_camera_are_skipped(ground):
     rays, _, _ = ground
     seen = look_with_both(rays, POSE, RIG)
     known = np.isfinite(seen.in_right[..., 0])
@@ -90,7 +90,7 @@ def test_what_the_right_camera_does_not_see_is_not_asked_for(ground):
     assert 0 < known.mean() < np.isfinite(seen.points_left[..., 0]).mean()
 
 
-def test_windows_that_show_noise_alone_are_not_asked_for(ground):
+def test_windows_of_noise_are_skipped(ground):
     rays, left, _ = ground
     rng = np.random.default_rng(5)
     dark = [(BLACK_LEVEL + rng.normal(20, 3, left.shape)).astype(np.float32) for _ in "LR"]

@@ -18,7 +18,7 @@ def test_a_tetrahedron_is_closed_until_a_face_is_missing_or_flipped_or_doubled()
 
 
 @given(st.permutations(range(4)), st.sets(st.integers(0, 3)))
-def test_open_edges_are_those_towards_faces_that_are_missing(order, missing):
+def test_open_edges_border_missing_faces(order, missing):
     faces = np.asarray(order)[TETRAHEDRON]
     kept = np.delete(faces, sorted(missing), axis=0)
     neighbours = {tuple(edge) for face in kept for edge in zip(face, np.roll(face, -1), strict=True)}
@@ -28,7 +28,7 @@ def test_open_edges_are_those_towards_faces_that_are_missing(order, missing):
 
 
 @given(st.permutations(range(8)), st.integers(0, 3))
-def test_parts_do_not_depend_on_the_numbers_of_vertices_and_loose_ones_stand_alone(order, loose):
+def test_parts_do_not_depend_on_vertex_numbers_and_unused_vertices_are_separate(order, loose):
     two = np.asarray(order)[np.concatenate([TETRAHEDRON, TETRAHEDRON + 4])]
     part = part_of_vertex(two, 8 + loose)
     assert is_watertight(two)
