@@ -16,8 +16,8 @@ from polarsim.geometry.topology import largest_island
 
 RIM_SECTORS = 24  # number of sectors with a rim point, the lowest outer vertex
 EDGES = 4  # left, top, right, bottom edge of a box
-# Scanned rocks have skirts of sand that people do not annotate: left and right edges are computed from vertices this far
-# above the rim, metres, or above this share of the rock's height, whichever is lower.
+# Scanned rocks have skirts of sand that people do not annotate: left and right edges are computed from vertices this
+# far above the rim, metres, or above this share of the rock's height, whichever is lower.
 TRIM, TRIM_SHARE = 0.004, 0.35
 
 

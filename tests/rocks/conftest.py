@@ -1,4 +1,4 @@
-"""Small scenes with known truth: convex rocks on a smooth ground, scanned from two tripods by rays of our own."""
+"""Small scenes with ground truth: convex rocks on a smooth ground, scanned from two tripods by analytic ray casts."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def flat(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def hilly(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A crater with a rim (slopes up to 15 degrees) and a long swell."""
+    """Return heights of a crater with a rim (slopes up to 15 degrees) and a long swell."""
     r = np.hypot(x + 0.4, y - 0.2)
     return 0.05 * np.exp(-(((r - 0.8) / 0.25) ** 2)) - 0.06 * np.exp(-((r / 0.5) ** 2)) + 0.03 * np.sin(1.5 * y)
 
 
 def angular_rock(rng: np.random.Generator, centre: tuple[float, float, float], size: float) -> ConvexHull:
-    """A convex polyhedron; its longest horizontal side is `size` metres."""
+    """Return a convex polyhedron with a longest horizontal side of `size` metres."""
     points = rng.normal(size=(24, 3))
     points *= [0.5, 0.4, 0.35] / np.linalg.norm(points, axis=1, keepdims=True)
     points *= size / np.ptp(points[:, :2], axis=0).max()
@@ -43,13 +43,13 @@ def angular_rock(rng: np.random.Generator, centre: tuple[float, float, float], s
 
 @dataclass
 class Scene:
-    """Ground z(x, y) and convex rocks; `scan` looks at it from a tripod."""
+    """Ground z(x, y) and convex rocks that can be scanned."""
 
     ground: Callable[[np.ndarray, np.ndarray], np.ndarray] = flat
     rocks: list[ConvexHull] = field(default_factory=list)
 
     def range_map(self, sandbox_from_camera: Pose, lens: Lens, noise: float, rng: np.random.Generator) -> np.ndarray:
-        """(h, w, 3) float32 points in the camera's frame, with noise along the ray in metres; walls are absent."""
+        """Return points (h, w, 3) float32 in the camera frame, with noise along the ray in metres; without walls."""
         directions = lens.pixel_directions()
         rays = sandbox_from_camera.rotate(directions).reshape(-1, 3)
         origin = sandbox_from_camera.translation
@@ -80,7 +80,7 @@ class Scene:
         return np.where(np.isfinite(scale)[..., None], points, np.nan).astype(np.float32)
 
     def scanned(self, rng: np.random.Generator, *, noise: float = 0.002, reduction: float = 0.5) -> ScanPoints:
-        """Both tripods' points, at a reduced resolution."""
+        """Return the points of both tripods at a reduced resolution."""
         lens = FULL_LENS.scaled(reduction)
         scans = []
         for sandbox_from_camera in TRIPODS.values():
@@ -94,7 +94,7 @@ SIZES = {(0.9, 0.6): 0.25, (-0.2, -0.9): 0.12, (1.1, -0.5): 0.08}  # position (x
 
 @pytest.fixture(scope="session")
 def three_rocks() -> Scene:
-    """Rocks of 25, 12 and 8 cm on a hilly ground, each sunk by a third."""
+    """Return rocks of 25, 12 and 8 cm on a hilly ground, each sunk by a third."""
     rng = np.random.default_rng(5)
     rocks = []
     for (x, y), size in SIZES.items():
@@ -121,7 +121,7 @@ def tripods() -> dict[str, Pose]:
 
 @pytest.fixture(scope="session")
 def localised(tripods: dict[str, Pose]) -> dict[str, LocalisedRig]:
-    """The stated rig where its rectified left cameras are the tripods."""
+    """Return the stated rig with its rectified left cameras at the tripods."""
     rig = stated_rig()
     left_from_rectified = rectified_left(rig).left_from_rectified
     return {name: LocalisedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}

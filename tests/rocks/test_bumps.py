@@ -13,7 +13,7 @@ from polarsim.rocks.regions import Limits, Region, marked_region
 from polarsim.rocks.scans import Extent, ScanPoints
 
 CELL, HALF = 0.005, 0.4  # metres
-DENSITY, NOISE = 8, 0.002  # points a cell, metres: what three scans leave
+DENSITY, NOISE = 8, 0.002  # points per cell of three scans, metres
 LIMITS = Limits(foot=0.006, height=0.015, confirmed_height=0.010, size=0.035)
 BUMPS = Bumps(height=0.005, largest=0.095)
 NOBODY = Evidence({}, {}, 0.3)
@@ -22,7 +22,7 @@ Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def sand_of(height: Height, seed: int = 1, unseen: Height | None = None) -> Sand:
-    """Sand as it comes from noisy points on z(x, y), all from above; none where `unseen` is above 0."""
+    """Return sand of noisy points on z(x, y), without points where `unseen` is positive."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-HALF, HALF, (2, DENSITY * round(2 * HALF / CELL) ** 2))
     if unseen is not None:
@@ -38,7 +38,7 @@ def found(sand: Sand, regions: list[Region] | None = None, bumps: Bumps = BUMPS)
 
 
 def cap(size: float, height: float, x0: float = 0.0, y0: float = 0.0) -> Height:
-    """A paraboloid on level sand; `size` is its foot's diameter."""
+    """Return a paraboloid on level sand; `size` is the diameter of its foot."""
     return lambda x, y: height * np.maximum(0, 1 - ((x - x0) ** 2 + (y - y0) ** 2) / (size / 2) ** 2)
 
 
@@ -54,7 +54,7 @@ def ripples(wave: float, height: float) -> Height:
     y0=st.floats(-0.2, 0.2),
     slope=st.floats(-0.15, 0.15),
 )
-def test_a_small_cap_is_found_wherever_it_lies_on_a_slope_of_sand(size, share, x0, y0, slope):
+def test_a_small_cap_is_detected_anywhere_on_a_slope_of_sand(size, share, x0, y0, slope):
     one = cap(size, share * size, x0, y0)
     [rock] = found(sand_of(lambda x, y: one(x, y) + slope * x))
     np.testing.assert_allclose(rock.centre, [x0, y0], atol=0.006)
@@ -64,7 +64,7 @@ def test_a_small_cap_is_found_wherever_it_lies_on_a_slope_of_sand(size, share, x
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_noise_alone_is_no_rock(seed):
+def test_noise_is_not_a_rock(seed):
     assert found(sand_of(lambda x, y: 0 * x, seed)) == []
 
 
@@ -81,17 +81,17 @@ def test_noise_alone_is_no_rock(seed):
     ],
     ids=["ridge", "long ripples", "short ripples", "crossed ripples", "heap", "flat cap", "pebble"],
 )
-def test_shapes_of_sand_and_pebbles_are_no_rocks(height):
+def test_shapes_of_sand_and_pebbles_are_not_rocks(height):
     assert found(sand_of(height)) == []
 
 
-def test_a_cap_counts_on_even_sand_only():
+def test_a_cap_is_a_rock_only_on_even_sand():
     one = cap(0.06, 0.015)
     assert len(found(sand_of(one))) == 1
     assert found(sand_of(lambda x, y: one(x, y) + ripples(0.12, 0.016)(x, y))) == []
 
 
-def test_a_cap_half_in_the_dark_is_no_rock():
+def test_a_half_hidden_cap_is_not_a_rock():
     assert len(found(sand_of(cap(0.06, 0.015), unseen=lambda x, y: y - 0.10))) == 1
     assert found(sand_of(cap(0.06, 0.015), unseen=lambda x, y: y - 0.03)) == []
 
@@ -103,7 +103,7 @@ def test_options_bound_size_and_height():
     assert found(sand, bumps=Bumps(height=0.020, largest=0.095)) == []
 
 
-def test_what_is_a_rock_already_stays_and_is_not_found_again():
+def test_existing_rocks_are_kept_and_not_detected_again():
     sand = sand_of(lambda x, y: cap(0.07, 0.017, -0.2)(x, y) + cap(0.06, 0.014, 0.2)(x, y))
     points = sand.grid.centres()
     rock = marked_region(sand, np.hypot(points[..., 0] + 0.2, points[..., 1]) < 0.03)
@@ -112,7 +112,7 @@ def test_what_is_a_rock_already_stays_and_is_not_found_again():
     np.testing.assert_allclose(right.centre, [0.2, 0], atol=0.006)
 
 
-def test_finds_do_not_overlap_and_are_no_ground():
+def test_detections_do_not_overlap_and_are_not_ground():
     sand, regions = with_bumps(
         sand_of(lambda x, y: cap(0.06, 0.015, -0.036)(x, y) + cap(0.06, 0.015, 0.036)(x, y)), [], LIMITS, NOBODY, BUMPS
     )
@@ -122,7 +122,7 @@ def test_finds_do_not_overlap_and_are_no_ground():
     assert not sand.is_ground.ravel()[seen].any()
 
 
-def test_curvature_of_a_paraboloid_is_twice_its_factor_and_that_of_a_ridge_is_none():
+def test_curvature_of_a_paraboloid_and_of_a_ridge():
     grid = FloorGrid(Extent(-0.2, -0.2, 0.2, 0.2), CELL)
     x, y = np.moveaxis(grid.centres(), -1, 0)
     centre = (slice(30, 50), slice(30, 50))

@@ -1,4 +1,4 @@
-"""Rocks that hang together with another one: what boxes of a single position do about them."""
+"""Rocks that are connected to another rock: effect of boxes of a single position."""
 
 import numpy as np
 import pytest
@@ -14,11 +14,11 @@ from tests.rocks.conftest import Scene, angular_rock
 LIMITS = Limits(foot=0.006, height=0.015, confirmed_height=0.010, size=0.035)
 SAND = Extent(-1.9, -1.9, 1.9, 1.9)
 LARGE, SMALL = (0.2, -0.1, 0.03), (0.33, -0.1, 0.0)
-LEANING = (0.36, -0.1, 0.01)  # not as deep in the large one, so that a crease shows
+LEANING = (0.36, -0.1, 0.01)  # less deep in the large rock, so that a crease is visible
 
 
 def two_rocks(small):
-    """The visible part of a rock of 28 cm, and of one of 12 cm that leans on it towards tripod A."""
+    """Return the visible parts of a rock of 28 cm and of a rock of 12 cm that leans on it towards tripod A."""
     rng = np.random.default_rng(8)
     return [angular_rock(rng, LARGE, 0.28), angular_rock(rng, small, 0.12)]
 
@@ -40,7 +40,7 @@ def sand(rocks):
 
 def box(localised, position, rock):
     points = rock.points[rock.points[:, 2] > 0]
-    feet = rock.points * [1, 1, 0]  # a person draws down to the sand
+    feet = rock.points * [1, 1, 0]  # annotations extend to the sand
     return around(
         localised[position].project("L", np.concatenate([points, feet[rock.vertices] * 0.9 + 0.1 * feet.mean(0)]))
     )
@@ -55,7 +55,7 @@ def sizes(regions):
     return sorted(round(region.size, 2) for region in regions)
 
 
-def test_a_rock_that_leans_on_another_is_found_without_any_box():
+def test_a_leaning_rock_is_detected_without_boxes():
     large, small = sorted(
         find_regions(scanned(two_rocks(LEANING)), LIMITS, Evidence({}, {}, 0.3)), key=lambda r: -r.size
     )
@@ -63,12 +63,12 @@ def test_a_rock_that_leans_on_another_is_found_without_any_box():
     np.testing.assert_allclose(large.centre, LARGE[:2], atol=0.03)
 
 
-def test_without_a_box_of_its_own_a_rock_deep_in_another_is_part_of_it(sand, localised, rocks):
+def test_a_deeply_leaning_rock_without_a_box_is_part_of_the_other_rock(sand, localised, rocks):
     assert len(found(sand, localised)) == 1
     assert len(found(sand, localised, A=[box(localised, "A", rocks[0])], C=[box(localised, "C", rocks[0])])) == 1
 
 
-def test_a_box_of_one_position_cuts_it_out(sand, localised, rocks):
+def test_a_box_of_one_position_cuts_out_the_rock(sand, localised, rocks):
     boxes = {"A": [box(localised, "A", rock) for rock in rocks], "C": [box(localised, "C", rocks[0])]}
     regions = found(sand, localised, **boxes)
     assert len(regions) == 2
@@ -79,14 +79,14 @@ def test_a_box_of_one_position_cuts_it_out(sand, localised, rocks):
     assert not set(small.seen) & set(large.seen)
 
 
-def test_a_box_that_leaves_the_other_rock_its_boxes_unfilled_cuts_nothing(sand, localised, rocks):
+def test_a_cut_that_worsens_the_fit_of_the_other_rock_is_rejected(sand, localised, rocks):
     whole = np.concatenate([rock.points[rock.points[:, 2] > 0] for rock in rocks])
     joint = around(localised["C"].project("L", whole))
     alone = found(sand, localised, C=[joint])
     assert sizes(found(sand, localised, A=[box(localised, "A", rocks[1])], C=[joint])) == sizes(alone)
 
 
-def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, localised):
+def test_touching_regions_are_joined_if_boxes_show_one_rock(sand, localised):
     [rock] = find_regions(sand, LIMITS, Evidence({}, {}, 0.3))
     points = sand.grid.centres().reshape(-1, 2)[rock.seen]
     halves = []
@@ -101,7 +101,7 @@ def test_regions_that_touch_are_joined_where_boxes_show_one_rock(sand, localised
     assert len(carved(sand, halves, LIMITS, Evidence({}, {}, 0.3))[1]) == 2
 
 
-def test_a_box_on_bare_sand_finds_nothing(sand, localised):
+def test_a_box_on_bare_sand_adds_no_rock(sand, localised):
     x, y = -0.8, 0.7
     corners = np.array([(x + dx, y + dy, z) for dx in (-0.06, 0.06) for dy in (-0.06, 0.06) for z in (0.0, 0.04)])
     assert len(found(sand, localised, A=[around(localised["A"].project("L", corners))])) == 1

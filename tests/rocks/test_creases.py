@@ -8,7 +8,7 @@ Y, X = np.mgrid[0:60, 0:90] * CELL
 
 
 def ball(x, y, radius, sunk=0.0):
-    """Heights of a ball, its centre `sunk` metres below the ground."""
+    """Return heights of a ball with its centre `sunk` metres below the ground."""
     return np.sqrt(np.clip(radius**2 - (X - x) ** 2 - (Y - y) ** 2, 0, None)) - sunk
 
 
@@ -17,7 +17,7 @@ def relief_of(above):
 
 
 def halves(above):
-    """The terms of the two pieces left and right of the centre of what stands."""
+    """Return the terms of the two pieces left and right of the centre."""
     parts = np.where(above > 0.006, np.where(X.mean() > X, 1, 2), 0)
     return dict(zip(TERM_NAMES, Joining(relief_of(above), parts).pairs[1, 2], strict=True))
 
@@ -30,53 +30,53 @@ def test_basins_meet_at_the_pass_between_them():
     labels = np.ones(values.shape, int)
     numbers = basins(values, labels, 3.5)[0]
     assert numbers[0] == numbers[1] == numbers[2] != numbers[4] == numbers[5] == numbers[6]
-    assert len(np.unique(basins(values, labels, 4.5))) == 1  # the right one is only 4 deep
+    assert len(np.unique(basins(values, labels, 4.5))) == 1  # the right basin is only 4 deep
 
 
-def test_regions_apart_share_no_basin():
+def test_separate_regions_have_separate_basins():
     values, labels = np.zeros((1, 5)), np.array([[1, 1, 0, 1, 1]])
     assert basins(values, labels, 10.0).tolist() in ([[1, 1, 0, 2, 2]], [[2, 2, 0, 1, 1]])
 
 
-def test_a_crease_parts_two_pieces_without_a_pass_between_two_peaks():
-    # A gentle slab against a steep flank: heights fall all the way, so no merge tree of heights tells them apart.
+def test_a_crease_separates_pieces_without_two_peaks():
+    # A gentle slab against a steep flank: heights decrease monotonically, so that a merge tree of heights fails.
     steep, gentle = 0.14 - 2.0 * np.maximum(X - 0.1, 0), 0.06 - 0.2 * (X - 0.14)
     above = np.where((X > 0.05) & (X < 0.3) & (Y > 0.05) & (Y < 0.25), np.maximum(steep, gentle), 0)
     assert (np.diff(above[30, 11:]) <= 0).all()
     pieces = cut_along_creases(relief_of(above), (above > 0.006).astype(int))
-    assert pieces[30, 24] != pieces[30, 45]  # the flank, and the slab
+    assert pieces[30, 24] != pieces[30, 45]  # flank and slab
 
 
-def test_a_ball_is_one_piece_and_nothing_lies_outside():
+def test_a_ball_is_one_piece():
     above = ball(0.2, 0.15, 0.1)
     labels = (above > 0.006).astype(int)
     np.testing.assert_array_equal(cut_along_creases(relief_of(above), labels), labels)
 
 
-def test_a_valley_is_a_fold_and_a_roof_of_the_same_angle_is_none():
-    for slope, folded in ((0.5, 1), (0.08, 0)):  # 53 degrees, and 9, which is less than a fold
+def test_a_valley_is_a_fold_but_a_roof_is_not():
+    for slope, folded in ((0.5, 1), (0.08, 0)):  # 53 degrees, and 9, which is below the limit
         roof = 0.12 - slope * np.abs(X - X.mean())
         valley = 0.02 + slope * np.abs(X - X.mean())
         assert (halves(roof)["folded"], halves(valley)["folded"]) == (0, folded)
 
 
-def test_the_hull_of_two_bodies_is_hollow_and_that_of_one_is_not():
+def test_only_the_hull_of_two_bodies_is_hollow():
     one = ball(X.mean(), 0.15, 0.1)
     two = np.maximum(ball(X.mean() - 0.08, 0.15, 0.09), ball(X.mean() + 0.08, 0.15, 0.09))
     assert halves(one)["opened"] < 0.01 < 0.05 < halves(two)["opened"]
     assert halves(one)["notched"] < 0.01 < 0.04 < halves(two)["notched"]
 
 
-def test_what_is_rough_all_over_opens_no_hull():
+def test_a_rough_body_does_not_open_the_hull():
     rough = ball(X.mean(), 0.15, 0.1) * (1 - 0.3 * np.sin(X / 0.003) ** 2)
     terms = halves(rough)
     assert terms["opened"] < 0.01
     hollow = depths_below_hull(np.stack([X, Y, rough], axis=-1)[rough > 0.006]).mean()
-    assert hollow / rough.max() > 0.05  # and yet the hull is not full
+    assert hollow / rough.max() > 0.05  # although the hull is not full
 
 
 def test_depth_below_the_hull_of_a_pit():
-    # A flat top of 5 x 5 points with the centre one 7 mm lower.
+    # A flat top of 5 x 5 points with the centre 7 mm lower.
     points = np.array([[x, y, 0.05] for x in range(5) for y in range(5)], float) * [0.01, 0.01, 1]
     points[12, 2] -= 0.007
     depths = depths_below_hull(points)
@@ -84,17 +84,17 @@ def test_depth_below_the_hull_of_a_pit():
     assert np.delete(depths, 12).max() < 1e-9
 
 
-def test_joining_takes_over_the_neighbours_of_both():
+def test_a_joined_body_has_the_neighbours_of_both():
     parts = np.repeat(np.array([[1, 1, 2, 2, 3, 3, 4, 4]]), 8, axis=0).repeat(3, axis=1)
     joining = Joining(Relief(np.full(parts.shape, 0.05), np.ones(parts.shape, bool), CELL), parts)
     joining.join(3, 2)
     assert set(joining.pairs) == {(1, 2), (2, 4)}
     assert neighbours(joining.parts) == {(1, 2), (2, 4)}
     assert (joining.parts == 3).sum() == 0
-    np.testing.assert_allclose(joining.pairs[1, 2][-1], np.log(2))  # 12 columns beside 6
+    np.testing.assert_allclose(joining.pairs[1, 2][-1], np.log(2))  # 12 and 6 columns
 
 
-def test_the_likeliest_pair_is_joined_first_and_none_from_the_limit_on():
+def test_the_most_likely_pair_is_joined_first_below_the_limit():
     parts = np.repeat(np.array([[1, 1, 1, 2, 2, 2, 3, 3, 3]]), 8, axis=0)
     joining = Joining(Relief(np.full(parts.shape, 0.05), np.ones(parts.shape, bool), CELL), parts)
     seen = []

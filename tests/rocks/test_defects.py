@@ -23,14 +23,14 @@ SCANNERS = np.array([[3.5, 0, 1.5], [0, -3.5, 1.5]])
 
 
 def half_ball():
-    """The upper half of a ball on level ground, open below."""
+    """Return the upper half of a ball on level ground, open below."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
     vertices, faces = np.array(ball.vertices), np.array(ball.faces)
     return compacted(vertices, faces[(vertices[faces][:, :, 2] >= -1e-9).all(axis=1)])
 
 
 def with_skirt(mesh, reach=0.03):
-    """The same with a level ring of sand around its foot."""
+    """Return the half ball with a level ring of sand around its foot."""
     angle = np.linspace(0, 2 * np.pi, 121)
     inner, outer = (radius * np.column_stack([np.cos(angle), np.sin(angle)]) for radius in (RADIUS, RADIUS + reach))
     ring = np.column_stack([np.concatenate([inner, outer]), np.zeros(2 * len(angle))])
@@ -39,9 +39,9 @@ def with_skirt(mesh, reach=0.03):
     return Mesh(np.concatenate([mesh.vertices, ring]), np.concatenate([mesh.faces, faces + len(mesh.vertices)]))
 
 
-def test_a_clean_half_ball_is_open_at_its_rim_alone():
+def test_a_clean_half_ball_is_open_only_at_its_rim():
     found = defects(half_ball())
-    assert 1.0 < found["rim_m"] / (2 * np.pi * RADIUS) < 1.2  # it zigzags along the triangles
+    assert 1.0 < found["rim_m"] / (2 * np.pi * RADIUS) < 1.2  # zigzag along the triangles
     clean = {
         "unused_vertices": 0,
         "doubled_vertices": 0,
@@ -51,18 +51,18 @@ def test_a_clean_half_ball_is_open_at_its_rim_alone():
         "watertight": False,
     }
     assert {name: found[name] for name in clean} == clean
-    assert found["skirt_share"] < 0.08  # the lowest 4 mm of its 80
+    assert found["skirt_share"] < 0.08  # the lowest 4 of 80 mm
 
 
-def test_what_was_spoiled_is_counted():
+def test_defects_are_counted():
     ball = half_ball()
     top = np.flatnonzero((ball.vertices[ball.faces][:, :, 2] > 0.9 * RADIUS).all(axis=1))
     spoiled = np.delete(ball.faces, top[:1], axis=0)  # a hole
     corner = len(ball.vertices)
     crumb = np.array([[1, 1, 0.1], [1.01, 1, 0.1], [1, 1.01, 0.1]])
     twin = ball.vertices[spoiled[0, 0]][None]
-    spoiled[0, 0] = corner + 3  # a corner of its own, at the same point
-    vertices = np.concatenate([ball.vertices, crumb, twin, [[5.0, 5, 5]]])  # the last one is used by nobody
+    spoiled[0, 0] = corner + 3  # a separate corner at the same point
+    vertices = np.concatenate([ball.vertices, crumb, twin, [[5.0, 5, 5]]])  # the last vertex is unused
     found = defects(Mesh(vertices, np.concatenate([spoiled, [[corner, corner + 1, corner + 2]]])))
     expected = {"unused_vertices": 1, "doubled_vertices": 1, "islands": 2, "small_component_faces": 1, "holes": 1}
     assert {name: found[name] for name in expected} == expected
@@ -75,7 +75,7 @@ def test_a_closed_mesh_has_no_open_edge():
     assert len(open_edges(faces[1:])) == 3
 
 
-def test_the_table_has_a_row_a_rock():
+def test_the_table_has_a_row_for_each_rock():
     table = defect_table({3: half_ball(), 7: with_skirt(half_ball())})
     assert list(table.columns) == list(DEFECTS.columns)
     assert table["rock"].tolist() == [3, 7]
@@ -99,7 +99,7 @@ def test_published_rocks_become_closed_solids(release_root, terrain):
     rocks = {
         k: obj.read(p) for k, p in obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").items()
     }
-    assert not defect_table(rocks)["watertight"].any()  # scans see no underside
+    assert not defect_table(rocks)["watertight"].any()  # undersides are not scanned
     adopted = {rock: cleaned(mesh) for rock, mesh in rocks.items()}
     grid = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
     ground = fit_ground([rim(mesh) for mesh in adopted.values()], grid)

@@ -1,4 +1,4 @@
-"""The ground under published rocks: no cliffs whatever the feet, exact where they agree, the same in any order."""
+"""Ground under published rocks: limited slope, exact for feet on a plane, independent of the order."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def foot(x, y, z, radius=0.05, points=8):
 
 
 def steepest_deg(grid, heights):
-    """Of all triangles of the mesh."""
+    """Return the slopes of all triangles of the mesh."""
     mesh = height_mesh(grid, heights)
     corners = mesh.vertices[mesh.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -36,7 +36,7 @@ def steepest_deg(grid, heights):
         st.tuples(SIDE, SIDE, st.floats(-2, 2), st.floats(0, 0.2), st.integers(1, 24)), max_size=QUADRIC_FROM + 2
     )
 )
-def test_no_ground_is_steeper_than_sand_rests(feet):
+def test_no_ground_is_steeper_than_the_angle_of_repose(feet):
     heights = fit_ground([foot(*one) for one in feet], GRID)
     assert np.isfinite(heights).all()
     assert steepest_deg(GRID, heights) <= MAX_SLOPE_DEG
@@ -58,15 +58,15 @@ def test_feet_on_a_plane_give_this_plane(feet, plane):
 
 @settings(max_examples=25)
 @given(data=st.data(), feet=st.lists(st.tuples(SIDE, SIDE, st.floats(-0.2, 0.2)), min_size=1, max_size=8, unique=True))
-def test_order_and_copies_of_rocks_and_points_change_no_height(data, feet):
+def test_order_and_copies_of_rocks_and_points_do_not_matter(data, feet):
     rims = [foot(*one) for one in feet]
     copies = data.draw(st.permutations([*rims, *data.draw(st.lists(st.sampled_from(rims), max_size=3))]))
     shuffled = [np.asfortranarray(np.concatenate([own[::-1], own[:2]])) for own in copies]
     np.testing.assert_array_equal(fit_ground(shuffled, GRID), fit_ground(rims, GRID))
 
 
-def test_a_slope_within_the_bound_is_kept_where_feet_ask_for_more_elsewhere():
-    """The bound acts where the feet of two rocks disagree: a gentle hill far from them keeps nearly all its height."""
+def test_a_slope_within_the_bound_is_kept():
+    """The bound is only active near two contradicting feet: a distant gentle hill keeps nearly all of its height."""
     wide = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
     level = [foot(x, y, 0.0) for x in (-1.5, -0.5, 0.5, 1.5) for y in (-1.5, 0.0, 1.5)]
     hill, cliff = foot(1.0, 0.75, 0.05), [foot(-1.0, 0.75, 0.25), foot(-1.0, 0.62, -0.25)]
@@ -79,7 +79,7 @@ def test_a_slope_within_the_bound_is_kept_where_feet_ask_for_more_elsewhere():
 @pytest.mark.release
 @pytest.mark.parametrize("terrain", [1, 12])
 def test_published_rocks_stand_on_a_ground_without_cliffs(release_root, terrain):
-    """By inverse distances the steepest triangles had 76 and 70 degrees."""
+    """With inverse distances, the steepest triangles had 76 and 70 degrees."""
     paths = obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").values()
     rims = [rim(cleaned(obj.read(path))) for path in paths]
     grid = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)

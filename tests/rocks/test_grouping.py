@@ -1,4 +1,4 @@
-"""Pieces in a row, 10 px wide each, seen by one photo or two."""
+"""Grouping of pieces in a row, 10 px wide each, in one or two photos."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from polarsim.rocks.grouping import MAX_EXHAUSTIVE_PIECES, grouped
 
 
 def span(first, last, top=0.0):
-    """The box around pieces of the row."""
+    """Return the box around pieces of the row."""
     return [10.0 * first, top, 10.0 * last + 10, top + 12]
 
 
@@ -18,7 +18,7 @@ def row(n):
 
 
 def groups(rock, *annotated, boxes=None, touching=None):
-    """Sets of pieces after the boxes of each photo were looked at."""
+    """Return the sets of pieces after grouping by the boxes of each photo."""
     n = len(rock)
     boxes = [row(n)] * len(annotated) if boxes is None else boxes
     touching = [(k, k + 1) for k in range(n - 1)] if touching is None else touching
@@ -45,21 +45,21 @@ def test_two_rocks_that_were_annotated_as_one_are_one():
     assert groups([1, 2], [span(0, 1)]) == {frozenset({0, 1})}
 
 
-def test_a_box_on_a_part_of_a_rock_cuts_nothing_off():
-    assert groups([1, 1, 1], [span(0, 1)]) == {frozenset({0, 1, 2})}  # what is left, nobody drew
+def test_a_box_on_a_part_of_a_rock_does_not_cut_it():
+    assert groups([1, 1, 1], [span(0, 1)]) == {frozenset({0, 1, 2})}  # the remainder is not annotated
 
 
-def test_a_piece_goes_to_the_rock_whose_box_holds_it():
+def test_a_piece_is_moved_to_the_rock_with_the_box_around_it():
     assert groups([1, 1, 2, 2, 2], [span(0, 2), span(3, 4)]) == {frozenset({0, 1, 2}), frozenset({3, 4})}
 
 
-def test_a_second_photo_can_tell_what_the_first_cannot():
-    behind = np.array([span(0, 0), span(0, 0)])  # one hides the other
+def test_a_second_photo_can_resolve_an_ambiguity():
+    behind = np.array([span(0, 0), span(0, 0)])  # one piece occludes the other
     one_box, two_boxes = [span(0, 0)], [span(0, 0), span(1, 1)]
     assert groups([1, 1], one_box, two_boxes, boxes=[behind, row(2)]) == {frozenset({0}), frozenset({1})}
 
 
-def test_an_unannotated_piece_beside_an_annotated_rock_is_its_own_where_the_box_fits_no_worse():
+def test_an_unannotated_piece_next_to_an_annotated_rock_is_separated_if_the_fit_is_equal():
     assert groups([1, 2], [span(0, 0)]) == {frozenset({0}), frozenset({1})}
     in_front = np.array([span(0, 0), [2.0, 4, 8, 10]])
     assert groups([1, 2], [span(0, 0)], boxes=[in_front]) == {frozenset({0, 1})}
@@ -69,7 +69,7 @@ def test_rocks_that_do_not_touch_are_never_joined():
     assert groups([1, 2], [span(0, 1)], touching=[]) == {frozenset({0}), frozenset({1})}
 
 
-def test_pieces_that_no_photo_shows_stay_with_their_rock():
+def test_pieces_outside_all_photos_keep_their_rock():
     hidden = np.vstack([row(2), np.full((1, 4), np.nan)])
     assert groups([1, 1, 1], [span(0, 0), span(1, 1)], boxes=[hidden], touching=[(0, 1), (1, 2)]) == {
         frozenset({0}),
@@ -83,7 +83,7 @@ def test_rocks_of_many_pieces_are_cut_too(n):
 
 
 def test_ties_are_not_broken_by_the_numbers_of_pieces():
-    """Two exchanges fit alike here; which came first was taken."""
+    """Two exchanges fit equally well in this case."""
     check_that_order_does_not_matter([3, 2, 1, 3, 2], 2, np.array([1, 0, 2, 3, 4]))
 
 

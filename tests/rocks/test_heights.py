@@ -30,29 +30,29 @@ def test_means_are_weighted():
 
 
 def one_cell(heights):
-    """The top of points of such heights in one cell, and the sum of weights there."""
+    """Return the top of points with given heights in one cell, and the sum of weights."""
     points = np.column_stack([np.full((len(heights), 2), 0.001), heights])
     top, weights = top_heights(GRID, points, np.ones(len(heights)))
     ((row, column),) = np.argwhere(weights > 0)
     return top[row, column], weights[row, column]
 
 
-def test_the_top_of_an_overhang_is_what_lies_above():
+def test_the_top_of_an_overhang_is_the_upper_surface():
     assert one_cell([0.0, 0.10, 0.001, 0.102, 0.002, 0.104]) == pytest.approx((0.102, 3))
     assert one_cell([0.0, 0.0, 0.05, 0.05, 0.10, 0.10]) == pytest.approx((0.10, 2))  # three surfaces
 
 
-def test_one_slope_in_a_cell_has_the_mean_for_its_top():
+def test_the_top_of_a_slope_in_a_cell_is_the_mean():
     heights = np.linspace(0, 0.028, 9)  # across a cell of 5 mm at 80 degrees
     assert one_cell(heights) == pytest.approx((0.014, 9))
 
 
-def test_a_stray_point_is_no_top():
+def test_a_stray_point_is_not_the_top():
     assert one_cell([0.0, 0.001, 0.002, 0.003, 0.5]) == pytest.approx((0.0015, 4))
     assert one_cell([*np.zeros(18), 0.5, 0.5]) == pytest.approx((0.0, 18))
 
 
-def test_points_outside_the_grid_do_not_count():
+def test_points_outside_the_grid_are_ignored():
     _, weights = mean_heights(GRID, np.array([[0.6, 0, 1], [0, -0.31, 1]]), np.ones(2))
     assert not weights.any()
 
@@ -72,7 +72,7 @@ def test_a_hole_in_a_plane_is_filled_by_the_plane():
     assert np.abs(result - heights).max() < 0.003  # the relaxation stops early; the plane spans 0.38 m
 
 
-def test_a_hole_stays_between_its_rims_heights():
+def test_a_filled_hole_is_between_the_heights_of_its_rim():
     rng = np.random.default_rng(3)
     heights, known = rng.normal(size=GRID.shape), rng.random(GRID.shape) > 0.3
     result = filled(np.where(known, heights, 99), known)
@@ -80,11 +80,11 @@ def test_a_hole_stays_between_its_rims_heights():
     assert result.min() >= heights[known].min()
 
 
-def test_nothing_known_fills_with_zero():
+def test_unknown_heights_are_filled_with_zero():
     assert not filled(np.ones((5, 7)), np.zeros((5, 7), bool)).any()
 
 
-def test_smoothing_takes_no_notice_of_values_without_weight():
+def test_smoothing_ignores_values_without_weight():
     values, weights = np.full(GRID.shape, 2.0), np.ones(GRID.shape)
     values[10, 10], weights[10, 10] = 1e6, 0
     np.testing.assert_allclose(smoothed(values, weights, 1.5), 2.0)

@@ -6,7 +6,7 @@ from polarsim.rocks.clouds import surface_cloud, voxel_means
 from polarsim.rocks.scans import ScanPoints, scan_in_sandbox
 
 
-def test_a_localised_scan_looks_back_at_its_scanner(rng):
+def test_directions_to_the_scanner(rng):
     pose = Pose.from_rotvec(np.array([0.3, -2, 0.1]), np.array([1.0, 2, 3]))
     scan = scan_in_sandbox(rng.normal(size=(1000, 3)), pose)
     back = scan.points + scan.to_scanner * np.linalg.norm(scan.points - pose.translation, axis=1)[:, None]
@@ -32,10 +32,10 @@ def test_a_noisy_plane_becomes_flat_with_normals_to_the_scanner(rng):
 
 @pytest.mark.parametrize("radius", [0.03, 0.05, 0.1])
 def test_a_noisy_ball_keeps_its_radius(rng, radius):
-    # Planes through the same neighbours made it smaller by 0.8, 0.5 and 0.3 mm.
+    # With planes, the radius was 0.8, 0.5 and 0.3 mm too small.
     outward = rng.normal(size=(round(5e6 * radius**2), 3))
     outward = outward[outward[:, 2] > 0] / np.linalg.norm(outward[outward[:, 2] > 0], axis=1, keepdims=True)
-    noise = 0.002 * rng.normal(size=len(outward))  # along the beams of a scanner high above
+    noise = 0.002 * rng.normal(size=len(outward))  # along the beams of a distant scanner
     points = radius * outward + noise[:, None] * [0, 0, 1]
     scan = ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
     cloud = surface_cloud(voxel_means(scan, 0.002))
@@ -45,7 +45,7 @@ def test_a_noisy_ball_keeps_its_radius(rng, radius):
     assert np.median(np.abs(error[well_seen])) < 0.0003
 
 
-def test_a_lone_point_stays_where_it_is(rng):
+def test_a_single_point_is_not_moved(rng):
     patch = np.column_stack([rng.uniform(0, 0.05, (500, 2)), np.zeros(500)])
     points = np.concatenate([patch, [[5.0, 5.0, 5.0]]])
     cloud = surface_cloud(ScanPoints(points, np.tile([0.0, 0, 1], (501, 1)), np.ones(501)))

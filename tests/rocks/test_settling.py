@@ -8,7 +8,7 @@ OFF = np.array([0.0015, -0.0020, 0.0010])  # metres
 
 
 def scan(eye, count=8000, noise=0.002, seed=0, off=(0, 0, 0), flat=False):
-    """What a scanner sees of a lumpy rock of 12 cm, or of a plate, with noise along its rays."""
+    """Return a scan of a lumpy rock of 12 cm, or of a plate, with noise along its rays."""
     rng = np.random.default_rng(seed)
     direction = rng.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -25,17 +25,17 @@ def scan(eye, count=8000, noise=0.002, seed=0, off=(0, 0, 0), flat=False):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_scan_that_lies_off_at_a_rock_is_brought_back(seed):
+def test_a_displaced_scan_is_aligned(seed):
     near, far = scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10, off=OFF)
     translations = settling_translations([near, far])
     assert translations is not None
     assert np.linalg.norm((translations[0] - translations[1]) - OFF) < 0.4e-3
     weights = np.array([near.weights.sum(), far.weights.sum()])
-    assert weights @ translations == pytest.approx(0, abs=1e-6 * weights.sum())  # the rock stays where it is
+    assert weights @ translations == pytest.approx(0, abs=1e-6 * weights.sum())  # the rock is not moved
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_scans_that_agree_are_left_where_they_are(seed):
+def test_aligned_scans_are_not_moved(seed):
     translations = settling_translations([scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10)])
     assert translations is not None
     assert not translations.any()
@@ -59,5 +59,5 @@ def test_the_order_of_scans_and_points_hardly_matters():
     ],
     ids=["one scan", "few points of the other", "a plate", "no point", "no scan"],
 )
-def test_points_that_leave_a_direction_open_move_nothing(scans):
+def test_an_undetermined_direction_prevents_alignment(scans):
     assert settling_translations(scans) is None

@@ -1,4 +1,4 @@
-"""Rocks of terrain 13, whose box is a metre wide and stands on the floor; scans are of the analog's scanner."""
+"""Rocks of terrain 13, with a box of one metre on the floor; scans are simulated by the analog's scanner."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def made():
 
 @pytest.fixture(scope="module")
 def scans(made):
-    """(n, 3) points of two positions in the left camera's frame."""
+    """Return the points (n, 3) of two positions in the left camera frame."""
     found = {}
     for number, (position, left) in enumerate(sorted(made.stations.sandbox_from_left.items())[:2]):
         level = looking(left.translation, yaw_pitch_roll(left)[0], 0.0) @ UPRIGHT_FROM_CAMERA.inverse()
@@ -42,7 +42,7 @@ def scans(made):
     return found
 
 
-def test_three_rocks_are_cut_in_the_frame_of_their_box(made, scans):
+def test_three_rocks_are_detected_in_the_frame_of_their_box(made, scans):
     true = made.stations.sandbox_from_left
     level_from_sandbox = Pose.from_rotvec(np.array([0.002, -0.003, 0.1]), np.array([1.6, 0.2, 0.4]))
     level_from_left = {position: level_from_sandbox @ true[position] for position in scans}
@@ -63,7 +63,7 @@ def test_three_rocks_are_cut_in_the_frame_of_their_box(made, scans):
     faces = icosphere(OPTIONS.rock_detail)[1]
     rows = [rock_row(rock, made.scene.ground, faces) for rock in made.scene.rocks]
     assert len(found) == len(rows) == 3
-    for row in rows:  # the box as a whole was one rock of a metre
+    for row in rows:  # the box is not a rock of one metre
         near = min(found, key=lambda region: np.hypot(*(region.centre - [row["x"], row["y"]])))
         assert np.hypot(*(near.centre - [row["x"], row["y"]])) < 0.03
         assert near.size == pytest.approx(row["size_m"], abs=0.03)

@@ -33,7 +33,7 @@ def test_a_dome_with_a_notch_in_its_top_is_one_rock():
     assert count(dome(60, 40, 30, 0.12) * (1 - 0.5 * groove * np.exp(-(((Y - 40) / 15) ** 2)))) == 1
 
 
-def test_two_peaks_that_look_like_one_rock_are_two_pieces_of_it():
+def test_two_peaks_of_one_rock_are_two_pieces():
     pieces, _ = pieces_of(np.maximum(dome(50, 40, 20, 0.10), dome(70, 40, 20, 0.10)))
     assert pieces.rock.tolist() == [pieces.rock[0]] * 2
     assert pieces.numbers[40, 45] != pieces.numbers[40, 75]
@@ -43,7 +43,7 @@ def test_a_rock_of_one_peak_is_one_piece():
     assert len(pieces_of(dome(60, 40, 30, 0.12))[0].rock) == 1
 
 
-def test_rocks_apart_stay_apart():
+def test_separate_rocks_remain_separate():
     assert count(dome(25, 40, 15, 0.10) + dome(90, 40, 15, 0.02)) == 2
 
 
@@ -53,11 +53,11 @@ def test_a_hidden_strip_does_not_cut_a_rock_in_two():
     seen[:55, 55:65] = False
     pieces, _ = pieces_of(above, seen)
     assert len(pieces.rock) == 1
-    assert (pieces.numbers[:55, 55:65] > 0).any()  # what the strip hides is the rock's
+    assert (pieces.numbers[:55, 55:65] > 0).any()  # hidden cells belong to the rock
 
 
 def sliver_beside(distance_cells, annotated=False):
-    """Numbers of a boulder 40 cells wide and of a strip, 3 cells wide and 10 cm high, at a distance from it."""
+    """Return the numbers of a boulder 40 cells wide and of a strip, 3 cells wide and 10 cm high, at a distance."""
     parts = np.zeros(X.shape, int)
     parts[20:60, 30:70] = 1
     parts[30:36, 70 + distance_cells : 73 + distance_cells] = 2
@@ -65,13 +65,13 @@ def sliver_beside(distance_cells, annotated=False):
     return join_slivers(above, parts, 0.005, lambda mask: annotated)
 
 
-def test_an_upright_strip_beside_a_rock_is_its_edge():
+def test_an_upright_strip_next_to_a_rock_is_joined():
     joined = sliver_beside(8)
     assert (joined[30:36, 78:81] == 1).all()
     assert (joined > 0).sum() == 40 * 40 + 6 * 3
 
 
-def test_an_upright_strip_far_from_any_rock_or_annotated_as_one_stays_alone():
+def test_a_distant_or_annotated_upright_strip_is_not_joined():
     assert (sliver_beside(30) == 2).sum() == 6 * 3
     assert (sliver_beside(8, annotated=True) == 2).sum() == 6 * 3
 
