@@ -390,7 +390,7 @@ def main() -> None:
         rover_light[terrain] = rover_light_samples(files, read_published(args.release, terrain), options)
     for terrain, run in runs.items():
         annotator = None
-        if args.fit:  # what the others taught
+        if args.fit:  # fitted to the other terrains
             others = [other for other in runs if other != terrain]
             annotator = fit_annotator([edges[other] for other in others], [rover_light[other] for other in others])
         truth = read_truth(args.release, terrain)

@@ -209,8 +209,8 @@ def _describe(
     rig = adjusted.localised[position]
     points = {camera: part for (where, camera), part in matches.items() if where == position}
     before, now = (
-        np.concatenate([_offset_px(offsets_px(one, camera, part), part) for camera, part in points.items()])
-        for one in (located, rig)
+        np.concatenate([_offset_px(offsets_px(current, camera, part), part) for camera, part in points.items()])
+        for current in (located, rig)
     )
     moved = located.sandbox_from_left.inverse() @ rig.sandbox_from_left
     sd = np.sqrt(np.diag(adjusted.covariance[position]))

@@ -16,7 +16,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import EDGES, Outlines
 from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
 
-MIN_IN_VIEW = 0.5  # a rock with less of its box inside the photo is out of view
+MIN_IN_VIEW = 0.5  # minimum share of a rock's box inside the photo
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def refine_pose(
     gates_px: Sequence[float],
     noise: EdgeNoise,
 ) -> Pose:
-    """Pose after one least-squares fit a gate, each to the pairs that the fit before it suggests."""
+    """Return the pose after a least-squares fit per gate, each to the pairs at the previous pose."""
     pose = start
     for gate in gates_px:
         rows, columns = assign(outlines.seen(Camera(pose, lens)), boxes, gate)
@@ -85,7 +85,7 @@ def refine_pose(
 def check_pose(
     pose: Pose, outlines: Outlines, boxes: np.ndarray, lens: Lens, prior: PosePrior, noise: EdgeNoise
 ) -> BoxFit:
-    """Pairs, overlap and covariance at a pose."""
+    """Return pairs, overlap and covariance at a pose."""
     unclipped = outlines.project(Camera(pose, lens))
     projected = box_geometry.clip(unclipped, lens.width, lens.height)
     rows, columns = assign(projected, boxes, MATCH_GATE_PX)

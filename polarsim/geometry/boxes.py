@@ -98,12 +98,12 @@ def pairs(
 
 
 def _greedy_pairs(score: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    free, found = np.where(allowed, score, -np.inf), []
+    free, matched = np.where(allowed, score, -np.inf), []
     while np.isfinite(best := free.max()):
         row, column = np.argwhere(free == best)[0]
         free[row], free[:, column] = -np.inf, -np.inf
-        found.append((row, column))
-    rows, columns = np.array(found).T
+        matched.append((row, column))
+    rows, columns = np.array(matched).T
     return rows, columns
 
 

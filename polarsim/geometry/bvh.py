@@ -13,7 +13,7 @@ import numpy as np
 LEAF = 4  # maximum number of triangles of a leaf
 LEVELS = 40  # maximum number of inner nodes from the root to a leaf: size of the stack of a traversal
 COUNT_BITS = 3  # bits of a leaf's code that store its number of triangles
-_MOST = 1 << (31 - COUNT_BITS)  # number of triangles that a leaf's code can address
+_MAX_TRIANGLES = 1 << (31 - COUNT_BITS)  # number of triangles that a leaf's code can address
 _BINS = 16  # number of tried cuts of a node
 _FEW_BINS = 4  # number of tried cuts of small nodes
 
@@ -65,11 +65,11 @@ def built(vertices: np.ndarray, faces: np.ndarray) -> Tree:
     ValueError
         There are no triangles, or more than 2^28.
     """
-    if not 0 < len(faces) < _MOST:
-        raise ValueError(f"{len(faces)} triangles, a tree holds 1 to {_MOST - 1}")
+    if not 0 < len(faces) < _MAX_TRIANGLES:
+        raise ValueError(f"{len(faces)} triangles, a tree holds 1 to {_MAX_TRIANGLES - 1}")
     level = _root(np.asarray(vertices, np.float32), np.asarray(faces))
     if len(faces) <= LEAF:
-        return _single(level)
+        return _single_leaf(level)
     order = np.empty(len(faces), np.int32)
     boxes, children, numbered = [], [], 1
     depth = 0
@@ -82,7 +82,7 @@ def built(vertices: np.ndarray, faces: np.ndarray) -> Tree:
         codes[~leaf] = numbered + np.arange(np.count_nonzero(~leaf))
         numbered += int(np.count_nonzero(~leaf))
         children.append(codes.reshape(-1, 2).astype(np.int32))
-        level = _without(level, leaf, order)
+        level = _remove_leaves(level, leaf, order)
     return Tree(np.concatenate(boxes), np.concatenate(children), order)
 
 
@@ -94,7 +94,7 @@ def _root(vertices: np.ndarray, faces: np.ndarray) -> _Level:
     return _Level(low, high, np.arange(len(faces)), zero, zero + len(faces), zero)
 
 
-def _single(level: _Level) -> Tree:
+def _single_leaf(level: _Level) -> Tree:
     """Return the tree of a scene that fits into a leaf: its second child is empty."""
     box = _boxes(level)[0]
     children = _code(np.zeros(2, np.int64), np.array([level.count[0], 0])).astype(np.int32)
@@ -111,7 +111,7 @@ def _boxes(level: _Level) -> np.ndarray:
 def _cut(level: _Level, depth: int) -> _Level:
     """Return the two children of every node, adjacent to each other."""
     node = level.node
-    second = _by_area(level, node, depth)
+    second = _in_second_child(level, node, depth)
     before = np.cumsum(~second) - ~second  # triangles of first children before each triangle
     before -= before[level.start][node]
     in_first = np.add.reduceat(~second, level.start, dtype=np.int64)
@@ -137,7 +137,7 @@ def _cut(level: _Level, depth: int) -> _Level:
     )
 
 
-def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
+def _in_second_child(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
     """Return a mask (k,) of the triangles of the second child.
 
     A node is cut across the axis with the largest spread of its triangles' centres, where the sum of the children's
@@ -149,9 +149,9 @@ def _by_area(level: _Level, node: np.ndarray, depth: int) -> np.ndarray:
     with np.errstate(divide="ignore", over="ignore"):
         scale = np.where(spread > 0, np.float32(bins * (1 - 1e-6)) / spread, np.float32(0))
     scale[~np.isfinite(scale)] = 0  # spreads that are too small for a quotient
-    found = np.minimum((centre * scale[node]).astype(np.int64), bins - 1)
-    cut = _best_cut(level, node * bins + found, bins)
-    second = found > cut[node]
+    bin_of_triangle = np.minimum((centre * scale[node]).astype(np.int64), bins - 1)
+    cut = _best_cut(level, node * bins + bin_of_triangle, bins)
+    second = bin_of_triangle > cut[node]
     halved = (cut < 0) | (level.count > LEAF * 2.0 ** (LEVELS - 2 - depth))
     if halved.any():
         within = np.arange(len(node)) - level.start[node]
@@ -200,7 +200,7 @@ def _areas(low: list[np.ndarray], high: list[np.ndarray]) -> np.ndarray:
     return np.where(np.isfinite(area), area.astype(float), 0.0)
 
 
-def _without(level: _Level, leaf: np.ndarray, order: np.ndarray) -> _Level:
+def _remove_leaves(level: _Level, leaf: np.ndarray, order: np.ndarray) -> _Level:
     """Return the level without its leaves, and write their triangles to the tree's order."""
     node = level.node
     done = leaf[node]

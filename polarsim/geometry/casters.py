@@ -18,8 +18,8 @@ def caster(
 ) -> Surveyor:
     """Return an engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
 
-    Embree casts float32 rays on `threads` threads, one by default. Taichi uses that number on its device, by default
-    the number with which it runs already. Results do not depend on the number. NumPy is the reference; its time is
+    Embree casts float32 rays on `threads` threads (default: 1). Taichi uses the same number on the CPU; its default is
+    the number of the current start. Results do not depend on the number. NumPy is the reference; its time is
     proportional to rays times triangles.
 
     Raises

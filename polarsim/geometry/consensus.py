@@ -46,7 +46,7 @@ def consensus_boxes(annotated: Sequence[np.ndarray], share: float = 0.3, same_io
     clusters: list[list[np.ndarray]] = []
     for boxes in annotated:
         _add_photo(clusters, np.asarray(boxes, float).reshape(-1, 4), same_iou)
-    clusters = _merge(clusters, same_iou)
+    clusters = _merge_clusters(clusters, same_iou)
     kept = [_median(cluster) for cluster in clusters if len(cluster) >= share * len(annotated)]
     return np.array(kept).reshape(-1, 4)
 
@@ -68,7 +68,7 @@ def _add_photo(clusters: list[list[np.ndarray]], boxes: np.ndarray, same_iou: fl
     clusters += [[box] for box in np.delete(boxes, taken, axis=0)]
 
 
-def _merge(clusters: list[list[np.ndarray]], same_iou: float) -> list[list[np.ndarray]]:
+def _merge_clusters(clusters: list[list[np.ndarray]], same_iou: float) -> list[list[np.ndarray]]:
     """Merge clusters that overlap because running medians drift, the larger first."""
     done: list[list[np.ndarray]] = []
     for cluster in sorted(clusters, key=len, reverse=True):
@@ -135,10 +135,10 @@ def find_strangers(annotated: Mapping[str, np.ndarray], projected: Mapping[str, 
             pose: float((largest_iou(boxes, _in_view(rocks)) >= MIN_MATCHED_ROCK_IOU).mean())
             for pose, rocks in projected.items()
         }
-        own = met.pop(position)
+        own_share = met.pop(position)
         best = max(sorted(met), key=lambda pose: met[pose], default=None)
-        if best is not None and met[best] - own >= MIN_POSITION_LEAD and own < MAX_OWN_SHARE * met[best]:
-            mislabelled.append(Stranger(position, own, best, met[best]))
+        if best is not None and met[best] - own_share >= MIN_POSITION_LEAD and own_share < MAX_OWN_SHARE * met[best]:
+            mislabelled.append(Stranger(position, own_share, best, met[best]))
     return mislabelled
 
 

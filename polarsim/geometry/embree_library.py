@@ -61,10 +61,10 @@ def embree() -> ctypes.CDLL:
         files = metadata.files("embreex") or []
     except (ImportError, metadata.PackageNotFoundError) as error:
         raise PolarsimError(f"rays: engine 'embree' cannot be loaded ({error}); install embreex") from error
-    found = [Path(str(file.locate())) for file in files if file.name.startswith(("libembree4", "embree4"))]
-    if not found:
+    paths = [Path(str(file.locate())) for file in files if file.name.startswith(("libembree4", "embree4"))]
+    if not paths:
         raise PolarsimError("rays: this embreex does not include Embree 4; install embreex 4.4 or newer")
-    library = ctypes.CDLL(str(found[0]))
+    library = ctypes.CDLL(str(paths[0]))
     for name, (result, arguments) in _INTERFACE.items():
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
@@ -103,17 +103,17 @@ def attach(scene: int, vertices: np.ndarray, faces: np.ndarray, mask: int = 1) -
         (_VERTICES, _THREE_FLOATS, vertices, len(vertices) - 1),
     ):
         embree().rtcSetSharedGeometryBuffer(geometry, kind, 0, form, numbers.ctypes.data, 0, 12, count)
-    return _attached(scene, geometry, mask)
+    return _attach(scene, geometry, mask)
 
 
 def attach_scene(scene: int, part: int, mask: int) -> int:
     """Add a scene to another scene for rays that share a bit with `mask`; return the RTCGeometry to release."""
     geometry: int = embree().rtcNewGeometry(device(), _INSTANCE)
     embree().rtcSetGeometryInstancedScene(geometry, part)
-    return _attached(scene, geometry, mask)
+    return _attach(scene, geometry, mask)
 
 
-def _attached(scene: int, geometry: int, mask: int) -> int:
+def _attach(scene: int, geometry: int, mask: int) -> int:
     embree().rtcSetGeometryMask(geometry, mask)
     embree().rtcCommitGeometry(geometry)
     embree().rtcAttachGeometry(scene, geometry)

@@ -102,10 +102,10 @@ def amplitudes(spacing: np.ndarray, hurst: float, deviation_m: float) -> np.ndar
     """Return standard deviations (n,) of each octave's lattice, m, so that points 1 m apart differ by `deviation_m`."""
     if not len(spacing):
         return spacing
-    own = spacing**hurst
+    growth = spacing**hurst
     peak = float(_SEPTIC(0.0))
-    squared = 2 * peak * (peak - np.nan_to_num(_SEPTIC(1.0 / spacing))) * own**2
-    return np.asarray(own * deviation_m / np.sqrt(squared.sum()))
+    squared = 2 * peak * (peak - np.nan_to_num(_SEPTIC(1.0 / spacing))) * growth**2
+    return np.asarray(growth * deviation_m / np.sqrt(squared.sum()))
 
 
 def octave_relief(
@@ -131,7 +131,7 @@ def octave_relief(
     return level
 
 
-def _shown(apart: np.ndarray, step: float) -> np.ndarray:
+def _visible_share(apart: np.ndarray, step: float) -> np.ndarray:
     """Return the share (n,) of an octave at nodes `apart` m apart: 1 up to half its spacing, 0 from its spacing."""
     t = np.clip(2 * apart / step - 1, 0.0, 1.0)
     return np.asarray(1 - t * t * (3 - 2 * t))
@@ -141,7 +141,7 @@ def _weights(at: np.ndarray, step: float, count: int) -> csr_array:
     """Return weights (n, count) of the lattice's numbers at nodes; zero outside the lattice, less at sparse nodes."""
     place = at / step + (count - 1) / 2
     number = np.floor(place).astype(int)[:, None] + np.arange(-1, 3)
-    weight = np.nan_to_num(_CUBIC(place[:, None] - number)) * _shown(np.gradient(at), step)[:, None]
+    weight = np.nan_to_num(_CUBIC(place[:, None] - number)) * _visible_share(np.gradient(at), step)[:, None]
     inside = (number >= 0) & (number < count)
     rows = np.broadcast_to(np.arange(len(at))[:, None], number.shape)
     return csr_array((weight[inside], (rows[inside], number[inside])), shape=(len(at), count))

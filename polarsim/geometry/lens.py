@@ -19,9 +19,9 @@ from numpy.polynomial import chebyshev
 from polarsim.photo import HEIGHT, WIDTH
 
 CHUNK = 1 << 14  # number of pixels with arrays that fit the cache
-CLOSE = 1e-7  # convergence of the undistortion, in units of the focal length: the next step squares the error
+CONVERGED = 1e-7  # convergence of the undistortion, in units of the focal length: the next step squares the error
 HALF_PIXEL = 0.5  # OpenCV's (0, 0) is our (0.5, 0.5)
-CLOSE_PX = 1e-6  # maximum reprojection error of a polynomial
+MAX_ERROR_PX = 1e-6  # maximum reprojection error of a polynomial
 _DEGREES = (14, 24, 40)
 
 
@@ -114,7 +114,7 @@ class Lens:
             mixed = slope * xy + 2 * p1 * x + 2 * p2 * y
             determinant = xx * yy - mixed * mixed
             x, y = x - (yy * ex - mixed * ey) / determinant, y - (xx * ey - mixed * ex) / determinant
-            if max(np.abs(ex).max(initial=0), np.abs(ey).max(initial=0)) < CLOSE:
+            if max(np.abs(ex).max(initial=0), np.abs(ey).max(initial=0)) < CONVERGED:
                 break
         return np.stack([x, y], axis=-1)
 
@@ -171,17 +171,17 @@ def _inverse(lens: Lens) -> np.ndarray | None:
         values = lens.directions(np.stack(np.meshgrid(u, v), axis=-1))[..., :2]
         from_values = np.linalg.inv(chebyshev.chebvander(nodes, degree))
         fit = np.einsum("iv,vuk,ju->ijk", from_values, values, from_values)
-        if _worst_px(fit, lens) < CLOSE_PX:
+        if _max_error_px(fit, lens) < MAX_ERROR_PX:
             return fit
     return None
 
 
-def _worst_px(fit: np.ndarray, lens: Lens) -> float:
+def _max_error_px(fit: np.ndarray, lens: Lens) -> float:
     """Return the maximum reprojection error of directions on a grid that does not contain the nodes."""
     u, v = np.linspace(0, lens.width, 67), np.linspace(0, lens.height, 53)
-    found = _evaluated(fit, lens, u, v)
+    directions = _evaluated(fit, lens, u, v)
     exact = lens.directions(np.stack(np.meshgrid(u, v), axis=-1))[..., :2]
-    return float((np.abs(found - exact) * [lens.fx, lens.fy]).max())
+    return float((np.abs(directions - exact) * [lens.fx, lens.fy]).max())
 
 
 def _evaluated(fit: np.ndarray, lens: Lens, u: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -14,10 +14,10 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 _BLUR_PX = 1.0  # sd: larger than photon noise and the edges of triangles
 _CLIPPED = 0.95  # of the white level: brighter pixels have no texture
-_MOST_CLIPPED = 0.2  # maximum share of such pixels in a window
-_FLAT = 1e-6  # range of a window without texture
-_LEAST_BEND = 1e-3  # minimum second derivative at a correlation's peak; along a ridge the peak is undefined
-_LEAST_UNLIKENESS = 0.01  # minimum of 1 - correlation: no photo equals the shaded view
+_MAX_CLIPPED = 0.2  # maximum share of such pixels in a window
+_MIN_RANGE = 1e-6  # range of a window without texture
+_MIN_CURVATURE = 1e-3  # minimum second derivative at a correlation's peak; along a ridge the peak is undefined
+_MIN_UNLIKENESS = 0.01  # minimum of 1 - correlation: no photo equals the shaded view
 SHOWN_SHARE = 0.9  # minimum share of a window that is visible to both cameras
 CONTRAST_DN = 40  # minimum difference between the brightest and the darkest pixel of a window; above noise
 NEARER = 0.998  # of the distance to a point: nearer surfaces occlude the point
@@ -71,7 +71,7 @@ def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Wind
     y, x = (part.ravel() for part in np.mgrid[tuple(slice(reach + 2, n - reach - 2, window.step) for n in ours.shape)])
     around = np.ones((size, size), np.uint8)
     spread = cv2.dilate(ours, around) - cv2.erode(ours, around)
-    free = usable[y, x] & (clipped[y, x] < _MOST_CLIPPED) & (spread[y, x] > _FLAT)
+    free = usable[y, x] & (clipped[y, x] < _MAX_CLIPPED) & (spread[y, x] > _MIN_RANGE)
     centres, corners, peaks = [], [], []
     for row, column in zip(y[free], x[free], strict=True):
         wanted = ours[row - half : row + half + 1, column - half : column + half + 1]
@@ -105,9 +105,9 @@ def _peaks_of(likeness: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarra
     mixed = likeness[:, 0, 2] + likeness[:, 2, 0] - likeness[:, 0, 0] - likeness[:, 2, 2]
     bend[:, 0, 1] = bend[:, 1, 0] = mixed / 4
     bends, axes = np.linalg.eigh(bend)
-    bends = np.maximum(bends, _LEAST_BEND)
+    bends = np.maximum(bends, _MIN_CURVATURE)
     along = np.clip(np.einsum("nki,nk->ni", axes, slope) / bends, -1, 1)
-    sharpness = np.sqrt(bends / np.maximum(1 - centre, _LEAST_UNLIKENESS)[:, None]) / noise
+    sharpness = np.sqrt(bends / np.maximum(1 - centre, _MIN_UNLIKENESS)[:, None]) / noise
     return np.einsum("nki,ni->nk", axes, along), np.einsum("nki,ni,nli->nkl", axes, sharpness, axes)
 
 
@@ -169,18 +169,18 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
     smooth = cv2.GaussianBlur(left.astype(np.float32), (0, 0), 1.0)
     usable = cv2.dilate(smooth, around) - cv2.erode(smooth, around) > CONTRAST_DN
     usable &= shown & (cv2.blur(shown.astype(np.float32), (size, size)) > SHOWN_SHARE)
-    found = find(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable, window)
-    column, row = found.pixel.astype(int).T
+    windows = find(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable, window)
+    column, row = windows.pixel.astype(int).T
     expected = seen.in_right[row, column].astype(float)
-    peak = _between_pixels(seen.in_right, found.seen)
-    moved = np.where(np.isfinite(peak), peak, expected + found.seen - found.pixel)  # unchanged outside common parts
+    peak = _between_pixels(seen.in_right, windows.seen)
+    moved = np.where(np.isfinite(peak), peak, expected + windows.seen - windows.pixel)  # unchanged outside common parts
     return Ties(
         seen.points_left[row, column],
-        found.pixel,
+        windows.pixel,
         expected,
         moved,
-        found.whitening,
-        found.tried,
+        windows.whitening,
+        windows.tried,
     )
 
 

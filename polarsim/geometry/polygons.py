@@ -14,9 +14,9 @@ import numpy as np
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import GREY_VALUES, HEIGHT, POLYGON_CLASSES, WIDTH
 
-MOST_LOST = 0.01  # maximum share of a region's pixels that a simpler outline may change
+MAX_CHANGED = 0.01  # maximum share of a region's pixels that a simpler outline may change
 NUDGE_PX = np.array([2e-3, -1e-3])  # offset of pixel centres on a line, which the rounding of files would decide
-LEAST_TOLERANCE_PX = 0.1  # minimum distance, which hardly removes a corner
+MIN_TOLERANCE_PX = 0.1  # minimum distance, which hardly removes a corner
 
 PAINT_ORDER = tuple(POLYGON_CLASSES.index(name) for name in ("background", "ground", "shadow", "rock"))
 
@@ -52,9 +52,9 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
         rings += _without_holes(parts[0], parts[1:])
     # Index 0 is the centre of the padding, half a pixel before the first corner.
     offset = np.array([left - HALF_PIXEL, top - HALF_PIXEL])
-    fewer = [_simplified(ring, simplify_px) for ring in rings]
-    found = [_clockwise(ring + offset) for ring in fewer if ring is not None]
-    return sorted(found, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
+    fewer = [_simplify(ring, simplify_px) for ring in rings]
+    rings = [_clockwise(ring + offset) for ring in fewer if ring is not None]
+    return sorted(rings, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
 
 
 def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np.ndarray:
@@ -75,8 +75,8 @@ def paint(
     """
     grey = np.full(shape, GREY_VALUES["background"], np.uint8) if on is None else on.copy()
     for number in PAINT_ORDER:
-        for own, ring in polygons:
-            if own == number:
+        for kind, ring in polygons:
+            if kind == number:
                 rows, columns, inside = _fill(np.asarray(ring, float), grey.shape)
                 grey[rows, columns][inside] = GREY_VALUES[POLYGON_CLASSES[number]]
     return grey
@@ -125,7 +125,7 @@ def _without_holes(outer: np.ndarray, holes: list[np.ndarray]) -> list[np.ndarra
     return rings
 
 
-def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
+def _simplify(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
     """Return a ring around grid points with fewer corners that encloses nearly the same points; None without points.
 
     The tolerance is halved until this holds, because the line of thin regions is close to all of their points.
@@ -138,18 +138,18 @@ def _simplified(ring: np.ndarray, tolerance: float) -> np.ndarray | None:
     inside = rasterised(local, (height, width))
     if not inside.any():
         return None
-    while tolerance >= LEAST_TOLERANCE_PX:
+    while tolerance >= MIN_TOLERANCE_PX:
         fewer = Polygon(local).simplify(tolerance, preserve_topology=True)
         if fewer.geom_type == "Polygon" and fewer.is_valid:
             corners = np.asarray(fewer.exterior.coords)[:-1]
             nudged = (rasterised(corners + nudge, inside.shape) for nudge in (NUDGE_PX, -NUDGE_PX))
-            if max((found ^ inside).sum() for found in nudged) <= MOST_LOST * inside.sum():
+            if max((found ^ inside).sum() for found in nudged) <= MAX_CHANGED * inside.sum():
                 return np.asarray(corners + origin)
         tolerance /= 2
-    return _on_corners(ring)
+    return _without_collinear(ring)
 
 
-def _on_corners(ring: np.ndarray) -> np.ndarray:
+def _without_collinear(ring: np.ndarray) -> np.ndarray:
     """Return a ring without the points on the straight line between their neighbours."""
     before, after = ring - np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0) - ring
     return ring[np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]) > 1e-12]
@@ -161,8 +161,8 @@ def _clockwise(ring: np.ndarray) -> np.ndarray:
 
 def without_thin_parts(mask: np.ndarray, size: int) -> np.ndarray:
     """Return the `thick_parts` (h, w) of a mask, or the mask if it has none."""
-    found = thick_parts(mask, size)
-    return found if found.any() else mask
+    thick = thick_parts(mask, size)
+    return thick if thick.any() else mask
 
 
 def thick_parts(mask: np.ndarray, size: int) -> np.ndarray:

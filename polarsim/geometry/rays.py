@@ -16,7 +16,7 @@ START_OFFSET = 1e-4  # metres: `occluded` ignores nearer surfaces, so that no su
 _PAIRS = 1 << 20  # ray-triangle pairs per block: limits the memory of the NumPy engine to about 200 MB
 
 RayEngine = Literal["embree", "taichi", "numpy"]
-Device = Literal["cpu", "cuda", "vulkan"]  # what Taichi runs on
+Device = Literal["cpu", "cuda", "vulkan"]  # devices of Taichi
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ class NumpyCaster:
         distance = np.full(len(origins), np.inf)
         face = np.full(len(origins), NO_FACE, np.int64)
         for part in self._parts(len(origins)):
-            found = self._distances(origins[part], directions[part])
-            best = found.argmin(axis=1)
-            distance[part] = found[np.arange(len(found)), best]
+            distances = self._distances(origins[part], directions[part])
+            best = distances.argmin(axis=1)
+            distance[part] = distances[np.arange(len(distances)), best]
             face[part] = np.where(np.isfinite(distance[part]), best, NO_FACE)
         return distance, face
 
@@ -132,8 +132,8 @@ class NumpyCaster:
         far = np.broadcast_to(np.asarray(far, float), len(origins))
         hit = np.zeros(len(origins), bool)
         for part in self._parts(len(origins)):
-            found = self._distances(origins[part], directions[part])
-            hit[part] = ((found > near[part, None]) & (found < far[part, None])).any(axis=1)
+            distances = self._distances(origins[part], directions[part])
+            hit[part] = ((distances > near[part, None]) & (distances < far[part, None])).any(axis=1)
         return hit
 
     def _parts(self, rays: int) -> list[slice]:

@@ -148,10 +148,10 @@ def _nearest(
     distance: VALUES, slot: NUMBERS, weights: WEIGHTS,
 ):  # fmt: skip
     for n in slot:
-        found = walk(boxes, children, corners, origins[n], directions[n], 0.0, FAR, 0)
-        distance[n] = found.distance
-        slot[n] = found.slot
-        weights[n] = found.weights
+        hit = walk(boxes, children, corners, origins[n], directions[n], 0.0, FAR, 0)
+        distance[n] = hit.distance
+        slot[n] = hit.slot
+        weights[n] = hit.weights
 
 
 @ti.kernel

@@ -17,7 +17,7 @@ FAR = 1e36  # greater than all distances, and small enough for sums in float32
 VECTORS, BOXES = (ti.types.ndarray(dtype=ti.math.vec3, ndim=ndim) for ndim in (1, 2))
 VALUES, WEIGHTS = (ti.types.ndarray(dtype=dtype, ndim=1) for dtype in (ti.f32, ti.math.vec2))
 NUMBERS, PAIRS = (ti.types.ndarray(dtype=ti.i32, ndim=ndim) for ndim in (1, 2))
-_LEAST = 1e-18  # minimum component of directions, so that its inverse is finite
+_MIN_COMPONENT = 1e-18  # minimum component of directions, so that its inverse is finite
 _ROUNDING = 2.0**-21  # relative error of a difference of two products: four times that of float32
 _WIDER = 2.0**-20  # share of the distance to a box by which it is enlarged
 _NO_NODE = 0x7FFFFFFF
@@ -34,10 +34,10 @@ class Walk:
 def _inverse(x):
     """Return 1 / x; a large number of the same sign for zero."""
     safe = x
-    if ti.abs(x) < _LEAST:
-        safe = _LEAST
+    if ti.abs(x) < _MIN_COMPONENT:
+        safe = _MIN_COMPONENT
         if x < 0:
-            safe = -_LEAST
+            safe = -_MIN_COMPONENT
     return 1 / safe
 
 
@@ -47,10 +47,10 @@ def _through_box(low, high, origin, inverse, wider, near, far):
     a, b = (low - wider - origin) * inverse, (high + wider - origin) * inverse
     enters = ti.max(ti.min(a, b).max(), near)
     leaves = ti.min(ti.max(a, b).min(), far)
-    found = FAR
+    distance = FAR
     if enters <= leaves:
-        found = enters
-    return found
+        distance = enters
+    return distance
 
 
 @ti.func
@@ -82,8 +82,8 @@ def _shear(along):
 @ti.func
 def _edge(a, b):
     """Return twice the area between the ray and an edge, and its error bound."""
-    one, other = a[0] * b[1], a[1] * b[0]
-    return ti.math.vec2(one - other, _ROUNDING * (ti.abs(one) + ti.abs(other)))
+    first, second = a[0] * b[1], a[1] * b[0]
+    return ti.math.vec2(first - second, _ROUNDING * (ti.abs(first) + ti.abs(second)))
 
 
 @ti.func

@@ -46,7 +46,10 @@ def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path,
     """
     report = lint_release(root, workers)
     columns = ["code", "severity", "defect", "file", "line", "detail"]
-    rows = [(one.code, one.severity, one.defect, one.file, one.line, one.detail) for one in report.findings]
+    rows = [
+        (finding.code, finding.severity, finding.defect, finding.file, finding.line, finding.detail)
+        for finding in report.findings
+    ]
     tables.write_csv(table, pd.DataFrame(rows, columns=columns))
     pictures = {path.stem: path for folder in twins for path in folder.glob("*.png")}
     write_errata(report.chosen(chosen(("error", "warning"), ())), root, pictures, page)
@@ -61,10 +64,11 @@ def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Pa
         f"<td>{counts[name]}</td><td>{escape(RULES[name].meaning)}</td></tr>"
         for name in order
     )
+    files = len({finding.file for finding in report.findings})
     parts = [
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Errata</title>',
         f"<style>{_STYLE}</style><h1>Errata of the labels</h1>",
-        f'<p class="about">{len(report.findings)} findings in {len({one.file for one in report.findings})} files. '
+        f'<p class="about">{len(report.findings)} findings in {files} files. '
         "Rocks are red, shadows blue. Boxes and polygons of a finding are filled yellow, missing ones dashed. The "
         "background is the twin of the photo, if this run rendered it, from the published meshes and with cameras "
         "localised by the labels. "
@@ -75,7 +79,7 @@ def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Pa
         parts.append(
             f'<h2 id="{name}">{RULES[name].code} {name} <span>{escape(RULES[name].meaning)}</span></h2><section>'
         )
-        parts += _figures((one for one in report.findings if one.defect == name), root, twins)
+        parts += _figures((finding for finding in report.findings if finding.defect == name), root, twins)
         parts.append("</section>")
     write_text(page, "\n".join([*parts, "</html>\n"]))
 
@@ -85,11 +89,11 @@ def _figures(findings: Iterable[Finding], root: Path, twins: Mapping[str, Path])
     for finding in findings:
         path = root / finding.file
         groups.setdefault((path.parent, _content(path), finding.rows, finding.detail), []).append(finding)
-    for alike in groups.values():
-        files = [finding.file for finding in alike]
+    for group in groups.values():
+        files = [finding.file for finding in group]
         more = f" and {len(files) - _SHOWN} more" if len(files) > _SHOWN else ""
-        text = f"{', '.join(files[:_SHOWN])}{more}" + (f": {alike[0].detail}" if alike[0].detail else "")
-        picture = _picture(root / files[0], alike[0], twins)
+        text = f"{', '.join(files[:_SHOWN])}{more}" + (f": {group[0].detail}" if group[0].detail else "")
+        picture = _picture(root / files[0], group[0], twins)
         yield f"<figure>{picture}<figcaption>{escape(text)}</figcaption></figure>"
 
 
@@ -108,13 +112,13 @@ def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
     if not shapes and not finding.lacking:
         return ""
     order = sorted(range(len(shapes)), key=lambda row: row in wrong)
-    drawn = "".join(
+    polygons = "".join(
         f'<polygon class="{shapes[row][0]} {"wrong" if row in wrong else "shape"}" points="{_points(shapes[row][1])}"/>'
         for row in order
     )
-    drawn += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.lacking)
-    behind = _twin(path, twins)
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{behind}{drawn}</svg>'
+    polygons += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.lacking)
+    background = _twin(path, twins)
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{background}{polygons}</svg>'
 
 
 def _twin(path: Path, twins: Mapping[str, Path]) -> str:

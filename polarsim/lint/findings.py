@@ -69,16 +69,16 @@ class Report:
             "contents": self.contents,
             "findings": [
                 {
-                    "code": one.code,
-                    "severity": one.severity,
-                    "defect": one.defect,
-                    "file": one.file,
-                    "line": one.line,
-                    "meaning": RULES[one.defect].meaning,
-                    "detail": one.detail,
-                    "repair": RULES[one.defect].repair,
+                    "code": finding.code,
+                    "severity": finding.severity,
+                    "defect": finding.defect,
+                    "file": finding.file,
+                    "line": finding.line,
+                    "meaning": RULES[finding.defect].meaning,
+                    "detail": finding.detail,
+                    "repair": RULES[finding.defect].repair,
                 }
-                for one in self.findings
+                for finding in self.findings
             ],
             "counts": self.counts,
             "errors": self.count("error"),
@@ -91,7 +91,7 @@ class Report:
         order = sorted(self.counts.items(), key=lambda item: RULES[item[0]].code)
         by_rule = [", ".join(f"{RULES[name].code} {name} {count}" for name, count in order)] if order else []
         counts = f"{self.count('error')} errors, {self.count('warning')} warnings, {self.count('note')} notes"
-        return "\n".join([*(f"{one.severity}: {one}" for one in self.findings), *by_rule, counts])
+        return "\n".join([*(f"{finding.severity}: {finding}" for finding in self.findings), *by_rule, counts])
 
     def as_sarif(self) -> dict[str, Any]:
         """Return the findings in the Static Analysis Results Interchange Format 2.1.0, which code hosts display."""

@@ -70,9 +70,9 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
     return Report(findings, contents)
 
 
-def _each(look: Callable[[int], Terrain], terrains: list[int], workers: int) -> Iterator[Terrain]:
+def _each(lint_one: Callable[[int], Terrain], terrains: list[int], workers: int) -> Iterator[Terrain]:
     with ProcessPoolExecutor(workers) as pool:
-        results = pool.map(look, terrains) if workers > 1 and len(terrains) > 1 else map(look, terrains)
+        results = pool.map(lint_one, terrains) if workers > 1 and len(terrains) > 1 else map(lint_one, terrains)
         for _, result in zip(track(terrains, "validating terrains"), results, strict=True):
             yield result
 
@@ -82,21 +82,21 @@ def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED) -
 
     Published labels are boxes; label files in other layouts may be detections, with a confidence.
     """
-    found = Findings(root)
+    findings = Findings(root)
     published = layout == release.PUBLISHED
     boxes_of, polygons_of = layout.box_files(root, terrain), layout.polygon_files(root, terrain)
     if not layout.polygons:
         boxes_of, polygons_of = _by_content(boxes_of)
     stray = release.stray_files(root, terrain) if published else sorted([*boxes_of.stray, *polygons_of.stray])
     for path in stray:
-        found.add(path, _stray(path))
-    boxes = found.read_all(boxes_of.files, _box_reader(detections=not published))
+        findings.add(path, _stray(path))
+    boxes = findings.read_all(boxes_of.files, _box_reader(detections=not published))
     content = {
-        **_lint_boxes(boxes_of.files, layout.box_folder(root, terrain), boxes, found),
-        **_lint_polygons(polygons_of.files, found.read_all(polygons_of.files, yolo.read_polygons), boxes, found),
-        **(_lint_scene(root, terrain, found) if published else {}),
+        **_lint_boxes(boxes_of.files, layout.box_folder(root, terrain), boxes, findings),
+        **_lint_polygons(polygons_of.files, findings.read_all(polygons_of.files, yolo.read_polygons), boxes, findings),
+        **(_lint_scene(root, terrain, findings) if published else {}),
     }
-    return sorted(found.gathered), content
+    return sorted(findings.gathered), content
 
 
 def _by_content(files: release.KeyFiles) -> tuple[release.KeyFiles, release.KeyFiles]:
@@ -113,19 +113,19 @@ def _box_reader(detections: bool) -> Callable[[Path], Boxes]:
 
 
 def _lint_boxes(
-    files: Mapping[PhotoKey, Path], folder: Path, boxes: Mapping[PhotoKey, Boxes], found: Findings
+    files: Mapping[PhotoKey, Path], folder: Path, boxes: Mapping[PhotoKey, Boxes], findings: Findings
 ) -> dict[str, int]:
     for key, labels in boxes.items():
         counts = count_defects(labels[0]) if key.azimuth in SUNS else ()
         for defect in (*box_defects(*labels), *counts):
-            found.add(files[key], defect)
+            findings.add(files[key], defect)
     for keys in by_bracket(files).values():
         for key in missing_exposures(set(keys)):
-            found.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures exist"))
+            findings.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures exist"))
         for key, defect in set_defects({key: boxes[key] for key in keys if key in boxes}):
-            found.add(files[key], defect)
+            findings.add(files[key], defect)
     for key, defect in (*sibling_defects(boxes), *view_defects(boxes)):
-        found.add(files[key], defect)
+        findings.add(files[key], defect)
     annotated = {
         f"{name}_boxes": sum(int((classes == number).sum()) for classes, _ in boxes.values())
         for number, name in enumerate(BOX_CLASSES)
@@ -137,25 +137,25 @@ def _lint_polygons(
     files: Mapping[PhotoKey, Path],
     polygons: Mapping[PhotoKey, Polygons],
     boxes: Mapping[PhotoKey, Boxes],
-    found: Findings,
+    findings: Findings,
 ) -> dict[str, int]:
-    own: dict[int, list[Defect]] = {}  # by content, because most exposures of a bracket have the same
+    own_defects: dict[int, list[Defect]] = {}  # by content, because most exposures of a bracket have the same
     for key, annotated in polygons.items():
-        if id(annotated) not in own:
-            own[id(annotated)] = [*ring_defects(annotated), *file_defects(annotated)]
-        beside = against_boxes(annotated, boxes[key]) if key in boxes else ()
-        for defect in (*own[id(annotated)], *beside, *other_camera(annotated, key, boxes)):
-            found.add(files[key], defect)
+        if id(annotated) not in own_defects:
+            own_defects[id(annotated)] = [*ring_defects(annotated), *file_defects(annotated)]
+        mismatches = against_boxes(annotated, boxes[key]) if key in boxes else ()
+        for defect in (*own_defects[id(annotated)], *mismatches, *other_camera(annotated, key, boxes)):
+            findings.add(files[key], defect)
     return {"polygon_files": len(files)}
 
 
-def _lint_scene(root: Path, terrain: int, found: Findings) -> dict[str, int]:
+def _lint_scene(root: Path, terrain: int, findings: Findings) -> dict[str, int]:
     meshes, ground = release.mesh_files(root, terrain), release.ground_file(root, terrain)
     for path in [*meshes.values(), *([ground] if ground else [])]:
-        found.read(path, obj.read, "unreadable_mesh")
+        findings.read(path, obj.read, "unreadable_mesh")
     covers = release.cover_photos(root, terrain)
     for path in covers.values():
-        found.read(path, lambda picture: png.parse_header(picture.read_bytes()), "unreadable_picture")
+        findings.read(path, lambda picture: png.parse_header(picture.read_bytes()), "unreadable_picture")
     return {"meshes": len(meshes), "ground_meshes": int(ground is not None), "cover_photos": len(covers)}
 
 
@@ -189,24 +189,24 @@ def lint_pictures(root: Path) -> Report:
     pictures, labels = _pictures(root), _labels(root)
     if not labels:
         raise FormatError(f"no label file (*.txt): found {census(root)}", path=root)
-    found = Findings(root)
+    findings = Findings(root)
     names = cache(yolo.class_names)
     boxes = 0
     for stem in sorted(set(pictures) - set(labels)):
-        found.add(pictures[stem], Defect("missing_labels"))
+        findings.add(pictures[stem], Defect("missing_labels"))
     for stem, path in track(sorted(labels.items()), "validating labels"):
         if stem not in pictures:
-            found.add(path, Defect("missing_picture"))
+            findings.add(path, Defect("missing_picture"))
             continue
-        size = found.read(pictures[stem], png.size, "unreadable_picture")
+        size = findings.read(pictures[stem], png.size, "unreadable_picture")
         reader = partial(yolo.read_boxes, size=size, names=names(path.parent), detections=True, polygons=True)
-        content = found.read(path, reader, "malformed") if size else None
+        content = findings.read(path, reader, "malformed") if size else None
         if content is not None and size is not None:
             boxes += len(content[0])
             for defect in box_defects(*content, size):
-                found.add(path, defect)
+                findings.add(path, defect)
     return Report(
-        sorted(found.gathered), {"folder": {"pictures": len(pictures), "label_files": len(labels), "boxes": boxes}}
+        sorted(findings.gathered), {"folder": {"pictures": len(pictures), "label_files": len(labels), "boxes": boxes}}
     )
 
 
@@ -251,7 +251,7 @@ def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | No
         root /= "labels"
     layout = layout_of(root)
     if fix is not None and layout != release.PUBLISHED:
-        raise FormatError("only the published layout can be repaired: its folder has {release.BOXES}", path=root)
+        raise FormatError(f"only the published layout can be repaired, with a folder {release.BOXES}", path=root)
     report = lint_pictures(root) if layout is None else lint_release(root, workers, layout)
     report = report.chosen(names)
     return report if fix is None else replace(report, repairs=write_repaired(root, report.findings, fix, names))

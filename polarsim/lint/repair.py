@@ -86,7 +86,10 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
             repairs.boxes(terrain)
             repairs.polygons(terrain)
         done = sorted(repairs.done)
-        rows = [(one.file, one.line, one.code, one.defect, RULES[one.defect].repair, one.detail) for one in done]
+        rows = [
+            (finding.file, finding.line, finding.code, finding.defect, RULES[finding.defect].repair, finding.detail)
+            for finding in done
+        ]
         columns = ["file", "line", "code", "defect", "repair", "detail"]
         tables.write_csv(copy / CHANGES, pd.DataFrame(rows, columns=columns))
     return len(done)
@@ -123,29 +126,31 @@ class _Repairs:
         a defect of most exposures does not spread. A file that may have lost a box has no vote if others have one.
         """
         folder = release.label_folder(self.copy, terrain)
-        there = release.label_files(self.copy, terrain)
-        found = self._open_findings(folder)
-        doubtful = {key for key, own in found.items() if any(finding.defect in _LOSSY for finding in own)}
-        for key in there:
-            if any(finding.defect == "malformed" for finding in found.get(key, ())):
-                _drop_malformed(there[key], yolo.read_boxes)
-        labels = {key: yolo.read_boxes(path) for key, path in there.items()}
-        before, missing = dict(labels), set(found) - set(labels)
+        paths = release.label_files(self.copy, terrain)
+        open_findings = self._open_findings(folder)
+        doubtful = {
+            key for key, separate in open_findings.items() if any(finding.defect in _LOSSY for finding in separate)
+        }
+        for key in paths:
+            if any(finding.defect == "malformed" for finding in open_findings.get(key, ())):
+                _drop_malformed(paths[key], yolo.read_boxes)
+        labels = {key: yolo.read_boxes(path) for key, path in paths.items()}
+        before, missing = dict(labels), set(open_findings) - set(labels)
         for number in range(_ROUNDS):
-            own = list(self._defects_of_files(labels))
-            for key, defect in own:
+            separate = list(self._defects_of_files(labels))
+            for key, defect in separate:
                 doubtful |= {key} if defect.name in _LOSSY else set()
-            for key in {key for key, _ in own}:
-                labels[key] = _repaired_boxes(labels[key], [defect for name, defect in own if name == key])
+            for key in {key for key, _ in separate}:
+                labels[key] = _repaired_boxes(labels[key], [defect for name, defect in separate if name == key])
             of_set = list(self._set_defects(labels, missing, set() if number else doubtful))
-            self.done += self._revealed(folder, found, [*own, *of_set])
-            if not own and not of_set:
+            self.done += self._revealed(folder, open_findings, [*separate, *of_set])
+            if not separate and not of_set:
                 break
             missing = set()
         for key, content in labels.items():
             if key not in before or not _equal(content, before[key]):
                 yolo.write_boxes(folder / f"{key}.txt", *content)
-        self.done += [finding for key in found for finding in found[key]]
+        self.done += [finding for key in open_findings for finding in open_findings[key]]
 
     def _defects_of_files(self, labels: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Defect]]:
         for key, content in labels.items():
@@ -170,11 +175,14 @@ class _Repairs:
                 labels[key] = _as_modal(files.get(key, _NO_BOXES), key, voters, defects)
 
     def _revealed(
-        self, folder: Path, found: Mapping[PhotoKey, Sequence[Finding]], defects: Iterable[tuple[PhotoKey, Defect]]
+        self,
+        folder: Path,
+        open_findings: Mapping[PhotoKey, Sequence[Finding]],
+        defects: Iterable[tuple[PhotoKey, Defect]],
     ) -> list[Finding]:
         """Return findings of defects that were revealed by repairs."""
         below = folder.relative_to(self.copy)
-        known = {(finding.file, finding.defect) for finding in (*self.done, *itertools.chain(*found.values()))}
+        known = {(finding.file, finding.defect) for finding in (*self.done, *itertools.chain(*open_findings.values()))}
         files = [((below / f"{key}.txt").as_posix(), defect) for key, defect in defects]
         new = {(file, defect.name): defect.detail for file, defect in files if (file, defect.name) not in known}
         return [Finding(file, 0, name, detail) for (file, name), detail in new.items()]
@@ -190,7 +198,7 @@ class _Repairs:
                 defects = [*ring_defects(polygons), *file_defects(polygons)]
                 if self.names.isdisjoint(defect.name for defect in defects):
                     break
-                polygons = _repaired_polygons(polygons, [one for one in defects if one.name in self.names])
+                polygons = _repaired_polygons(polygons, [defect for defect in defects if defect.name in self.names])
             yolo.write_polygons(path, polygons)
             self.done += findings
 
@@ -200,7 +208,9 @@ class _Repairs:
         done = set(self.done)
         paths = {file: Path(file) for file in self.by_file if Path(file).parent.as_posix() == below}
         keys = {file: release.key_of(path.name) for file, path in paths.items()}
-        remaining = {key: [one for one in self.by_file[file] if one not in done] for file, key in keys.items() if key}
+        remaining = {
+            key: [finding for finding in self.by_file[file] if finding not in done] for file, key in keys.items() if key
+        }
         return {key: findings for key, findings in remaining.items() if findings}
 
 
@@ -271,7 +281,9 @@ def _repaired_polygons(polygons: Polygons, defects: Sequence[Defect]) -> Polygon
         if ring is not None:
             repaired.append((GROUND if number in rows.get("ground_as_rock", ()) else kind, ring))
     if "paint_order" in rows:
-        repaired.sort(key=lambda one: (GROUND, BACKGROUND).index(one[0]) if one[0] in (GROUND, BACKGROUND) else 2)
+        repaired.sort(
+            key=lambda polygon: (GROUND, BACKGROUND).index(polygon[0]) if polygon[0] in (GROUND, BACKGROUND) else 2
+        )
     return repaired
 
 

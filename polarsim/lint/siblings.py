@@ -119,15 +119,15 @@ def changed(before: np.ndarray, after: np.ndarray) -> Change:
 
 def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield defects of the files of a terrain, relative to files under other lamps."""
-    yield from _copied(files)
-    yield from _without_right(files)
+    yield from _copies(files)
+    yield from _missing_right(files)
     for view in sorted({key.view for key in files}):
         mine = {key: boxes for key, boxes in files.items() if key.view == view}
         yield from _across_azimuths(mine)
         yield from _across_lights(mine)
 
 
-def _copied(files: Mapping[PhotoKey, Boxes]) -> Defects:
+def _copies(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield files of a view with the same content under two Sun lamps."""
     same: dict[tuple[object, ...], list[PhotoKey]] = {}
     for key, (classes, boxes) in sorted(files.items()):
@@ -136,12 +136,12 @@ def _copied(files: Mapping[PhotoKey, Boxes]) -> Defects:
             same.setdefault((key.view, *rows), []).append(key)
     for keys in same.values():
         for key in keys:
-            other = next((one for one in keys if one.azimuth != key.azimuth), None)
+            other = next((candidate for candidate in keys if candidate.azimuth != key.azimuth), None)
             if other is not None:
                 yield key, Defect("copied_azimuth", f"the same as {other}")
 
 
-def _without_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
+def _missing_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield labelled left photos without Sun and without labels of the right photo, if the right set has labels."""
     right = {key for key in files if key.camera == "R"}
     sets = {(key.position, key.light) for key in right if key.azimuth == "no"}

@@ -53,9 +53,9 @@ def _other_views(files: Mapping[PhotoKey, Boxes]) -> Defects:
             )
         fit_of_view = fits[content]
         best = max(fit_of_view, key=lambda view: fit_of_view[view], default=None)
-        own = fit_of_view.get(key.view)
-        if best is not None and own is not None and fit_of_view[best] >= max(MIN_VIEW_IOU, own + MIN_VIEW_LEAD):
-            detail = f"rocks of {best[1]} {best[2]}: mean IoU {fit_of_view[best]:.2f}, own {own:.2f}"
+        own_fit = fit_of_view.get(key.view)
+        if best is not None and own_fit is not None and fit_of_view[best] >= max(MIN_VIEW_IOU, own_fit + MIN_VIEW_LEAD):
+            detail = f"rocks of {best[1]} {best[2]}: mean IoU {fit_of_view[best]:.2f}, own {own_fit:.2f}"
             yield key, Defect("other_view", detail)
 
 
@@ -78,10 +78,13 @@ def _other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
             for name, annotated in sets.items()
             if _view(name) == key.view and name[3] in SUNS and name[2] != key.light
         }
-        own = other.pop(key.azimuth, None)
+        own_fit = other.pop(key.azimuth, None)
         best = max(other, key=lambda azimuth: other[azimuth], default=None)
-        if own is not None and best is not None and other[best] >= max(MIN_VIEW_IOU, own + MIN_VIEW_LEAD):
-            yield key, Defect("other_azimuth", f"shadows of azimuth {best}: mean IoU {other[best]:.2f}, own {own:.2f}")
+        if own_fit is not None and best is not None and other[best] >= max(MIN_VIEW_IOU, own_fit + MIN_VIEW_LEAD):
+            yield (
+                key,
+                Defect("other_azimuth", f"shadows of azimuth {best}: mean IoU {other[best]:.2f}, own {own_fit:.2f}"),
+            )
 
 
 def _view(bracket: Bracket) -> tuple[int, str, str]:

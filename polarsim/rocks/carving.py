@@ -63,7 +63,9 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
             continue
         cells = _project_cells(sand, evidence, position)
         for box in boxes:
-            if any(evidence.fit(position, one, box[None]) >= evidence.min_iou for one in _surfaces(sand, regions)):
+            if any(
+                evidence.fit(position, surface, box[None]) >= evidence.min_iou for surface in _surfaces(sand, regions)
+            ):
                 continue  # a previous box added this rock
             shown = cells.shown(box)
             cuts = (

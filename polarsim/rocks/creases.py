@@ -80,12 +80,12 @@ def cut_along_creases(relief: Relief, labels: np.ndarray) -> np.ndarray:
         sizes = np.bincount(pieces.ravel())
         moved = False
         for number in sorted(np.flatnonzero((sizes > 0) & (sizes < SMALLEST)), key=lambda n: (sizes[n], n)):
-            window, own = _window(np.flatnonzero(pieces == number), pieces.shape, 1)
-            beside = ndimage.binary_dilation(own, np.ones((3, 3), bool)) & ~own & (pieces[window] > 0)
-            if own.any() and beside.any():
-                others, which = np.unique(pieces[window][beside], return_inverse=True)
-                bend = np.bincount(which, relief.bend[window][beside]) / np.bincount(which)
-                pieces[window][own] = others[bend.argmin()]
+            window, small = _window(np.flatnonzero(pieces == number), pieces.shape, 1)
+            border = ndimage.binary_dilation(small, np.ones((3, 3), bool)) & ~small & (pieces[window] > 0)
+            if small.any() and border.any():
+                others, which = np.unique(pieces[window][border], return_inverse=True)
+                bend = np.bincount(which, relief.bend[window][border]) / np.bincount(which)
+                pieces[window][small] = others[bend.argmin()]
                 moved = True
         if not moved:
             return np.unique(np.append(0, pieces), return_inverse=True)[1][1:].reshape(pieces.shape)
@@ -156,16 +156,16 @@ class Joining:
         self._joint: dict[tuple[int, int], _Body] = {}  # body of each pair after joining
         self.pairs = {pair: self._terms(*pair) for pair in sorted(neighbours(pieces))}
 
-    def join(self, one: int, other: int) -> None:
+    def join(self, first: int, second: int) -> None:
         """Join two neighbours under the lower number."""
-        one, other = min(one, other), max(one, other)
-        del self.bodies[other]
-        self.bodies[one] = self._joint[one, other]
-        self.parts.ravel()[self.bodies[one].cells] = one
-        about = {number for pair in self.pairs if {one, other} & set(pair) for number in pair} - {one, other}
-        self.pairs = {pair: terms for pair, terms in self.pairs.items() if not {one, other} & set(pair)}
+        first, second = min(first, second), max(first, second)
+        del self.bodies[second]
+        self.bodies[first] = self._joint[first, second]
+        self.parts.ravel()[self.bodies[first].cells] = first
+        about = {number for pair in self.pairs if {first, second} & set(pair) for number in pair} - {first, second}
+        self.pairs = {pair: terms for pair, terms in self.pairs.items() if not {first, second} & set(pair)}
         self._joint = {pair: self._joint[pair] for pair in self.pairs}
-        self.pairs |= {(min(one, n), max(one, n)): self._terms(one, n) for n in sorted(about)}
+        self.pairs |= {(min(first, n), max(first, n)): self._terms(first, n) for n in sorted(about)}
 
     def join_below(self, chance: float, of_two: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Join the most certain pair while a pair's chance of being two rocks is below `chance`; return the parts."""
@@ -185,14 +185,14 @@ class Joining:
             solidity=float(plan.sum() / hull_mask(plan).sum()),
         )
 
-    def _terms(self, one: int, other: int) -> np.ndarray:
+    def _terms(self, first: int, second: int) -> np.ndarray:
         """Return (len(TERMS),) features that indicate whether two neighbours are two rocks."""
-        large, small = sorted((one, other), key=lambda number: (-len(self.bodies[number].cells), number))
+        large, small = sorted((first, second), key=lambda number: (-len(self.bodies[number].cells), number))
         bodies = [self.bodies[large], self.bodies[small]]
         window, of_small = _window(bodies[1].cells, self.parts.shape, 5)
         of_large = self.parts[window] == large
         border = (ndimage.binary_dilation(of_large) & of_small) | (ndimage.binary_dilation(of_small) & of_large)
-        pair = min(one, other), max(one, other)
+        pair = min(first, second), max(first, second)
         both = self._joint[pair] = self._body(np.concatenate([self.bodies[number].cells for number in pair]))
         sizes = [len(body.cells) for body in bodies]
         hollow = np.average([body.hollow for body in bodies], weights=sizes)
@@ -208,11 +208,13 @@ class Joining:
             ]
         )
 
-    def _fold(self, window: tuple[slice, slice], one: np.ndarray, other: np.ndarray, border: np.ndarray) -> np.ndarray:
+    def _fold(
+        self, window: tuple[slice, slice], first: np.ndarray, second: np.ndarray, border: np.ndarray
+    ) -> np.ndarray:
         """Return angles (n,) between the normals of two parts near each border cell; negative for a convex edge."""
         normals, points = self.relief.normals[window], self.relief.points[window]
         sides = []
-        for mask in (one, other):
+        for mask in (first, second):
             weights = mask / normals[..., 2]
             values = np.concatenate([normals, points, np.ones((*mask.shape, 1))], axis=-1) * weights[..., None]
             sigma = BESIDE / self.relief.cell

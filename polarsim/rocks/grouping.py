@@ -69,7 +69,7 @@ def _clusters(
     for number in range(count):
         pieces = np.flatnonzero(cluster == number)
         if len(pieces) > 1:
-            yield pieces, {(one, other) for one, other in touching if cluster[one] == number}
+            yield pieces, {(first, second) for first, second in touching if cluster[first] == number}
 
 
 @dataclass(frozen=True)
@@ -86,11 +86,17 @@ class _Cluster:
         """Return the grouping after all changes that improve its fit clearly."""
         score = self._score(grouping)
         while True:
-            tried = [(self._score(other), other) for other in self._changes(grouping)]
-            best = max((one for one, _ in tried), default=score)
+            tried = [(self._score(candidate), candidate) for candidate in self._changes(grouping)]
+            best = max((candidate_score for candidate_score, _ in tried), default=score)
             if best < score + ANNOTATION_IOU * len(self.annotated):
                 return grouping
-            score, grouping = best, min((other for one, other in tried if one > best - TIE), key=self._outline)
+            score, grouping = (
+                best,
+                min(
+                    (candidate for candidate_score, candidate in tried if candidate_score > best - TIE),
+                    key=self._outline,
+                ),
+            )
 
     def _outline(self, grouping: Grouping) -> list[list[list[float]]]:
         """Return a sort key of equally good groupings that does not depend on the numbers of pieces: their boxes."""
@@ -123,12 +129,12 @@ class _Cluster:
     def _changes(self, grouping: Grouping) -> Iterator[Grouping]:
         """Yield groupings one step away, in a fixed order."""
         groups = _ordered(grouping)
-        for one, other in combinations(groups, 2):
-            if not self._touch(one, other):
+        for first, second in combinations(groups, 2):
+            if not self._touch(first, second):
                 continue
-            rest = grouping - {one, other}
-            yield rest | {one | other}
-            for giver, taker in ((one, other), (other, one)):
+            rest = grouping - {first, second}
+            yield rest | {first | second}
+            for giver, taker in ((first, second), (second, first)):
                 for piece in sorted(giver) if len(giver) > 1 else ():
                     if self._touch(frozenset({piece}), taker):
                         yield rest | {giver - {piece}, taker | {piece}}
@@ -146,8 +152,8 @@ class _Cluster:
                 if self._hangs_together(half) and self._hangs_together(group - half):
                     yield half
 
-    def _touch(self, one: Group, other: Group) -> bool:
-        return any((a in one and b in other) or (a in other and b in one) for a, b in self.touching)
+    def _touch(self, first: Group, second: Group) -> bool:
+        return any((a in first and b in second) or (a in second and b in first) for a, b in self.touching)
 
     def _hangs_together(self, group: Group) -> bool:
         reached, border = {min(group)}, {min(group)}

@@ -79,7 +79,7 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None
         return surface_points(sand, np.flatnonzero(mask & seen))
 
     boxes = evidence.boxes([points_of(pieces.numbers == number) for number in range(1, len(pieces.rock) + 1)])
-    touching = [(one - 1, other - 1) for one, other in neighbours(pieces.numbers)]
+    touching = [(first - 1, second - 1) for first, second in neighbours(pieces.numbers)]
     rock = grouped(pieces.rock, touching, boxes, evidence.agreed, evidence.min_iou)
     labels = np.concatenate([[0], rock])[pieces.numbers] * seen
     labels = join_slivers(above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming(points_of(mask))))

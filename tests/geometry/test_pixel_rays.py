@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.lens import CLOSE_PX, Lens, pixel_directions, separated
+from polarsim.geometry.lens import MAX_ERROR_PX, Lens, pixel_directions, separated
 from polarsim.geometry.stereo import stated_rig
 
 LENSES = {
@@ -19,7 +19,7 @@ def test_directions_project_to_their_pixels(lens, offset):
     directions = pixel_directions(lens, rows, offset)
     u, v = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height)[rows] + 0.5)
     back = lens.project(2.5 * directions)
-    assert np.abs(back - np.stack([u, v], axis=-1) - offset).max() < 2 * CLOSE_PX
+    assert np.abs(back - np.stack([u, v], axis=-1) - offset).max() < 2 * MAX_ERROR_PX
     assert (directions[..., 2] == 1).all()
 
 
