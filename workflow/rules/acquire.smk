@@ -1,8 +1,8 @@
-"""Stage 1: raw data to an inventory, photos, calibration and seed labels of every terrain."""
+"""Stage 1: inventory, photos, calibration and seed labels of every terrain from raw data."""
 
 
 rule acquire:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         of_run("results/{run}/acquire/photos.parquet"),
         of_run("results/{run}/acquire/Terrain{terrain}/inventory.json", terrain=TERRAINS),
@@ -11,7 +11,7 @@ rule acquire:
 if SOURCE.is_generated:
 
     rule generate_analog:
-        """One terrain of the analog sandbox: photos, scans, calibration, seeds and truth, in NASA's formats."""
+        """A terrain of the analog sandbox: photos, scans, calibration, seeds and ground truth in NASA's formats."""
         output:
             receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
         priority: TRAINING_WAITS
@@ -28,13 +28,13 @@ if SOURCE.is_generated:
 else:
 
     rule fetch_terrain:
-        """One terrain's raw data from the addresses of the configuration: resumed, pinned, verified, unpacked."""
+        """Raw data of a terrain, downloaded from the configured URLs, verified and unpacked."""
         output:
             receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
         priority: TRAINING_WAITS
         resources:
             mem_mb=growing(500),
-            runtime=240,  # minutes; an archive holds about 0.9 GB
+            runtime=240,  # minutes; an archive has about 0.9 GB
         params:
             source=options("source"),
         script:
@@ -42,7 +42,7 @@ else:
 
 
 rule index_terrain:
-    """What a terrain's raw data hold, its calibration, and the seed labels that later stages may read."""
+    """Inventory of the raw data of a terrain, calibration, and the seed labels for later stages."""
     input:
         raw=PATHS.raw_data,  # read through params.source
     output:
@@ -64,7 +64,7 @@ rule index_terrain:
 
 
 rule merge_photos:
-    """One table of all photos."""
+    """Table of all photos."""
     input:
         tables=of_run("results/{run}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS),
     output:

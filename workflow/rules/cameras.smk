@@ -1,14 +1,14 @@
-"""Stage 2: where the rig stood at every position of a terrain."""
+"""Stage 2: pose of the rig at every position of a terrain."""
 
 
 rule cameras:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
 
 
 rule locate_cameras:
-    """Rig poses of a terrain: from its scans, or from seed labels and published meshes where there is no scan."""
+    """Rig poses of a terrain from scans, or from seed labels and published meshes if the source has no scans."""
     input:
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
@@ -27,7 +27,7 @@ rule locate_cameras:
 
 
 rule refine_cameras:
-    """Poses, lenses and lamps refined on photos in which the meshes are found again; as located without photos."""
+    """Poses, lenses and lamps, refined by matching photos with rendered meshes; unchanged without photos."""
     input:
         located="results/{run}/cameras/located/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",

@@ -1,4 +1,4 @@
-"""The checked configuration, wildcard constraints, and helpers of rules; paths that are computed: polarsim/paths.py."""
+"""Validated configuration, wildcard constraints and helpers of rules. Computed paths: polarsim/paths.py."""
 
 import re
 import sys
@@ -17,16 +17,16 @@ try:
 except PolarsimError as error:
     sys.exit(f"error: {error}")
 
-if BASE_FILES:  # overlays only, or no file: they are applied to the demo's configuration
+if BASE_FILES:  # overlays only, or no file: applied to the configuration of the demo
 
     configfile: "config/config.yaml"
 
 
 try:
-    for _file in workflow.configfiles:  # Snakemake's reader accepts repeated keys and octal numbers, ours does not
+    for _file in workflow.configfiles:  # unlike Snakemake, `read_yaml` rejects repeated keys and octal numbers
         read_yaml(_file)
     CONFIG = check_config(config, [*BASE_FILES, *CONFIG_FILES], workflow.config_settings.config)
-    if workflow.is_main_process:  # jobs need not check again
+    if workflow.is_main_process:  # not repeated by jobs
         check_paths(CONFIG)
 except PolarsimError as error:
     sys.exit(f"error: {error}")
@@ -38,13 +38,13 @@ RUN, TERRAINS, MODELS, ORIGIN = PATHS.run, PATHS.terrains, PATHS.models, PATHS.o
 DOMAINS, TRAINED, SPLITS, SEEDS, OTHERS = PATHS.domains, PATHS.trained, PATHS.splits, PATHS.seeds, PATHS.others
 options = PATHS.options
 SCRIPTS = Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).parent / "scripts"
-# Trainings are the longest jobs: what they wait for goes first, figures and scores fill the gaps.
+# Trainings are the longest jobs, so their inputs have priority over figures and scores.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
-MAX_TERRAINS_SHOWN = 4  # one by one in Snakemake's report: each takes some 12 MB of it
+MAX_TERRAINS_SHOWN = 4  # with single figures in Snakemake's report: about 12 MB per terrain
 
 
 def one_of(names, but=()):
-    """A pattern of these names; of no name it matches nothing that exists."""
+    """Return a pattern that matches these names; `none` without names."""
     return "|".join(re.escape(name) for name in names if name not in but) or "none"
 
 
@@ -67,28 +67,28 @@ wildcard_constraints:
 
 
 def of_run(pattern, **wildcards):
-    """Files of this run, one for each terrain or other wildcard value."""
+    """Return files of this run, one for each combination of wildcard values."""
     return expand(pattern, run=RUN, **wildcards)
 
 
 def shown(path, category, caption=None, **labels):
-    """A file that Snakemake's report shows under labels; `workflow/report/` has its caption by the same name.
+    """Mark a file for Snakemake's report, with the caption of the same name in `workflow/report/`.
 
-    Of `results/{run}/figures/meshes_Terrain{terrain}.png` that is `figures/meshes.rst`. The report contains whole
-    pictures, so that of a large run has none of single terrains: `results.html` links them.
+    The caption of `results/{run}/figures/meshes_Terrain{terrain}.png` is `figures/meshes.rst`. The report embeds
+    images, so figures of single terrains are excluded for large runs; `results.html` links them.
     """
     if "_Terrain" in path and len(TERRAINS) > MAX_TERRAINS_SHOWN:
         return path
-    own = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
-    return report(path, caption=f"../report/{caption or own}.rst", category=category, labels=labels or None)
+    name = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
+    return report(path, caption=f"../report/{caption or name}.rst", category=category, labels=labels or None)
 
 
 def complete(item):
-    """Give a rule the items that all rules have in common.
+    """Add the items that all rules have.
 
-    - the environment, with `--sdm conda`; otherwise jobs run in Snakemake's own
-    - log and benchmark files, named by the rule file, the rule and the wildcards of its output
-    - `params.code`: the digest of its script and of the library behind it; Snakemake tracks the script only
+    - environment of `--sdm conda`; otherwise jobs use the environment of Snakemake
+    - log and benchmark files, named by rule file, rule and wildcards of the output
+    - `params.code`: digest of the script and the imported modules; Snakemake tracks only the script
     """
     item.conda_env = "../envs/polarsim.yaml"
     named = dict.fromkeys(re.findall(r"{(\w+)", " ".join(item.output[:1])))  # in the order of the first output

@@ -1,10 +1,10 @@
-"""Detectors trained on strewn scenes, and fine-tuned on photos, tested on published cover photos of other terrains."""
+"""Detectors trained on randomised scenes, fine-tuned on photos, and tested on cover photos of other terrains."""
 
 from polarsim.cover_photos.options import CARVED
 
 
 rule cover_photos:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         of_run("results/{run}/tables/covers.csv"),
         of_run("results/{run}/tables/masks.csv") if PATHS.annotated_polygons_of_covers() else [],
@@ -14,7 +14,7 @@ rule cover_photos:
 
 
 rule read_covers:
-    """Cover photos without what was drawn into them, the labels of the photos that they are, and how that was told."""
+    """Cover photos without drawn annotations, their labels, and the assignment of photo keys."""
     input:
         files=COVERS.files(),  # read through params.root
     output:
@@ -34,7 +34,7 @@ rule read_covers:
 
 
 rule carve_rocks:
-    """Rocks as the analog's generator makes them, for scenes that show no scanned rock."""
+    """Carved rocks for scenes without scanned rocks."""
     output:
         meshes=directory("results/{run}/covers/carved"),
     priority: TRAINING_WAITS
@@ -50,7 +50,7 @@ rule carve_rocks:
 
 
 rule render_scenes:
-    """Pictures of scenes that are strewn with one terrain's rocks, with exact labels; folds share them."""
+    """Images of randomised scenes with the rocks of a terrain and exact labels; shared by all folds."""
     input:
         meshes=COVERS.rocks,
     output:
@@ -68,7 +68,7 @@ rule render_scenes:
 
 
 rule make_cover_dataset:
-    """Scenes to train and validate, of all terrains but a fold's, and cover photos of the fold's to test: links."""
+    """Data set of a fold: scenes of other terrains for training and validation, cover photos for the test; links."""
     input:
         scenes=COVERS.scenes_of_fold,
         covers=COVERS.photos_of_fold,
@@ -87,7 +87,7 @@ rule make_cover_dataset:
 
 
 use rule train_detector as train_cover_detector with:
-    """A detector that has not seen a fold's terrains, or one of carved rocks alone, or of all terrains."""
+    """A detector trained without the terrains of a fold, or on carved rocks only, or on all terrains."""
     input:
         dataset="results/{run}/covers/folds/{fold}/dataset",
         pictures=COVERS.scenes_behind,  # read through dataset
@@ -103,7 +103,7 @@ use rule train_detector as train_cover_detector with:
 
 
 rule cut_windows:
-    """Windows of the labelled cover photos, to fine-tune on."""
+    """Windows of labelled cover photos for fine-tuning."""
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
@@ -122,7 +122,7 @@ rule cut_windows:
 
 
 rule make_fine_tuning_dataset:
-    """Windows of the cover photos of all terrains but a fold's, and pictures of scenes: links."""
+    """Fine-tuning data set of a fold: windows of cover photos and scenes of other terrains; links."""
     input:
         scenes=COVERS.scenes_of_fold,
         windows="results/{run}/covers/windows",
@@ -141,7 +141,7 @@ rule make_fine_tuning_dataset:
 
 
 use rule train_detector as fine_tune_cover_detector with:
-    """The same detector after labelled photos of all terrains but its fold's."""
+    """Detector of a fold, fine-tuned on labelled photos of other terrains."""
     input:
         dataset="results/{run}/covers/folds/{fold}/fine_tuning",
         pictures=COVERS.pictures_behind_fine_tuning,  # read through dataset
@@ -157,7 +157,7 @@ use rule train_detector as fine_tune_cover_detector with:
 
 
 rule predict_cover_photos:
-    """What a detector sees in the cover photos of the terrains that it has not seen, at several widths."""
+    """Predictions on the cover photos of the test terrains of a fold at several inference widths."""
     input:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/detector.pt",
         dataset="results/{run}/covers/folds/{fold}/dataset",
@@ -175,7 +175,7 @@ rule predict_cover_photos:
 
 
 rule segment_covers:
-    """What every pixel of the cover photos of a fold's terrains shows, by the detectors that have not seen these."""
+    """Class masks of the cover photos of the test terrains of a fold."""
     input:
         weights=expand(
             "results/{{run}}/covers/folds/{{fold}}/seed{seed}/{cover_trained}/detector.pt",
@@ -196,7 +196,7 @@ rule segment_covers:
 
 
 rule choose_cover_widths:
-    """At which widths each fold's detector looks at its photos, chosen without them, and what it sees there."""
+    """Inference widths of the detector of each fold, chosen without the photos of the fold, and predictions."""
     input:
         labels="results/{run}/covers/labels.parquet",
         found=COVERS.of_folds("found.parquet"),
@@ -218,7 +218,7 @@ rule choose_cover_widths:
 
 
 rule merge_cover_detectors:
-    """What each fold's detectors of all seeds see in its photos, merged."""
+    """Merged predictions of the detectors of all seeds in each fold."""
     input:
         predictions=of_run("results/{run}/covers/{{cover_trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
     output:
@@ -233,7 +233,7 @@ rule merge_cover_detectors:
 
 
 rule score_covers:
-    """Average precision over all cover photos and on each terrain, with intervals: of every seed, and of all merged."""
+    """Average precision on all cover photos and on each terrain with intervals: single seeds and merged."""
     input:
         labels="results/{run}/covers/labels.parquet",
         predictions=of_run("results/{run}/covers/{{cover_trained}}/seed{seed}/predictions.parquet", seed=SEEDS),
@@ -257,7 +257,7 @@ rule score_covers:
 
 
 rule publish_detector:
-    """A detector of the rocks of all terrains to take away, its widths, its calibration, and its card."""
+    """Published detector of all terrains, with inference widths, calibration and model card."""
     input:
         weights=COVERS.published_weights(),
         labels="results/{run}/covers/labels.parquet",
@@ -278,7 +278,7 @@ rule publish_detector:
 
 
 rule tabulate_covers:
-    """The table of these figures."""
+    """Table of the scores on cover photos."""
     input:
         scores=of_run("results/{run}/covers/{cover_trained}/scores.parquet", cover_trained=COVERS.trainings),
     output:
@@ -294,7 +294,7 @@ rule tabulate_covers:
 
 
 rule tabulate_masks:
-    """The table of how well masks agree with people's polygons."""
+    """Table of the scores of masks."""
     input:
         scores="results/{run}/covers/mask_scores.parquet",
     output:
@@ -310,7 +310,7 @@ rule tabulate_masks:
 
 
 rule draw_covers:
-    """Every cover photo with its labels, and with what the detector finds that has not seen its terrain."""
+    """Cover photos with labels and detections of the detector of the fold."""
     input:
         photos="results/{run}/covers/photos",
         labels="results/{run}/covers/labels.parquet",
@@ -325,7 +325,7 @@ rule draw_covers:
 
 
 rule draw_scenes:
-    """Some scenes of every terrain's rocks, with their labels."""
+    """Examples of randomised scenes with labels."""
     input:
         scenes=of_run(
             "results/{run}/covers/scenes/Terrain{terrain}",

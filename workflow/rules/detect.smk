@@ -1,4 +1,4 @@
-"""Stage 6: detectors trained on each domain and evaluated on every domain, for each split and seed of training."""
+"""Stage 6: detectors trained on each domain and evaluated on every domain, for each split and seed."""
 
 EVALUATED = [  # tables of `evaluate`
     "detection",
@@ -17,7 +17,7 @@ wildcard_constraints:
 
 
 rule detect:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         of_run("results/{run}/detect/{table}.parquet", table=EVALUATED) if DOMAINS else [],
         of_run(PATHS.detection_of_others),
@@ -25,7 +25,7 @@ rule detect:
 
 
 rule split_photos:
-    """Which photos train, choose weights, and test: the same ones in every domain."""
+    """Training, validation and test photos, equal in every domain."""
     output:
         split="results/{run}/detect/{split}/split.csv",
         facts="results/{run}/detect/{split}/split.json",  # written through split
@@ -43,7 +43,7 @@ rule split_photos:
 
 
 rule convert_pictures:
-    """8-bit pictures and labels of one domain, as YOLO wants them."""
+    """8-bit images and labels of a domain in YOLO format."""
     input:
         pictures=PATHS.pictures,  # read through params.pictures
         labels=PATHS.labels_of_domain,
@@ -65,7 +65,7 @@ rule convert_pictures:
 
 
 rule make_dataset:
-    """The pictures of one domain shared out by a split: links."""
+    """Data set of a domain and split: links to images."""
     input:
         pictures="results/{run}/detect/pictures/{domain}",
         split="results/{run}/detect/{split}/split.csv",
@@ -82,7 +82,7 @@ rule make_dataset:
 
 
 rule mix_datasets:
-    """A data set to train on, of pictures of several domains."""
+    """Training data set with images of several domains."""
     input:
         datasets=PATHS.datasets_of_mix,
     output:
@@ -99,11 +99,11 @@ rule mix_datasets:
 
 
 rule train_detector:
-    """A detector trained on one domain or mix."""
+    """A detector trained on a domain or mix."""
     input:
         dataset="results/{run}/detect/{split}/datasets/{trained}",
         pictures=PATHS.pictures_behind_training,  # read through dataset
-        start=[],  # weights to go on from, of fine-tuning
+        start=[],  # initial weights of fine-tuning
     output:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         curve="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.csv",
@@ -123,7 +123,7 @@ rule train_detector:
 
 
 rule predict:
-    """What a detector sees in the test pictures of every domain."""
+    """Predictions of a detector on the test images of every domain."""
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
@@ -146,7 +146,7 @@ rule predict:
 
 
 rule evaluate:
-    """mAP, IOU_mean, false positives and IPD of every detector of a split and seed on every domain, and paired differences."""
+    """mAP, IOU_mean, false positives, IPD and paired differences of the detectors of a split and seed on all domains."""
     input:
         predictions=expand(
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
@@ -179,7 +179,7 @@ rule evaluate:
 
 
 rule measure_stereo:
-    """Depth from every pair of a terrain's photos, and of its twins, against the depth of the meshes."""
+    """Stereo depth of photos and twins of a terrain against the depth of the meshes."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -202,7 +202,7 @@ rule measure_stereo:
 
 
 rule compare_stereo:
-    """Stereo depth of all terrains, and its IPD between domains."""
+    """Stereo depth of all terrains and its IPD between domains."""
     input:
         pairs=of_run("results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet", terrain=TERRAINS),
         rocks=of_run("results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet", terrain=TERRAINS),
@@ -220,7 +220,7 @@ rule compare_stereo:
 
 
 rule gather_tables:
-    """Each table of an evaluation, of all splits and seeds."""
+    """Tables of the evaluation of all splits and seeds."""
     input:
         **{
             table: of_run(f"results/{{run}}/detect/{{split}}/seed{{seed}}/{table}.parquet", split=SPLITS, seed=SEEDS)
@@ -238,9 +238,9 @@ rule gather_tables:
         "../scripts/gather_tables.py"
 
 
-# Detectors of further models: as those above, in folders of their own.
+# Detectors of further models: the same steps in separate folders.
 use rule train_detector as train_other_detector with:
-    """A detector of another model, trained on one domain or mix."""
+    """A detector of a further model, trained on a domain or mix."""
     output:
         weights="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.pt",
         curve="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.csv",
@@ -253,7 +253,7 @@ use rule train_detector as train_other_detector with:
 
 
 use rule predict as predict_by_other with:
-    """What a detector of another model sees in the test pictures of every domain."""
+    """Predictions of a detector of a further model on the test images of every domain."""
     input:
         weights="results/{run}/detect/{split}/others/{other}/seed{seed}/detectors/{trained}.pt",
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{evaluated}", evaluated=DOMAINS),
@@ -268,7 +268,7 @@ use rule predict as predict_by_other with:
 
 
 use rule evaluate as evaluate_other with:
-    """The figures of the detectors of another model of a split and seed on every domain."""
+    """Metrics of the detectors of a further model of a split and seed on every domain."""
     input:
         predictions=PATHS.predictions_of_other,
         labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
@@ -292,7 +292,7 @@ use rule evaluate as evaluate_other with:
 
 
 use rule gather_tables as gather_others with:
-    """One table of detection by all other models, splits and seeds."""
+    """Detection table of all further models, splits and seeds."""
     input:
         others=of_run(
             "results/{run}/detect/{split}/others/{other}/seed{seed}/detection.parquet",

@@ -1,18 +1,18 @@
-"""The ablation: twins with one component replaced, seen by the detectors of the run. Scoring, so truth may be read.
+"""Ablation: detectors of the run on twins with one component replaced. Scoring, so ground truth may be read.
 
-Nothing made here is input of a stage. Without `gap.components` there is nothing to make.
+No stage reads these outputs. Without `gap.components` there are no outputs.
 """
 
 
 rule gap:
-    """Which component of the twin causes the gap."""
+    """Contribution of the components of the twin to the gap."""
     input:
         of_run("results/{run}/tables/gap.csv") if GAP.components else [],
         of_run("results/{run}/figures/gap.png") if GAP.components else [],
 
 
 rule write_truth:
-    """The analog's true cameras, lamps and meshes in the run's frame."""
+    """True cameras, lamps and meshes of the analog in the frame of the run."""
     input:
         raw=PATHS.raw_data,  # read through params.truth
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
@@ -32,7 +32,7 @@ rule write_truth:
 
 
 rule thin_meshes:
-    """The run's meshes, rocks with few vertices."""
+    """Meshes of the run with thinned rocks."""
     input:
         meshes="results/{run}/meshes/Terrain{terrain}",
     output:
@@ -45,7 +45,7 @@ rule thin_meshes:
 
 
 rule render_component:
-    """Twins of a terrain's test photos with one component replaced, and their labels."""
+    """Test twins of a terrain with one component replaced, and labels."""
     input:
         cameras=GAP.cameras,
         lamps=GAP.lamps,
@@ -73,7 +73,7 @@ rule render_component:
 
 
 use rule merge_labels as merge_component_labels with:
-    """One table of the labels of a component's twins."""
+    """Table of the labels of the twins of a component."""
     input:
         tables=expand("results/{{run}}/gap/twins/{{component}}/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:
@@ -82,7 +82,7 @@ use rule merge_labels as merge_component_labels with:
 
 
 rule convert_component:
-    """The test pictures of a component's twins as detectors take them."""
+    """Data set of the test twins of a component."""
     input:
         pictures=expand("results/{{run}}/gap/twins/{{component}}/pictures/Terrain{terrain}", terrain=TERRAINS),
         labels="results/{run}/gap/twins/{component}/labels.parquet",
@@ -99,7 +99,7 @@ rule convert_component:
 
 
 use rule predict as predict_component with:
-    """What a detector sees in a component's twins."""
+    """Predictions of a detector on the twins of a component."""
     input:
         weights="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.pt",
         datasets=["results/{run}/gap/{split}/datasets/{component}"],
@@ -110,7 +110,7 @@ use rule predict as predict_component with:
 
 
 rule run_ablation:
-    """Change of IPD, mAP and false positives by every component, with intervals, for a split and seed."""
+    """Change of IPD, mAP and false positives by each component, with intervals, for a split and seed."""
     input:
         predictions=GAP.predictions(),
         labels=GAP.labels(),
@@ -134,7 +134,7 @@ rule run_ablation:
 
 
 use rule gather_tables as gather_ablation with:
-    """One table of all splits and seeds."""
+    """Table of all splits and seeds."""
     input:
         ablation=of_run("results/{run}/gap/{split}/seed{seed}/ablation.parquet", split=SPLITS, seed=SEEDS),
     output:
@@ -145,7 +145,7 @@ use rule gather_tables as gather_ablation with:
 
 
 rule tabulate_gap:
-    """The ablation, the component that closes most of the gap first."""
+    """Ablation table, sorted by the reduction of the gap."""
     input:
         ablation="results/{run}/gap/ablation.parquet",
     output:
@@ -161,7 +161,7 @@ rule tabulate_gap:
 
 
 rule draw_gap:
-    """Bars of the change of IPD and of false positives by every component."""
+    """Bar chart of the change of IPD and false positives by each component."""
     input:
         ablation="results/{run}/gap/ablation.parquet",
     output:

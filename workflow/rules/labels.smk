@@ -2,7 +2,7 @@
 
 
 rule labels:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         of_run("results/{run}/labels/labels.parquet"),
         of_run("results/{run}/labels/boxes/Terrain{terrain}", terrain=TERRAINS),
@@ -12,7 +12,7 @@ rule labels:
 
 
 rule propagate_labels:
-    """Boxes of every photo of a terrain, from the boxes that a person drew on a few."""
+    """Boxes of every photo of a terrain, propagated from annotated photos."""
     input:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
@@ -36,7 +36,7 @@ rule propagate_labels:
 
 
 rule draw_masks:
-    """Polygons, grey maps and COCO masks of every photo of a terrain."""
+    """Polygons, class masks and COCO masks of every photo of a terrain."""
     input:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
@@ -57,7 +57,7 @@ rule draw_masks:
 
 
 rule merge_labels:
-    """One table of all labels."""
+    """Table of all labels."""
     input:
         tables=of_run("results/{run}/labels/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:

@@ -1,14 +1,14 @@
-"""Forms in which the run leaves, each with its data card; not part of `all`, for pictures are copied."""
+"""Published formats of a run, each with a data card. Not part of `all`, because images are copied."""
 
 
 rule publish:
-    """Every form that the configuration names."""
+    """All configured formats."""
     input:
         of_run("results/{run}/publish/{form}.json", form=CONFIG.publish.forms),
 
 
 rule publish_run:
-    """One form of the run."""
+    """The run in one format."""
     input:
         labels=rules.labels.input,  # read through receipt
         twins=rules.render.input,  # read through receipt

@@ -1,8 +1,8 @@
-"""Stage 5: twins of every photo, and their exact labels."""
+"""Stage 5: twins of every photo with exact labels."""
 
 
 rule render:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         of_run("results/{run}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS),
         of_run("results/{run}/renders/boxes/Terrain{terrain}", terrain=TERRAINS),
@@ -11,7 +11,7 @@ rule render:
 
 
 rule fit_materials:
-    """Albedo, the models' parameters and the lamps' brightness, fitted to the photos of a terrain."""
+    """Albedo, model parameters and lamp brightness, fitted to the photos of a terrain."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -30,7 +30,7 @@ rule fit_materials:
 
 
 rule render_twins:
-    """The twin of every photo of a terrain under every reflectance model, and their exact labels, from the same rays."""
+    """Twins of every photo of a terrain with every reflectance model, and exact labels, from the same rays."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -58,7 +58,7 @@ rule render_twins:
 
 
 rule write_reflectance:
-    """How bright every reflectance model is over the phase angle, with the run's parameters."""
+    """Reflectance of every model over the phase angle, with the parameters of the run."""
     output:
         curves="results/{run}/renders/reflectance.csv",
     priority: TWINS_WAIT
@@ -72,7 +72,7 @@ rule write_reflectance:
 
 
 use rule merge_labels as merge_twin_labels with:
-    """One table of the labels of all twins."""
+    """Table of the labels of all twins."""
     input:
         tables=of_run("results/{run}/renders/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
     output:

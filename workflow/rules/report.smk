@@ -1,17 +1,17 @@
-"""Stage 8: tables that papers quote, the figures of the report, and one page of results."""
+"""Stage 8: tables, figures and the results page."""
 
 from polarsim.photo import positions
 
 
 rule geometry:
-    """Tables of cameras, alignments, rocks and meshes with their evaluation: no labels, no twins."""
+    """Tables of cameras, alignments, rocks and meshes with evaluation, without labels and twins."""
     input:
         of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
         PATHS.figures_of_geometry(),
 
 
 rule tables:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         rules.geometry.input,
         of_run("results/{run}/tables/{name}.csv", name=["evaluation", "render"]),
@@ -112,8 +112,8 @@ rule report_label_scores:
 
 
 rule report_detectors:
-    """Tables and figures of detectors: detection and IPD of every pair of domains, breakdowns, paired differences, precision
-    over recall, individual rocks."""
+    """Tables and figures of detectors: detection and IPD of every pair of domains, breakdowns, paired differences,
+    precision over recall, individual rocks."""
     input:
         others=PATHS.detection_of_others,
         detection="results/{run}/detect/detection.parquet",
@@ -156,7 +156,7 @@ rule report_detectors:
 
 
 rule draw_finds:
-    """What each detector finds in photo and twins, as in the paper's figures 4 and 5, and the rocks that differ most."""
+    """Detections in photo and twins, as in figures 4 and 5 of the paper, and the rocks with the largest differences."""
     input:
         instances=PATHS.first_training("instances.parquet"),
         ipd=PATHS.first_training("ipd.parquet"),
@@ -222,7 +222,7 @@ USUAL_POSITIONS, MANY_POSITIONS = (
 
 
 def of_positions(path, category, drawn):
-    """A figure of each position of a terrain."""
+    """Return a figure of each position of a terrain."""
     return [
         shown(path.replace("{position}", position), category, terrain="{terrain}", position=position)
         for position in drawn
@@ -230,7 +230,7 @@ def of_positions(path, category, drawn):
 
 
 rule draw_photos:
-    """One photo of every position beside its twins, and all exposure brackets of a station on a sheet, for review."""
+    """Photo and twins of every position, and contact sheets of all exposure brackets of a station for review."""
     input:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
@@ -271,7 +271,7 @@ use rule draw_photos as draw_photos_of_terrain_13 with:
 
 
 rule draw_reflectance:
-    """Every reflectance model over the phase angle."""
+    """Reflectance of every model over the phase angle."""
     input:
         curves="results/{run}/renders/reflectance.csv",
     output:
@@ -286,8 +286,8 @@ rule draw_reflectance:
 
 
 rule draw_geometry:
-    """A terrain's meshes from above and aslant, the cuboids that cut its rocks out, their distance from the true surface,
-    and arrows in a photo of every position, from the boxes that people drew to those of the projected meshes."""
+    """Views of the meshes of a terrain, cuboids of the rocks, distances to the true surface, and arrows from annotated
+    boxes to boxes of the projected meshes in a photo of every position."""
     input:
         rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
         meshes="results/{run}/meshes/Terrain{terrain}",
@@ -325,7 +325,7 @@ rule draw_geometry:
 if PATHS.has_errata:
 
     rule draw_errata:
-        """The defects of the published labels, each with its picture, and as a table."""
+        """Defects of the published labels: page with images, and table."""
         input:
             # read through params.root
             raw=PATHS.raw_data_of_run,
@@ -344,7 +344,7 @@ if PATHS.has_errata:
 
 
 rule draw_opposition:
-    """Photo and twins where the lamp stands behind the camera, and far from it."""
+    """Photo and twins at the smallest and the largest phase angle."""
     input:
         cameras=of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
         pictures=PATHS.photos_and_twins(),
@@ -367,7 +367,7 @@ rule draw_opposition:
 
 
 rule draw_strip:
-    """One photo, its twin, how they differ, its labels, and what a detector finds in it."""
+    """Photo, twin, difference, labels and detections."""
     input:
         photos=f"results/{{run}}/acquire/Terrain{TERRAINS[0]}/photos.parquet",
         twins=f"results/{{run}}/renders/{MODELS[-1]}/Terrain{TERRAINS[0]}",
@@ -386,7 +386,7 @@ rule draw_strip:
 
 
 rule write_results_page:
-    """The page that is opened first: what the run is, metrics, pictures, all tables and figures."""
+    """Summary page of the run: metrics, images, all tables and figures."""
     input:
         tables=PATHS.tables_of_page(),
         figures=PATHS.figures_of_page(),

@@ -1,8 +1,8 @@
-"""Stage 3: rocks and ground, as clouds and as meshes."""
+"""Stage 3: point clouds and meshes of rocks and ground."""
 
 
 rule rocks:
-    """Everything of this stage."""
+    """All outputs of this stage."""
     input:
         of_run("results/{run}/rocks/Terrain{terrain}/rocks.parquet", terrain=TERRAINS),
         of_run("results/{run}/meshes/Terrain{terrain}", terrain=TERRAINS),
@@ -12,7 +12,7 @@ rule rocks:
 if not SOURCE.has_scans:
 
     rule adopt_rocks:
-        """The published rock meshes, cleaned, where the boxes see them, on a ground that is fitted under them."""
+        """Cleaned published rock meshes, placed according to annotated boxes, and a fitted ground mesh."""
         input:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
             cameras="results/{run}/cameras/located/Terrain{terrain}",
@@ -28,7 +28,7 @@ if not SOURCE.has_scans:
             "../scripts/adopt_rocks.py"
 
     rule repair_rocks:
-        """Watertight copies of the published rocks without their skirts, and a table of their defects."""
+        """Watertight copies of the published rocks without skirts, and a table of defects."""
         input:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
             cameras="results/{run}/cameras/located/Terrain{terrain}",
@@ -46,7 +46,7 @@ if not SOURCE.has_scans:
 else:
 
     rule find_rocks:
-        """Scans in the sandbox frame, split into rocks and ground."""
+        """Scans in the sandbox frame, segmented into rocks and ground."""
         input:
             inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
             cameras="results/{run}/cameras/located/Terrain{terrain}",
@@ -67,7 +67,7 @@ else:
             "../scripts/find_rocks.py"
 
     rule mesh_rocks:
-        """Poisson meshes of every rock and of the ground, holes under rocks closed."""
+        """Poisson meshes of every rock and of the ground; holes under rocks are closed."""
         input:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             clouds="results/{run}/rocks/Terrain{terrain}/clouds",

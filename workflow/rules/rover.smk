@@ -1,4 +1,4 @@
-"""Stage 8: drives over the digitised terrains: physics, pictures, what a detector sees on board, bags, tables, figures."""
+"""Drives over the digitised terrains: physics, images, detections on board, bags, tables and figures."""
 
 from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.vehicle.mounts import FRONT
@@ -7,12 +7,12 @@ ROVER = CONFIG.rover
 
 
 def of_drives(pattern, **wildcards):
-    """Files of all drives of this run."""
+    """Return files of all drives of this run."""
     return of_run(pattern, seed=DRIVES.seeds, **wildcards)
 
 
 rule rover:
-    """Everything of this stage; nothing where the configuration does not drive."""
+    """All outputs of this stage; empty without drives."""
     input:
         of_drives("results/{run}/rover/seed{seed}/{name}", name=["trace.parquet", "drive.json"]),
         of_drives("results/{run}/rover/seed{seed}/{view}/poses.parquet", view=DRIVES.views),
@@ -25,8 +25,7 @@ rule rover:
 
 
 rule drive_rover:
-    """One drive: terrains side by side or an elevation model as one deformable ground, rocks on it, the rover along its
-    path."""
+    """Physics of one drive: rover on deformable ground, composed of terrains or an elevation model, with rocks."""
     input:
         meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
         dem=DRIVES.elevation_model,  # read through params.world
@@ -50,7 +49,7 @@ rule drive_rover:
 
 
 rule see_drive:
-    """The pictures of one view of a drive: every Sun, model and exposure from the same rays, and what is in them."""
+    """Images of one view of a drive for every Sun, model and exposure from the same rays, and labels."""
     input:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         tracks="results/{run}/rover/seed{seed}/tracks.npz",  # read through trace
@@ -66,14 +65,14 @@ rule see_drive:
         mem_mb=growing(4000),
         runtime=720,
     params:
-        options=DRIVES.camera_options("views", "onboard", "videos"),  # other views and later steps change no picture
+        options=DRIVES.camera_options("views", "onboard", "videos"),  # images do not depend on other views and later steps
         render=rover_render(CONFIG.render),
     script:
         "../scripts/see_drive.py"
 
 
 rule make_drive_dataset:
-    """Windows of the front camera's pictures of other drives, to fine-tune the detector on board on."""
+    """Windows of front camera images of other drives, for fine-tuning of the detector on board."""
     input:
         poses=DRIVES.poses_of_other_drives(),  # read through params.options
     output:
@@ -88,7 +87,7 @@ rule make_drive_dataset:
 
 
 rule fine_tune_on_drives:
-    """The detector on board, trained on pictures of other drives."""
+    """Detector on board, fine-tuned on images of other drives."""
     input:
         dataset="results/{run}/rover/fine_tuning",
         start=DRIVES.weights_before_fine_tuning,
@@ -108,7 +107,7 @@ rule fine_tune_on_drives:
 
 
 rule detect_drive:
-    """What a detector finds in the front camera's pictures."""
+    """Detections in the front camera images."""
     input:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
         # read through poses
@@ -128,7 +127,7 @@ rule detect_drive:
 
 
 rule measure_drive:
-    """What the front camera is worth on board: sightings, stable ones, the map of hazards, stops."""
+    """Metrics of the front camera: sightings, stable detections, hazard map, stops."""
     input:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
         # read through poses
@@ -151,7 +150,7 @@ rule measure_drive:
 
 
 rule film_drive:
-    """Videos of every view, Sun, model and exposure, the front camera's with what the detector finds."""
+    """Videos of every view, Sun, model and exposure; front camera videos with detections."""
     input:
         pictures=DRIVES.pictures_of_drive(),  # read through videos
         detections=DRIVES.detections(),  # read through videos
@@ -169,7 +168,7 @@ rule film_drive:
 
 
 rule write_bag:
-    """A drive as messages of ROS 2 in an MCAP file."""
+    """ROS 2 messages of a drive in an MCAP file."""
     input:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
@@ -188,7 +187,7 @@ rule write_bag:
 
 
 rule write_urdf:
-    """The rover as other simulators read it."""
+    """URDF of the rover for other simulators."""
     input:
         vehicle=str(ROVER.drive.vehicle),
     output:
@@ -201,7 +200,7 @@ rule write_urdf:
 
 
 rule summarise_drives:
-    """Slip, sinkage, torque, energy, offset and rocks of every drive, and of all with intervals."""
+    """Slip, sinkage, torque, energy, offset and rocks of every drive, and means with intervals."""
     input:
         drives=of_drives("results/{run}/rover/seed{seed}/drive.json"),
         traces=of_drives("results/{run}/rover/seed{seed}/trace.parquet"),  # read through drives
@@ -216,7 +215,7 @@ rule summarise_drives:
 
 
 rule summarise_onboard:
-    """What is seen on board over all drives and Suns, with intervals."""
+    """Metrics on board over all drives and Suns, with intervals."""
     input:
         tables=of_drives("results/{run}/rover/seed{seed}/onboard/stops.parquet"),
     output:
@@ -229,7 +228,7 @@ rule summarise_onboard:
 
 
 rule tabulate_rover:
-    """Tabulate drives, together and one by one."""
+    """Tables of the means and of every drive."""
     input:
         drives="results/{run}/rover/drives.parquet",
         each="results/{run}/rover/every_drive.parquet",
@@ -254,7 +253,7 @@ rule tabulate_rover:
 
 
 rule tabulate_onboard:
-    """What the front camera is worth on board."""
+    """Table of the metrics of the front camera."""
     input:
         onboard="results/{run}/rover/onboard.parquet",
     output:
@@ -285,7 +284,7 @@ rule draw_drive:
 
 
 rule draw_sequence:
-    """Moments of the first drive, from behind the rover where such a view is taken."""
+    """Images at several times of the first drive, from a view that follows the rover if available."""
     input:
         poses=f"{DRIVES.first}/{ROVER.shown_view}/poses.parquet",
     output:
@@ -300,7 +299,7 @@ rule draw_sequence:
 
 
 rule draw_front:
-    """What the front camera sees on the first drive, with the rocks that are there and those that a detector finds."""
+    """Front camera images of the first drive with true rocks and detections."""
     input:
         poses=f"{DRIVES.first}/{FRONT}/poses.parquet",
         truth=f"{DRIVES.first}/{FRONT}/{DRIVES.shown_sun}_truth.parquet",

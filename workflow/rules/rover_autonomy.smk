@@ -1,8 +1,8 @@
-"""Drives in which the rover finds its own way: by mode, Sun, exposure, lights, model, detector, seed; what is made of them."""
+"""Autonomous drives by mode, Sun, exposure, lights, model, detector and seed; tables and figures."""
 
 
 rule rover_autonomy:
-    """Everything of these drives; nothing where the configuration has none."""
+    """All outputs of autonomous drives; empty without such drives."""
     input:
         of_run("results/{run}/tables/rover_autonomy.csv") if DRIVES.cases else [],
         of_run("results/{run}/figures/rover_autonomy.png") if DRIVES.cases else [],
@@ -11,7 +11,7 @@ rule rover_autonomy:
 
 
 rule drive_alone:
-    """One drive in which the rover looks, maps, plans and steers, and what it was like."""
+    """One drive with perception, mapping, planning and steering, and its metrics."""
     input:
         meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
         dem=DRIVES.elevation_model,  # read through params.world
@@ -41,7 +41,7 @@ rule drive_alone:
 
 
 rule summarise_autonomy:
-    """Every drive's figures, their means over seeds with intervals, and what each axis changes."""
+    """Metrics of every drive, means over seeds with intervals, and effects of each axis."""
     input:
         drives=expand("results/{{run}}/rover/autonomy/{case}/figures.parquet", case=DRIVES.cases),
     output:
@@ -56,7 +56,7 @@ rule summarise_autonomy:
 
 
 rule tabulate_autonomy:
-    """Drives in which the rover decides, and what Sun, exposure, lights and detector change."""
+    """Tables of autonomous drives and of the effects of Sun, exposure, lights and detector."""
     input:
         together="results/{run}/rover/autonomy.parquet",
         effects="results/{run}/rover/autonomy_effects.parquet",
@@ -81,7 +81,7 @@ rule tabulate_autonomy:
 
 
 rule rank_detectors:
-    """Detectors that drove by their gap and by their drives, and how these orders agree."""
+    """Ranks of detectors by gap and by drive metrics, and their correlation."""
     input:
         each="results/{run}/rover/every_autonomy.parquet",
         detection="results/{run}/detect/detection.parquet" if DRIVES.has_gap else [],
@@ -100,7 +100,7 @@ rule rank_detectors:
 
 
 rule tabulate_rank:
-    """Whether a detector with a smaller gap drives better."""
+    """Table of the correlation between gap and drive metrics of detectors."""
     input:
         by_detector="results/{run}/rover/autonomy_detectors.parquet",
         ranks="results/{run}/rover/autonomy_rank.parquet",
@@ -117,7 +117,7 @@ rule tabulate_rank:
 
 
 rule draw_autonomy:
-    """Collisions, success, map and energy of the modes side by side, and the ways of the first seed's drives."""
+    """Collisions, success, map and energy of the modes, and the paths of the drives of the first seed."""
     input:
         drives=expand("results/{{run}}/rover/autonomy/{case}/trace.parquet", case=DRIVES.cases),
         together="results/{run}/rover/autonomy.parquet",
@@ -134,7 +134,7 @@ rule draw_autonomy:
 
 
 rule draw_autonomy_maps:
-    """Map, way, hits and stops of one drive of each mode, and what the front camera showed on it."""
+    """Map, path, collisions and stops of one drive of each mode, with front camera images."""
     input:
         drives=expand("results/{{run}}/rover/autonomy/{case}/trace.parquet", case=DRIVES.cases),
         events=expand("results/{{run}}/rover/autonomy/{case}/events.parquet", case=DRIVES.cases),  # read through drives

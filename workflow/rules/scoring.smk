@@ -1,4 +1,4 @@
-"""Stage 7: how good a run is, against truth, against what people drew, and against itself; nothing else reads truth."""
+"""Stage 7: scores against ground truth or annotations, and consistency. Only scoring reads ground truth."""
 
 
 rule score_geometry:
@@ -28,7 +28,7 @@ rule score_geometry:
 
 
 rule score_labels:
-    """Labels of every photo against truth, or against what people drew, by what it took to propagate them there."""
+    """Labels of every photo against ground truth or annotations, by propagation task."""
     input:
         raw=PATHS.raw_data,  # read through params.truth
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
@@ -49,7 +49,7 @@ rule score_labels:
 
 
 rule score_outlines:
-    """Outlines of rocks and shadows against the polygons that people drew."""
+    """Outlines of rocks and shadows against annotated polygons."""
     input:
         raw=PATHS.raw_data,  # read through params.root
         polygons=PATHS.annotated_polygons,  # read through params.root
@@ -69,7 +69,7 @@ rule score_outlines:
 
 
 rule score_masks:
-    """Masks of cover photos, each by the detectors that have not seen its terrain, against people's polygons."""
+    """Masks of cover photos by detectors that were trained on other terrains, against annotated polygons."""
     input:
         masks=COVERS.masks(),
         polygons=PATHS.annotated_polygons_of_covers(),  # read through params.root
@@ -86,7 +86,7 @@ rule score_masks:
 
 
 rule score_twins:
-    """Rendered ground-truth boxes against truth or against what people drew, and twins against photos where there are any."""
+    """Rendered boxes against ground truth or annotations, and twins against photos if the source has photos."""
     input:
         raw=PATHS.raw_data,  # read through params.truth
         boxes="results/{run}/renders/boxes/Terrain{terrain}",
@@ -107,7 +107,7 @@ rule score_twins:
 
 
 rule score_materials:
-    """Fitted albedo against truth, and twins with it against photos that were held out."""
+    """Fitted albedo against ground truth, and twins against held-out photos."""
     input:
         raw=PATHS.raw_data,  # read through params.truth
         materials="results/{run}/renders/materials/Terrain{terrain}",

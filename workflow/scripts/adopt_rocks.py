@@ -1,4 +1,4 @@
-"""Take over one terrain's published rock meshes."""
+"""Clean the published rock meshes of a terrain and fit a ground mesh."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Carve rocks as the analog's generator does, to strew them."""
+"""Generate carved rocks for randomised scenes."""
 
 from pathlib import Path
 

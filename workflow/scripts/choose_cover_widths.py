@@ -1,4 +1,4 @@
-"""Choose the widths at which every fold's detector looks at its photos, without these photos."""
+"""Choose the inference widths of the detector of each fold without the photos of the fold."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Stereo depth of all terrains, and its IPD."""
+"""Merge the stereo depth of all terrains and compute its IPD."""
 
 from pathlib import Path
 

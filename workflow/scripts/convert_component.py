@@ -1,4 +1,4 @@
-"""Convert the test pictures of a component's twins."""
+"""Convert the test images of the twins of a component."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Convert the pictures and labels of one domain."""
+"""Convert the images and labels of a domain."""
 
 from pathlib import Path
 

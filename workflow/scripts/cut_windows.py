@@ -1,4 +1,4 @@
-"""Cut windows of labelled cover photos."""
+"""Cut windows from labelled cover photos."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Look for rocks in the front camera's pictures of a drive."""
+"""Detect rocks in the front camera images of a drive."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw the modes of a rover that decides side by side, and its ways."""
+"""Draw metrics and paths of autonomous drives for each mode."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw one drive of each mode of a rover that decides."""
+"""Draw one autonomous drive of each mode with map and images."""
 
 from pathlib import Path
 

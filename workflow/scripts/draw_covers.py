@@ -1,4 +1,4 @@
-"""Draw every cover photo with its labels and with what a detector finds."""
+"""Draw cover photos with labels and detections."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Look for defects in the published labels, and draw them."""
+"""Find defects in the published labels and draw them."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw what each detector finds in photo and twins."""
+"""Draw the detections of each detector in photos and twins."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw what the front camera sees, with rocks and what a detector takes for rocks."""
+"""Draw front camera images with rocks and detections."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw the meshes and cameras of one terrain."""
+"""Draw the meshes and cameras of a terrain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw polygons, grey maps and COCO masks of one terrain's photos."""
+"""Write polygons, class masks and COCO masks of the photos of a terrain."""
 
 from pathlib import Path
 

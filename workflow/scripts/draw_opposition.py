@@ -1,4 +1,4 @@
-"""Draw photo and twins near opposition and far from it."""
+"""Draw photo and twins near and far from opposition."""
 
 from pathlib import Path
 

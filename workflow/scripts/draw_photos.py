@@ -1,4 +1,4 @@
-"""Draw the photos, twins and labels of one terrain."""
+"""Draw the photos, twins and labels of a terrain."""
 
 from pathlib import Path
 

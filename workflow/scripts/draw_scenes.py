@@ -1,4 +1,4 @@
-"""Draw some of the strewn scenes that detectors are trained on."""
+"""Draw randomised training scenes."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw moments of the drive."""
+"""Draw images at several times of a drive."""
 
 from pathlib import Path
 

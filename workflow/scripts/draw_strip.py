@@ -1,4 +1,4 @@
-"""Draw one photo in a strip of its twin, difference, labels and detections."""
+"""Draw a photo with twin, difference, labels and detections."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Let the rover find its way once."""
+"""Simulate one autonomous drive."""
 
 from pathlib import Path
 

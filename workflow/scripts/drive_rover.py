@@ -1,4 +1,4 @@
-"""Drive over the terrains once."""
+"""Simulate one drive along a given path."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Fetch and unpack one terrain's raw data."""
+"""Download and unpack the raw data of a terrain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Make the videos of a drive."""
+"""Write the videos of a drive."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Split one terrain's scans into rocks and ground."""
+"""Segment the scans of a terrain into rocks and ground."""
 
 from pathlib import Path
 

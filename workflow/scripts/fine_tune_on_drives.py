@@ -1,4 +1,4 @@
-"""Train the detector on board on pictures of other drives."""
+"""Fine-tune the detector on board with images of other drives."""
 
 from pathlib import Path
 

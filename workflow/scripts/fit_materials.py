@@ -1,4 +1,4 @@
-"""Fit the materials of one terrain to its photos."""
+"""Fit the materials of a terrain to photos."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Put tables of all splits and seeds together: an output of the name of every input."""
+"""Concatenate the tables of all splits and seeds."""
 
 from pathlib import Path
 

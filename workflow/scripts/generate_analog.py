@@ -1,4 +1,4 @@
-"""Generate one terrain of the analog sandbox."""
+"""Generate a terrain of the analog sandbox."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Take one terrain's raw data in."""
+"""Index the raw data of a terrain."""
 
 from pathlib import Path
 

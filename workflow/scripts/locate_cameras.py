@@ -1,4 +1,4 @@
-"""Find where the rig stood at every position of one terrain."""
+"""Estimate the rig pose at every position of a terrain."""
 
 from pathlib import Path
 

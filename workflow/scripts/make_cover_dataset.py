@@ -1,4 +1,4 @@
-"""Share scenes and cover photos out to the parts of one fold's data set."""
+"""Link scenes and cover photos to the data set of a fold."""
 
 from pathlib import Path
 

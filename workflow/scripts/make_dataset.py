@@ -1,4 +1,4 @@
-"""Share the pictures of one domain out to the parts of a split."""
+"""Link the images of a domain to the data set of a split."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Cut windows of the front camera's pictures of drives to fine-tune a detector on."""
+"""Cut windows from front camera images of drives for fine-tuning."""
 
 from pathlib import Path
 

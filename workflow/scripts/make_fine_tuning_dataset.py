@@ -1,4 +1,4 @@
-"""Share windows of cover photos and pictures of scenes out to the parts of one fold's data set for fine-tuning."""
+"""Link windows of cover photos and scenes to the fine-tuning data set of a fold."""
 
 from pathlib import Path
 

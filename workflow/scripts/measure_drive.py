@@ -1,4 +1,4 @@
-"""Measure what the front camera of a drive is worth on board."""
+"""Compute metrics of the front camera of a drive."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Depth from pairs of one terrain's photos and twins."""
+"""Compute stereo depth of the photos and twins of a terrain."""
 
 from pathlib import Path
 

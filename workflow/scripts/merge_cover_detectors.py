@@ -1,4 +1,4 @@
-"""Merge what each fold's detectors of all seeds see in its cover photos."""
+"""Merge the predictions of the detectors of all seeds in each fold."""
 
 from pathlib import Path
 

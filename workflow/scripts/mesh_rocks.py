@@ -1,4 +1,4 @@
-"""Mesh one terrain's rocks and ground."""
+"""Mesh the rocks and ground of a terrain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Predict with one detector on the test pictures of every domain."""
+"""Predict with a detector on the test images of every domain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Look at the cover photos of a fold's terrains with its detector, at several widths."""
+"""Predict with a detector on the cover photos of a fold at several widths."""
 
 from pathlib import Path
 

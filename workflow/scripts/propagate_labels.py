@@ -1,4 +1,4 @@
-"""Carry one terrain's seed labels to every photo."""
+"""Propagate the seed labels of a terrain to every photo."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Write the detector of all terrains with its widths, its calibration and its card."""
+"""Write the detector of all terrains with widths, calibration and model card."""
 
 from pathlib import Path
 

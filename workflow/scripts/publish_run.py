@@ -1,4 +1,4 @@
-"""Publish the run in one form."""
+"""Publish a run in one format."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Rank the detectors that drove by their gap and by their drives."""
+"""Rank the detectors of autonomous drives by gap and by drive metrics."""
 
 from pathlib import Path
 

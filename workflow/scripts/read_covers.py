@@ -1,4 +1,4 @@
-"""Read cover photos, find out which photos they are, and take out what was drawn into them."""
+"""Read cover photos, assign photo keys and remove drawn annotations."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Refine one terrain's rig poses, lenses and lamps on its photos."""
+"""Refine rig poses, lenses and lamps of a terrain with photos."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Render the twins of one terrain's test photos with one component replaced."""
+"""Render the test twins of a terrain with one component replaced."""
 
 from pathlib import Path
 

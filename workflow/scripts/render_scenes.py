@@ -1,4 +1,4 @@
-"""Render scenes that are strewn with the rocks of one terrain."""
+"""Render randomised scenes with the rocks of a terrain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Render the twins of one terrain under every reflectance model, and label them."""
+"""Render and label the twins of a terrain with every reflectance model."""
 
 from pathlib import Path
 

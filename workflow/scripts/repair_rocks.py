@@ -1,4 +1,4 @@
-"""Close one terrain's published rock meshes, and list what was wrong with them."""
+"""Close the published rock meshes of a terrain and list their defects."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Measure every component of the twin by what the detectors of a split and seed see."""
+"""Compute the effect of each component of the twin for a split and seed."""
 
 from pathlib import Path
 

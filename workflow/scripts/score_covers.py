@@ -1,4 +1,4 @@
-"""Score what detectors find in the cover photos of terrains that they have not seen."""
+"""Score detections in cover photos of test terrains."""
 
 from pathlib import Path
 

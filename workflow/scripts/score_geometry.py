@@ -1,4 +1,4 @@
-"""Score the cameras, rocks and meshes of one terrain."""
+"""Score the cameras, rocks and meshes of a terrain."""
 
 from pathlib import Path
 

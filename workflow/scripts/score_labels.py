@@ -1,4 +1,4 @@
-"""Score one terrain's labels."""
+"""Score the labels of a terrain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Score masks of cover photos against the polygons that people drew of them."""
+"""Score masks of cover photos against annotated polygons."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Score one terrain's fitted materials."""
+"""Score the fitted materials of a terrain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Score one terrain's outlines against the published polygons."""
+"""Score the outlines of a terrain against annotated polygons."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Score one terrain's twins."""
+"""Score the twins of a terrain."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Masks of the cover photos of a fold's terrains, by its detectors."""
+"""Predict masks of the cover photos of a fold."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Split the photos of a run into parts."""
+"""Split the photos of a run into training, validation and test."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Sum up drives in which the rover decides, one by one and together."""
+"""Summarise autonomous drives."""
 
 from pathlib import Path
 

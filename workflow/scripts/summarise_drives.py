@@ -1,4 +1,4 @@
-"""Sum up drives one by one and together."""
+"""Summarise drives."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Sum up what is seen on board of all drives."""
+"""Summarise the metrics on board of all drives."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tabulate drives in which the rover decides, and what each axis changes."""
+"""Tabulate autonomous drives and the effects of light and detector."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Write the table of what detectors find in real cover photos."""
+"""Tabulate the scores of detectors on cover photos."""
 
 from pathlib import Path
 

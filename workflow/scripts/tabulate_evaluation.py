@@ -1,4 +1,4 @@
-"""Tabulate the evaluation of every stage, and of the twins in detail."""
+"""Tabulate the evaluation of every stage, and of twins in detail."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tabulate how well masks agree with people's polygons."""
+"""Tabulate the scores of masks of cover photos."""
 
 from pathlib import Path
 

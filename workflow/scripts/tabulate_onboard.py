@@ -1,4 +1,4 @@
-"""Tabulate what is seen on board."""
+"""Tabulate the metrics on board."""
 
 from pathlib import Path
 

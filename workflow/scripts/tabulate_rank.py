@@ -1,4 +1,4 @@
-"""Tabulate how the detectors' order by gap agrees with that by drives."""
+"""Tabulate the rank correlation of gap and drive metrics."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Copy one terrain's ground and thinned rocks."""
+"""Copy the ground of a terrain and thin the rocks."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Train a detector on one domain or mix."""
+"""Train a detector on a domain or mix."""
 
 from pathlib import Path
 

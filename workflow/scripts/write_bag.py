@@ -1,4 +1,4 @@
-"""Write a drive as a bag."""
+"""Write a drive as an MCAP bag."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Write how bright every reflectance model is over the phase angle."""
+"""Write the reflectance of every model over the phase angle."""
 
 from pathlib import Path
 

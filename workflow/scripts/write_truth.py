@@ -1,4 +1,4 @@
-"""Move one terrain's truth into the frame of the run."""
+"""Transform the ground truth of a terrain to the frame of the run."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Write the rover as URDF."""
+"""Write the URDF of the rover."""
 
 from pathlib import Path
 
