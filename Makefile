@@ -1,4 +1,4 @@
-# The two commands of the README: make demo, make test. Everything they need is set up in .venv.
+# Main targets: make demo, make test. Dependencies are installed in .venv.
 PYTHON ?= python3
 CORES ?= 2
 SEEDS ?= 1 2 3
@@ -9,23 +9,23 @@ RUN := $(BIN)/polarsim run --cores $(CORES)
 .PHONY: help setup demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean lock schema columns
 .DEFAULT_GOAL := help
 
-help: ## list what can be made
+help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/make \1\t\2/' | expand -t 16
 
-setup: .venv/.ready ## make .venv with polarsim, snakemake and all they need
+setup: .venv/.ready ## create .venv with polarsim, Snakemake and all dependencies
 
 .venv/.ready: requirements.lock pyproject.toml workflow/setup.sh
 	bash workflow/setup.sh $(PYTHON)
 	@touch $@
 
-demo: setup ## the whole pipeline on the analog sandbox: config/config.yaml
+demo: setup ## run the pipeline on the analog sandbox: config/config.yaml
 	$(RUN)
 	@$(BIN)/polarsim report demo --cores $(CORES)
-	@echo "to look at it in the browser: $(BIN)/polarsim explore demo"
+	@echo "interactive view: $(BIN)/polarsim explore demo"
 
 ROVER := rover_autonomy --configfile config/overlays/rover.yaml
 
-rover: setup ## a rover that finds its own way over the demo's terrains: config/overlays/rover_autonomy.yaml
+rover: setup ## autonomous drives over terrains of the demo: config/overlays/rover_autonomy.yaml
 	$(RUN) $(ROVER) --configfile config/overlays/rover_autonomy.yaml
 	@$(BIN)/snakemake $(ROVER) config/overlays/rover_autonomy.yaml --quiet all --report results/demo/rover_autonomy.html
 	@echo "page: results/demo/rover_autonomy.html"
@@ -35,7 +35,7 @@ release: setup ## cameras, labels, twins and tables on the published labels and 
 	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(RUN) --configfile config/release.yaml
 	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(BIN)/polarsim report release --cores $(CORES)
 
-accuracy: setup ## poses, rocks and meshes against the truth of three analog sandboxes: config/accuracy.yaml
+accuracy: setup ## accuracy of poses, rocks and meshes on three analog sandboxes: config/accuracy.yaml
 	for seed in $(SEEDS); do \
 	  $(RUN) geometry --configfile config/accuracy.yaml --config run=accuracy$$seed \
 	    --config "source={kind: analog, root: data/analog$$seed}" --config "analog={seed: $$seed}" || exit; \
@@ -45,17 +45,17 @@ accuracy: setup ## poses, rocks and meshes against the truth of three analog san
 test: setup ## lint, formats, types, dry-runs and tests
 	@$(MAKE) --no-print-directory -j 2 lint pytest
 
-pytest: setup # workers share the cores, so each has one thread
+pytest: setup # one thread per worker
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 --basetemp .pytest
 
-cluster: setup ## the workflow on a real SLURM of one node that is started here (root, apt-get install slurm-wlm munge)
+cluster: setup ## run the workflow on a local SLURM of one node (root, apt-get install slurm-wlm munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest
 
 MOMENTS ?= 20
-chaos: setup ## kill small runs at random moments (MOMENTS of each kind), hours: the same command ends each
+chaos: setup ## kill small runs at random times and resume them (MOMENTS per kind; takes hours)
 	$(BIN)/python -m benchmarks.chaos --moments $(MOMENTS)
 
-fuzz: setup ## 10,000 damaged files for every reader, an hour
+fuzz: setup ## test every reader with 10,000 damaged files (one hour)
 	FUZZ_EXAMPLES=10000 $(BIN)/python -m pytest -n $(CORES) tests/formats/test_hostile_files.py
 
 lint: setup
@@ -64,25 +64,25 @@ lint: setup
 	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
 	$(BIN)/mypy
 
-docs: setup ## the manual as a site, build/site/index.html
+docs: setup ## build the manual: build/site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/site
 
-picture: setup ## the README's picture from a finished demo, docs/comparison.jpg
+picture: setup ## update the image of the README from a complete demo: docs/comparison.jpg
 	$(BIN)/python docs/readme_picture.py results/demo/figures/strip docs/comparison.jpg
 
-clean: ## remove results, the site, and what the analog generated
+clean: ## remove results, manual and generated data
 	rm -rf results/demo results/release results/accuracy* data/analog* build/site .snakemake .pytest
 
-schema: setup ## write config/schema.json and config/views.schema.json anew
+schema: setup ## update config/schema.json and config/views.schema.json
 	$(BIN)/polarsim schema > config/schema.json
 	$(BIN)/polarsim schema --views > config/views.schema.json
 
-columns: setup ## write the columns of tables into docs/tables.md and docs/formats.md
+columns: setup ## update the columns of tables in docs/tables.md and docs/formats.md
 	$(BIN)/python -m polarsim.schemas docs/tables.md docs/formats.md
 
-# Needs uv (pip install uv), and a CPU build of torch where uv looks for packages (UV_FIND_LINKS): with another one the
-# lock would pin CUDA's packages. The local version of that build is cut off again, so that one lock serves all machines.
-lock: ## make requirements.lock anew from pyproject.toml
+# Requires uv (pip install uv) and a CPU build of torch in UV_FIND_LINKS; otherwise the lock would pin CUDA packages. The
+# local version of this build is removed, so that the lock is valid on all machines.
+lock: ## update requirements.lock from pyproject.toml
 	sed -i 's/^torch==[0-9.]*$$/&+cpu/' requirements.lock
 	uv pip compile pyproject.toml --extra detect --extra rover --extra publish --extra cluster --extra dev --no-annotate --no-header -o requirements.lock
 	sed -i 's/^\(torch==[0-9.]*\)+.*$$/\1/' requirements.lock

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Submits one job script and prints the job's number: submit.sh THREADS MEM_MB MINUTES GPUS [OPTIONS OF SBATCH ...] SCRIPT
+# Submits a job script and prints the job number: submit.sh THREADS MEM_MB MINUTES GPUS [OPTIONS OF SBATCH ...] SCRIPT
 set -euo pipefail
 threads=$1 mem_mb=$2 minutes=$3 gpus=$4
 shift 4
