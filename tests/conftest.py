@@ -11,8 +11,8 @@ from hypothesis import settings
 
 from polarsim.cli import main
 
-# Machines that are busy are slow, so time is for benchmarks. The same examples every time: a check of a change must not
-# fail for what somebody else left. `--hypothesis-profile explore` tries other ones.
+# No deadlines, because busy machines are slow. Deterministic examples: a failure is caused by the tested change;
+# `--hypothesis-profile explore` uses random examples.
 settings.register_profile("polarsim", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None)
 settings.load_profile("polarsim")
@@ -21,9 +21,9 @@ CHECKOUT = Path(__file__).parent.parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Modules with slow tests first: the other workers have something to do meanwhile.
+    """Sort modules with slow tests to the front, for a better distribution over workers.
 
-    Tests of a module stay together, for workers that share a module each set up what it holds for all its tests.
+    Tests of a module are adjacent, because every worker that runs tests of a module sets up its fixtures.
     """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
@@ -36,18 +36,18 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture(scope="session")
 def release_root() -> Path:
-    """The published release, where there is one."""
+    """Root of the published release; skips the test without the release."""
     root = Path(os.environ.get("POLAR_SIM_ROOT", CHECKOUT.parent / "shared" / "polar-sim"))
     if not (root / "Labels").is_dir():
-        pytest.skip("the published release is not here: set POLAR_SIM_ROOT to its folder")
+        pytest.skip("no published release: set POLAR_SIM_ROOT to the folder")
     return root
 
 
 @pytest.fixture
 def polarsim(capsys, monkeypatch) -> Callable[..., subprocess.CompletedProcess]:
-    """Call the command's entry point within this process: no second start of Python and of what commands import.
+    """Call the command in this process, which saves the start of Python and imports.
 
-    An error that is no `PolarsimError` fails the test with its traceback.
+    Exceptions other than `PolarsimError` fail the test with a traceback.
     """
 
     def call(*arguments: object) -> subprocess.CompletedProcess:

@@ -1,4 +1,4 @@
-"""A small made-up terrain: wavy sand, two closed rocks, two tripods; and the files that stages would write of it."""
+"""A small synthetic terrain (wavy sand, two closed rocks, two tripods) and the files of the stages."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ ROCKS = {1: ((0.5, 0.4), 0.2), 2: ((-0.6, -0.3), 0.06)}  # centre, side in metre
 
 @dataclass(frozen=True)
 class World:
-    """The true frame's content; `write` puts it on the disk as seen in another frame."""
+    """Content of the true frame; `write` stores it in another frame."""
 
     terrain: int
     poses: dict[str, Pose]  # truth_from_left by position
@@ -31,7 +31,7 @@ class World:
     def write(
         self, folder: Path, other_from_truth: Pose | None = None, grown: float = 0.0, rocks: tuple[int, ...] = (1, 2)
     ) -> None:
-        """Cameras, meshes and rocks.parquet below a folder; rocks `grown` outwards on all sides, metres."""
+        """Write cameras, meshes and rocks.parquet to a folder; rocks are enlarged by `grown` on all sides, metres."""
         other_from_truth = other_from_truth or Pose.identity()
         for position, pose in self.poses.items():
             localised = LocalisedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
@@ -64,7 +64,7 @@ def world() -> World:
 
 @pytest.fixture
 def sun_lamps() -> dict[str, tuple[float, float, float]]:
-    """Positions by azimuth, true frame."""
+    """Return lamp positions by azimuth, true frame."""
     return SUN_LAMPS
 
 
@@ -83,7 +83,7 @@ def write_mesh(folder: Path, name: str, mesh: Mesh, other_from_truth: Pose) -> N
 
 
 def make_sand(n: int = 81) -> Mesh:
-    """A square of 4 m with waves of 3 cm that determine every direction."""
+    """Return a ground of 4 m x 4 m with waves of 3 cm, which constrains all directions of a registration."""
     x, y = np.meshgrid(np.linspace(-2, 2, n), np.linspace(-2, 2, n), indexing="ij")
     z = 0.03 * np.sin(4 * x + 1) * np.cos(3 * y)
     number = np.arange(n * n).reshape(n, n)
@@ -93,7 +93,7 @@ def make_sand(n: int = 81) -> Mesh:
 
 
 def make_cube(centre: tuple[float, float, float], side: float) -> Mesh:
-    """Closed, outward, twelve triangles."""
+    """Return a closed cuboid of twelve triangles with outward normals."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * side / 2
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     faces = [triangle for a, b, c, d in quads for triangle in ([a, b, c], [a, c, d])]

@@ -1,4 +1,4 @@
-"""A SLURM of one node on this machine's loopback interface, for the tests of `-m cluster` alone."""
+"""A SLURM of one node on the loopback interface, only for tests with `-m cluster`."""
 
 from collections.abc import Iterator
 
@@ -9,13 +9,13 @@ from tests.workflow.conftest import make_checkout, snakemake  # noqa: F401 (fixt
 
 
 def pytest_ignore_collect(collection_path, config) -> bool | None:
-    """Minutes long, and a service of the whole machine: only where `-m` names them."""
+    """Skip these tests without `-m`: they take minutes and start a service of the machine."""
     return None if "cluster" in (config.getoption("markexpr") or "") else True
 
 
 @pytest.fixture(scope="session")
 def slurm() -> Iterator[Slurm]:
-    """A running SLURM; tests skip where none can be started."""
+    """A running SLURM; tests are skipped if SLURM cannot be started."""
     if reason := why_not():
         pytest.skip(reason)
     with running_slurm() as own:

@@ -1,4 +1,4 @@
-"""The unchanged workflow through the profiles on a real SLURM, from raw data to tables: the bytes of a local run."""
+"""The workflow with the profiles on a SLURM writes the same bytes as a local run."""
 
 import hashlib
 import os
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.cluster
 
 FEW = SMALL | {"positions": ["A"], "detect": {"run": False}, "gap": {}}
 LIMIT_S = 1500
-# Nothing is polled for a second longer than needed, and the node is smaller than the profile's.
+# Shorter polling intervals and a smaller node than in the profiles.
 HERE = ("--cores", str(CORES), "--resources", f"mem_mb={MEMORY_MB}", "--latency-wait", "10")
 POLLS = {
     "slurm": ("--slurm-init-seconds-before-status-checks", "2"),
@@ -27,7 +27,7 @@ POLLS = {
 
 
 def digests(checkout: Path) -> dict[str, str]:
-    """sha256 of every file of a run, and of the data that it made, but logs and what tells times."""
+    """Return the SHA-256 of every file of a run and of generated data, without logs and times."""
     return {
         str(path.relative_to(checkout)): hashlib.sha256(path.read_bytes()).hexdigest()
         for part in ("data", "results")
@@ -48,7 +48,7 @@ def make_few(make_checkout):
 
 @pytest.fixture(scope="module")
 def local(tmp_path_factory, make_few, snakemake) -> dict[str, str]:
-    """Digests of a run on this machine alone."""
+    """Digests of a local run."""
     folder = make_few(tmp_path_factory.mktemp("local"))
     done = snakemake(folder, "--cores", str(CORES), "--configfile", "config/few.yaml")
     assert done.returncode == 0, done.stderr[-3000:]
@@ -56,7 +56,7 @@ def local(tmp_path_factory, make_few, snakemake) -> dict[str, str]:
 
 
 def watched(slurm, folder: Path, *arguments: str) -> str:
-    """Run Snakemake; end it, and say what SLURM's queue holds, where a job waits for ever or the time is over."""
+    """Run Snakemake; on a timeout or a job that waits forever, end Snakemake and report the queue of SLURM."""
     command = [sys.executable, "-m", "snakemake", *arguments]
     log = folder / "snakemake.log"
     with log.open("w") as out:

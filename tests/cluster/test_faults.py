@@ -1,4 +1,4 @@
-"""SLURM stops a job of `polarsim run`, or the run is killed: the same command ends with the same bytes."""
+"""After SLURM stops a job or the run is killed, the same command writes the same bytes."""
 
 import random
 import time
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.cluster
 
 @pytest.fixture(scope="module")
 def suite(slurm, tmp_path_factory) -> SlurmSuite:
-    """A workflow of quick jobs, three submissions, and what it makes on this machine alone."""
+    """A workflow of short jobs in three submissions, and the outputs of a local run."""
     return SlurmSuite(tmp_path_factory.mktemp("faults"), random.Random(32), slurm, quick=True)
 
 
@@ -37,7 +37,7 @@ def test_jobs_that_a_killed_run_left_waiting_are_cancelled(slurm: Slurm, suite):
 
 
 def until(holds: Callable[[], bool]) -> None:
-    """Wait until something holds."""
+    """Wait until a condition is true."""
     end = time.monotonic() + 120
     while not holds():
         assert time.monotonic() < end

@@ -1,4 +1,4 @@
-"""A folder with a workflow of quick jobs, run by `polarsim run` as a user runs the real one."""
+"""A folder with a workflow of short jobs, run by `polarsim run`."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ CHECKOUT = Path(__file__).parents[2]
 
 @pytest.fixture
 def folder(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    """The workflow and its inputs; the folder's name has a space. Jobs pause so that they can be killed."""
+    """The workflow and its inputs; the folder name contains a space. Jobs pause so that they can be killed."""
     place = tmp_path / "a run"
     write_workflow(place, pause_s=getattr(request, "param", 0.06))
     return place

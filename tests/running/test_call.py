@@ -1,4 +1,4 @@
-"""What `polarsim run` asks Snakemake for."""
+"""Arguments that `polarsim run` passes to Snakemake."""
 
 from polarsim.running.run import Call
 

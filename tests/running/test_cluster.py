@@ -1,4 +1,4 @@
-"""Jobs that a killed run left to SLURM, with a `squeue` and a `scancel` that work on a file."""
+"""SLURM jobs of a killed run, with substitutes of `squeue` and `scancel` that use a file."""
 
 import pytest
 
@@ -16,7 +16,7 @@ SCANCEL = '#!/bin/sh\nfor number in "$@"; do sed -i "/^$number /d" {queue}; done
 
 @pytest.fixture
 def queue(tmp_path, monkeypatch):
-    """SLURM's queue: two jobs of the folder's log, one that somebody else submitted there, one of another folder."""
+    """Queue of SLURM: two jobs in the log of the folder, a job of another user, a job of another folder."""
     (tmp_path / ".snakemake/log").mkdir(parents=True)
     (tmp_path / ".snakemake/log/1.snakemake.log").write_text(SUBMITTED)
     queue, programs = tmp_path / "queue", tmp_path / "bin"

@@ -1,4 +1,4 @@
-"""What is looked at on disk before a run."""
+"""Checks of the disk before a run."""
 
 import os
 import subprocess

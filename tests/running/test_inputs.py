@@ -17,7 +17,7 @@ SEED, CORRECTED = "03_A_off_30_L_0256", "03_A_off_180_R_0512"
 @pytest.fixture
 def data(tmp_path, monkeypatch):
     """A release with one seed, and a folder with one correction."""
-    monkeypatch.delenv("POLAR_SIM_ROOT", raising=False)  # which replaces the root of a release
+    monkeypatch.delenv("POLAR_SIM_ROOT", raising=False)  # replaces the root of a release
     for path in (tmp_path / f"release/Labels/Terrain03/{SEED}.txt", tmp_path / f"corrections/{CORRECTED}.txt"):
         path.parent.mkdir(parents=True)
         path.write_text(BOX)

@@ -1,4 +1,4 @@
-"""What a log of Snakemake 9 tells of jobs, alone and in a submission to a cluster."""
+"""Jobs in a log of Snakemake 9: single jobs and groups of a cluster submission."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`polarsim run` through kills, a second runner, broken inputs, full and read-only disks: the same command goes on."""
+"""`polarsim run` resumes after kills, invalid inputs and full disks, and rejects a second run and read-only disks."""
 
 import os
 import random
@@ -17,17 +17,17 @@ from polarsim.running import processes
 from polarsim.running.run import MISSING, UNFINISHED
 
 pytestmark = pytest.mark.slow
-AT_ONCE = pytest.mark.parametrize("folder", [0], indirect=True, ids=["at once"])  # jobs do not pause
+AT_ONCE = pytest.mark.parametrize("folder", [0], indirect=True, ids=["no pause"])
 
 
 def expected(terrain: int) -> str:
-    """What `last` holds of a terrain."""
+    """Return the content of the output of rule `last` for a terrain."""
     parts = [f"scan of {terrain}\n" * 1000 + "and so on\n"] * 6
     return "".join(parts) + "and so on\n"
 
 
 def assert_whole(folder: Path) -> None:
-    """All is there as an undisturbed run writes it, nothing else is, and nobody is at work."""
+    """Check that the outputs equal those of an uninterrupted run, without other files and active processes."""
     assert processes.marked(folder) == []
     results = folder / "results/toy"
     for terrain in (1, 2):
@@ -45,7 +45,7 @@ def ended(process: subprocess.Popen) -> tuple[int, str]:
 
 
 def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[psutil.Process, list[psutil.Process]]:
-    """Snakemake and its jobs, as soon as there is a job."""
+    """Wait for the first job; return the processes of Snakemake and of the jobs."""
     for _ in range(2000):
         found = processes.marked(folder)
         scripts = [one for one in found if any("/.snakemake/scripts/" in word for word in command_of(one))]
@@ -64,7 +64,7 @@ def command_of(process: psutil.Process) -> list[str]:
         return []
 
 
-def test_the_same_command_goes_on_after_stops_and_kills(folder, start):
+def test_the_same_command_resumes_after_stops_and_kills(folder, start):
     rng = random.Random(32)
 
     def disturbed(kind: str) -> tuple[int, str]:
@@ -83,17 +83,17 @@ def test_the_same_command_goes_on_after_stops_and_kills(folder, start):
 
     assert disturbed("hang-up")[0] == 130
     assert processes.marked(folder) == []
-    assert disturbed("run")[0] == -signal.SIGKILL  # Snakemake too; the next call ends its jobs
+    assert disturbed("run")[0] == -signal.SIGKILL  # Snakemake is killed too; the next call ends the jobs
     code, said = disturbed("snakemake")
     assert (code, processes.marked(folder)) == (1, [])
     assert "signal 9" in said
     code, said = disturbed("job")
-    assert code == 0, said  # it was tried again
+    assert code == 0, said  # second attempt
     assert_whole(folder)
 
 
-def test_what_was_to_be_made_anew_is_not_forgotten(folder, start):
-    """Snakemake alone takes the files behind a lost one for finished."""
+def test_a_forced_job_is_repeated_after_a_kill(folder, start):
+    """Without the stored list, Snakemake considers later files complete."""
     assert ended(start(folder))[0] == 0
     process = start(folder, "--forcerun", "results/toy/second/Terrain01.txt", "--until", "second")
     snakemake, jobs = jobs_at_work(folder, process)
@@ -108,7 +108,7 @@ def test_what_was_to_be_made_anew_is_not_forgotten(folder, start):
 
 
 @AT_ONCE
-def test_a_broken_terrain_stops_no_other_and_is_reported(folder, start):
+def test_a_failed_terrain_is_reported_and_does_not_stop_others(folder, start):
     scan = folder / "data/analog/Terrain01.txt"
     scan.write_text("broken")
     code, said = ended(start(folder))
@@ -126,14 +126,14 @@ def test_a_broken_terrain_stops_no_other_and_is_reported(folder, start):
 
 
 def one_line(process: subprocess.Popen) -> str:
-    """The one line that a call that cannot start ends in."""
+    """Return the single error line of a call that cannot start."""
     code, said = ended(process)
     assert code == 1
     (line,) = said.splitlines()
     return line
 
 
-def test_a_second_runner_is_refused_by_the_pid_of_the_first(folder, start):
+def test_a_second_run_is_rejected_with_the_pid_of_the_first(folder, start):
     (folder / ".snakemake").mkdir()
     with processes.owned(folder):
         line = one_line(start(folder))
@@ -146,7 +146,7 @@ def test_a_second_runner_is_refused_by_the_pid_of_the_first(folder, start):
 
 @pytest.fixture
 def mounted(folder):
-    """Something that mounts a small disk on the folder's results, or another time with other options."""
+    """Return a function that mounts a small disk at the results, or remounts it with other options."""
     results = folder / "results"
     results.mkdir()
 
@@ -162,12 +162,12 @@ def mounted(folder):
         subprocess.run(["umount", str(results)], check=True)
 
 
-SIZES_KB = [200]  # full for a file of the second rule; benchmarks/chaos.py tries ten
+SIZES_KB = [200]  # full during the second rule; benchmarks/chaos.py tries ten sizes
 
 
 @AT_ONCE
 @pytest.mark.parametrize("size_kb", SIZES_KB)
-def test_a_disk_that_fills_up_leaves_no_half_of_a_file(folder, start, mounted, size_kb):
+def test_a_full_disk_leaves_no_incomplete_file(folder, start, mounted, size_kb):
     mounted(f"size={size_kb}k")
     code, said = ended(start(folder, "--cores", "1"))
     assert code == 1
@@ -181,7 +181,7 @@ def test_a_disk_that_fills_up_leaves_no_half_of_a_file(folder, start, mounted, s
     assert_whole(folder)
 
 
-def test_too_little_room_or_no_permission_is_one_line_before_any_work(folder, start, mounted):
+def test_missing_space_or_permission_is_an_error_before_any_job(folder, start, mounted):
     mounted("size=1m")
     line = one_line(start(folder, "--min-free", "9"))
     assert line.startswith("error: results/toy: ")
@@ -191,7 +191,7 @@ def test_too_little_room_or_no_permission_is_one_line_before_any_work(folder, st
     assert not list((folder / "results").iterdir())
 
 
-def test_a_run_that_is_stopped_has_failed_nowhere(folder, start):
+def test_a_stopped_run_reports_no_failure(folder, start):
     process = start(folder)
     jobs_at_work(folder, process)
     process.send_signal(signal.SIGINT)
@@ -220,10 +220,11 @@ def test_a_run_that_is_stopped_has_failed_nowhere(folder, start):
         (("-n", "--retries"), ["--retries"]),
     ],
 )
-def test_words_that_are_no_call_are_one_line_of_ours_and_nothing_is_run(folder, start, words, named):
-    code, said = ended(start(folder, *words))
-    (line,) = said.splitlines()
-    assert code == 2
+def test_a_usage_error_is_one_line_and_nothing_is_run(folder, polarsim, monkeypatch, words, named):
+    monkeypatch.chdir(folder)
+    done = polarsim("run", "--min-free", "0", *words)
+    (line,) = (done.stdout + done.stderr).splitlines()
+    assert done.returncode == 2
     assert line.startswith("error: ")
     assert all(name in line for name in named)
     assert "Exception" not in line
@@ -234,7 +235,7 @@ def test_words_that_are_no_call_are_one_line_of_ours_and_nothing_is_run(folder, 
 def test_a_run_stores_its_configuration_and_a_dry_run_does_not(folder, start):
     stored = folder / "results/toy/config.yaml"
     (folder / "more.yaml").write_text("rocks: {rock_cell_mm: 2.5}\n")
-    several = ("--default-resources", "mem_mb=10", "runtime=3")  # values of an option, no targets
+    several = ("--default-resources", "mem_mb=10", "runtime=3")  # values of an option, not targets
     assert ended(start(folder, "--cores", "all", "--configfile", "more.yaml", "-n", *several))[0] == 0
     assert not stored.exists()
     code, said = ended(start(folder, "--configfile", "more.yaml", "--config", "positions=[B]"))

@@ -76,11 +76,11 @@ TERRAIN = scene.TerrainMesh(np.arange(24.0).reshape(8, 3), np.array([[0, 1, 2], 
 class Case:
     """A reader and a small valid file for it."""
 
-    make: Callable[[Path], Any]  # writes into a folder; what is read: a file, or the folder
+    make: Callable[[Path], Any]  # writes into a folder; returns the file or folder to read
     read: Callable[[Any], Any]
-    check: Callable[[Any], None] = lambda _: None  # what any object of this reader is, beside finite
-    harmed: str = "*"  # the files that are damaged, a glob
-    named: bool = True  # whether the file's name is known to the reader
+    check: Callable[[Any], None] = lambda _: None  # properties of every valid object, besides finite numbers
+    harmed: str = "*"  # glob of the damaged files
+    named: bool = True  # whether the reader knows the file name
     missing: tuple[str, ...] = ()  # fields that may be NaN
 
 
@@ -90,7 +90,7 @@ PLAUSIBLE = b"0123456789-+.eEnaif, \t\n/#\"'[]{}:x\\"
 
 @dataclass(frozen=True)
 class Damage:
-    """Bytes changed, two blocks of a length swapped, the tail cut; places are shares of 65,536 of the file."""
+    """Changed bytes, two swapped blocks, truncation; positions are fractions of the file size in 1/65,536."""
 
     changes: list[Change]
     swap: tuple[int, int, int] | None
@@ -119,7 +119,7 @@ DAMAGES = st.builds(
 
 
 def finite(value: Any, missing: tuple[str, ...] = (), name: str = "") -> None:
-    """Every number below a value is finite, but in fields of these names."""
+    """Check that every number in a value is finite, except in fields of these names."""
     if name in missing:
         return
     if isinstance(value, np.ndarray | float | np.floating):
@@ -148,7 +148,7 @@ def text(name: str, content: str) -> Callable[[Path], Path]:
 
 
 def file(name: str, write: Callable[..., Any], *args: Any, **kwargs: Any) -> Callable[[Path], Path]:
-    """A file that a writer of ours writes."""
+    """Return a file written by a writer of polarsim."""
 
     def make(folder: Path) -> Path:
         write(folder / name, *args, **kwargs)
@@ -170,7 +170,7 @@ def the_folder(*makes: Callable[[Path], Path]) -> Callable[[Path], Path]:
     return make
 
 
-# What sound objects are.
+# Properties of valid objects.
 
 
 def sound_mesh(mesh: Any) -> None:
@@ -250,11 +250,11 @@ def sound_inventory(found: inventory.Inventory) -> None:
 
 
 def same(wanted: np.ndarray) -> Callable[[np.ndarray], None]:
-    """A format with checksums gives what was written, or nothing."""
+    """Check that a format with checksums returns the written content or raises an error."""
     return lambda found: np.testing.assert_array_equal(found, wanted)
 
 
-# The files.
+# Files.
 
 RNG = np.random.default_rng(1)
 PIXELS = RNG.integers(0, 4096, (12, 16)).astype(np.uint16)
@@ -318,7 +318,7 @@ def unpacked(path: Path) -> dict[str, bytes]:
 
 
 def whole_zip(found: dict[str, bytes]) -> None:
-    """Every entry bears a checksum; names have none."""
+    """Check the content of entries, which have checksums; names have no checksum."""
     assert all(one in (b"some text " * 20, bytes(range(256)), b"") for one in found.values())
 
 
@@ -385,7 +385,7 @@ YAML = "run: demo\nseed: 3\nlamps: {a: [1.0, 2, 3], b: &b [4, 5]}\n"
 _SMALL = (16, 12)
 
 
-# By function, with the module below polarsim: every reader has at least one.
+# Cases by function with module; every reader has at least one case.
 def make_geotiff(folder: Path) -> Path:
     import rasterio
 
@@ -743,7 +743,7 @@ def is_refused(case: Case, source: Any) -> bool:
 
 @contextmanager
 def valid(case: Case, folder: Path) -> Iterator[tuple[Any, dict[Path, bytes]]]:
-    """What a case reads, and its files that are damaged; as they are, they are read."""
+    """Return the input of a case and the files to damage; check that the undamaged input is readable."""
     source = case.make(folder)
     case.check(case.read(source))
     yield source, {path: path.read_bytes() for path in sorted(folder.glob(case.harmed)) if path.is_file()}
@@ -761,6 +761,6 @@ def damaged_is_refused(case: Case, source: Any, path: Path, whole: bytes, damage
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """A new file instead of a shortened one, which ext4 writes to the disk at once: half of the time."""
+    """Replace a file instead of truncating it, which ext4 writes to the disk immediately; takes half of the time."""
     path.unlink()
     path.write_bytes(content)

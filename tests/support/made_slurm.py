@@ -1,4 +1,4 @@
-"""A SLURM of one node on this machine's loopback interface, for tests and for benchmarks of faults: needs root."""
+"""A SLURM of one node on the loopback interface, for tests and benchmarks of faults; requires root."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 CORES, MEMORY_MB = 2, 8000
-REQUEUE_S = 20  # until a requeued job may start again: the life of its credential, 120 s where nothing is said
-# Where every command of SLURM looks: `SLURM_CONF` does not reach the step that a job starts.
+REQUEUE_S = 20  # time until a requeued job starts again: lifetime of the credential, default 120 s
+# Default path of all SLURM commands: steps of a job do not inherit `SLURM_CONF`.
 CONFIGURATION = Path("/etc/slurm/slurm.conf")
 PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "squeue", "sinfo", "scancel", "scontrol", "srun")
 
@@ -54,7 +54,7 @@ PartitionName=main Nodes={host} Default=YES MaxTime=600 State=UP
 
 
 def why_not() -> str | None:
-    """Why no SLURM can be started here."""
+    """Return the reason why SLURM cannot be started, or an empty text."""
     missing = [name for name in PROGRAMS if shutil.which(name) is None]
     if missing:
         return f"no {', '.join(missing)} (apt-get install --no-install-recommends slurm-wlm munge)"
@@ -72,7 +72,7 @@ class Slurm:
         self.folder, self.host = folder, socket.gethostname().partition(".")[0]
 
     def start(self) -> None:
-        """Start all three and wait until the node is idle."""
+        """Start the daemons and wait until the node is idle."""
         for name in ("state", "spool"):
             (self.folder / name).mkdir()
         key = self.folder / "munge.key"
@@ -95,7 +95,7 @@ class Slurm:
             time.sleep(0.2)
 
     def stop(self) -> None:
-        """End all jobs and the daemons, by the numbers in their files, and take the link away."""
+        """End all jobs and daemons by their pid files, and remove the link."""
         if (self.folder / "slurmctld.pid").exists():
             subprocess.run(["scancel", "-u", "root"], timeout=30, capture_output=True)
             end = time.monotonic() + 30
@@ -109,16 +109,16 @@ class Slurm:
             CONFIGURATION.unlink()
 
     def ask(self, *command: str) -> str:
-        """What a command of SLURM prints."""
+        """Return the output of a SLURM command."""
         return subprocess.run(command, capture_output=True, text=True, timeout=30).stdout.strip()
 
     def at_work(self) -> list[str]:
-        """Numbers of the jobs that run."""
+        """Return the numbers of running jobs."""
         return self.ask("squeue", "-h", "-t", "RUNNING", "-o", "%i").split()
 
     @contextmanager
     def closed(self) -> Iterator[None]:
-        """The node takes no job."""
+        """Drain the node."""
         node = ("scontrol", "update", f"nodename={self.host}")
         self.ask(*node, "state=drain", "reason=closed")
         try:
@@ -127,18 +127,18 @@ class Slurm:
             self.ask(*node, "state=resume")
 
     def queue(self) -> str:
-        """Every job with its state and why it waits."""
+        """Return every job with state and reason."""
         return self.ask("squeue", "-o", "%i %j %T %r %C %m")
 
     def ended_jobs(self) -> list[dict[str, str]]:
-        """One entry a job that has ended: `JobState`, `StartTime` and so on."""
+        """Return the fields (`JobState`, `StartTime` ...) of each ended job."""
         file = self.folder / "jobs.txt"
         lines = file.read_text().splitlines() if file.exists() else []
         return [dict(word.split("=", 1) for word in line.split() if "=" in word) for line in lines]
 
 
 def end_process(number: int) -> None:
-    """SIGTERM, and SIGKILL where that is not enough."""
+    """End a process with SIGTERM, then SIGKILL."""
     for sent in (signal.SIGTERM, signal.SIGKILL):
         try:
             os.kill(number, sent)
@@ -151,8 +151,10 @@ def end_process(number: int) -> None:
 
 @contextmanager
 def running_slurm() -> Iterator[Slurm]:
-    """A SLURM that runs as long as the context; ask `why_not` first."""
-    with tempfile.TemporaryDirectory(prefix="slurm", dir="/tmp") as folder:  # short: sockets' names have a limit
+    """Run SLURM for the duration of the context; call `why_not` first."""
+    with tempfile.TemporaryDirectory(
+        prefix="slurm", dir="/tmp"
+    ) as folder:  # short path, because socket names are limited
         own = Slurm(Path(folder))
         try:
             own.start()

@@ -1,4 +1,4 @@
-"""A sandbox of any fineness for the benchmarks of the renderer, and a rig that looks at it."""
+"""A sandbox of variable resolution and a rig, for benchmarks of the renderer."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from polarsim.run_files.scene import TerrainMesh
 
 
 def surveyed_rig() -> LocalisedRig:
-    """NASA's rig at position A, roughly."""
+    """Return an approximate rig at position A."""
     return LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25)), "benchmark")
 
 
 def grid(height: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and faces of a height field (n, n)."""
+    """Return vertices and faces of a height field (n, n)."""
     n = len(height)
     corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
     faces = [[corner, corner + 1, corner + n], [corner + 1, corner + n + 1, corner + n]]
@@ -25,7 +25,7 @@ def grid(height: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, 
 
 
 def made_terrain(cells: int, rocks: int = 40) -> TerrainMesh:
-    """Rough ground of 4 m x 4 m, about 2 cells^2 triangles, with domes of 6,962 triangles each; always the same."""
+    """Rough ground of 4 m x 4 m, about 2 cells^2 triangles, with domes of 6,962 triangles each; deterministic."""
     rng = np.random.default_rng(1)
     x, y = np.meshgrid(*2 * [np.linspace(-2, 2, cells)])
     height = sum(

@@ -1,4 +1,4 @@
-"""A workflow of three quick jobs a terrain, for tests and benchmarks of `polarsim run`: what stops it costs seconds."""
+"""A workflow with three short jobs per terrain, for tests and benchmarks of `polarsim run`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Our surfaces, camera, lamp and reflectance as a scene of Mitsuba 3, for tests and benchmarks beside our renderer.
+"""Surfaces, camera, lamp and reflectance as a Mitsuba 3 scene, for comparison with the renderer of polarsim.
 
     import mitsuba as mi
     mi.set_variant(variant())
@@ -22,18 +22,18 @@ from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import BACKGROUND
 
 Integrator = Literal["direct", "path"]
-_SQUARE = 1e-4  # pixels may be longer than wide by this share: Mitsuba has one focal length
+_SQUARE = 1e-4  # maximum anisotropy of pixels, because Mitsuba has a single focal length
 
 
 def variant() -> str:
-    """The fastest of Mitsuba's variants that runs on this CPU."""
+    """Return the fastest variant of Mitsuba on this CPU."""
     import mitsuba as mi
 
     try:
         mi.set_variant("llvm_ad_mono")
         import drjit as dr
 
-        dr.eval(mi.Float(0))  # without a libLLVM this raises, and no earlier
+        dr.eval(mi.Float(0))  # raises without libLLVM
     except (ImportError, RuntimeError):
         return "scalar_rgb"
     return "llvm_ad_mono"
@@ -50,7 +50,7 @@ def mitsuba_scene(
     integrator: Integrator = "direct",
     bounces: int = 0,
 ) -> dict[str, Any]:
-    """The scene dictionary (`mi.load_dict`) of what `render_view` renders, in the same units of radiance.
+    """Return the scene dictionary (`mi.load_dict`) that corresponds to `render_view`, in the same units of radiance.
 
     Parameters
     ----------
@@ -84,14 +84,14 @@ def mitsuba_scene(
 
 
 def render(scene: dict[str, Any], samples: int, seed: int = 0) -> np.ndarray:
-    """(h, w) float32 radiance, the mean of so many random rays a pixel."""
+    """Return (h, w) float32 radiance, the mean of random rays per pixel."""
     import mitsuba as mi
 
     return np.array(mi.render(mi.load_dict(scene), spp=samples, seed=seed))[..., 0]
 
 
 def bsdf(parameters: Parameters) -> dict[str, Any]:
-    """The two-sided plugin of a reflectance model.
+    """Return the two-sided plugin of a reflectance model.
 
     Raises
     ------
@@ -109,12 +109,12 @@ def bsdf(parameters: Parameters) -> dict[str, Any]:
 
 
 def grey(value: float) -> dict[str, Any]:
-    """A colour of three equal parts."""
+    """Return a grey colour."""
     return {"type": "rgb", "value": [value] * 3}
 
 
 def emitter(lamp: Lamp) -> dict[str, Any]:
-    """The plugin of a lamp.
+    """Return the plugin of a lamp.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def emitter(lamp: Lamp) -> dict[str, Any]:
 
 
 def perspective(sandbox_from_camera: Pose, lens: Lens) -> dict[str, Any]:
-    """The sensor plugin of a camera; a pixel is the mean over its square.
+    """Return the sensor plugin of a camera with box-filtered pixels.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def perspective(sandbox_from_camera: Pose, lens: Lens) -> dict[str, Any]:
 
     if any(lens.distortion) or abs(lens.fx / lens.fy - 1) > _SQUARE:
         raise ValueError("Mitsuba's camera has square pixels and no distortion")
-    to_world = sandbox_from_camera.matrix @ np.diag([-1.0, -1.0, 1.0, 1.0])  # there x is left and y is up
+    to_world = sandbox_from_camera.matrix @ np.diag([-1.0, -1.0, 1.0, 1.0])  # Mitsuba: x left, y up
     return {
         "type": "perspective",
         "fov": float(np.degrees(2 * np.arctan(lens.width / (2 * lens.fx)))),
@@ -165,7 +165,7 @@ def perspective(sandbox_from_camera: Pose, lens: Lens) -> dict[str, Any]:
 
 
 def mesh(name: str, surfaces: Surfaces, chosen: np.ndarray, material: dict[str, Any]) -> Any:
-    """A mesh object of the faces that are `chosen` (f,) bool, shaded smoothly."""
+    """Return a smooth mesh object of the faces `chosen` (f,) bool."""
     import mitsuba as mi
 
     faces = surfaces.faces[chosen]

@@ -1,4 +1,4 @@
-"""Each job of a plan calls its function with values of the annotated types, in whichever form Snakemake gives them."""
+"""Each job of a plan calls functions with values of the annotated types, in every form of Snakemake."""
 
 import ast
 import contextlib
@@ -75,7 +75,7 @@ PLANS = (
 
 @pytest.fixture
 def files(checkout: Path) -> Path:
-    """A checkout with all files that plans ask for: empty ones, for nothing is read."""
+    """A checkout with all input files of the plans; the files are empty, because no file is read."""
     for path in (
         "other/front_end_cam/poses.parquet",
         *(
@@ -98,7 +98,7 @@ def files(checkout: Path) -> Path:
 
 @contextlib.contextmanager
 def jobs_of(folder: Path, content: dict, targets: tuple[str, ...]) -> Iterator[list[Any]]:
-    """Snakemake's jobs of a configuration that run scripts."""
+    """Yield the jobs of a configuration that run scripts."""
     (folder / "planned.yaml").write_text(yaml.safe_dump(content))
     with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
         workflow = api.workflow(
@@ -113,7 +113,7 @@ def jobs_of(folder: Path, content: dict, targets: tuple[str, ...]) -> Iterator[l
 
 
 def checked(function: Callable) -> Callable:
-    """Take a function's place: check the arguments against the annotations, do nothing else."""
+    """Return a substitute of a function that only checks the arguments against the annotations."""
     hints = get_type_hints(function)
 
     def check(**given: object) -> None:
@@ -121,7 +121,7 @@ def checked(function: Callable) -> Callable:
         for name, value in given.items():
             annotated = TypeAdapter(tuple[hints[name]], config=ConfigDict(arbitrary_types_allowed=True, strict=True))
             (converted,) = annotated.validate_python((value,))
-            if isinstance(converted, Iterator):  # an Iterable is checked item by item as it is read
+            if isinstance(converted, Iterator):  # items of an Iterable are checked when they are read
                 list(converted)
         calls.append(function.__name__)
 
@@ -129,23 +129,23 @@ def checked(function: Callable) -> Callable:
     return check
 
 
-def called_by(script: Path) -> tuple[Any, str]:
-    """Module and name of the function that a script calls."""
+def called_by(script: Path) -> list[tuple[Any, str]]:
+    """Return module and name of the functions that a script calls."""
     tree = ast.parse(script.read_text())
     modules = {
         alias.name: node.module for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names
     }
-    (call,) = next(node.body for node in tree.body if isinstance(node, ast.With))
-    return import_module(modules[call.value.func.id]), call.value.func.id
+    calls = next(node.body for node in tree.body if isinstance(node, ast.With))
+    return [(import_module(modules[call.value.func.id]), call.value.func.id) for call in calls]
 
 
 def run(job: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run a job's script with what Snakemake gives it, up to the call of its function."""
+    """Run the script of a job with the values of Snakemake and substitutes of the called functions."""
     script = WORKFLOW / "scripts" / Path(job.rule.script).name
-    module, name = called_by(script)
+    checks = {name: checked(getattr(module, name)) for module, name in called_by(script)}
     with monkeypatch.context() as patched:
-        check = checked(getattr(module, name))
-        patched.setattr(module, name, check)
+        for module, name in called_by(script):
+            patched.setattr(module, name, checks[name])
         patched.setattr(reporting, "reporting", lambda log: contextlib.nullcontext(log))
         patched.setattr("polarsim.detect.split.tested_keys", lambda splits: frozenset())
         given = Snakemake(
@@ -153,7 +153,7 @@ def run(job: Any, monkeypatch: pytest.MonkeyPatch) -> None:
             job.resources, job.log._plainstrings(), {}, job.rule.name, None,
         )  # fmt: skip
         runpy.run_path(str(script), {"snakemake": given})
-    assert check.calls == [name]
+    assert [check.calls for check in checks.values()] == [[name] for name in checks]
 
 
 def test_every_script_calls_its_function_with_values_of_the_annotated_types(files, monkeypatch):
