@@ -3,7 +3,7 @@
 How an annotated box becomes a box in another camera, light or azimuth, step by step:
 
 1. `seeds` reads the annotations, drops mislabelled positions and selects an annotation per position, camera, azimuth.
-2. `bodies` builds ray casters for the meshes of ground and rocks, and for stand-ins of rocks without a mesh.
+2. `bodies` builds ray casters for the meshes of ground and rocks, and for domes of rocks without a mesh.
 3. `association` groups the boxes of the same rock and assigns the rock id.
 4. `fusion` averages the boxes of a rock, moved into the target camera, with the mesh, and selects the labelled rocks.
 5. `projection` has the geometry of steps 3 and 4: box of a mesh in a camera, box moved between the two cameras.

@@ -2,7 +2,7 @@
 
 1. `find_tracks` groups the boxes of a position. The rig does not move, so overlapping boxes show the same rock.
 2. `match_nearest` matches tracks with projected meshes.
-3. `dome_behind` and `number_domes` add numbered stand-ins for tracks without a mesh.
+3. `fit_dome` and `number_domes` add numbered domes (half ellipsoids) for tracks without a mesh.
 4. `gather` runs these steps for a terrain.
 """
 
@@ -23,7 +23,7 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 
 SAME_ROCK_IOU = 0.3  # minimum IoU of boxes of the same rock in two azimuths
-SAME_DOME_M = 0.06  # metres: two stand-ins closer than this, or than the larger radius, are the same rock
+SAME_DOME_M = 0.06  # metres: two domes closer than this, or than the larger radius, are the same rock
 
 
 @dataclass(frozen=True)
@@ -148,8 +148,8 @@ class Known:
     """Rocks of a terrain as bodies, and for each position the annotated tracks with rock ids."""
 
     terrain: TerrainMesh
-    domes: dict[int, Dome]  # stand-ins of rocks without a mesh
-    world: World  # of meshes and stand-ins
+    domes: dict[int, Dome]  # for rocks without a mesh
+    world: World  # of meshes and domes
     localised: dict[str, LocalisedRig]
     seeds: Seeds
     tracks: dict[str, list[Track]]
@@ -168,9 +168,9 @@ def gather(
     seeds: Seeds,
     wall_height: float,
 ) -> Known:
-    """Assign an id to every annotated rock: the id of the projected mesh, or the number of a stand-in.
+    """Assign an id to every annotated rock: the id of the projected mesh, or the number of a dome.
 
-    With an unverified pose, meshes project onto wrong rocks. The rocks of such a position are stand-ins on the bare
+    With an unverified pose, meshes project onto wrong rocks. The rocks of such a position are domes on the bare
     ground behind the boxes of the position, and are not used at other positions.
     """
     world, bare = build_worlds(terrain, localised, suns, wall_height)
@@ -191,7 +191,7 @@ def gather(
 def _gathered(
     terrain: TerrainMesh, world: World, localised: dict[str, LocalisedRig], seeds: Seeds, first: int
 ) -> Known:
-    """Associate the boxes of positions with consistent poses; stand-ins are numbered from `first`."""
+    """Associate the boxes of positions with consistent poses; domes are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
     domes = []

@@ -23,7 +23,7 @@ SPHERE_MARGIN = 1e-3  # metres: margin of bounding spheres, larger than the erro
 
 @dataclass(frozen=True)
 class Dome:
-    """Upper half of an ellipsoid of revolution on the ground, a stand-in for a rock without a mesh; metres."""
+    """Upper half of an ellipsoid of revolution on the ground, a dome for a rock without a mesh; metres."""
 
     foot: np.ndarray  # (3,) centre of the base
     radius: float
@@ -212,7 +212,7 @@ def build_world(
 
 
 def with_domes(world: World, domes: dict[int, Dome]) -> World:
-    """Return the world with added stand-ins for rocks without a mesh."""
+    """Return the world with added domes for rocks without a mesh."""
     if not domes:
         return world
     bodies = dict(world.bodies)

@@ -96,7 +96,7 @@ class VisibleSurface:
 
 
 class OlatBrightness:
-    """Brightness like `Photos`, computed from meshes, stand-ins and lamps."""
+    """Brightness like `Photos`, computed from meshes, domes and lamps."""
 
     def __init__(self, terrain_rocks: Known) -> None:
         self.terrain_rocks = terrain_rocks
@@ -143,7 +143,7 @@ class OlatBrightness:
 
     @cached_property
     def _normals(self) -> np.ndarray:
-        """Unit normals (f, 3) of the faces of `World.everything`: terrain, then stand-ins."""
+        """Unit normals (f, 3) of the faces of `World.everything`: terrain, then domes."""
         mesh = self.terrain_rocks.terrain
         corners = [mesh.vertices[mesh.faces]]
         for _, dome in sorted(self.terrain_rocks.domes.items()):

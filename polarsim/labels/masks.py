@@ -146,7 +146,7 @@ def _boxes(labels: pd.DataFrame) -> np.ndarray:
 
 
 def _domes(world: World, view: Camera, labels: pd.DataFrame) -> dict[int, Dome]:
-    """Return stand-ins for the labelled rocks of a view without a mesh, from mean boxes."""
+    """Return domes for the labelled rocks of a view without a mesh, from mean boxes."""
     stones = labels[(labels["kind"] == ROCK) & ~labels["rock"].isin([NO_ROCK, *world.bodies])]
     boxes = stones.groupby("rock", as_index=False)[BOX_COLUMNS].mean().to_numpy(float)
     domes = {int(row[0]): fit_dome(world, view, row[1:]) for row in boxes}
