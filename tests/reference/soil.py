@@ -1,6 +1,6 @@
-"""Reference of the soil's kernels: contact and displaced soil in NumPy, node by node on whole arrays.
+"""NumPy reference of the soil kernels for contact and displaced soil.
 
-Same names, arguments and results as `polarsim.rover.soil.contact` and `polarsim.rover.soil.bulldozing`.
+Names, arguments and results are those of `polarsim.rover.soil.contact` and `polarsim.rover.soil.bulldozing`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, LEVEL_AXLE, RA
 
 @dataclass(frozen=True)
 class Hits:
-    """Where vertical lines first meet a body from below; (n, ...) arrays, valid where `hit`."""
+    """First intersections of vertical lines with a body from below; (n, ...) arrays, valid where `hit`."""
 
     hit: np.ndarray
     level: np.ndarray
@@ -28,7 +28,7 @@ class Hits:
 
 
 def _window(ground: Ground, numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns of the nodes that a wheel may lie above."""
+    """Return rows and columns of the nodes that may be below a wheel."""
     axle = rotation[:2, 1]
     # Rounding makes an axle along y a little longer than 1.
     half = numbers[RADIUS] * np.sqrt(np.maximum(1 - axle**2, 0.0)) + numbers[HALF_WIDTH] * np.abs(axle)
@@ -42,9 +42,9 @@ def _window(ground: Ground, numbers: np.ndarray, centre: np.ndarray, rotation: n
 
 
 def _covered(distance: np.ndarray, half: float, cell: float) -> np.ndarray:
-    """Share of a cell at `distance` from the centre of a strip that the strip covers.
+    """Return the share of a cell that a strip covers, for a cell at `distance` from the strip's centre line.
 
-    So a load does not jump when a wheel's edge passes a row of nodes.
+    So the load is continuous when a wheel's edge passes a row of nodes.
     """
     return np.clip((half - np.abs(distance)) / cell + 0.5, 0.0, 1.0)
 
@@ -52,12 +52,12 @@ def _covered(distance: np.ndarray, half: float, cell: float) -> np.ndarray:
 def intersect(
     numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray, x: np.ndarray, y: np.ndarray, cell: float
 ) -> Hits:
-    """Lowest points of a wheel above the nodes x, y (n,)."""
+    """Return the lowest points of a wheel above the nodes x, y (n,)."""
     radius, half = numbers[RADIUS], numbers[HALF_WIDTH]
     a = rotation[:, 1]
     dx, dy = x - centre[0], y - centre[1]
     e = dx * a[0] + dy * a[1]
-    # Of the points at height h above the centre, those on the cylinder: A h^2 - 2 e a_z h + C = 0.
+    # Points on the cylinder at height h above the centre: A h^2 - 2 e a_z h + C = 0.
     A, C = 1 - a[2] ** 2, dx * dx + dy * dy - e * e - radius**2
     root = e * e * a[2] ** 2 - A * C
     crosses = root > 0
@@ -66,7 +66,7 @@ def intersect(
     weight = np.where(crosses, _covered(u, half, cell), 0.0)
     normal = -np.stack([dx - u * a[0], dy - u * a[1], h - u * a[2]], axis=-1) / radius
     hit = weight > 0
-    if abs(a[2]) > LEVEL_AXLE:  # a leaning wheel also bears on its lower side
+    if abs(a[2]) > LEVEL_AXLE:  # a leaning wheel also has contact at the lower side
         side = -np.sign(a[2])
         cap_h = (side * half - e) / a[2]
         q = dx * dx + dy * dy + cap_h * cap_h - half * half
@@ -79,7 +79,7 @@ def intersect(
 
 
 def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
-    """One step of the contact of all bodies, in their order; changes `ground`."""
+    """Compute a step of the contact of all bodies, in order; changes `ground`."""
     loads, slips = Loads.zeros(len(bodies.shapes)), _slips(bodies, dt)
     for body in range(len(bodies.shapes)):
         exponent = law.n + law.n_slip * float(slips[body])
@@ -90,7 +90,7 @@ def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
 
 
 def _slips(bodies: Bodies, dt: float) -> np.ndarray:
-    """(k,) slips that count for sinkage, after a step more; changes `bodies.slips`. Steady slip digs at once."""
+    """Return the (k,) slips for slip sinkage after a step; updates `bodies.slips`. None means present slips."""
     count = len(bodies.shapes)
     slips, length = (np.zeros(count), 0.0) if bodies.slips is None else (bodies.slips, SLIP_LENGTH)
     for body in range(count):
@@ -125,7 +125,7 @@ def _press_one(
     clear = left & (~hit | (surface - state[..., LEVEL] > CLEARANCE))
     state[clear, SHEAR_X : SHEAR_Z + 1] = 0
     owner[clear] = FREE
-    other = touched & (owner != body)  # a second wheel does not find the shear of the first
+    other = touched & (owner != body)  # a second wheel does not inherit the shear of the first
     state[other, SHEAR_X : SHEAR_Z + 1] = 0
     owner[touched] = body
 
@@ -141,7 +141,7 @@ def _press_one(
     nodes[:, LEVEL] = surface[touched]
     state[touched] = nodes
 
-    # The cell is a square seen from above; the surface on which the stress stands is larger by its slope.
+    # Seen from above the cell is a square; the loaded surface is larger because of the slope.
     area = ground.cell**2 / np.maximum(normal[:, 2], STEEPEST) * hits.weight.reshape(shape)[touched]
     loads = (sigma[:, None] * normal - tau[:, None] * direction) * area[:, None]
     readings = np.array(
@@ -164,10 +164,10 @@ def _pressure(
     stiffness: float,
     exponent: float,
 ) -> np.ndarray:
-    """Elastic up to the pressure borne before, then Bekker's curve; the depth that stays is written to the nodes."""
+    """Return the pressure: elastic up to the largest earlier pressure, then Bekker's curve; updates the nodes."""
     plastic = tried > nodes[:, YIELD]
-    # Slip that rises lowers the curve, but soil that bore a pressure does not give way below it: else a wheel that
-    # starts to turn, at slip 1 for a moment, would fall.
+    # Increasing slip lowers the curve, but soil keeps the pressure that it has carried. Otherwise a wheel that starts
+    # to turn, with slip 1 for a moment, would drop.
     curve = np.minimum(tried, np.maximum(stiffness * s**exponent, nodes[:, YIELD]))
     nodes[:, YIELD] = np.where(plastic, curve, nodes[:, YIELD])
     kept = np.where(plastic, s - curve / law.K_e, nodes[:, PLASTIC])
@@ -185,23 +185,23 @@ def _shear(
     law: ContactLaw,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shear stress and, in the contact's surface, the direction in which the soil is dragged."""
-    # A node remembers how far its soil was dragged along the ground as it lay before.
+    """Return shear stress and the direction, in the contact surface, in which the soil is dragged."""
+    # Shear displacement of a node, along the original ground.
     j = nodes[:, SHEAR_X : SHEAR_Z + 1] + (slip - (slip * level).sum(axis=-1)[:, None] * level) * dt
     length = np.sqrt((j**2).sum(axis=-1))
     capped = np.minimum(length, SHEAR_CAP * law.K)
     nodes[:, SHEAR_X : SHEAR_Z + 1] = j * (capped / np.where(length > 0, length, 1.0))[:, None]
     tau = (law.c + sigma * law.tan_phi) * (1 - np.exp(-capped / law.K))
-    laid = j - (j * normal).sum(axis=-1)[:, None] * normal
-    size = np.sqrt((laid**2).sum(axis=-1))
-    direction = laid / np.where(size > 0, size, 1.0)[:, None]
-    # Soil that is let go does not swing back: the same damping as in the elastic branch of pressure.
+    tangential = j - (j * normal).sum(axis=-1)[:, None] * normal
+    size = np.sqrt((tangential**2).sum(axis=-1))
+    direction = tangential / np.where(size > 0, size, 1.0)[:, None]
+    # Unloading is damped as in the elastic branch of pressure, so the soil does not oscillate.
     rate = (slip * direction).sum(axis=-1)
     return np.where(rate < 0, np.maximum(tau + law.R * rate, 0.0), tau), direction
 
 
 def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
-    """Move aside what the bodies pressed since the last call, then let it slide around them."""
+    """Move aside the soil that the bodies pressed since the last call, then let it slide around them."""
     weights, climb = rule.on(ground.cell).weights, rule.on(ground.cell).climb
     for body in range(len(bodies.shapes)):
         inner = _window(ground, bodies.shapes[body], bodies.centres[body], bodies.rotations[body])
@@ -215,7 +215,7 @@ def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
 
 
 def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
-    """Let disturbed ground everywhere slide until it rests."""
+    """Let all disturbed ground slide until it rests."""
     everywhere = slice(0, ground.owner.shape[0]), slice(0, ground.owner.shape[1])
     for _ in range(sweeps):
         if slide(ground, everywhere, ground.cell * math.tan(math.radians(angle_deg)), corners=True) <= still_m:
@@ -223,10 +223,9 @@ def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: 
 
 
 def slide(ground: Ground, part: tuple[slice, slice], climb: float, corners: bool = False) -> float:
-    """One sweep over a part of the grid: neighbours whose levels differ by more than `climb` exchange soil.
+    """Run a sweep over a part of the grid: adjacent nodes with a difference above `climb` exchange soil.
 
-    With `corners` nodes across a corner are neighbours too, sqrt(2) as far away. Returns the largest change of a level,
-    m.
+    With `corners`, diagonal nodes are also adjacent, at sqrt(2) times the distance. Returns the maximum change, m.
     """
     state, owner = ground.state[part], ground.owner[part]
     level = state[..., LEVEL]
@@ -243,12 +242,12 @@ def slide(ground: Ground, part: tuple[slice, slice], climb: float, corners: bool
             ((but_last, but_last), (but_first, but_first), SQRT2 * climb, MOVED / 2),
             ((but_last, but_first), (but_first, but_last), SQRT2 * climb, MOVED / 2),
         ]
-    for one, two, rests, share in pairs:
-        step = level[two] - level[one]
-        may = free[one] & free[two] & (disturbed[one] | disturbed[two])
+    for first, second, rests, share in pairs:
+        step = level[second] - level[first]
+        may = free[first] & free[second] & (disturbed[first] | disturbed[second])
         moved = np.where(may, share * np.sign(step) * np.maximum(np.abs(step) - rests, 0.0), 0.0)
-        change[one] += moved
-        change[two] -= moved
+        change[first] += moved
+        change[second] -= moved
     state[..., LEVEL] += change
     state[..., START] += change
     return float(np.abs(change).max())
@@ -267,7 +266,7 @@ def _push(
     below = hits.hit.reshape(owner.shape) & (surface - state[..., LEVEL] < rule.headroom)
     room = ((owner == FREE) & ~below).astype(float)
     reached = _blur(room, weights)
-    sends = (pressed > 0) & (reached > 0)  # soil without room waits
+    sends = (pressed > 0) & (reached > 0)  # soil without room stays
     sent = np.where(sends, rule.share * pressed / np.where(sends, reached, 1.0), 0.0)
     gained = room * _blur(sent, weights)
     state[..., LEVEL] += gained
@@ -276,7 +275,7 @@ def _push(
 
 
 def _blur(field: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Sum over neighbours along columns, then along rows; nothing lies outside."""
+    """Sum over adjacent nodes along columns, then along rows; values outside are zero."""
     reach = len(weights) // 2
     for axis in (1, 0):
         padded = np.pad(field, [(reach, reach) if axis == k else (0, 0) for k in (0, 1)])
@@ -288,7 +287,7 @@ def _blur(field: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _sources(ground: Ground, part: tuple[slice, slice]) -> tuple[slice, slice] | None:
-    """Bounds of the nodes of a window that were pressed."""
+    """Return the bounds of the pressed nodes of a window."""
     rows, columns = np.nonzero((ground.state[part][..., FLOW] > 0) & (ground.owner[part] != ROCK))
     if not len(rows):
         return None

@@ -1,7 +1,7 @@
-"""A driven wheel at steady slip, in the limit of small steps and cells of the soil contact model: integrals, no grid.
+"""Driven wheel at steady slip, in the limit of small steps and cells of the soil contact model, by integrals.
 
-What `contact` must come to, and a fast forward model to fit soils with. A node that stays in place sees the wheel pass:
-its shear displacement is the slip velocity over the time since it was met, which is not Wong and Reece's.
+Reference value for `contact`, and a fast forward model for fitting soils. The shear displacement of a fixed node is the
+slip velocity integrated over the time since first contact, which differs from Wong and Reece's.
 """
 
 from __future__ import annotations
@@ -21,40 +21,40 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
 
 @dataclass(frozen=True)
 class Steady:
-    """A wheel under a load at one slip."""
+    """State of a wheel under a load at a given slip."""
 
     sinkage: float  # m
-    pull: float  # N, of the drawbar
+    pull: float  # N, drawbar pull
     torque: float  # N m
 
 
 def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float) -> Steady:
-    """Sinkage at which the soil bears `load` newtons, and what the wheel then pulls; K_e is taken as infinite.
+    """Return the sinkage at which the soil carries `load` newtons, pull and torque; K_e is infinite.
 
     Parameters
     ----------
     slip : float
-        1 less forward over rim speed, below 1.
+        1 minus the ratio of forward and rim speed, below 1.
     """
     if not slip < 1:
-        raise RoverError(f"slip {slip:g}, a wheel that moves has less than 1")
+        raise RoverError(f"slip {slip:g}, expected less than 1")
 
     def excess(sinkage: float) -> float:
         return _bear(wheel, law, sinkage, slip)[0] - load
 
     deepest = wheel.radius * 0.999
     if excess(deepest) < 0:
-        raise RoverError(f"the soil does not bear {load:g} N at slip {slip:g}: the wheel sinks to its axle")
+        raise RoverError(f"the soil does not carry {load:g} N at slip {slip:g}: the wheel sinks to the axle")
     sinkage = brentq(excess, 1e-7, deepest, xtol=1e-9)
     _, pull, torque = _bear(wheel, law, sinkage, slip)
     return Steady(sinkage, pull, torque)
 
 
 def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float) -> tuple[float, float, float]:
-    """Vertical force, pull and torque; angles count from the lowest point, positive ahead.
+    """Return vertical force, pull and torque; angles are zero at the lowest point, positive in front.
 
-    A rim that drives drags the soil by its slip's part along the ground: with w the rim's speed and v = (1 - slip) w
-    the wheel's, which is (w - v cos) cos on the wheel's surface.
+    A driven rim drags the soil by the component of slip along the ground. With the rim's speed w and the wheel's speed
+    v = (1 - slip) w, this is (w - v cos) cos on the wheel's surface.
     """
     R = wheel.radius
     ahead = math.acos(1 - sinkage / R)
@@ -62,7 +62,7 @@ def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float) -> tuple[f
     stiffness = law.K_c / wheel.width + law.K_phi
     theta, weight = 0.5 * ahead * NODES + 0.5 * ahead, 0.5 * ahead * WEIGHTS
     sigma = stiffness * (R * (np.cos(theta) - math.cos(ahead))) ** exponent
-    # Over the time since the node was met, R cos(theta) dtheta / v.
+    # Integrated over the time since first contact, R cos(theta) dtheta / v.
     two, three = (ahead_k - k for ahead_k, k in zip(_powers(np.array(ahead)), _powers(theta), strict=True))
     j = R * (two / (1 - slip) - three)
     tau = np.sign(j) * (law.c + sigma * law.tan_phi) * (1 - np.exp(-np.abs(j) / law.K))
@@ -73,6 +73,6 @@ def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float) -> tuple[f
 
 
 def _powers(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Integrals of cos^2 and cos^3."""
+    """Return integrals of cos^2 and cos^3."""
     sine = np.sin(theta)
     return 0.5 * theta + 0.25 * np.sin(2 * theta), sine - sine**3 / 3

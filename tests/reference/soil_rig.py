@@ -1,4 +1,4 @@
-"""Single wheels on beds of soil: led at one slip, locked on a slope, or placed by the caller."""
+"""Single wheels on beds of soil: driven at constant slip, locked on a slope, or moved by the caller."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOAD_A, LOAD_B = 174.15, 80.0  # N
 
 
 def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
-    """One step of the contact of all wheels, in their order; changes `ground` and `bodies.slips`."""
+    """Compute a step of the contact of all wheels, in order; changes `ground` and `bodies.slips`."""
     count = len(bodies.shapes)
     length = 0.0 if bodies.slips is None else SLIP_LENGTH
     if bodies.slips is None:
@@ -32,14 +32,14 @@ def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
 
 
 def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
-    """Move aside what the bodies pressed since the last call, then let it slide around them."""
-    if bodies.slips is None:  # unused here, but kernels take arrays
+    """Move aside the soil that the bodies pressed since the last call, then let it slide around them."""
+    if bodies.slips is None:  # unused here, but the kernels need an array
         bodies = bodies._replace(slips=np.zeros(len(bodies.shapes)))
     bulldoze_nodes(ground, bodies, rule.on(ground.cell))
 
 
 def flat_ground(length: float, width: float, cell: float) -> Ground:
-    """Level ground from x = 0 to `length`, y = 0 centred between two rows, so that widths of whole cells are met."""
+    """Return level ground from x = 0 to `length`; y = 0 is midway between two rows, so that widths are whole cells."""
     columns, rows = round(length / cell) + 1, 2 * round(width / (2 * cell))
     return make_ground(np.zeros((rows, columns)), cell, y0=-(rows - 1) / 2 * cell)
 
@@ -49,31 +49,31 @@ def copied(ground: Ground) -> Ground:
 
 
 def rut(ground: Ground) -> np.ndarray:
-    """Depth of the surface below the original one, m; negative in a berm."""
+    """Return the depth of the surface below the original surface, m; negative in a berm."""
     return ground.state[..., ORIGINAL] - ground.state[..., LEVEL]
 
 
 def volume(ground: Ground) -> float:
-    """Soil above the original surface, less what is missing below it, m3."""
+    """Return the volume of soil above the original surface minus that missing below it, m3."""
     return -float(rut(ground).sum()) * ground.cell**2
 
 
 @dataclass(frozen=True)
 class Rig:
-    """How a wheel is led: speed of its rim, a carriage of some mass with a damper that holds back its height."""
+    """Test rig: constant rim speed, and a carriage with mass and a vertical damper."""
 
     rim_speed: float = 0.1  # m/s
     dt: float = 1e-3  # s
-    mass: float = 20.0  # kg, of wheel and carriage; the load is set apart
+    mass: float = 20.0  # kg, of wheel and carriage, in addition to the load
     damper: float = 1500.0  # N s/m
-    run_in: float = 0.24  # m driven before anything is averaged
-    run: float = 0.06  # m over which it is
-    margin: float = 0.06  # m of ground beside the wheel
+    run_in: float = 0.24  # m driven before averaging
+    run: float = 0.06  # m of averaging
+    margin: float = 0.06  # m of ground at the sides of the wheel
 
 
 @dataclass(frozen=True)
 class Driven:
-    """What a wheel did at one slip, averaged over the end of its run."""
+    """Averages of a wheel at constant slip over the end of a run."""
 
     slip: float
     sinkage: float  # m
@@ -91,12 +91,12 @@ def drive(
     rig: Rig,
     bulldozing: Bulldozing | None = None,
 ) -> Driven:
-    """Drive over fresh level ground at one slip; forward is +x, and the wheel starts on the surface.
+    """Drive over undisturbed level ground at constant slip; forward is +x, and the wheel starts on the surface.
 
-    With `bulldozing` soil moves aside while it drives, and the wheel is lifted off at the end for what is under it.
+    With `bulldozing`, soil moves aside during the run, and the wheel is lifted at the end to release the soil below it.
     """
     if not slip < 1:
-        raise RoverError(f"slip {slip:g}, a wheel that moves has less than 1")
+        raise RoverError(f"slip {slip:g}, expected less than 1")
     length = rig.run_in + rig.run + 2 * wheel.reach + 2 * rig.margin
     ground = flat_ground(length, 2 * (wheel.width / 2 + rig.margin), cell)
     speed, spin = (1 - slip) * rig.rim_speed, rig.rim_speed / wheel.radius
@@ -104,7 +104,7 @@ def drive(
     centre = np.array([wheel.reach + rig.margin, 0.0, wheel.radius])
     rolled, sinking = 0.0, 0.0
     numbers = wheel.numbers()[None]
-    seen = np.zeros((steps, 3))
+    measured = np.zeros((steps, 3))
     for step in range(steps):
         velocity = np.array([speed, 0.0, sinking])
         bodies = Bodies(numbers, centre[None], _rolled(rolled)[None], velocity[None], np.array([[0.0, spin, 0.0]]))
@@ -112,36 +112,36 @@ def drive(
         if bulldozing and (step + 1) % bulldozing.every == 0:
             bulldoze(ground, bodies, bulldozing)
         force = loads.forces[0]
-        seen[step] = -(centre[2] - wheel.radius), force[0], -loads.torques[0, 1]
-        # The damper is taken at the end of the step, so that it cannot overshoot.
+        measured[step] = -(centre[2] - wheel.radius), force[0], -loads.torques[0, 1]
+        # The damper is implicit, so that it cannot overshoot.
         sinking = (sinking + rig.dt * (force[2] - load) / rig.mass) / (1 + rig.dt * rig.damper / rig.mass)
         centre = centre + rig.dt * np.array([speed, 0.0, sinking])
         rolled += rig.dt * spin
     if bulldozing:
         lifted = bodies._replace(centres=centre[None] + [0.0, 0.0, wheel.reach])
-        press(ground, lifted, law, rig.dt)  # what gave way elastically comes back
+        press(ground, lifted, law, rig.dt)  # the soil rebounds elastically
         bulldoze(ground, lifted, bulldozing)
-    kept = seen[steps - math.floor(rig.run / (speed * rig.dt)) :]
-    sinkage, pull, torque = kept.mean(axis=0)
+    averaged = measured[steps - math.floor(rig.run / (speed * rig.dt)) :]
+    sinkage, pull, torque = averaged.mean(axis=0)
     return Driven(slip, sinkage, pull, torque, ground)
 
 
 def _rolled(angle: float) -> np.ndarray:
-    """A wheel's frame after it rolled forward by an angle, about +y."""
+    """Return the rotation of a wheel that rolled forward by an angle, about +y."""
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
 @dataclass(frozen=True)
 class Parked:
-    """A wheel that stands on a slope with its brake on."""
+    """A braked wheel on a slope."""
 
     time: np.ndarray  # (n,) s
     slid: np.ndarray  # (n,) m downhill
     sinkage: np.ndarray  # (n,) m
 
     def creep(self, begin: float, end: float) -> float:
-        """How far it slid between two times, metres."""
+        """Return the distance that the wheel slid between two times, metres."""
         return float(np.interp(end, self.time, self.slid) - np.interp(begin, self.time, self.slid))
 
 
@@ -155,9 +155,9 @@ def park(
     seconds: float,
     dt: float = 1e-3,
 ) -> Parked:
-    """Let a locked wheel down on a slope and watch it; free along the slope and across it, nothing damps but the soil.
+    """Lower a locked wheel onto a slope and simulate it; only the soil damps the motion.
 
-    The grid lies along the slope and gravity is rotated, which is the same.
+    The grid is parallel to the slope and gravity is rotated, which is equivalent.
     """
     ground = flat_ground(4 * wheel.reach, wheel.width + 0.12, cell)
     pull = mass * gravity * np.array([math.sin(math.radians(slope_deg)), 0.0, -math.cos(math.radians(slope_deg))])
@@ -175,13 +175,13 @@ def park(
 
 
 class SoilBin:
-    """Ground and the law by which it gives way; `steps` counts the steps so far."""
+    """Ground and contact law; `steps` counts the steps."""
 
     def __init__(self, ground: Ground, law: ContactLaw, bulldozing: Bulldozing | None = None) -> None:
         self.ground, self.law, self.bulldozing, self.steps = ground, law, bulldozing, 0
 
     def step(self, bodies: Bodies, dt: float) -> Loads:
-        """Forces on the bodies where they are now; the ground gives way."""
+        """Return the forces on the bodies at their current pose; changes the ground."""
         loads = press(self.ground, bodies, self.law, dt)
         self.steps += 1
         if self.bulldozing is not None and self.steps % self.bulldozing.every == 0:

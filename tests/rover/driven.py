@@ -1,4 +1,4 @@
-"""A made-up drive for tests of what the rover sees: a straight line over small hills, ruts drawn by hand."""
+"""Synthetic drive for tests of images: a straight line over small hills, with analytic ruts."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def vehicle() -> Vehicle:
 
 
 def options(**changes) -> CameraSuiteOptions:
-    """Pictures small enough for tests."""
+    """Options for pictures that are small enough for tests."""
     return CameraSuiteOptions(**{"scale": 0.08, "finer": 2, "suns": ("2",), **changes})
 
 
@@ -50,7 +50,7 @@ def world() -> World:
 
 
 def lump(cx, cy, height, half, rings=7, sides=14):
-    """Upper half of an ellipsoid, with a foot below the ground."""
+    """Return the upper half of an ellipsoid with a foot below the ground."""
     rise = np.linspace(-0.2, np.pi / 2 - 0.05, rings)
     angle = 2 * np.pi * np.arange(sides) / sides
     x = cx + half * np.cos(rise)[:, None] * np.cos(angle)
@@ -66,7 +66,7 @@ def lump(cx, cy, height, half, rings=7, sides=14):
 
 
 def trace(seconds: float = 6.0, start: float = 5.5, hz: float = 50, picture_hz: float = 5) -> Trace:
-    """The rover starts at x = `start` and drives west along y = 0."""
+    """Return a drive from x = `start` to the west along y = 0."""
     ground, rover = world(), vehicle().wheel_centres
     time = np.arange(0, seconds + 1e-9, 1 / hz)
     x = start - SPEED * time
@@ -79,7 +79,7 @@ def trace(seconds: float = 6.0, start: float = 5.5, hz: float = 50, picture_hz: 
     for code, centre in zip(("lf", "rf", "lr", "rr"), rover, strict=True):
         table[f"{code}_x_m"], table[f"{code}_y_m"] = x - centre[0], -centre[1]
         table[f"{code}_z_m"] = level(x - centre[0], -centre[1]) + RADIUS - SINKAGE
-        # about z by 180 degrees, then about the wheel's own y
+        # about z by 180 degrees, then about the wheel's axle
         table[f"{code}_qx"], table[f"{code}_qz"] = -np.sin(spin / 2), np.cos(spin / 2)
         table[f"{code}_spin_rad"], table[f"{code}_contact"] = spin, "soil"
     return Trace(

@@ -1,4 +1,4 @@
-"""A small made-up drive for tests of what is made from a drive: its trace, and pictures with labels beside it."""
+"""Small synthetic drive for tests of exports: trace, pictures, labels and detections."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def column(name: str) -> int:
 
 
 def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: float = 5.0) -> Trace:
-    """West at 0.2 m/s from x = 1 m, on level ground; the ground at the picture times sinks by 1 mm in one cell each."""
+    """Return a drive to the west at 0.2 m/s from x = 1 m on level ground; at each picture time a cell sinks by 1 mm."""
     times = np.arange(round(seconds * log_hz) + 1) / log_hz
     rows = np.zeros((len(times), len(COLUMNS)))
     rows[:, column("time_s")] = times
@@ -67,7 +67,7 @@ def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: floa
 def write_drive(
     folder: Path, vehicle: Vehicle, views: tuple[str, ...] = ("front_end_cam",), scale: float = 1 / 16
 ) -> Trace:
-    """The drive's files, and pictures of some views with a rock in each and a detection in every other."""
+    """Write a drive, and pictures of some views with a rock in each picture and a detection in every second."""
     trace = straight_drive()
     write_trace(folder, trace)
     frames = range(0, len(trace.tracks.time), 2)
@@ -84,8 +84,8 @@ def write_drive(
             columns=list(TRUTH_COLUMNS),
         )
         tables.write_parquet(folder / view / "1_truth.parquet", labels)
-        seen = labels.iloc[::2].drop(columns=["rock", "pixels", "distance_m", "height_m"]).assign(confidence=0.75)
-        tables.write_parquet(folder / view / "1_hapke_0256/detections.parquet", seen)
+        detections = labels.iloc[::2].drop(columns=["rock", "pixels", "distance_m", "height_m"]).assign(confidence=0.75)
+        tables.write_parquet(folder / view / "1_hapke_0256/detections.parquet", detections)
     return trace
 
 
@@ -94,7 +94,7 @@ def configured(**rover) -> dict:
 
 
 def write_meshes(folder: Path, terrain: int) -> None:
-    """A sandbox of 4 x 4 m with three rocks, as a run's meshes."""
+    """Write a sandbox of 4 x 4 m with three rocks, as the meshes of a run."""
     world = practice_world(PracticeGround(length_m=4.0, width_m=4.0, cell_m=0.1, rocks=3, largest_m=0.1), 1)
     centre = np.array([2.0, 0.0, 0.0])
     x, y = np.meshgrid(world.x, world.y)

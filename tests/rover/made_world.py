@@ -1,4 +1,4 @@
-"""Parts of small worlds: options, level or sloped ground, ball-shaped rocks."""
+"""Parts of small worlds: options, level or sloped ground, spherical rocks."""
 
 import numpy as np
 import trimesh
@@ -10,7 +10,7 @@ SMALL = WorldOptions(terrains=(4, 1), width_m=5.0, margin_m=1.0, cell_m=0.05)
 
 
 def plane(height: float, slope: float = 0.0, half: float = 2.0) -> Mesh:
-    """A square of ground that rises along y."""
+    """Return a square of ground that rises along y."""
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     return Mesh(np.column_stack([corners, height + slope * corners[:, 1]]), np.array([[0, 1, 2], [0, 2, 3]]))
 

@@ -1,4 +1,4 @@
-"""A hilly lattice with two ruts, and its tracks."""
+"""A hilly lattice with two ruts, and tracks over it."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""`polarsim drive` as a user calls it: bad input in one line, a finished drive not driven again."""
+"""Command `polarsim drive`: errors in one line, and current drives are kept."""
 
 import subprocess
 from pathlib import Path
@@ -19,7 +19,7 @@ pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
 
 @pytest.fixture
 def call(polarsim, monkeypatch):
-    """`polarsim drive` of a small world whose results stand in a folder."""
+    """Run `polarsim drive` on a small world with results in a folder."""
     monkeypatch.chdir(Path(__file__).parents[2])
 
     def drive(folder: Path, *more: object, **rover) -> subprocess.CompletedProcess:
@@ -30,7 +30,7 @@ def call(polarsim, monkeypatch):
     return drive
 
 
-def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, tmp_path):
+def test_a_drive_prints_its_metrics_and_a_second_call_keeps_its_files(call, tmp_path):
     write_meshes(tmp_path / "small/meshes/Terrain03", 3)
     short = {**SMALL["drive"], "longest_s": 1.0}
     done = call(tmp_path, drive=short)
@@ -43,7 +43,7 @@ def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, t
     again = call(tmp_path, drive=short)
     assert again.stdout == done.stdout
     assert (folder / "trace.parquet").stat().st_mtime_ns == before["trace.parquet"][0]  # not driven again
-    assert (folder / "drive.mcap").stat().st_mtime_ns == before["drive.mcap"][0]  # nor written
+    assert (folder / "drive.mcap").stat().st_mtime_ns == before["drive.mcap"][0]  # nor written again
     call(tmp_path, drive=short, bag={**SMALL["bag"], "height_hz": 1})
     changed = folder / "drive.mcap"
     assert changed.read_bytes() != before["drive.mcap"][1]
@@ -53,22 +53,22 @@ def test_a_drive_prints_its_figures_and_a_second_call_has_the_same_files(call, t
     assert changed.read_bytes() == before["drive.mcap"][1]
 
 
-def test_another_seed_is_another_drive(call, tmp_path):
+def test_seeds_give_different_drives(call, tmp_path):
     write_meshes(tmp_path / "small/meshes/Terrain03", 3)
     short = {**SMALL["drive"], "longest_s": 0.5, "spread": 1}
     for seed in (0, 4):
         assert call(tmp_path, "--seed", seed, drive=short).returncode == 0
-    one, other = (tmp_path / f"small/rover/seed{seed}/trace.parquet" for seed in (0, 4))
-    assert one.read_bytes() != other.read_bytes()
+    first, second = (tmp_path / f"small/rover/seed{seed}/trace.parquet" for seed in (0, 4))
+    assert first.read_bytes() != second.read_bytes()
 
 
 @pytest.mark.parametrize(
     ("rover", "reason"),
     [
         ({"drive": {"path_m": [[0, 0], [-30, 0]]}}, "the path leaves the ground"),
-        ({"soil": {"soil": "cheese"}}, "no soil 'cheese'"),
+        ({"soil": {"soil": "cheese"}}, "cheese"),
         ({"soil": {"step_s": 0.02}}, "too large"),
-        ({"drive": {"vehicle": "none.yaml"}}, "none.yaml: no readable YAML"),
+        ({"drive": {"vehicle": "none.yaml"}}, "none.yaml"),
     ],
 )
 def test_bad_input_ends_in_one_line(call, tmp_path, rover, reason):
@@ -81,14 +81,14 @@ def test_bad_input_ends_in_one_line(call, tmp_path, rover, reason):
     assert "Traceback" not in done.stderr
 
 
-def test_a_run_without_meshes_is_named(call, tmp_path):
+def test_the_error_of_a_run_without_meshes_has_its_path(call, tmp_path):
     done = call(tmp_path)
     assert done.returncode == 1
     assert "Terrain03" in done.stderr
 
 
-def test_a_drive_of_other_code_is_driven_again(tmp_path, monkeypatch):
-    """An old drive came back after a fix of the code that drives."""
+def test_a_drive_of_other_code_is_repeated(tmp_path, monkeypatch):
+    """Without this, an old drive was kept after a fix of the code."""
     monkeypatch.chdir(Path(__file__).parents[2])
     write_meshes(tmp_path / "meshes/Terrain03", 3)
     options = RoverOptions(**{**SMALL, "drive": {**SMALL["drive"], "longest_s": 0.2}})
@@ -106,4 +106,4 @@ def test_a_drive_of_other_code_is_driven_again(tmp_path, monkeypatch):
     before = (tmp_path / "drive/drive.mcap").stat().st_mtime_ns
     monkeypatch.setattr(ride, "identity", lambda *_: "other")
     assert [drive(), drive()] == [2, 2]
-    assert (tmp_path / "drive/drive.mcap").stat().st_mtime_ns == before  # the same bytes came of it
+    assert (tmp_path / "drive/drive.mcap").stat().st_mtime_ns == before  # the content is the same

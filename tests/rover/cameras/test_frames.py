@@ -1,4 +1,4 @@
-"""Pictures of a drive as files, and that a stopped run goes on."""
+"""Image files of a drive, and resuming an interrupted run."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def written(tmp_path_factory, drive):
     return folder, chosen, render_frames(folder, driven.vehicle(), chosen, 0, render=driven.RENDER)
 
 
-def test_every_frame_has_its_pictures_and_labels(written):
+def test_each_frame_has_pictures_and_labels(written):
     folder, chosen, made = written
     assert made == 4 * 2 * 2
     for model in chosen.models:
@@ -35,7 +35,7 @@ def test_every_frame_has_its_pictures_and_labels(written):
     assert list(poses["frame"]) == [0, 5, 10, 15]
 
 
-def test_truth_says_the_same_in_all_its_formats(written):
+def test_truth_is_equal_in_all_formats(written):
     import json
 
     folder = written[0]
@@ -55,7 +55,7 @@ def test_truth_says_the_same_in_all_its_formats(written):
     assert nearest["height_m"] in [rock[2] for rock in driven.ROCKS]
 
 
-def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(written, tmp_path, drive):
+def test_a_resumed_run_has_the_same_bytes(written, tmp_path, drive):
     folder, chosen, _ = written
     write_trace(tmp_path, drive)
     render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER)
@@ -70,7 +70,7 @@ def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(written, tmp_path, d
             assert (tmp_path / path.relative_to(folder)).read_bytes() == path.read_bytes(), path
 
 
-def test_other_options_make_all_pictures_anew_and_more_exposures_only_what_is_missing(written, tmp_path, drive):
+def test_changed_options_render_all_pictures_again_and_more_exposures_only_the_missing_ones(written, tmp_path, drive):
     write_trace(tmp_path, drive)
     chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
@@ -86,7 +86,7 @@ def test_other_options_make_all_pictures_anew_and_more_exposures_only_what_is_mi
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=noisy) == 2
 
 
-def test_other_code_makes_all_pictures_anew(tmp_path, drive, monkeypatch):
+def test_changed_code_renders_all_pictures_again(tmp_path, drive, monkeypatch):
     write_trace(tmp_path, drive)
     chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
@@ -95,7 +95,7 @@ def test_other_code_makes_all_pictures_anew(tmp_path, drive, monkeypatch):
     assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
 
 
-def test_broken_labels_of_a_frame_are_made_anew(written):
+def test_broken_labels_of_a_frame_are_detected(written):
     folder = written[0]
     path = labels_folder(folder, FRONT, "2")
     content = (path / "00000.json").read_text()
@@ -107,6 +107,6 @@ def test_broken_labels_of_a_frame_are_made_anew(written):
     assert read_truth(path, 0) is not None
 
 
-def test_a_folder_without_a_drive_is_refused_in_one_line(tmp_path):
+def test_a_folder_without_a_drive_is_an_error(tmp_path):
     with pytest.raises(PolarsimError, match=r"ground\.npz"):
         render_frames(tmp_path, driven.vehicle(), options(), 0, render=driven.RENDER)

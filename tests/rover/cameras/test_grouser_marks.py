@@ -1,4 +1,4 @@
-"""What grousers leave: as far apart as the wheel rolls, on soil alone, and wiped out by the next wheel."""
+"""Marks of grousers: spacing, restriction to soil, and removal by a later wheel."""
 
 import numpy as np
 import pytest
@@ -10,24 +10,24 @@ TREAD = Tread(24, 0.25, 0.2, 0.006, 0.006)
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.3])
-def test_prints_lie_as_far_apart_as_the_wheel_rolls_and_slips(slip):
+def test_spacing_of_prints_follows_rolling_and_slip(slip):
     time = np.linspace(0, 10, 1001)
     spin = 0.8 * time
     centres = np.stack([spin * 0.25 * (1 - slip), 0 * time, 0.25 + 0 * time], axis=1)
     quaternions = np.stack([np.cos(spin / 2), 0 * spin, np.sin(spin / 2), 0 * spin], axis=1)  # turning about y
-    found = marks_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
-    gaps = np.diff([event.position[0] for event in found])
+    marks = marks_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
+    gaps = np.diff([event.position[0] for event in marks])
     np.testing.assert_allclose(gaps, TREAD.spacing * (1 - slip), rtol=1e-6)
-    np.testing.assert_allclose([event.ahead for event in found], np.tile([1.0, 0], (len(found), 1)), atol=1e-9)
+    np.testing.assert_allclose([event.ahead for event in marks], np.tile([1.0, 0], (len(marks), 1)), atol=1e-9)
 
 
-def test_a_wheel_on_a_rock_prints_nothing():
+def test_a_wheel_on_a_rock_leaves_no_prints():
     time = np.linspace(0, 1, 11)
     still = np.tile([1.0, 0, 0, 0], (11, 1))
     assert marks_of(time, 5 * time, np.zeros((11, 3)), still, np.zeros(11, bool), 24) == []
 
 
-def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_wipes_it_out():
+def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_removes_it():
     own = tracks(hills(), finer=4)
     position = np.array([0.5, 1.2])
     stamp(own, [GrouserMark(0, position, np.array([-1.0, 0]))], TREAD)
@@ -39,4 +39,4 @@ def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_wipes_it_out():
     assert abs(groove[row, column + round(0.03 / fine)]) < 1e-6  # along
     assert own.show(own.lattice.level)
     stamp(own, [GrouserMark(1, position + np.array([TREAD.spacing / 2, 0]), np.array([-1.0, 0]))], TREAD)
-    assert abs(groove[row, column + 2]) < 0.01 * TREAD.depth  # was a quarter of it
+    assert abs(groove[row, column + 2]) < 0.01 * TREAD.depth  # was a quarter of the depth

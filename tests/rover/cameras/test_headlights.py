@@ -1,4 +1,4 @@
-"""The rover's own lights: how much they send where, and what is seen by them."""
+"""Headlights: radiated power, direction, and visibility."""
 
 import numpy as np
 import pytest
@@ -29,10 +29,10 @@ def light(**changes):
 
 
 @given(beam_deg=st.floats(5, 170), power_w=st.floats(0.1, 500))
-def test_all_that_a_light_radiates_goes_through_a_sphere_around_it(beam_deg, power_w):
+def test_the_flux_through_a_sphere_is_the_radiated_power(beam_deg, power_w):
     here = {"base_link": Pose.identity()}
     lamp = headlights([light(beam_deg=beam_deg, power_w=power_w, yaw_deg=90)], here)["lamp"]
-    off = np.radians(np.linspace(0, 90, 200_001))
+    off = np.radians(np.linspace(0, 90, 20_001))
     points = 2.5 * np.stack([np.zeros_like(off), np.cos(off), np.sin(off)], axis=1)  # about +y
     _, irradiance = lamp.light_at(points, falloff=True)
     through = np.trapezoid(irradiance * 2 * np.pi * 2.5**2 * np.sin(off), off) * SUN_IN_BAND_W_M2
@@ -40,9 +40,9 @@ def test_all_that_a_light_radiates_goes_through_a_sphere_around_it(beam_deg, pow
 
 
 @given(beam_deg=st.floats(5, 170), yaw_deg=st.floats(-180, 180), pitch_deg=st.floats(-90, 90))
-def test_half_the_beam_off_the_axis_there_is_half_the_light_and_behind_there_is_none(beam_deg, yaw_deg, pitch_deg):
-    own = light(beam_deg=beam_deg, yaw_deg=yaw_deg, pitch_deg=pitch_deg, position_m=(0.5, -0.2, 1.0))
-    lamp = headlights([own], {"base_link": Pose.identity()})["lamp"]
+def test_light_is_half_at_half_the_beam_angle_and_zero_behind(beam_deg, yaw_deg, pitch_deg):
+    part = light(beam_deg=beam_deg, yaw_deg=yaw_deg, pitch_deg=pitch_deg, position_m=(0.5, -0.2, 1.0))
+    lamp = headlights([part], {"base_link": Pose.identity()})["lamp"]
     yaw, pitch = np.radians([yaw_deg, pitch_deg])  # down is positive
     axis = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)])
     np.testing.assert_allclose(lamp.axis, axis, atol=1e-12)
@@ -50,7 +50,7 @@ def test_half_the_beam_off_the_axis_there_is_half_the_light_and_behind_there_is_
     across /= np.linalg.norm(across)
     half = np.radians(beam_deg / 2)
     towards = np.stack([axis, np.cos(half) * axis + np.sin(half) * across, -axis])
-    to_lamp, irradiance = lamp.light_at(np.add(own.position_m, 3 * towards), falloff=True)
+    to_lamp, irradiance = lamp.light_at(np.add(part.position_m, 3 * towards), falloff=True)
     np.testing.assert_allclose(to_lamp, -3 * towards, atol=1e-12)
     np.testing.assert_allclose(irradiance / irradiance[0], [1, 0.5, 0], atol=1e-9)
 
@@ -64,7 +64,7 @@ def test_a_spot_falls_off_with_the_square_of_the_distance():
     np.testing.assert_allclose(irradiance[0] / irradiance[1], 4, rtol=1e-5)
 
 
-def test_no_light_of_the_table_stands_inside_the_body():
+def test_no_light_of_the_table_is_inside_the_body():
     vehicle = driven.vehicle()
     body = body_of(vehicle)
     for part in vehicle.lights:
@@ -80,51 +80,58 @@ def drive():
     return driven.trace(seconds=1.0)
 
 
-def seen(drive, vehicle=None, **changes):
-    """What the front camera sees under Sun 1, behind the rover, unless changed."""
+def rendered(drive, vehicle=None, **changes):
+    """Render the front camera under Sun 1, behind the rover, by default."""
     options = CameraSuiteOptions(**{**SMALL, "suns": ("1",), **changes})
-    own = CameraSuite(drive, vehicle or driven.vehicle(), options)
-    own.show(3)
-    return own.render(FRONT, options.suns)
+    suite = CameraSuite(drive, vehicle or driven.vehicle(), options)
+    suite.show(3)
+    return suite.render(FRONT, options.suns)
 
 
-def test_light_of_sun_and_rover_adds_up(drive):
-    sun, both = seen(drive), seen(drive, suns=("1", "night"), lights=FORE)
+@pytest.fixture(scope="module")
+def sun(drive):
+    return rendered(drive)
+
+
+@pytest.fixture(scope="module")
+def both(drive):
+    return rendered(drive, suns=("1", "night"), lights=FORE)
+
+
+def test_light_of_sun_and_rover_adds_up(sun, both):
     np.testing.assert_allclose(
         both.olat_images["hapke", "1"], sun.olat_images["hapke", "1"] + both.olat_images["hapke", "night"], atol=1e-6
     )
     np.testing.assert_array_equal(both.ids["1"], sun.ids["1"])
 
 
-def test_a_light_may_have_a_suns_name(drive):
+def test_a_light_may_have_the_name_of_a_sun(drive):
     vehicle = driven.vehicle()
     lights = tuple(part.model_copy(update={"name": "1"}) if part.name == FORE[0] else part for part in vehicle.lights)
-    named = seen(drive, vehicle.model_copy(update={"lights": lights}), lights=("1",))
-    as_before = seen(drive, lights=FORE[:1])
+    named = rendered(drive, vehicle.model_copy(update={"lights": lights}), lights=("1",))
+    as_before = rendered(drive, lights=FORE[:1])
     np.testing.assert_array_equal(named.olat_images["hapke", "1"], as_before.olat_images["hapke", "1"])
     np.testing.assert_array_equal(named.ids["1"], as_before.ids["1"])
 
 
-def test_lights_reach_into_the_rovers_own_shadow(drive):
-    sun, both = seen(drive), seen(drive, lights=FORE)
+def test_headlights_illuminate_the_rovers_shadow(sun, both):
     dark = (sun.ids[NO_LAMP] == GROUND) & (sun.olat_images["hapke", "1"] == 0)
     assert dark.mean() > 0.1
     assert (both.olat_images["hapke", "1"][dark] > 0).mean() > 0.5
 
 
-def test_at_night_rocks_are_known_and_no_shadows(drive):
-    night = seen(drive, suns=("night",), lights=FORE)
-    ids = night.ids["night"]
+def test_at_night_there_are_labels_of_rocks_but_not_of_shadows(both):
+    ids = both.ids["night"]
     assert (ids >= ROCK_IDS).any()
     assert not (ids >= SHADOW_IDS).any()
-    assert (night.olat_images["hapke", "night"][ids == GROUND] > 0).mean() > 0.5
+    assert (both.olat_images["hapke", "night"][ids == GROUND] > 0).mean() > 0.5
 
 
-def test_a_night_without_lights_is_refused():
+def test_a_night_without_lights_is_an_error():
     with pytest.raises(ValidationError, match="suns"):
         CameraSuiteOptions(suns=("night",))
 
 
-def test_an_unknown_light_is_refused(drive):
+def test_an_unknown_light_is_an_error(drive):
     with pytest.raises(ConfigError, match="torch"):
         CameraSuite(drive, driven.vehicle(), CameraSuiteOptions(lights=("torch",)))

@@ -1,4 +1,4 @@
-"""The ground that a drive does not change, and how it goes on beyond the grid."""
+"""Static ground of a drive, inside and outside the grid."""
 
 import numpy as np
 import pytest
@@ -20,12 +20,12 @@ def lattice(rng):
 
 
 def grid(vertices, axis):
-    """Vertices by node: (rows, columns)."""
+    """Return a coordinate of the vertices by node, (rows, columns)."""
     columns = len(np.unique(vertices[:, 0]))
     return vertices.reshape(-1, columns, 3)[..., axis]
 
 
-def test_inside_the_grid_it_is_the_grid_and_covered_cells_are_left_out(lattice):
+def test_static_ground_equals_the_grid_without_covered_cells(lattice):
     covered = np.zeros((SHAPE[0] - 1, SHAPE[1] - 1), bool)
     vertices, faces, _ = still_ground(lattice, covered, 0.0)
     np.testing.assert_allclose(grid(vertices, 2), lattice.level)
@@ -35,23 +35,23 @@ def test_inside_the_grid_it_is_the_grid_and_covered_cells_are_left_out(lattice):
     assert len(still_ground(lattice, covered, 0.0)[1]) == 2 * (covered.size - 6)
 
 
-def test_beyond_it_the_rims_heights_fade_and_show_no_rays(lattice):
+def test_heights_of_the_rim_fade_outside_the_grid_without_radial_streaks(lattice):
     vertices, _, _ = still_ground(lattice, np.zeros((SHAPE[0] - 1, SHAPE[1] - 1), bool), 20.0)
     y, z = grid(vertices, 1), grid(vertices, 2)
     count = (z.shape[0] - SHAPE[0]) // 2
     inner = slice(count, count + SHAPE[1])
     np.testing.assert_allclose(z[count, inner], lattice.level[0])
     rim = np.abs(np.diff(z[count, inner])).mean()
-    away = lattice.y0 - y[:count, 0]
+    distance = lattice.y0 - y[:count, 0]
     steps = np.abs(np.diff(z[:count, inner], axis=1)).mean(axis=1)
-    assert steps[-1] > 0.7 * rim  # close by it goes on as it was
-    assert (steps[away > 0.3] < 0.1 * rim).all()
+    assert steps[-1] > 0.7 * rim  # roughness continues near the rim
+    assert (steps[distance > 0.3] < 0.1 * rim).all()
     assert np.abs(z[0] - np.median(z[0])).max() < 1e-6  # flat in the distance
     assert np.abs(np.diff(z, axis=0)[:count]).max() < 0.05
 
 
-def test_what_lies_around_goes_on_from_the_grid_to_the_horizon_as_one_mesh(lattice):
-    """Nodes twice as far apart with every step beyond the rim; the grid's own heights are the lattice's."""
+def test_surroundings_and_grid_form_a_single_mesh(lattice):
+    """Node distances double with each step outside the rim; inside, the heights are those of the lattice."""
     steps = CELL * (2.0 ** np.arange(1, 9) - 1)
     x, y = (
         np.concatenate([start - steps[::-1], start + CELL * np.arange(size), start + CELL * (size - 1) + steps])

@@ -1,4 +1,4 @@
-"""One way from a scene to a picture: of a drive that is over, of a Gym environment, of a rover that decides."""
+"""Equal images for all callers: recorded drives, the Gymnasium environment and perception."""
 
 import numpy as np
 import pytest
@@ -15,9 +15,9 @@ from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from tests.rover import driven
 
-SCALE, SUN, EXPOSURE_MS = 0.04, "4", 256.0  # the Sun before the rover, whose light the lens scatters
+SCALE, SUN, EXPOSURE_MS = 0.04, "4", 256.0  # the Sun in front of the rover, so that the lens scatters its light
 LINE = Path(np.array([[5.5, 0.0], [1.0, 0.0]]))
-# Another value of each option that changes pictures, and what else that option needs to act.
+# A different value of each option that changes pictures, and other options that it needs to act.
 CHANGES = {
     "blur_px": (1.5, {}), "bloom": (0.1, {}), "bloom_px": (9.0, {"bloom": 0.1}), "veiling_glare": (0.05, {}),
     "lens_flare": (0.02, {}), "vignetting": (True, {}), "samples": (4, {}),
@@ -28,19 +28,21 @@ CHANGES = {
     "ambient": (0.3, {}), "bounces": (1, {}), "bounce_rays": (4, {"bounces": 1}), "bounce_scale": (2, {"bounces": 1}),
 }  # fmt: skip
 OTHERS = {
-    "models", "maps", "materials_from_photos", "fitting",  # of a run's photos and twins
-    "engine", "device",  # change no picture
+    "models", "maps", "materials_from_photos", "fitting",  # options for photos and twins of a run
+    "engine", "device",  # do not change pictures
     *ROVER_RENDER,  # constants of the rover
     "rim", "rim_half_width_m", "rim_height_m", "rim_albedo",  # drives have no sandbox
-    "lamp_radius_m",  # the Sun has its own
-    "skirt_m",  # acts on rocks with open feet; here all reach below the ground
+    "lamp_radius_m",  # does not apply to the Sun
+    "skirt_m",  # acts on rocks with open lower edges; here all reach below the ground
     "min_rock_area_px", "min_shadow_area_px", "min_shadow_width_px", "min_part_area_px", "min_visible_share",  # labels
 }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def trace() -> Trace:
-    return driven.trace(seconds=0.5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(driven, "CELL", 0.04)  # a coarse ground, since each case builds three scenes
+        return driven.trace(seconds=0.5)
 
 
 CAMERAS = CameraSuiteOptions(
@@ -49,7 +51,7 @@ CAMERAS = CameraSuiteOptions(
 
 
 def state_of(trace: Trace) -> State:
-    """The first moment, at which no wheel has left a mark."""
+    """Return the first state, before any wheel has left a mark."""
     row = trace.table.iloc[0]
     table = [[row[f"{code}_{name}"] for name in WHEEL_COLUMNS[:-1]] + [CONTACTS.index("soil")] for code in WHEELS]
     wheels = np.array(table, float)
@@ -79,7 +81,7 @@ def live_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
 
 
 def deciding_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
-    """The front camera's picture of a rover that goes by a detector."""
+    """Return the front camera's picture of the perception."""
     light = Light(SUN, EXPOSURE_MS)
     perception = Perception(trace.world, driven.vehicle(), LINE, "stereo", light, CAMERAS, 3, render=render)
     base = perception._camera.show_state(state_of(trace), shown_level(trace))
@@ -91,7 +93,7 @@ WAYS = {"suite": suite_picture, "live": live_picture, "deciding": deciding_pictu
 
 @pytest.fixture(scope="module")
 def taken(trace):
-    """Pictures by each caller with some options of the renderer, made once."""
+    """Render pictures by each caller with options of the renderer, once per set of options."""
     made = {}
 
     def take(**render):
@@ -105,16 +107,16 @@ def taken(trace):
 
 def test_the_same_pose_gives_the_same_picture_to_all_callers(taken):
     lens = {"blur_px": 0.8, "veiling_glare": 0.02, "lens_flare": 0.01, "vignetting": True}
-    found = taken(**lens)
-    assert found["suite"].std() > 20
-    apart = np.abs(found["suite"].astype(int) - found["live"])
-    assert (apart <= 1).mean() > 0.995  # meshes are cut into triangles alike but for the tracks' tiles
-    noise = found["deciding"].astype(int) - found["live"]  # a rover that decides always has noise
-    assert 0 < noise.std() < 0.2 * found["live"].std()
+    pictures = taken(**lens)
+    assert pictures["suite"].std() > 20
+    difference = np.abs(pictures["suite"].astype(int) - pictures["live"])
+    assert (difference <= 1).mean() > 0.995  # meshes differ only in the triangles of the tracks' tiles
+    noise = pictures["deciding"].astype(int) - pictures["live"]  # perception always has noise
+    assert 0 < noise.std() < 0.2 * pictures["live"].std()
     assert abs(noise.mean()) < 1
 
 
-def test_all_options_of_the_renderer_are_named_here():
+def test_all_options_of_the_renderer_are_listed_here():
     assert set(CHANGES) | OTHERS == set(RenderOptions.model_fields)
     given = set(rover_render(RenderOptions()))
     assert given >= set(CHANGES)
@@ -122,9 +124,9 @@ def test_all_options_of_the_renderer_are_named_here():
 
 
 @pytest.mark.parametrize("key", CHANGES)
-def test_every_option_of_pictures_acts_for_all_callers(key, taken):
+def test_each_option_of_pictures_acts_for_all_callers(key, taken):
     value, needed = CHANGES[key]
-    one, other = taken(**needed), taken(**needed, **{key: value})
-    for way in one:
+    before, after = taken(**needed), taken(**needed, **{key: value})
+    for way in before:
         always = (way, key) == ("deciding", "noise")
-        assert np.array_equal(one[way], other[way]) == always, way
+        assert np.array_equal(before[way], after[way]) == always, way

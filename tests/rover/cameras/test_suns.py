@@ -1,4 +1,4 @@
-"""The Suns of a drive: the paper's four, and the real one."""
+"""Suns of a drive: the four of the paper, and the real Sun."""
 
 from datetime import UTC, datetime
 
@@ -11,10 +11,10 @@ from polarsim.rover.cameras.lights import suns_of
 from polarsim.rover.cameras.options import CameraSuiteOptions, RealSun
 
 
-def test_the_paper_names_four_suns_from_east_over_south_to_west():
-    found = suns_of(CameraSuiteOptions())
-    assert [round(sun.azimuth_deg) for sun in found.values()] == [0, 315, 225, 180]
-    east, southeast = (found[name].lamp.position for name in "12")
+def test_the_papers_suns_are_in_the_east_southeast_southwest_and_west():
+    suns = suns_of(CameraSuiteOptions())
+    assert [round(sun.azimuth_deg) for sun in suns.values()] == [0, 315, 225, 180]
+    east, southeast = (suns[name].lamp.position for name in "12")
     assert east[0] > 0
     assert abs(east[1]) < 1e-9 * east[0]
     assert southeast[0] > 0 > southeast[1]
@@ -25,7 +25,7 @@ def real_sun(day):
     return RealSun(latitude_deg=-85.4, longitude_deg=31, moment_utc=datetime(2026, 12, day, tzinfo=UTC))
 
 
-def test_the_real_sun_near_the_pole_is_low_and_stands_where_it_does_that_day():
+def test_the_real_sun_near_the_pole_is_low_and_has_the_direction_of_the_ephemeris():
     sun = suns_of(CameraSuiteOptions(suns=(), real_sun=real_sun(21)))["real"]
     assert 5 < sun.elevation_deg < 6.3  # never above 6.2 at that latitude
     compass, elevation = sun_over(-85.4, 31, datetime(2026, 12, 21, tzinfo=UTC))
@@ -34,11 +34,11 @@ def test_the_real_sun_near_the_pole_is_low_and_stands_where_it_does_that_day():
     np.testing.assert_allclose(np.degrees(np.arcsin(towards[2])), elevation, atol=1e-6)
 
 
-def test_the_real_sun_by_night_is_refused():
+def test_the_real_sun_at_night_is_an_error():
     with pytest.raises(RoverError, match="2026-12-06"):
         suns_of(CameraSuiteOptions(suns=(), real_sun=real_sun(6)))
 
 
-def test_no_sun_is_refused():
-    with pytest.raises(RoverError, match=r"rover\.cameras\.suns"):
+def test_no_sun_is_an_error():
+    with pytest.raises(RoverError, match=r"rover\.cameras"):
         suns_of(CameraSuiteOptions(suns=()))

@@ -1,4 +1,4 @@
-"""Ruts in pictures: smooth between nodes, still where nothing changed, the same whatever was shown before."""
+"""Ruts in images: smooth between nodes, unchanged elsewhere, independent of earlier frames."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -15,7 +15,7 @@ def heights(own, number):
 
 @settings(max_examples=15, deadline=None)
 @given(position=st.floats(0, 5), finer=st.integers(1, 5))
-def test_splines_give_back_straight_lines(position, finer):
+def test_splines_reproduce_straight_lines(position, finer):
     weights, derivative = spline_weights(6, finer)
     nodes = position + 0.3 * np.arange(-1, 8)
     fine = np.arange(6 * finer + 1) / finer
@@ -43,7 +43,7 @@ def test_flat_cells_do_not_show_under_a_low_sun(rng):
     towards_sun = np.array([np.cos(np.radians(8)), 0, np.sin(np.radians(8))])
 
     def leap(finer):
-        """How bright smooth shading would have the faces that just look away: what shows as an edge."""
+        """Return the mean brightness that smooth shading gives faces turned away from the Sun, a visible edge."""
         own = WheelTracks(lattice, np.ones(lattice.level.shape, bool), finer, 36)
         light = []
         for number in range(len(own.tiles)):
@@ -57,7 +57,7 @@ def test_flat_cells_do_not_show_under_a_low_sun(rng):
     assert leap(4) < 0.2 * leap(1)
 
 
-def test_untouched_tiles_continue_the_still_ground():
+def test_untouched_tiles_continue_the_static_ground():
     lattice = hills()
     own = tracks(lattice)
     for number, (row, column) in enumerate(own.tiles):
@@ -65,21 +65,18 @@ def test_untouched_tiles_continue_the_still_ground():
         np.testing.assert_allclose(heights(own, number), own.fine.level[window], atol=1e-12)
 
 
-def test_tiles_meet_without_a_gap_while_the_rut_runs_through_them():
+def test_tiles_with_a_rut_join_without_a_gap():
     lattice = hills()
     own = tracks(lattice)
     own.show(rutted(lattice))
-    of_node = {}
-    for number in range(len(own.tiles)):
-        vertices, normals = own.mesh(number)
-        for vertex, normal in zip(np.round(vertices, 6), normals, strict=True):
-            key = tuple(vertex[:2])
-            before = of_node.setdefault(key, (vertex[2], normal))
-            np.testing.assert_allclose(vertex[2], before[0], atol=1e-9)
-            np.testing.assert_allclose(normal, before[1], atol=1e-6)
+    vertices, normals = (np.concatenate(parts) for parts in zip(*map(own.mesh, range(len(own.tiles))), strict=True))
+    _, first, node = np.unique(vertices[:, :2].round(6), axis=0, return_index=True, return_inverse=True)
+    assert len(first) < len(vertices)
+    np.testing.assert_allclose(vertices[:, 2], vertices[first[node.ravel()], 2], atol=1e-6)
+    np.testing.assert_allclose(normals, normals[first[node.ravel()]], atol=1e-6)
 
 
-def test_at_the_rim_of_the_tiles_nothing_changes():
+def test_levels_at_the_border_of_the_tiles_do_not_change():
     lattice = hills()
     own = tracks(lattice)
     own.show(rutted(lattice))
@@ -93,7 +90,7 @@ def test_at_the_rim_of_the_tiles_nothing_changes():
         np.testing.assert_allclose(heights(own, number)[0], before, atol=1e-12)
 
 
-def test_normals_are_those_of_the_surface_that_is_shown():
+def test_normals_are_those_of_the_rendered_surface():
     lattice = hills()
     own = tracks(lattice, finer=8)
     own.show(rutted(lattice))
@@ -106,7 +103,7 @@ def test_normals_are_those_of_the_surface_that_is_shown():
     np.testing.assert_allclose((-normals[..., 1] / normals[..., 2])[inner], along_y[inner], atol=0.05)
 
 
-def test_only_tiles_near_a_change_are_built_anew():
+def test_only_tiles_near_a_change_are_rebuilt():
     lattice = hills()
     own = tracks(lattice)
     own.show(rutted(lattice))
@@ -118,7 +115,7 @@ def test_only_tiles_near_a_change_are_built_anew():
     assert any(r <= 45 <= r + TILE and c <= 80 <= c + TILE for r, c in (own.tiles[n] for n in again))
 
 
-def test_a_moment_looks_the_same_whatever_was_shown_before():
+def test_a_frame_does_not_depend_on_earlier_levels():
     lattice = hills()
     one, other = tracks(lattice), tracks(lattice)
     for end in (50, 60, 75):
@@ -129,7 +126,7 @@ def test_a_moment_looks_the_same_whatever_was_shown_before():
         np.testing.assert_array_equal(one.mesh(number)[0], other.mesh(number)[0])
 
 
-def test_no_wall_of_a_rut_is_steeper_than_sand_lies():
+def test_no_wall_of_a_rut_is_steeper_than_the_angle_of_repose():
     lattice = Lattice(0, 0, CELL, np.zeros((97, 129)))
     level = lattice.level.copy()
     level[40:50, 30:90] -= 0.05

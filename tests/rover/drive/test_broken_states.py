@@ -1,4 +1,4 @@
-"""A state with NaN or infinity is never an index, and ends an episode with finite numbers."""
+"""States with NaN or infinity are never used as an index, and end an episode with finite values."""
 
 import warnings
 
@@ -31,17 +31,17 @@ any_number = st.floats(allow_nan=True, allow_infinity=True)
 
 
 @given(any_number, any_number, any_number)
-def test_the_window_of_a_body_lies_within_the_grid_wherever_the_body_is(x, y, tilt):
+def test_the_window_of_a_body_is_inside_the_grid_for_any_pose(x, y, tilt):
     rotation = np.eye(3)
     rotation[0, 1] = tilt
-    found = window(GRID, SHAPE, np.array([x, y, 0.0]), rotation)
-    assert 0 <= found[0] <= found[1] <= ROWS
-    assert 0 <= found[2] <= found[3] <= COLUMNS
+    bounds = window(GRID, SHAPE, np.array([x, y, 0.0]), rotation)
+    assert 0 <= bounds[0] <= bounds[1] <= ROWS
+    assert 0 <= bounds[2] <= bounds[3] <= COLUMNS
 
 
 @given(any_number, any_number, st.just(0.0) | any_number)
-def test_a_wheel_is_described_wherever_it_is(x, y, axle):
-    """In plain Python, where an index out of range is an error; beyond the grid the nearest nodes count."""
+def test_a_wheel_can_be_described_at_any_position(x, y, axle):
+    """Run the kernel in Python, where an invalid index is an error; outside the grid the nearest nodes are used."""
     dofs = FIRST_DOF + DOFS * WHEELS
     xmat = np.tile(np.eye(3).ravel(), (WHEELS, 1))
     xmat[:, 1] = axle
@@ -54,7 +54,7 @@ def test_a_wheel_is_described_wherever_it_is(x, y, axle):
     table = np.zeros((WHEELS, 17))
     with np.errstate(all="ignore"):
         describe.py_func(physics, GRID, np.tile(SHAPE, (WHEELS, 1)), Loads.zeros(WHEELS), table)
-    sinkage = table[:, 12]  # a node's number less the height of the wheel's lowest point
+    sinkage = table[:, 12]  # the value of a node minus the height of the wheel's lowest point
     if np.isnan([x, y]).any():
         assert np.isnan(sinkage).all()
     elif axle == 0:
@@ -62,7 +62,7 @@ def test_a_wheel_is_described_wherever_it_is(x, y, axle):
 
 
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
-def test_an_energy_balance_that_is_no_number_is_open(missing):
+def test_an_energy_balance_that_is_not_finite_is_open(missing):
     account = Account(missing, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * 4, (0.0,) * 4)
     with pytest.raises(EnergyError):
         require_closed(account, 1.0)
@@ -80,7 +80,7 @@ def test_broken_physics_ends_an_episode_with_finite_numbers(environment, value, 
     observed, *_ = environment.step(np.float32([0.2, 0.1]))
     environment.simulation.data.qvel[0] = value
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of NumPy, of the numbers that break
+        warnings.simplefilter("ignore")  # NumPy warns about invalid values
         last, reward, terminated, truncated, info = environment.step(np.float32([0.2, 0.1]))
     assert (terminated, truncated, bool(info["ended"])) == (True, False, True)
     assert np.isfinite(reward)
@@ -90,14 +90,14 @@ def test_broken_physics_ends_an_episode_with_finite_numbers(environment, value, 
     assert all(np.isfinite(values).all() for values in last.values())
     same = np.arange(len(last["state"])) != list(STATE).index("look_age")
     np.testing.assert_array_equal(last["state"][same], observed["state"][same])
-    again, reward, terminated, *_ = environment.step(np.float32([0.2, 0.1]))  # nobody reset it
+    again, reward, terminated, *_ = environment.step(np.float32([0.2, 0.1]))  # without a reset
     assert terminated
     assert np.isfinite(reward)
     assert all(np.isfinite(values).all() for values in again.values())
 
 
 @pytest.mark.parametrize("action", [[np.nan, 0.0], [0.1, np.inf]])
-def test_an_action_that_is_no_number_is_refused(environment, action):
+def test_an_action_that_is_not_finite_is_an_error(environment, action):
     environment.reset(seed=1)
     with pytest.raises(RoverError):
         environment.step(np.float32(action))

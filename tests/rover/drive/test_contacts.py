@@ -1,4 +1,4 @@
-"""Rocks count as touched where physics has contacts, at every one of its steps."""
+"""Contacts of rocks are those of all physics steps."""
 
 import math
 from pathlib import Path
@@ -24,12 +24,13 @@ from tests.rover.made_world import plane
 CONFIG = Path(__file__).parents[3] / "config"
 VIPER = read_vehicle(CONFIG / "viper.yaml")
 FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
-CHUNK = 150  # steps of one call
+CHUNK = 150  # steps per call
 
 
 def pebbles() -> World:
-    """Level ground with small rocks before the left wheels, which pass over them within tenths of a second, and one
-    that is never met.
+    """Return level ground with small rocks in front of the left wheels, and a rock away from the path.
+
+    The wheels pass over each rock within tenths of a second.
     """
     level = np.zeros((121, 161))
     places = [(0.98, 0.55), (1.02, 0.66), (0.3, -1.0)]
@@ -50,23 +51,23 @@ def made() -> Simulation:
 
 
 def by_mujoco(simulation: Simulation, steps: int) -> dict[int, float]:
-    """Times of the first contact of each rock, from MuJoCo's own list after each step."""
-    model, found = simulation.model, {}
+    """Return the times of the first contact of each rock, from MuJoCo's list after each step."""
+    model, times = simulation.model, {}
     rims = {model.geom(f"{code}_rim").id for code in ("lf", "rf", "lr", "rr")}
     for step in range(steps):
         if step % CHUNK == 0:
-            simulation._steer(CHUNK * simulation.dt)  # as `advance` does, once for all its steps
+            simulation._steer(CHUNK * simulation.dt)  # as `advance` does, once for all steps of a call
         simulation._run(1)
         for contact in simulation.data.contact:
             geoms = {int(contact.geom1), int(contact.geom2)}
             if geoms & rims and not contact.exclude:
                 (rock,) = geoms - rims
                 name = model.body(int(model.geom_bodyid[rock])).name
-                found.setdefault(int(name.removeprefix("rock")), simulation.time)
-    return found
+                times.setdefault(int(name.removeprefix("rock")), simulation.time)
+    return times
 
 
-def test_every_contact_of_physics_counts_however_short_and_however_seldom_it_is_asked_for():
+def test_all_contacts_are_counted_for_any_number_of_steps_per_call():
     seldom, often = made(), made()
     for simulation in (seldom, often):
         simulation.apply(Command(0.3, 0.0))
@@ -74,28 +75,28 @@ def test_every_contact_of_physics_counts_however_short_and_however_seldom_it_is_
         seldom.advance(CHUNK * seldom.dt)
     expected = by_mujoco(often, 12 * CHUNK)
     assert often.data.qpos.tobytes() == seldom.data.qpos.tobytes()
-    found = seldom.wheel_contacts()
-    assert dict(found.groupby("rock")["time_s"].min()) == pytest.approx(expected, abs=1.5 * FIRM.step_s)
+    contacts = seldom.wheel_contacts()
+    assert dict(contacts.groupby("rock")["time_s"].min()) == pytest.approx(expected, abs=1.5 * FIRM.step_s)
     assert len(expected) == 2
     assert seldom.rocks_touched_since(0) == frozenset(expected)
     assert seldom.rocks_touched_since(seldom.steps) == frozenset()
-    assert set(found["part"]) <= {"tread", "flank"}
+    assert set(contacts["part"]) <= {"tread", "flank"}
 
 
-def test_a_state_that_is_saved_with_brakes_on_goes_on_to_the_same_bytes(tmp_path):
-    """Brakes act in the half of a step that comes before the state is saved."""
-    one, other = made(), made()
-    one.apply(Command(0.2, 0.1))
-    one.advance(0.3)
-    one.apply(Command())
+def test_a_state_saved_with_brakes_on_continues_with_the_same_bytes(tmp_path):
+    """Brakes act in the half of a step before the state is saved."""
+    original, restored = made(), made()
+    original.apply(Command(0.2, 0.1))
+    original.advance(0.3)
+    original.apply(Command())
     for _ in range(40):
-        one.advance(0.02)
-    assert one.model.dof_frictionloss[8] > 0
-    one.save(tmp_path / "state.npz")
-    other.restore(tmp_path / "state.npz")
-    for simulation in (one, other):
+        original.advance(0.02)
+    assert original.model.dof_frictionloss[8] > 0
+    original.save(tmp_path / "state.npz")
+    restored.restore(tmp_path / "state.npz")
+    for simulation in (original, restored):
         simulation.advance(0.02)
-    assert one.data.qvel.tobytes() == other.data.qvel.tobytes()
-    assert one.data.qfrc_constraint.tobytes() == other.data.qfrc_constraint.tobytes()
-    assert one.wheel_contacts().equals(other.wheel_contacts())
-    assert math.isclose(one.time, other.time)
+    assert original.data.qvel.tobytes() == restored.data.qvel.tobytes()
+    assert original.data.qfrc_constraint.tobytes() == restored.data.qfrc_constraint.tobytes()
+    assert original.wheel_contacts().equals(restored.wheel_contacts())
+    assert math.isclose(original.time, restored.time)

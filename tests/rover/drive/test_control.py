@@ -1,4 +1,4 @@
-"""Steering: from a position beside a path to four wheels."""
+"""Path following and steering of four wheels."""
 
 import math
 from pathlib import Path
@@ -18,29 +18,29 @@ LAW = SteeringLaw(0.2, 5.0, 3.0, math.radians(30))
 
 
 def wheel_commands(command: Command) -> tuple[np.ndarray, np.ndarray]:
-    """(4,) steering angles, rad, and (4,) speeds of the rims, m/s, of the rover."""
+    """Return (4,) steering angles, rad, and (4,) rim speeds, m/s."""
     limit = math.radians(VIPER.steering.limit_deg)
     angles, speeds = steer(command, [tuple(position) for position in PLACES.tolist()], VIPER.wheelbase, limit)
     return np.array(angles), np.array(speeds)
 
 
 def wheel_speeds(command: Command) -> np.ndarray:
-    """(4, 2) m/s along base_link's x and y that rolling wheels would have."""
+    """Return (4, 2) velocities of rolling wheels in base_link, m/s."""
     angles, rims = wheel_commands(command)
     return np.stack([rims * np.cos(angles), rims * np.sin(angles)], axis=1)
 
 
 def body_motion(velocities: np.ndarray) -> tuple[np.ndarray, float]:
-    """Speed x, y, turn rate of the rigid motion nearest to the wheels', and how far the worst wheel is off it."""
+    """Return speed x, y and turn rate of the best rigid motion, and the largest residual of a wheel."""
     rows = np.concatenate(
         [
             np.column_stack([np.ones(4), np.zeros(4), -PLACES[:, 1]]),
             np.column_stack([np.zeros(4), np.ones(4), PLACES[:, 0]]),
         ]
     )
-    wanted = np.concatenate([velocities[:, 0], velocities[:, 1]])
-    found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
-    return found, float(np.abs(rows @ found - wanted).max())
+    measured = np.concatenate([velocities[:, 0], velocities[:, 1]])
+    motion = np.linalg.lstsq(rows, measured, rcond=None)[0]
+    return motion, float(np.abs(rows @ motion - measured).max())
 
 
 @given(speed=st.floats(-0.5, 0.5), steer=st.floats(-0.5, 0.5))
@@ -49,7 +49,7 @@ def test_no_wheel_slides_sideways_in_a_bend(speed, steer):
     assert slide < 1e-9
     assert forward == pytest.approx(speed, abs=1e-6)
     assert sideways == pytest.approx(0, abs=1e-9)
-    # Front and rear steer against each other: the curvature is twice a car's.
+    # Front and rear wheels steer in opposite directions: the curvature is twice that of a car.
     assert turn == pytest.approx(speed * 2 * math.tan(steer) / VIPER.wheelbase, abs=1e-6)
 
 
@@ -62,18 +62,18 @@ def test_a_crab_does_not_turn(speed, steer):
 
 
 @pytest.mark.parametrize("speed", [0.1, -0.1])
-def test_a_turn_on_the_spot_stays_on_it(speed):
+def test_a_turn_on_the_spot_does_not_move_the_centre(speed):
     (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, 0.0, "turn")))
     assert slide < 1e-9
     assert (forward, sideways) == pytest.approx((0, 0), abs=1e-9)
-    assert turn == pytest.approx(speed / math.hypot(*PLACES[0]))  # leftwards where positive
+    assert turn == pytest.approx(speed / math.hypot(*PLACES[0]))  # to the left if positive
     assert np.abs(wheel_commands(Command(speed, 0.0, "turn"))[0]).max() < math.pi / 2
 
 
 def kinematic_drive(
     law: SteeringLaw, route: Route, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
 ) -> tuple[list, Driver]:
-    """A rover whose wheels do as they are told, but for a slide to its left, m/s."""
+    """Simulate a rover that follows commands exactly, plus a slide to the left, m/s."""
     driver, points = Driver(route, law), []
     for _ in range(round(seconds / 0.05)):
         if driver.finished:
@@ -89,7 +89,7 @@ def kinematic_drive(
 
 
 @given(speed=st.floats(0.05, 0.5), steer=st.floats(-0.4, 0.4), crab=st.floats(-0.4, 0.4))
-def test_a_rover_crabs_while_it_turns(speed, steer, crab):
+def test_a_rover_can_crab_and_turn_at_the_same_time(speed, steer, crab):
     (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer, "drive", crab)))
     assert slide < 1e-9
     assert (forward, sideways) == pytest.approx((speed * math.cos(crab), speed * math.sin(crab)), abs=1e-6)
@@ -99,22 +99,22 @@ def test_a_rover_crabs_while_it_turns(speed, steer, crab):
 WEST = Route(np.array([[10.0, 0.0], [0.0, 0.0]]))
 
 
-def test_with_the_heading_term_a_rover_comes_back_to_its_line_and_stays():
+def test_with_the_heading_term_a_rover_returns_to_the_line_and_stays():
     points, _ = kinematic_drive(LAW, WEST, 10, 0.3, math.pi, 40)
     offsets = np.abs([position[3] for position in points])
     assert offsets[len(offsets) // 2 :].max() < 0.005
 
 
-def test_crab_and_bend_together_come_back_without_a_swing():
+def test_combined_steering_returns_without_oscillation():
     points, _ = kinematic_drive(SteeringLaw(0.2, 4.0, 2.0, math.radians(30), "combined"), WEST, 10, 0.1, math.pi, 40)
     offsets = np.array([position[3] for position in points])
     assert np.abs(offsets[len(offsets) // 4 :]).max() < 0.001
-    assert offsets.max() < 0.001  # it starts to the right of a westward line
+    assert offsets.max() < 0.001  # the start is to the right of a westward line
     assert max(abs(position[2] - math.pi) for position in points) < 1e-9
 
 
 @pytest.mark.parametrize("steering", ["ackermann", "combined"])
-def test_the_integral_holds_the_line_where_the_ground_slides_aside(steering):
+def test_the_integral_compensates_a_lateral_slide(steering):
     """As on a slope across the path: 1 cm/s is an angle of 3 degrees."""
     worst = []
     for integral in (0.0, 4.0):
@@ -131,20 +131,20 @@ def test_the_integral_is_bounded():
     assert abs(driver.drift) == pytest.approx(math.radians(10))
 
 
-def test_steering_by_the_offset_alone_swings():
-    """An undamped swing: with nothing that damps it in soil, its size stays."""
+def test_steering_by_the_offset_only_oscillates():
+    """Without damping the amplitude does not decrease."""
     points, _ = kinematic_drive(SteeringLaw(0.2, 1.0472, 0.0, math.radians(30)), WEST, 10, 0.3, math.pi, 45)
     offsets = np.array([position[3] for position in points])
     assert offsets.min() < -0.25
     assert offsets[len(offsets) // 2 :].max() > 0.25
 
 
-def test_a_position_to_the_left_of_a_westward_line_lies_south():
+def test_a_position_to_the_left_of_a_westward_line_is_south_of_it():
     _, left = WEST.beside(5.0, -0.2, 0)
     assert left == pytest.approx(0.2)
 
 
-def test_a_sharp_corner_is_taken_by_a_turn_on_the_spot():
+def test_a_sharp_corner_is_turned_on_the_spot():
     corner = Route(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
     points, driver = kinematic_drive(LAW, corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished
@@ -152,7 +152,7 @@ def test_a_sharp_corner_is_taken_by_a_turn_on_the_spot():
     assert points[-1][2] == pytest.approx(math.pi / 2, abs=0.05)
 
 
-def test_a_crab_keeps_its_heading_round_a_corner():
+def test_a_crab_keeps_the_heading_around_a_corner():
     corner = Route(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]))
     points, driver = kinematic_drive(SteeringLaw(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished

@@ -1,4 +1,4 @@
-"""Whole drives, short ones."""
+"""Complete short drives."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ CONFIG = Path(__file__).parents[3] / "config"
 
 
 def job(seed: int = 0, slope_deg: float = 0.0, physics: SoilOptions | None = None, **drive) -> Job:
-    """A metre over ground that falls from east to west."""
+    """A drive of half a metre over ground that falls from east to west."""
     x = -2.0 + 0.02 * np.arange(201)
     level = np.tile(np.tan(np.radians(slope_deg)) * -x, (121, 1))
     options = {"path_m": ((0.25, 0.0), (-0.25, 0.0)), "speed_m_s": 0.3} | drive
@@ -51,7 +51,7 @@ def job(seed: int = 0, slope_deg: float = 0.0, physics: SoilOptions | None = Non
 
 @pytest.fixture(autouse=True)
 def often_saved(monkeypatch):
-    """A state is saved every half second that is driven, so that short drives have some."""
+    """Save a state every half second of simulated time, so that short drives have saved states."""
     monkeypatch.setattr(drive, "SAVE_EVERY_S", 0.5)
 
 
@@ -66,7 +66,7 @@ def whole(tmp_path_factory):
     return folder
 
 
-def test_a_drive_reaches_its_end_and_leaves_all_its_files(whole):
+def test_a_drive_reaches_the_end_and_writes_all_files(whole):
     trace = read_trace(whole)
     assert trace.drive["ended"] == "finished"
     assert trace.table["x_m"].iloc[-1] == pytest.approx(-0.25, abs=0.005)
@@ -80,7 +80,7 @@ def test_a_drive_reaches_its_end_and_leaves_all_its_files(whole):
     np.testing.assert_allclose(np.diff(trace.tracks.time), 1 / 15, atol=1.1e-3)
 
 
-def test_tracks_hold_the_ruts_that_the_wheels_left(whole):
+def test_tracks_contain_the_ruts_of_the_wheels(whole):
     trace = read_trace(whole)
     level = trace.world.level.copy()
     for frame in range(len(trace.tracks.time)):
@@ -91,7 +91,7 @@ def test_tracks_hold_the_ruts_that_the_wheels_left(whole):
     assert sunk.mean() > 0.008
 
 
-def test_a_stopped_drive_goes_on_to_the_same_bytes(whole, tmp_path):
+def test_a_resumed_drive_has_the_same_bytes(whole, tmp_path):
     stopped = Ride(job())
     stopped.go_on(0.9)
     assert stopped.ended is None
@@ -100,7 +100,7 @@ def test_a_stopped_drive_goes_on_to_the_same_bytes(whole, tmp_path):
     assert files_of(tmp_path) == files_of(whole)
 
 
-def test_a_state_of_another_drive_is_not_gone_on_with(whole, tmp_path):
+def test_a_state_of_another_drive_is_ignored(whole, tmp_path):
     other = Ride(job(seed=1))
     other.go_on(0.9)
     other.save(tmp_path / STATE)
@@ -108,7 +108,7 @@ def test_a_state_of_another_drive_is_not_gone_on_with(whole, tmp_path):
     assert files_of(tmp_path) == files_of(whole)
 
 
-def test_a_state_of_other_code_is_not_gone_on_with(tmp_path, monkeypatch):
+def test_a_state_of_other_code_is_ignored(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr("polarsim.provenance.code_digest", lambda *modules: "of old")
         old = Ride(job())
@@ -126,14 +126,14 @@ def test_seeds_differ(whole, tmp_path):
     assert files_of(tmp_path)["world/ground.npz"] == files_of(whole)["world/ground.npz"]  # the job's world is given
 
 
-def test_progress_is_told(tmp_path):
-    told: list[float] = []
-    drive_to_end(job(), tmp_path, told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+def test_progress_is_reported(tmp_path):
+    reported: list[float] = []
+    drive_to_end(job(), tmp_path, reported.append)
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0
 
 
-def test_a_rover_too_weak_to_move_is_stuck_and_its_tables_are_written(tmp_path, monkeypatch):
+def test_a_rover_too_weak_to_move_is_stuck_and_the_tables_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(drive, "STUCK_S", 2.0)
     strong = job()
     weak = strong.vehicle.model_copy(
@@ -146,32 +146,32 @@ def test_a_rover_too_weak_to_move_is_stuck_and_its_tables_are_written(tmp_path, 
     assert not (tmp_path / STATE).exists()
 
 
-def test_a_path_that_leaves_the_grid_is_refused_before_anything_runs(tmp_path):
+def test_a_path_that_leaves_the_grid_is_an_error_before_the_drive(tmp_path):
     with pytest.raises(OffGridError):
         drive_to_end(job(path_m=((0.25, 0.0), (-1.5, 0.0))), tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-def test_an_open_energy_balance_ends_a_drive_with_its_tables_written(tmp_path, monkeypatch):
+def test_an_open_energy_balance_ends_a_drive_with_tables(tmp_path, monkeypatch):
     monkeypatch.setattr(energy, "BOUND", 1e-5)
     with pytest.raises(EnergyError):
         drive_to_end(job(), tmp_path)
     assert read_trace(tmp_path).drive["ended"] == "energy"
 
 
-def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp_path, monkeypatch):
-    """From a run's meshes to a picture: rocks in the shapes of the terrain's, hills around, no blank plane."""
+def test_a_drive_over_an_elevation_model_is_rendered_up_to_the_horizon(tmp_path, monkeypatch):
+    """From the meshes of a run to a picture: rocks with the terrain's shapes, and hills up to the horizon."""
     write_meshes(tmp_path / "meshes/Terrain03", 3)
     dem = DemOptions(size_m=16, horizon_m=60, drive_m=2, rocks=0.1, relief_m=0.1)
     world = WorldOptions(terrains=(3,), dem=dem, width_m=3, margin_m=1.5, cell_m=0.04)
     options = DriveOptions(longest_s=0.6, picture_hz=2)
-    found = run_drive(
+    trace = run_drive(
         meshes=tmp_path / "meshes", folder=tmp_path / "drive", world=world, soil=SoilOptions(), drive=options, seed=0
     )
-    assert found.drive["reason"] == "not there after 0.6 s"
-    seen = read_trace(tmp_path / "drive").world
-    assert 0 < len(seen.rocks_on_grid) < len(seen.rocks)
-    assert set(seen.rocks["terrain"]) == {3}
+    assert trace.drive["ended"] == "out of time"
+    driven = read_trace(tmp_path / "drive").world
+    assert 0 < len(driven.rocks_on_grid) < len(driven.rocks)
+    assert set(driven.rocks["terrain"]) == {3}
     monkeypatch.setattr(autonomous_drive, "_AHEAD_M", 2.0)
     job = job_for(
         meshes=tmp_path / "meshes", world=world, soil=SoilOptions(), drive=options,
@@ -184,7 +184,7 @@ def test_an_elevation_models_world_is_driven_over_and_seen_up_to_the_horizon(tmp
     shown = CameraSuite(read_trace(tmp_path / "drive"), job.vehicle, suite)
     shown.show(0)
     ids = shown.render("ncl", ["3"]).ids[NO_LAMP]
-    sky = (ids == BACKGROUND).sum(axis=0)  # by column, how far it reaches down
+    sky = (ids == BACKGROUND).sum(axis=0)  # number of sky pixels in each column
     assert sky.min() > 0
     assert np.ptp(sky) > 3
     assert (ids >= ROCK_IDS).sum() > 20

@@ -1,4 +1,4 @@
-"""A rover on soft ground: what statics and energy demand."""
+"""Statics and energy of a rover on soft ground."""
 
 import math
 from dataclasses import replace
@@ -31,14 +31,14 @@ def soil():
 
 
 def flat(length: float = 4.0, slope_deg: float = 0.0):
-    """Ground that rises along x, the centre at x = y = 0."""
+    """Return ground that rises along x, with the centre at x = y = 0."""
     columns, rows = round(length / 0.02) + 1, 121
     x = -length / 2 + 0.02 * np.arange(columns)
     return bare_world(np.tile(math.tan(math.radians(slope_deg)) * x, (rows, 1)), 0.02, -length / 2, -1.2)
 
 
 def run(simulation: Simulation, seconds: float, command: Command | None = None) -> list:
-    """States every 10 ms."""
+    """Return the states every 10 ms."""
     if command:
         simulation.apply(command)
     states = []
@@ -48,18 +48,18 @@ def run(simulation: Simulation, seconds: float, command: Command | None = None) 
     return states
 
 
-def test_at_rest_the_soil_bears_the_weight_and_an_accelerometer_reads_gravity(soil):
+def test_at_rest_the_soil_carries_the_weight_and_an_accelerometer_measures_gravity(soil):
     last = run(Simulation(flat(), VIPER, soil), 2.5)[-1]
     np.testing.assert_allclose(last.wheel("load_n"), 430 * 1.62 / 4, rtol=2e-3)
     np.testing.assert_allclose(last.acceleration, [0, 0, 1.62], atol=2e-3)
     assert np.abs(last.velocity).max() < 1e-4
     assert set(last.wheel("contact")) == {1}
-    # Bekker's wheel at rest, theta_1 = theta_2: half the soil of one that rolled in, so less deep than its 17 mm.
+    # Bekker's wheel at rest, theta_1 = theta_2, has twice the contact area of a rolling wheel: less than its 17 mm.
     assert (last.wheel("sinkage_first_m") > 0.008).all()
     assert (last.wheel("sinkage_first_m") < 0.017).all()
 
 
-def test_on_earth_a_rover_weighs_more_and_sinks_as_deep(soil):
+def test_on_earth_a_rover_is_heavier_and_has_the_same_sinkage(soil):
     last = run(Simulation(flat(), VIPER, soil, SoilOptions(gravity_m_s2=9.81, step_s=0.0005)), 2.5)[-1]
     assert last.wheel("load_n").sum() == pytest.approx(430 * 9.81, rel=5e-3)
     assert last.acceleration[2] == pytest.approx(9.81, abs=0.02)
@@ -67,8 +67,8 @@ def test_on_earth_a_rover_weighs_more_and_sinks_as_deep(soil):
     assert (last.wheel("sinkage_first_m") < 0.020).all()
 
 
-def test_a_rover_let_down_on_rough_ground_sinks_as_on_level_ground(soil):
-    """Braked wheels that touch one after the other turn by hundredths of a millimetre: no slip that digs."""
+def test_a_rover_lowered_onto_rough_ground_sinks_as_on_level_ground(soil):
+    """Braked wheels that touch down one by one turn by hundredths of a millimetre, without slip sinkage."""
     rng = np.random.default_rng(0)
     bumps = gaussian_filter(rng.normal(size=flat().level.shape), 5.0)
     world = replace(flat(), level=bumps * (0.008 / bumps.std()))
@@ -77,7 +77,7 @@ def test_a_rover_let_down_on_rough_ground_sinks_as_on_level_ground(soil):
     assert (last.wheel("sinkage_first_m") < 0.025).all()
 
 
-def test_a_flat_drive_ripples_little_and_closes_its_energy(soil):
+def test_a_flat_drive_has_little_ripple_and_closes_the_energy_balance(soil):
     simulation = Simulation(flat(5.0), VIPER, soil, start=Start(-1.2))
     run(simulation, 2.0)
     simulation.zero()
@@ -94,7 +94,7 @@ def test_a_flat_drive_ripples_little_and_closes_its_energy(soil):
 
 
 def test_rovers_with_locked_wheels_do_not_creep_down_a_slope(soil):
-    """10 s after settling are 5 s here; the benchmark takes them all."""
+    """5 s after settling here, 10 s in the benchmark."""
     simulation = Simulation(flat(slope_deg=15), VIPER, soil)
     run(simulation, 2.0)
     before = simulation.state().position
@@ -102,7 +102,7 @@ def test_rovers_with_locked_wheels_do_not_creep_down_a_slope(soil):
     assert np.linalg.norm(after - before) < 0.0005
 
 
-def test_the_same_commands_give_the_same_bytes(soil):
+def test_equal_commands_give_equal_bytes(soil):
     ends = []
     for _ in range(2):
         simulation = Simulation(flat(), VIPER, soil, start=Start(0.0, 0.013, 0.02))
@@ -114,25 +114,25 @@ def test_the_same_commands_give_the_same_bytes(soil):
     assert ends[0] == ends[1]
 
 
-def test_a_saved_state_goes_on_to_the_same_bytes(soil, tmp_path):
+def test_a_restored_state_continues_with_the_same_bytes(soil, tmp_path):
     whole = Simulation(flat(), VIPER, soil)
     run(whole, 0.5, Command(0.2, 0.2))
     whole.save(tmp_path / "state.npz")
     other = Simulation(flat(), VIPER, soil)
     other.restore(tmp_path / "state.npz")
     assert other.state().row(0, 0).tobytes() == whole.state().row(0, 0).tobytes()
-    one, two = (run(simulation, 0.5)[-1].row(0, 0) for simulation in (whole, other))
-    assert one.tobytes() == two.tobytes()
+    first, second = (run(simulation, 0.5)[-1].row(0, 0) for simulation in (whole, other))
+    assert first.tobytes() == second.tobytes()
     assert whole.ground.state.tobytes() == other.ground.state.tobytes()
 
 
-def test_a_state_of_another_world_is_refused(soil, tmp_path):
+def test_a_state_of_another_world_is_an_error(soil, tmp_path):
     Simulation(flat(), VIPER, soil).save(tmp_path / "state.npz")
     with pytest.raises(FormatError, match=r"state\.npz"):
         Simulation(flat(5.0), VIPER, soil).restore(tmp_path / "state.npz")
 
 
-def test_a_bend_has_the_radius_that_was_commanded(soil):
+def test_a_bend_has_the_commanded_radius(soil):
     simulation = Simulation(flat(5.0), VIPER, soil)
     run(simulation, 1.0)
     states = run(simulation, 4.0, Command(0.2, 0.3))
@@ -140,11 +140,11 @@ def test_a_bend_has_the_radius_that_was_commanded(soil):
     path = sum(
         np.linalg.norm(two.position - one.position) for one, two in zip(states[-150:], states[-149:], strict=False)
     )
-    # Slip angles on soft soil open or close a bend by some per cent.
+    # Slip angles on soft soil change the radius of a bend by a few per cent.
     assert turned / path == pytest.approx(2 * math.tan(0.3) / VIPER.wheelbase, rel=0.12)
 
 
-def test_a_point_turn_turns_left_and_stays(soil):
+def test_a_point_turn_turns_left_in_place(soil):
     simulation = Simulation(flat(), VIPER, soil)
     run(simulation, 1.0)
     states = run(simulation, 5.0, Command(0.15, 0.0, "turn"))
@@ -152,25 +152,25 @@ def test_a_point_turn_turns_left_and_stays(soil):
     assert np.hypot(*states[-1].position[:2]) < 0.05
 
 
-def test_a_step_too_large_for_the_stiffness_is_refused(soil):
+def test_a_step_too_large_for_the_stiffness_is_an_error(soil):
     with pytest.raises(RoverError):
         Simulation(flat(), VIPER, soil, SoilOptions(step_s=0.004))
     softer = replace(soil, K_e=2e7)
     assert largest_step(VIPER, softer.law(), 1.62) > 0.004
 
 
-def test_energy_from_nowhere_ends_a_run(soil):
+def test_an_external_push_ends_a_run(soil):
     simulation = Simulation(flat(), VIPER, soil)
     run(simulation, 0.5)
     simulation.zero()
     run(simulation, 2.0, Command(0.2))
-    simulation.data.qvel[0] += 1.0  # a push that no motor gave
+    simulation.data.qvel[0] += 1.0  # a push without motor work
     simulation._mujoco.mj_step1(simulation.model, simulation.data)
     with pytest.raises(EnergyError):
         run(simulation, 0.1)
 
 
-def test_a_rover_that_would_leave_the_ground_is_stopped_before(soil):
+def test_a_rover_stops_before_it_leaves_the_ground(soil):
     with pytest.raises(OffGridError):
         Simulation(flat(), VIPER, soil, start=Start(1.9))
     simulation = Simulation(flat(2.6), VIPER, soil)
@@ -178,7 +178,7 @@ def test_a_rover_that_would_leave_the_ground_is_stopped_before(soil):
         run(simulation, 9.0, Command(0.3))
 
 
-def test_a_wheel_stands_on_rock_where_there_is_rock(soil):
+def test_a_wheel_on_a_rock_has_contact_with_the_rock(soil):
     import trimesh
 
     from polarsim.geometry.meshes import Mesh
@@ -192,11 +192,11 @@ def test_a_wheel_stands_on_rock_where_there_is_rock(soil):
     last = run(Simulation(world, VIPER, soil), 3.0)[-1]
     assert list(last.wheel("contact")) == [2, 1, 1, 1]
     assert last.wheel("load_n").sum() == pytest.approx(430 * 1.62, rel=0.01)
-    # The wheel stands on the box's top, 2 cm above the ground.
+    # The wheel is on top of the box, 2 cm above the ground.
     assert last.wheel("z_m")[0] == pytest.approx(0.27, abs=0.003)
 
 
-def test_without_mujoco_one_line_names_what_to_install(monkeypatch, soil):
+def test_a_missing_mujoco_is_an_error(monkeypatch, soil):
     import sys
 
     monkeypatch.setitem(sys.modules, "mujoco", None)

@@ -1,4 +1,4 @@
-"""Figures of drives, with intervals over seeds."""
+"""Metrics of drives, with intervals over seeds."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from polarsim.schemas.rover import DRIVES
 
 
 def trace(seed: int, offset: float, control: str = "heading") -> Trace:
-    """Four rows in motion: the left front wheel on a rock in one of them, at slip 0.1 on soil, 0.9 on rock."""
+    """Four rows in motion: slip 0.1 of the left front wheel on soil, and 0.9 in a row on a rock."""
     rows = np.zeros((4, len(COLUMNS)))
     rows[:, COLUMNS.index("command_speed_m_s")] = 0.2
     rows[:, COLUMNS.index("offset_m")] = offset
@@ -27,23 +27,23 @@ def trace(seed: int, offset: float, control: str = "heading") -> Trace:
     return Trace(trace_table(rows), bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0), tracks, drive)
 
 
-def value(table, figure: str, wheel: str = "all", column: str = "value") -> float:
-    return float(table[(table["metric"] == figure) & (table["wheel"] == wheel)][column].iloc[0])
+def value(table, metric: str, wheel: str = "all", column: str = "value") -> float:
+    return float(table[(table["metric"] == metric) & (table["wheel"] == wheel)][column].iloc[0])
 
 
-def test_slip_counts_on_soil_and_time_on_rocks_where_any_wheel_is():
-    figures = drive_figures(trace(0, 0.01))
-    assert value(figures, "slip", "lf") == pytest.approx(0.1)
-    assert value(figures, "time on a rock", "lf") == 25
-    assert value(figures, "time on a rock", "rr") == 0
-    assert value(figures, "time on a rock") == 25
-    assert value(figures, "torque", "rr") == 5
-    assert value(figures, "energy") == 20
-    assert value(figures, "energy", "lr") == 5
-    assert value(figures, "offset, RMS") == pytest.approx(10)
+def test_slip_is_averaged_on_soil_and_time_on_rocks_over_any_wheel():
+    metrics = drive_figures(trace(0, 0.01))
+    assert value(metrics, "slip", "lf") == pytest.approx(0.1)
+    assert value(metrics, "time on a rock", "lf") == 25
+    assert value(metrics, "time on a rock", "rr") == 0
+    assert value(metrics, "time on a rock") == 25
+    assert value(metrics, "torque", "rr") == 5
+    assert value(metrics, "energy") == 20
+    assert value(metrics, "energy", "lr") == 5
+    assert value(metrics, "offset, RMS") == pytest.approx(10)
 
 
-def test_control_laws_stand_beside_each_other():
+def test_each_control_law_has_rows():
     table = drive_table([trace(0, 0.01), trace(1, 0.03), trace(0, 0.08, "P-only")])
     assert table.dtypes.astype(str).to_dict() == DRIVES.dtypes
     for control, mean, seeds in (("heading", 20, 2), ("P-only", 80, 1)):
@@ -52,5 +52,5 @@ def test_control_laws_stand_beside_each_other():
         assert value(part, "offset, RMS", column="seeds") == seeds
 
 
-def test_no_drive_makes_an_empty_table():
+def test_no_drive_gives_an_empty_table():
     assert tuple(drive_table([]).columns) == DRIVES.columns

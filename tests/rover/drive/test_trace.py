@@ -1,4 +1,4 @@
-"""A drive's files."""
+"""Files of a drive."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ BASE = [COLUMNS.index(name) for name in ("qw", "lf_qw", "rf_qw", "lr_qw", "rr_qw
 
 
 def small_trace() -> Trace:
-    """Two seconds along +x at 0.5 m/s, a quarter turn to the left; one cell sinks in each of two frames."""
+    """Two seconds along +x at 0.5 m/s with a quarter turn to the left; a cell sinks in each of two frames."""
     rows = np.zeros((3, len(COLUMNS)))
     rows[:, COLUMNS.index("time_s")] = [0, 1, 2]
     rows[:, COLUMNS.index("x_m")] = [0, 0.5, 1]
@@ -24,7 +24,7 @@ def small_trace() -> Trace:
     return Trace(trace_table(rows), bare_world(np.zeros((3, 4)), 0.1, -1.0, 2.0), tracks, {"ended": "finished"})
 
 
-def test_a_drive_reads_back_as_it_was(tmp_path):
+def test_a_drive_reads_back(tmp_path):
     trace = small_trace()
     write_trace(tmp_path, trace)
     again = read_trace(tmp_path)
@@ -35,7 +35,7 @@ def test_a_drive_reads_back_as_it_was(tmp_path):
     assert list(again.table["rf_contact"]) == ["none", "soil", "both"]
 
 
-def test_the_same_drive_has_the_same_bytes(tmp_path):
+def test_equal_drives_have_equal_bytes(tmp_path):
     for name in ("one", "two"):
         write_trace(tmp_path / name, small_trace())
     for path in (p for p in (tmp_path / "one").rglob("*") if p.is_file()):
@@ -55,28 +55,28 @@ def test_the_ground_changes_frame_by_frame():
     assert (trace.world.level == 0).all()
 
 
-def test_a_pose_between_logged_instants_lies_between_theirs():
+def test_poses_are_interpolated_between_logged_times():
     pose = small_trace().pose_at(1.5)
     np.testing.assert_allclose(pose.translation, [0.75, 0, 0])
-    # Halfway through a quarter turn to the left the nose points north-east.
+    # Halfway through a quarter turn to the left, the heading is north-east.
     np.testing.assert_allclose(pose.rotation[:, 0], [np.sqrt(0.5), np.sqrt(0.5), 0], atol=1e-12)
 
 
-def test_every_contact_has_a_name():
+def test_contacts_have_names():
     rows = np.zeros((len(CONTACTS), len(COLUMNS)))
     rows[:, COLUMNS.index("lr_contact")] = range(len(CONTACTS))
     assert tuple(trace_table(rows)["lr_contact"]) == CONTACTS
 
 
 @pytest.mark.parametrize("name", ["trace.parquet", "tracks.npz", "drive.json", "world/ground.npz", "world/rocks.npz"])
-def test_a_broken_file_is_named(tmp_path, name):
+def test_the_error_of_a_broken_file_has_its_path(tmp_path, name):
     write_trace(tmp_path, small_trace())
     (tmp_path / name).write_bytes(b"nothing")
     with pytest.raises(FormatError, match=name):
         read_trace(tmp_path)
 
 
-def test_tracks_of_another_ground_are_refused(tmp_path):
+def test_tracks_of_another_ground_are_an_error(tmp_path):
     write_trace(tmp_path, small_trace())
     write_world(tmp_path / "world", bare_world(np.zeros((2, 2)), 0.1, 0.0, 0.0))
     with pytest.raises(FormatError, match=r"tracks\.npz"):

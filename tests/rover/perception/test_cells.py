@@ -1,4 +1,4 @@
-"""Both hazard maps: they show the same ground, rocks of boxes and true rocks."""
+"""Both hazard maps agree on visible ground, rocks of boxes and true rocks."""
 
 import numpy as np
 import pytest
@@ -19,18 +19,18 @@ X, Y = HazardGrid(WORLD).x, HazardGrid(WORLD).y
 
 
 def scored(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
-    """Visible cells and rock cells of the map of a recorded drive, of its first frame."""
+    """Return visible cells and rock cells of the map of a recorded drive, for its first frame."""
     rows = table([(0, box, 0.9) for box in boxes])
-    found = hazard_map.mapped(rows, ride(1), hazard_map.grid_over(world), CONFIDENCE)
-    return found.visible, found.rock
+    result = hazard_map.mapped(rows, ride(1), hazard_map.grid_over(world), CONFIDENCE)
+    return result.visible, result.rock
 
 
 def decided(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
-    """The same of the map by which the rover decides."""
-    own, grid = ride(1), HazardGrid(world)
-    camera = own.cameras[0]
+    """Return visible cells and rock cells of the map by which the rover drives."""
+    first, grid = ride(1), HazardGrid(world)
+    camera = first.cameras[0]
     lit = np.ones(camera.size[::-1], bool)
-    grid.add(update_from_boxes(boxes, np.full(len(boxes), 0.9), lit, camera, own.ground(0), grid))
+    grid.add(update_from_boxes(boxes, np.full(len(boxes), 0.9), lit, camera, first.ground(0), grid))
     return grid.seen, grid.rock
 
 
@@ -45,7 +45,7 @@ def decided_truth() -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("truth", [scored_truth, decided_truth])
-def test_true_cells_have_the_rocks_where_they_are(truth):
+def test_true_rock_cells_are_at_the_rocks(truth):
     rock, height = truth()
     for x, y, top, half in driven.ROCKS:
         row, column = np.abs(Y - y).argmin(), np.abs(X - x).argmin()
@@ -61,7 +61,7 @@ def flat_world():
 
 
 @pytest.mark.parametrize("mapped", [scored, decided])
-def test_a_box_is_rock_where_it_stands_on_the_ground_and_nothing_behind_the_camera_is_seen(mapped):
+def test_a_box_is_rock_at_its_foot_and_ground_behind_the_camera_is_unseen(mapped):
     world = flat_world()
     grid = HazardGrid(world)
     seen, rock = mapped(np.array([box_of(2.2, 0.1, 0.3, 0.2)]), world)
@@ -76,13 +76,13 @@ def test_a_box_is_rock_where_it_stands_on_the_ground_and_nothing_behind_the_came
 def test_a_box_that_is_cut_off_hides_the_ground_below_it(mapped):
     world = flat_world()
     width, height = ride(1).cameras[0].size
-    whole = mapped(np.zeros((0, 4)), world)[0]
+    everything = mapped(np.zeros((0, 4)), world)[0]
     seen, rock = mapped(np.array([[0.3 * width, 0.5 * height, 0.6 * width, height]]), world)
     assert not rock.any()
-    assert 0.05 < (whole & ~seen).sum() / whole.sum() < 0.8
+    assert 0.05 < (everything & ~seen).sum() / everything.sum() < 0.8
 
 
-def test_ground_is_visible_only_where_the_camera_passed():
+def test_ground_is_visible_only_near_the_path_of_the_camera():
     suite = CameraSuite(driven.trace(seconds=8.0), driven.vehicle(), driven.options(views=(FRONT,), every=4))
     seen = hazard_map.mapped(table([]), ride_of(suite), hazard_map.grid_over(WORLD), CONFIDENCE)
     assert 0.1 < seen.visible.mean() < 0.9

@@ -1,4 +1,4 @@
-"""A label is visible where the contrast in or around its box is high enough."""
+"""A label is visible if the contrast in or around its box is high enough."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def shown(picture: np.ndarray, boxes: np.ndarray, least_contrast: float) -> np.n
         return shows(picture, boxes)
 
 
-def test_a_bright_rock_is_visible_and_one_in_the_dark_is_not():
+def test_a_bright_rock_is_visible_and_a_rock_in_the_dark_is_not():
     assert shows(PICTURE, BOXES).tolist() == [True, False, True, False, True]
     assert shows(PICTURE, np.zeros((0, 4))).tolist() == []
     black = np.zeros((60, 80), np.uint8)
@@ -28,7 +28,7 @@ def test_a_bright_rock_is_visible_and_one_in_the_dark_is_not():
 
 
 @given(st.floats(0, 1), st.floats(0, 1), st.integers(0, 2**31))
-def test_a_higher_contrast_is_reached_by_fewer(one, other, seed):
+def test_fewer_boxes_reach_a_higher_contrast(one, other, seed):
     picture = np.random.default_rng(seed).integers(0, 256, (60, 80)).astype(np.uint8)
     low, high = sorted((one, other))
     assert (shown(picture, BOXES, high) <= shown(picture, BOXES, low)).all()

@@ -1,4 +1,4 @@
-"""A detector goes on with the pictures of drives."""
+"""Fine-tuning of a detector on pictures of drives."""
 
 import shutil
 
@@ -18,7 +18,7 @@ from polarsim.rover.vehicle.mounts import FRONT
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    for name, value in {"_WINDOW_PX": 128, "_WIDEST_PX": 256, "_VAL_SHARE": 0.3}.items():
+    for name, value in {"_WINDOW_PX": 128, "_WIDEST_PX": 256, "_VAL_SHARE": 0.5}.items():
         monkeypatch.setattr(fine_tuning, name, value)
 
 
@@ -26,7 +26,7 @@ def options_of(*drives, **changes):
     return DriveTuningOptions(**{"windows": 2, "epochs": 1, "drives": drives} | changes)
 
 
-def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_with_their_labels(drive, tmp_path):
+def test_windows_of_all_picture_sets_are_8_bit_images_with_labels(drive, tmp_path):
     folder, _ = drive
     make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(folder))
     parts = read_parts(tmp_path / "dataset")
@@ -44,10 +44,10 @@ def test_windows_of_all_sets_of_pictures_are_bright_as_the_detector_sees_them_wi
             assert picture.shape[1] == 128
             assert picture.dtype == np.uint8
             labelled += len(yolo.read_boxes(tmp_path / f"dataset/labels/{part}/{name}.txt", picture.shape[::-1])[1])
-    assert labelled > len(names)  # of more than one rock or shadow a window
+    assert labelled > len(names)  # on average more than one label per window
 
 
-def test_pictures_of_two_drives_are_told_apart_whatever_their_folders_are_called(drive, tmp_path):
+def test_pictures_of_two_drives_have_different_names(drive, tmp_path):
     other = shutil.copytree(drive[0], tmp_path / drive[0].name)
     make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(drive[0], other))
     parts = read_parts(tmp_path / "dataset")
@@ -56,16 +56,16 @@ def test_pictures_of_two_drives_are_told_apart_whatever_their_folders_are_called
 
 
 @pytest.mark.parametrize("exposure", ["12.5", "1000000"])
-def test_pictures_of_any_exposure_are_taken(exposure, drive, tmp_path):
+def test_pictures_of_any_exposure_are_used(exposure, drive, tmp_path):
     other = shutil.copytree(drive[0], tmp_path / "other")
     (other / FRONT / "1_hapke_0256").rename(other / FRONT / f"1_lunar_lambert_{exposure}")
-    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(other, windows=1))
+    make_drive_dataset(dataset=tmp_path / "dataset", options=options_of(other, windows=1, every=3))
     names = [name for part in read_parts(tmp_path / "dataset").values() for name in part]
     assert any(f"_{exposure}_" in name for name in names)
 
 
-def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_before(drive, tmp_path):
-    options = options_of(drive[0], windows=1)
+def test_a_fine_tuned_detector_keeps_its_inference_widths(drive, tmp_path):
+    options = options_of(drive[0], windows=1, every=3)
     make_drive_dataset(dataset=tmp_path / "dataset", options=options)
     fine_tune(
         dataset=tmp_path / "dataset", start=PACKAGED, weights=tmp_path / "tuned.pt", curve=tmp_path / "tuned.csv",
@@ -78,7 +78,7 @@ def test_a_fine_tuned_detector_looks_at_the_widths_that_were_chosen_for_it_befor
     assert not list((tmp_path / "work").rglob("*.pt"))
 
 
-def test_a_drive_without_pictures_or_labels_is_named(drive, tmp_path):
+def test_the_error_of_a_drive_without_pictures_or_labels_has_its_path(drive, tmp_path):
     empty = tmp_path / "seed7"
     empty.mkdir()
     with pytest.raises(RoverError) as error:

@@ -1,4 +1,4 @@
-"""Boxes on the ground."""
+"""Rocks estimated from boxes."""
 
 import numpy as np
 from hypothesis import given
@@ -10,23 +10,23 @@ from tests.rover.perception.boxes import CAMERA, GROUND, box_of, level
 
 
 @given(x=st.floats(1.8, 5), y=st.floats(-0.4, 0.4), width=st.floats(0.05, 0.4))
-def test_the_lower_side_of_a_box_lies_where_the_rock_meets_the_ground(x, y, width):
-    found = estimate(box_of(x, y, width, 0.0), CAMERA, level)
-    np.testing.assert_allclose(found.near[0], [x, y], atol=1e-6)
-    np.testing.assert_allclose(found.width[0], width, atol=1e-6)
+def test_the_lower_side_of_a_box_is_at_the_near_edge_of_the_rock(x, y, width):
+    rock = estimate(box_of(x, y, width, 0.0), CAMERA, level)
+    np.testing.assert_allclose(rock.near[0], [x, y], atol=1e-6)
+    np.testing.assert_allclose(rock.width[0], width, atol=1e-6)
 
 
 @given(x=st.floats(1.8, 5), height=st.floats(0.03, 0.4), width=st.floats(0.02, 0.3))
-def test_a_top_above_the_footprints_centre_tells_the_height(x, height, width):
+def test_the_upper_side_of_a_box_gives_the_height(x, height, width):
     lower, upper = box_of(x, 0, width, 0), box_of(x + width / 2, 0, width, height)
     box = np.array([lower[0], upper[1], lower[2], lower[3]])
-    found = estimate(box, CAMERA, level)
-    np.testing.assert_allclose(found.height[0], height, atol=1e-6)
+    rock = estimate(box, CAMERA, level)
+    np.testing.assert_allclose(rock.height[0], height, atol=1e-6)
 
 
-def test_on_a_slope_the_rock_lies_where_the_slope_is():
-    found = estimate(box_of(3.0, 0.2, 0.0, 0.0), CAMERA, lambda x, y: GROUND + 0.2 * (x - 3.0) + 0 * y)
-    np.testing.assert_allclose(found.near[0], [3.0, 0.2], atol=1e-4)
+def test_a_box_on_a_slope_is_located_on_the_slope():
+    rock = estimate(box_of(3.0, 0.2, 0.0, 0.0), CAMERA, lambda x, y: GROUND + 0.2 * (x - 3.0) + 0 * y)
+    np.testing.assert_allclose(rock.near[0], [3.0, 0.2], atol=1e-4)
 
 
 @given(roll=st.floats(-0.2, 0.2), pitch=st.floats(-0.2, 0.2))
@@ -36,6 +36,6 @@ def test_the_plane_under_the_wheels_tilts_with_the_rover(roll, pitch):
     np.testing.assert_allclose(plane_under(pose, GROUND)(*position[:2]), position[2], atol=1e-9)
 
 
-def test_a_box_above_the_horizon_is_nowhere():
-    found = estimate(np.array([900, -900, 1000, -850.0]), CAMERA, level)
-    assert np.isnan(found.near).all()
+def test_a_box_above_the_horizon_has_no_position():
+    rock = estimate(np.array([900, -900, 1000, -850.0]), CAMERA, level)
+    assert np.isnan(rock.near).all()

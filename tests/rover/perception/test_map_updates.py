@@ -1,4 +1,4 @@
-"""Looks: what pixels, boxes and depths say of cells, on cases made by hand."""
+"""Map updates from pixels, boxes and depths, for constructed cases."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from polarsim.rover.world.surface import bare_world
 
 LENS = Lens(500.0, 500.0, 242.0, 152.0, width=484, height=304)
 CAMERA = Camera(looking(np.array([0.0, 0.0, 1.25]), 0.0, 30.0 * np.pi / 180, 0.0), LENS)
-LEVEL = 0.3  # of the ground
+LEVEL = 0.3  # height of the ground
 ALL_LIT = np.ones((LENS.height, LENS.width), bool)
 
 
@@ -31,18 +31,18 @@ def flat(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.full(np.shape(x), LEVEL) + 0 * y
 
 
-def cell(own: HazardGrid, x: float, y: float) -> tuple[int, int]:
-    return int(np.abs(own.y - y).argmin()), int(np.abs(own.x - x).argmin())
+def cell(grid: HazardGrid, x: float, y: float) -> tuple[int, int]:
+    return int(np.abs(grid.y - y).argmin()), int(np.abs(grid.x - x).argmin())
 
 
-def test_pixels_tell_rock_cells_their_heights_and_nothing_of_what_they_do_not_show():
+def test_pixels_update_rock_cells_and_heights_and_no_unobserved_cells():
     own = grid()
     row, column = cell(own, 1.5, 0.0)
     part = own.cell_m / PARTS
     left = own.x[column] - own.cell_m / 2 + part / 2
     ground = [(left + part, own.y[row], LEVEL), (left + 2 * part, own.y[row], LEVEL)]
-    side = [(left, own.y[row], LEVEL + z) for z in (0.02, 0.1, 0.2)]  # of one rock, steep
-    top = (own.x[column - 1], own.y[row], LEVEL + 0.25)  # of the same, in the cell before
+    side = [(left, own.y[row], LEVEL + z) for z in (0.02, 0.1, 0.2)]  # steep side of a rock
+    top = (own.x[column - 1], own.y[row], LEVEL + 0.25)  # top of the same rock, in the adjacent cell
     points = np.array([*ground, *side, top])
     look = update_from_pixels(points, np.array([0, 0, 7, 7, 7, 7]), CAMERA, flat, own)
     assert (look.rock[row, column - 1 : column + 1] > 0).all()
@@ -51,10 +51,10 @@ def test_pixels_tell_rock_cells_their_heights_and_nothing_of_what_they_do_not_sh
     fine = np.where(np.isfinite(look.surface), look.surface, 0)
     assert np.isfinite(look.surface).sum() == 4
     assert fine.max() == pytest.approx(LEVEL + 0.25)
-    assert np.sort(fine[fine > 0])[2] == pytest.approx(LEVEL + 0.2)  # the rock's highest pixel there, not their mean
+    assert np.sort(fine[fine > 0])[2] == pytest.approx(LEVEL + 0.2)  # the highest pixel of the rock there, not the mean
 
 
-def test_a_cell_of_which_little_is_seen_hardly_counts_as_free():
+def test_a_barely_observed_cell_has_a_low_weight():
     own = grid()
     row, column = cell(own, 1.5, 0.0)
     look = update_from_pixels(np.array([[own.x[column], own.y[row], LEVEL]]), np.zeros(1, int), CAMERA, flat, own)
@@ -62,7 +62,7 @@ def test_a_cell_of_which_little_is_seen_hardly_counts_as_free():
     assert look.rock[row, column] == 0
 
 
-def test_ground_beside_a_box_is_seen_at_its_height_and_higher_where_the_box_puts_a_rock():
+def test_ground_next_to_a_box_is_at_ground_level_and_higher_below_the_box():
     own = grid()
     foot, head = CAMERA.project(np.array([[1.6, 0.0, LEVEL], [1.75, 0.0, LEVEL + 0.2]]))
     box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
@@ -75,13 +75,13 @@ def test_ground_beside_a_box_is_seen_at_its_height_and_higher_where_the_box_puts
     assert look.surface[PARTS * aside[0], PARTS * aside[1]] == pytest.approx(LEVEL)
 
 
-def test_the_dark_tells_nothing_of_free_ground_but_of_rocks_that_are_found_in_it():
-    """No find in a black picture was free ground, so the rover drove on into its own shadow, and by night."""
+def test_dark_pixels_update_detected_rocks_only_and_no_free_ground():
+    """Without this rule, black pictures without detections were free ground, and the rover drove on in the dark."""
     own = grid()
     foot, head = CAMERA.project(np.array([[1.6, -0.4, LEVEL], [1.75, -0.4, LEVEL + 0.2]]))
     box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
     lit = ALL_LIT.copy()
-    lit[:, 242:] = False  # the picture's right half: the ground to the right of the rover, where the rock lies
+    lit[:, 242:] = False  # the right half of the picture, with the rock
     bright, dark = (update_from_boxes(box, np.array([0.9]), some, CAMERA, flat, own) for some in (ALL_LIT, lit))
     free = bright.rock == 0
     for y, seen in ((0.5, True), (-0.8, False)):
@@ -94,7 +94,7 @@ def test_the_dark_tells_nothing_of_free_ground_but_of_rocks_that_are_found_in_it
     assert (dark.rock > 0).sum() == (bright.rock > 0).sum() > 0
 
 
-def test_noise_is_no_light(rng):
+def test_noise_is_not_light(rng):
     read = rng.normal(0, 1, (40, 60))
     black = np.clip(BLACK_LEVEL + read, 0, None).round().astype(np.uint16)
     dim = (BLACK_LEVEL + 20 + 2 * read).round().astype(np.uint16)
@@ -103,7 +103,7 @@ def test_noise_is_no_light(rng):
     assert bright_pixels(np.hstack([black, dim]), 12)[:, 65:].all()
 
 
-def test_depth_tells_heights_by_parts():
+def test_depth_updates_the_surface_by_parts():
     own = grid()
     x, y = (values.ravel() for values in np.meshgrid(np.arange(1.0, 2.5, 0.01), np.arange(-0.6, 0.6, 0.01)))
     z = LEVEL + np.where((np.abs(x - 1.8) < 0.1) & (np.abs(y) < 0.1), 0.15, 0.0)
@@ -117,12 +117,12 @@ def test_depth_tells_heights_by_parts():
 def test_a_picture_without_texture_has_nothing_to_match():
     grey = np.full((40, 60), 120, np.uint8)
     grey[:, :20] = np.random.default_rng(0).integers(80, 160, (40, 20))
-    found = has_texture(grey)
-    assert found[:, 3:17].all()
-    assert not found[:, 24:].any()
+    textured = has_texture(grey)
+    assert textured[:, 3:17].all()
+    assert not textured[:, 24:].any()
 
 
-def test_what_shows_at_a_parts_centre_outweighs_a_rocks_steep_side_at_its_edge():
+def test_pixels_at_the_centre_of_a_part_outweigh_the_steep_side_of_a_rock():
     own = grid()
     row, column = cell(own, 1.5, 0.0)
     part = own.cell_m / PARTS

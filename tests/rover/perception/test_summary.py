@@ -1,4 +1,4 @@
-"""Figures on board over all drives."""
+"""Metrics of the perception over all drives."""
 
 import numpy as np
 import pandas as pd
@@ -9,7 +9,7 @@ from polarsim.schemas.rover import ONBOARD
 from tests.rover import driven
 
 
-def test_figures_have_intervals_over_rides(drive):
+def test_metrics_have_intervals_over_rides(drive):
     folder, options = drive
     measure_drive(folder, driven.vehicle(), options, None, 3)
     summarise_onboard([folder], folder / "figures.parquet")
@@ -27,7 +27,7 @@ def test_figures_have_intervals_over_rides(drive):
     )
 
 
-def test_exposures_are_told_apart_and_pooled():
+def test_exposures_are_separate_and_pooled():
     stops = pd.DataFrame(
         {"seed": 0, "sun": "1", "model": "hapke", "exposure_ms": [256.0, 512.0], "source": "detector", "stops": [1, 3],
          "length_m": 10.0, "miss_5_cm_m": [0.3, np.inf], "miss_10_cm_m": np.inf}
@@ -39,7 +39,7 @@ def test_exposures_are_told_apart_and_pooled():
         "stable": setting.assign(rock=1, height_m=0.2, first_seen_m=3.0, first_stable_m=2.0, stopping_m=0.5),
         "sightings": setting.assign(frame=0, rock=1, distance_m=1.2, height_m=0.2, detected=[True, False]),
     }
-    found = metrics(parts).set_index(["metric", "exposure_ms"])["value"]
-    np.testing.assert_allclose(found["false stops per 100 m"].sort_index(), [20, 10, 30])  # 0: both
-    np.testing.assert_allclose(found.loc["rock cell F1"].iloc[0], 6 / 7)
-    assert metrics(parts)[["low", "high"]].isna().all(axis=None)  # of one ride
+    values = metrics(parts).set_index(["metric", "exposure_ms"])["value"]
+    np.testing.assert_allclose(values["false stops per 100 m"].sort_index(), [20, 10, 30])  # exposure 0: both
+    np.testing.assert_allclose(values.loc["rock cell F1"].iloc[0], 6 / 7)
+    assert metrics(parts)[["low", "high"]].isna().all(axis=None)  # a single ride

@@ -1,4 +1,4 @@
-"""A rover that decides, from pictures to wheels: round two boxes on flat ground, and the same bytes twice."""
+"""Autonomous drives around two boxes on flat ground, from pictures to wheels."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -37,12 +37,12 @@ from tests.rover import driven
 
 OPTIONS = AutonomyOptions(speed_m_s=0.4, longest_s=40)
 CAMERAS = CameraSuiteOptions(scale=0.25)
-BOXES = ((3.6, 0.6), (3.9, -0.6))  # in the way of either wheel
+BOXES = ((3.6, 0.6), (3.9, -0.6))  # in the path of the left and right wheels
 
 
 @pytest.fixture(scope="module")
 def job() -> Job:
-    relief = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=(101, 151)), 1.0)  # stereo needs some
+    relief = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=(101, 151)), 1.0)  # texture for stereo
     bare = bare_world(0.006 * relief / relief.std(), 0.06, -1.5, -3.0)
     rows, vertices, faces = [], [], []
     for number, (x, y) in enumerate(BOXES):
@@ -63,41 +63,45 @@ def job() -> Job:
 
 @pytest.fixture(scope="module")
 def moment(job) -> tuple[Ride, Callable[..., Observation]]:
-    """A ride at its start, and what stereo observes there in a light."""
+    """Return a ride at the start, and a function that returns the stereo observation there in a light."""
     ride = Ride(autonomous_job(job, OPTIONS))
     ride.go_on(0.1)
     state, level = ride.simulation.state(), ride.simulation.ground.level
 
-    def look(light: Light, threads: int = 1) -> Observation:
+    def observe(light: Light, threads: int = 1) -> Observation:
         perception = Perception(
             job.world, job.vehicle, ride.route, "stereo", light, CAMERAS, 0, render=driven.RENDER, threads=threads
         )
         return perception.observe(state, level, HazardGrid(job.world))
 
-    return ride, look
+    return ride, observe
 
 
 def value(rows: pd.DataFrame, metric: str) -> float:
     return float(rows.loc[rows["metric"] == metric, "value"].iloc[0])
 
 
-def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job, tmp_path):
+def test_a_drive_by_labels_avoids_rocks_that_a_blind_drive_hits(job):
     blind = drive(job, "blind", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
     rocks = touches(blind.trace, job.vehicle)
     assert value(drive_metrics(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
-    found = events(blind, rocks)
-    assert found["what"].tolist() == ["collision"] * 2
-    assert sorted(zip(found["x_m"], found["y_m"], strict=True)) == sorted(BOXES)
-    assert found["time_s"].is_monotonic_increasing
-    once, again = (drive(job, "truth", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER) for _ in range(2))
-    rows = drive_metrics(once, touches(once.trace, job.vehicle), job.vehicle, OPTIONS)
+    hits = events(blind, rocks)
+    assert hits["what"].tolist() == ["collision"] * 2
+    assert sorted(zip(hits["x_m"], hits["y_m"], strict=True)) == sorted(BOXES)
+    assert hits["time_s"].is_monotonic_increasing
+    outcome = drive(job, "truth", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
+    rows = drive_metrics(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
     assert value(rows, "closest pass of a rock above 10 cm") > 0.02
     assert value(rows, "rock map") > 270
     assert value(rows, "geometric map") > 285
-    for name, outcome in (("a", once), ("b", again)):
-        write(tmp_path / name, outcome, OPTIONS)
+
+
+def test_equal_drives_write_equal_bytes(job, tmp_path):
+    brief = OPTIONS.model_copy(update={"longest_s": 3.0})
+    for name in ("a", "b"):
+        write(tmp_path / name, drive(job, "truth", Light("3", 256), brief, CAMERAS, render=driven.RENDER), brief)
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
     assert len(files) == 7
     for file in files:
@@ -105,7 +109,7 @@ def test_with_labels_it_goes_round_what_it_hits_blind_and_twice_the_same_way(job
 
 
 @pytest.mark.parametrize(("torque_n_m", "ended"), [(None, "out of time"), (1.0, "stuck")])
-def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, monkeypatch, torque_n_m, ended):
+def test_a_path_across_the_line_is_progress_and_spinning_in_place_is_not(job, monkeypatch, torque_n_m, ended):
     monkeypatch.setattr(ride_module, "STUCK_S", 2.0)
     across = np.column_stack([np.full(27, 1.2), np.linspace(0, 2.6, 27), np.full(27, np.pi / 2)])
     monkeypatch.setattr(Planner, "plan", lambda *_: across)
@@ -122,7 +126,7 @@ def test_a_way_across_the_line_is_headway_and_spinning_in_place_is_none(job, mon
         assert np.ptp(late["x_m"]) < 0.2
 
 
-def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
+def test_stereo_maps_the_boxes_and_odometry_follows_the_drive(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
     outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5), render=driven.RENDER)
     grid = outcome.pilot.grid
@@ -139,7 +143,7 @@ def test_stereo_sees_the_boxes_and_knows_where_it_drives(job, tmp_path):
         assert picture.width == WIDTH_PX
 
 
-def test_pictures_before_hits_come_first_then_those_before_stops():
+def test_pictures_before_contacts_have_priority_over_those_before_stops():
     pictures = {float(time_s): Path(f"{time_s}.jpg") for time_s in range(0, 60, 4)}
     happened = [("touch", 11.0), ("stop", 31.0), ("collision", 45.0)]
     found = pd.DataFrame(happened, columns=["what", "time_s"])
@@ -149,21 +153,21 @@ def test_pictures_before_hits_come_first_then_those_before_stops():
     assert shown_pictures({}, found) == {}
 
 
-def test_its_lights_show_the_ground_at_night(moment):
-    ride, look = moment
+def test_headlights_illuminate_the_ground_at_night(moment):
+    ride, observe = moment
     ahead = lights_ahead(ride.job.vehicle)
     assert set(ahead) == {"navlight_left", "navlight_right", "hazlight_fore_port", "hazlight_fore_starboard"}
-    dark, lit = (look(Light("night", 1024.0, lights)).pair[0] for lights in ((), ahead))
+    dark, lit = (observe(Light("night", 1024.0, lights)).pair[0] for lights in ((), ahead))
     assert lit.mean() > dark.mean() + 20
 
 
-def test_noise_in_the_dark_is_no_ground_that_was_seen(moment):
+def test_noise_in_the_dark_is_not_observed_ground(moment):
     observation = moment[1](Light("night", 1024.0))
     assert observation.pair[0].std() > 0
     assert not (observation.updates[0].weight > 0).any()
 
 
-def test_pictures_are_the_same_on_any_number_of_threads(moment):
+def test_pictures_do_not_depend_on_the_number_of_threads(moment):
     one, three = (moment[1](Light("3", 256.0), threads).pair for threads in (1, 3))
     assert one[0].std() > 0
     np.testing.assert_array_equal(one, three)

@@ -1,4 +1,4 @@
-"""Points, trajectory errors and touches on cases made by hand."""
+"""Scores, errors of trajectories, and touched rocks, for constructed cases."""
 
 from copy import deepcopy
 from dataclasses import replace
@@ -16,30 +16,30 @@ from polarsim.rover.planning.touches import box_gap, cylinder_gap
 from polarsim.rover.planning.trajectory import absolute_error, relative_error
 from polarsim.rover.world.surface import bare_world
 
-ASKED = np.ones((2, 5), bool)
+SCORED = np.ones((2, 5), bool)
 
 
 def test_points_of_a_map_with_one_wrong_height_and_one_wrong_rock():
     true, rock = np.zeros((2, 5)), np.zeros((2, 5), bool)
     rock[0, :2] = True
-    told, found = true.copy(), rock.copy()
-    told[1, 4], found[1, 4] = 0.051, True
-    own = points(told, found, true, rock, ASKED, seconds=10 / FULL_RATE_1_S * 2)
-    assert own.geometry == pytest.approx(300 * 0.9)
-    assert own.rocks == pytest.approx(300 * 2 * 2 / 5)  # two right, one false
-    assert own.productivity == pytest.approx(125)
-    assert own.localisation == 150
+    heights, rocks = true.copy(), rock.copy()
+    heights[1, 4], rocks[1, 4] = 0.051, True
+    score = points(heights, rocks, true, rock, SCORED, seconds=10 / FULL_RATE_1_S * 2)
+    assert score.geometry == pytest.approx(300 * 0.9)
+    assert score.rocks == pytest.approx(300 * 2 * 2 / 5)  # two right, one false
+    assert score.productivity == pytest.approx(125)
+    assert score.localisation == 150
 
 
-def test_unknown_heights_are_wrong_and_a_map_without_rocks_has_no_points_of_rocks():
-    nothing = np.zeros((2, 5), bool)
-    own = points(np.full((2, 5), np.nan), nothing, np.zeros((2, 5)), nothing, ASKED, seconds=60)
-    assert (own.geometry, own.productivity) == (0, 0)
-    assert np.isnan(own.rocks)
+def test_unknown_heights_are_wrong_and_without_true_rocks_there_is_no_score_for_rocks():
+    none = np.zeros((2, 5), bool)
+    score = points(np.full((2, 5), np.nan), none, np.zeros((2, 5)), none, SCORED, seconds=60)
+    assert (score.geometry, score.productivity) == (0, 0)
+    assert np.isnan(score.rocks)
 
 
-def test_a_cell_is_as_high_as_the_mean_of_its_16_rays_and_a_rock_where_one_of_them_meets_one():
-    """A box over the left quarter of a cell of 0.16 m: 4 rays of 16 meet it, 0.2 m above ground that rises with y."""
+def test_a_cell_has_the_mean_height_of_16_rays_and_is_rock_if_a_ray_hits_a_rock():
+    """A box over the left quarter of a cell of 0.16 m is hit by 4 of 16 rays, 0.2 m above ground that rises with y."""
     bare = bare_world(np.tile(0.1 * np.arange(21)[:, None] * 0.1, (1, 21)), 0.1, -1.0, -1.0)
     box = trimesh.creation.box((0.04, 0.16, 0.4), trimesh.transformations.translation_matrix([-0.06, 0.0, 0.1]))
     world = replace(bare, vertices=np.asarray(box.vertices, np.float32), triangles=np.asarray(box.faces, np.int32))
@@ -54,26 +54,26 @@ def poses(seed: int, count: int = 8) -> list[Pose]:
 
 
 @given(st.integers(0, 1000))
-def test_errors_are_evos(seed):
+def test_errors_equal_those_of_evo(seed):
     metrics = pytest.importorskip("evo.core.metrics", reason="evo is not installed")
     trajectory = pytest.importorskip("evo.core.trajectory", reason="evo is not installed")
     estimated, true = poses(seed), poses(seed + 5000)
-    paths = [trajectory.PosePath3D(poses_se3=[_matrix(pose) for pose in some]) for some in (estimated, true)]
+    paths = [trajectory.PosePath3D(poses_se3=[_matrix(pose) for pose in part]) for part in (estimated, true)]
     moved = metrics.RPE(metrics.PoseRelation.translation_part, 1, metrics.Unit.frames)
     turned = metrics.RPE(metrics.PoseRelation.rotation_angle_rad, 1, metrics.Unit.frames)
-    for one in (moved, turned):
-        one.process_data((paths[1], paths[0]))
-    own = relative_error(estimated, true)
-    np.testing.assert_allclose(own, [one.get_statistic(metrics.StatisticsType.rmse) for one in (moved, turned)])
+    for metric in (moved, turned):
+        metric.process_data((paths[1], paths[0]))
+    errors = relative_error(estimated, true)
+    np.testing.assert_allclose(errors, [m.get_statistic(metrics.StatisticsType.rmse) for m in (moved, turned)])
     aligned = deepcopy(paths[0])
     aligned.align(paths[1])
     absolute = metrics.APE(metrics.PoseRelation.translation_part)
     absolute.process_data((paths[1], aligned))
-    positions = [np.array([pose.translation for pose in some]) for some in (estimated, true)]
+    positions = [np.array([pose.translation for pose in part]) for part in (estimated, true)]
     assert absolute_error(*positions) == pytest.approx(absolute.get_statistic(metrics.StatisticsType.rmse))
 
 
-def test_a_moved_and_turned_trajectory_has_no_error_and_two_poses_are_too_few():
+def test_a_rigid_motion_has_no_error_and_two_poses_are_too_few():
     true = np.array([pose.translation for pose in poses(1)])
     moved = Pose.from_rotvec(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2, 3])).apply(true)
     assert absolute_error(moved, true) < 1e-12

@@ -1,4 +1,4 @@
-"""Paths keep off hazards, bend no more than the rover can, and are none where there is none."""
+"""Paths keep away from hazards, respect the maximum curvature, and are None if there is no path."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ GRID = HazardGrid(bare_world(np.zeros((81, 121)), 0.1, -2.0, -4.0))
 PLANNER = Planner(WHEELS, PlannerOptions())
 GOAL = np.array([8.0, 0.0])
 X, Y = np.meshgrid(GRID.x, GRID.y)
-ROUNDED = (np.sqrt(2) - 1) * GRID.cell_m / FINE  # of distances: between cells of the field across corners
+ROUNDED = (np.sqrt(2) - 1) * GRID.cell_m / FINE  # of distances between diagonal cells of the field
 
 
 def blocked(*rocks: tuple[float, float]) -> np.ndarray:
@@ -31,13 +31,13 @@ def planned(cells: np.ndarray, tall: np.ndarray | None = None) -> np.ndarray | N
     return PLANNER.plan(field, 0.0, 0.0, 0.0, GOAL)
 
 
-def test_a_path_ends_on_ground_that_was_seen_and_there_is_none_where_nothing_was():
-    """By night, without lights, the rover drove on over rocks that it did not see."""
+def test_a_path_ends_on_observed_ground_and_without_observations_there_is_none():
+    """Without this rule, a rover without lights at night drove over rocks that it did not observe."""
     free = np.zeros(X.shape, bool)
-    left = (Y > 0.9) & (X > 1.0)
-    for seen, there in ((free, False), (left, True)):
+    left_side = (Y > 0.9) & (X > 1.0)
+    for seen, exists in ((free, False), (left_side, True)):
         path = PLANNER.plan(field_of(GRID, free, free, seen), 0.0, 0.0, 0.0, GOAL)
-        assert (path is not None) == there
+        assert (path is not None) == exists
     _, y, heading = path[-1]
     wheels = np.array([y + np.sin(heading) * u + np.cos(heading) * v for u, v in WHEELS])
     assert (wheels > 0.8).sum() >= 2
@@ -45,85 +45,86 @@ def test_a_path_ends_on_ground_that_was_seen_and_there_is_none_where_nothing_was
 
 @settings(max_examples=6, deadline=None)
 @given(st.lists(st.tuples(st.floats(1.8, 6.0), st.floats(-2.0, 2.0)), max_size=5))
-def test_a_path_keeps_its_wheels_off_hazards_and_bends_no_more_than_allowed(rocks):
+def test_wheels_keep_away_from_hazards_and_curvature_is_limited(rocks):
     path = planned(blocked(*rocks))
     if path is None:
         return
     wheels = np.array([[x + np.cos(a) * u - np.sin(a) * v, y + np.sin(a) * u + np.cos(a) * v]
                        for x, y, a in path[1:] for u, v in WHEELS])  # fmt: skip
     for x, y in zip(X[blocked(*rocks)], Y[blocked(*rocks)], strict=True):
-        beyond = np.maximum(np.abs(wheels - [x, y]) - GRID.cell_m / 2, 0)
-        assert np.hypot(*beyond.T).min() > PLANNER.options.wheel_gap_m - ROUNDED
+        outside = np.maximum(np.abs(wheels - [x, y]) - GRID.cell_m / 2, 0)
+        assert np.hypot(*outside.T).min() > PLANNER.options.wheel_gap_m - ROUNDED
     turned = np.abs(np.diff(path[:, 2]))
     moved = np.hypot(*np.diff(path[:, :2], axis=0).T)
-    assert (turned <= PLANNER.options.curvature_1_m * moved * 1.02 + 1e-9).all()  # a chord is shorter than its arc
+    assert (turned <= PLANNER.options.curvature_1_m * moved * 1.02 + 1e-9).all()  # a chord is shorter than the arc
 
 
 def test_distances_are_to_the_edges_of_hazards_and_rounded_down(rng):
-    """They were between centres of cells, 7 cm too large at worst, and a wheel kept 8 cm of a gap of 15."""
+    """Distances between the centres of cells were up to 7 cm too large, so that a wheel kept 8 cm instead of 15."""
     cells = blocked((3.0, 0.0), (4.0, 0.6))
     field = field_of(GRID, cells, cells, np.ones_like(cells))
     x, y = rng.uniform(2.0, 5.0, 2000), rng.uniform(-1.0, 1.6, 2000)
-    beyond = [np.maximum(np.abs(at[:, None] - centres[cells]) - GRID.cell_m / 2, 0) for at, centres in ((x, X), (y, Y))]
-    true = np.hypot(*beyond).min(axis=1)
+    half = GRID.cell_m / 2
+    outside = [np.maximum(np.abs(at[:, None] - centres[cells]) - half, 0) for at, centres in ((x, X), (y, Y))]
+    true = np.hypot(*outside).min(axis=1)
     for distances in (field.wheels, field.body):
-        found = field.at(distances, x, y)
-        assert (found <= true + ROUNDED + 1e-9).all()
-        assert (found >= true - 2.5 * field.cell).all()
+        computed = field.at(distances, x, y)
+        assert (computed <= true + ROUNDED + 1e-9).all()
+        assert (computed >= true - 2.5 * field.cell).all()
 
 
-def test_free_ground_is_crossed_straight_and_a_low_rock_straddled():
+def test_paths_over_free_ground_are_straight_and_low_rocks_pass_between_the_wheels():
     for cells in (blocked(), blocked((3.0, 0.0))):
         np.testing.assert_allclose(planned(cells)[:, 1], 0.0, atol=1e-9)
 
 
-def test_a_rock_that_the_body_cannot_pass_over_is_gone_round():
+def test_a_rock_too_high_for_the_body_is_avoided():
     cells = blocked((3.0, 0.0))
     assert np.abs(planned(cells, cells)[:, 1]).max() > 0.5
 
 
-def test_a_wall_leaves_no_path():
+def test_a_wall_allows_no_path():
     assert planned(np.abs(X - 3.0) < 0.16) is None
 
 
-def test_every_bend_of_the_lattice_ends_at_its_node_and_heading():
-    found = edges(0.9)
-    assert len(found) == 48
-    for edge in found:
+def test_all_bends_of_the_lattice_end_at_their_node_and_heading():
+    lattice = edges(0.9)
+    assert len(lattice) == 48
+    for edge in lattice:
         np.testing.assert_allclose(edge.places[-1, :2], 0.15 * np.array([edge.columns, edge.rows]), atol=1e-12)
 
 
 def pilot_at(*stops):
-    """One that stopped at places (x, 0) before."""
+    """Return a pilot that stopped at positions (x, 0) before."""
     driver = Pilot.__new__(Pilot)
     driver.options, driver.planner, driver._wheelbase = AutonomyOptions(), PLANNER, 1.284
     driver.stops = [Stop(0.0, x, 0.0, 0.0) for x in stops]
     return driver
 
 
-def test_a_rover_backs_off_only_where_it_also_comes_to_rest_on_the_ground():
+def test_a_rover_backs_off_only_if_it_stops_on_the_ground():
     driver = pilot_at()
     free = field_of(GRID, blocked(), blocked(), np.ones_like(blocked()))
-    for x, backs in ((0.3, True), (-0.1, False)):  # the ground ends at -2: rear wheels come to -1.14, and to -1.54 m
+    for x, backs in ((0.3, True), (-0.1, False)):  # the ground ends at -2 m: rear wheels stop at -1.14 and -1.54 m
         driver._back_to = None
         driver._back_off(free, x, 0.0, 0.0)
         assert (driver._back_to == (x, 0.0)) is backs, x
 
 
-def test_a_rover_that_stops_where_it_stopped_before_backs_off_farther_where_there_is_room():
-    """Else it comes back to the same blind alley, from where it is too near to turn away."""
+def test_a_repeated_stop_backs_off_farther_if_there_is_room():
+    """Otherwise the rover returns to the same dead end, too close to turn away."""
     free = field_of(GRID, blocked(), blocked(), np.ones_like(blocked()))
     for stops, x, times in (([3.0], 3.0, 1), ([1.0, 3.0], 3.0, 1), ([3.4, 3.0], 3.0, 2), ([2.0] * 9, 2.0, 4)):
         driver = pilot_at(*stops)
         driver._back_off(free, x, 0.0, 0.0)
         assert driver._back_by == pytest.approx(times * 0.8), stops
-    driver = pilot_at(0.4, 0.3)  # there is room for once on the ground
+    driver = pilot_at(0.4, 0.3)  # the ground has room for a single distance only
     driver._back_off(free, 0.3, 0.0, 0.0)
     assert driver._back_by == pytest.approx(0.8)
 
 
-def test_a_rover_beside_a_hazard_leaves_it_and_comes_no_nearer_and_one_over_a_false_rock_goes_on():
-    beside = blocked((-0.6, 0.75))  # its cells reach into the gap of the left rear wheel
+def test_a_rover_next_to_a_hazard_leaves_it_and_a_hazard_below_the_rover_is_ignored():
+    beside = blocked((-0.6, 0.75))  # cells within the gap of the left rear wheel
     ground = field_of(GRID, beside, np.zeros_like(beside), np.ones_like(beside))
     here = np.zeros(3)
     least = PLANNER.clearance(ground, here)
@@ -131,14 +132,14 @@ def test_a_rover_beside_a_hazard_leaves_it_and_comes_no_nearer_and_one_over_a_fa
     path = PLANNER.plan(ground, *here, GOAL)
     assert path is not None
     assert (PLANNER.clearance(ground, path) >= least).all()
-    far = np.hypot(path[:, 0], path[:, 1]) > 1.0
-    assert (PLANNER.clearance(ground, path[far]) > 0).all()
+    distant = np.hypot(path[:, 0], path[:, 1]) > 1.0
+    assert (PLANNER.clearance(ground, path[distant]) > 0).all()
     under = blocked((-0.6, 0.0))
     assert planned(under, under) is not None
     assert planned(blocked((1.5, 0.6)), None) is not None
 
 
-def test_a_hazard_ahead_of_a_rover_that_stands_too_near_another_still_has_to_be_gone_round():
+def test_a_hazard_ahead_is_avoided_also_by_a_rover_too_close_to_another():
     cells = blocked((-0.6, 0.75), (2.5, 0.6), (2.5, -0.6))
     path = planned(cells)
     ground = field_of(GRID, cells, np.zeros_like(cells), np.ones_like(cells))

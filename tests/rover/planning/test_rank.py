@@ -1,4 +1,4 @@
-"""Whether detectors with a smaller gap drive better: coefficients as SciPy's, no claim of few, or by chance."""
+"""Rank correlations of detectors: coefficients equal SciPy's, and no claims from few detectors or by chance."""
 
 import numpy as np
 import pandas as pd
@@ -14,7 +14,7 @@ NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") 
 
 
 def every(hits: dict[str, list[float]], rock_map: float = 150.0) -> pd.DataFrame:
-    """Drives of each detector, one a seed, with so many collisions."""
+    """Return drives of detectors, one per seed, with these numbers of collisions."""
     found = [
         ("detector", "3", "0256", "off", "hapke", name, seed, "finished", metric, "", value)
         for name, values in hits.items()
@@ -36,16 +36,16 @@ def ranks(hits: dict[str, list[float]], ipd: list[float]) -> pd.DataFrame:
     return ranked(driven(every(hits), "hapke"), gaps(ipd)).set_index(["gap", "drive"])
 
 
-def test_coefficients_are_scipys_ties_and_all():
+def test_coefficients_equal_scipys_with_ties():
     random = np.random.default_rng(0)
     one, other = random.integers(0, 4, (20, 7)), random.integers(0, 4, (20, 7))
     for own, theirs in ((spearman, stats.spearmanr), (kendall, stats.kendalltau)):
         expected = [theirs(a, b).statistic for a, b in zip(one, other, strict=True)]
         np.testing.assert_allclose(own(one, other), expected, atol=1e-12)
-    assert np.isnan(spearman(np.ones((1, 4)), other[:1, :4])).all()  # all alike: no order
+    assert np.isnan(spearman(np.ones((1, 4)), other[:1, :4])).all()  # all equal: no order
 
 
-def test_a_smaller_gap_that_drives_better_is_above_zero_and_said():
+def test_a_smaller_gap_with_better_drives_has_a_positive_coefficient():
     hits = {name: [number + 2.0, number + 2.0, number + 3.0] for number, name in enumerate(NAMES)}
     table = ranks(hits, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     row = table.loc[("ipd", "collisions")]
@@ -53,30 +53,30 @@ def test_a_smaller_gap_that_drives_better_is_above_zero_and_said():
     assert row[["spearman", "spearman_low", "kendall", "kendall_high"]].tolist() == [1, 1, 1, 1]
     assert row["kendall_p"] == pytest.approx(2 / 720)
     assert row["says"] == "better"
-    assert table.loc[("ipd", "success"), "says"] == "nothing to order by"  # none succeeds
-    assert table.loc[("map50", "collisions"), "says"] == "nothing to order by"  # all have the same
+    assert table.loc[("ipd", "success"), "says"] == "nothing to order by"  # no drive succeeds
+    assert table.loc[("map50", "collisions"), "says"] == "nothing to order by"  # all detectors have the same value
     turned = ranks(hits, [0.6, 0.5, 0.4, 0.3, 0.2, 0.1]).loc[("ipd", "collisions")]
     assert (turned["spearman"], turned["says"]) == (-1, "worse")
-    assert ("rock_f1", "rock_points") not in table.index  # the same figure twice
+    assert ("rock_f1", "rock_points") not in table.index  # the same metric twice
 
 
-def test_of_few_detectors_an_interval_is_printed_and_nothing_claimed():
+def test_few_detectors_have_an_interval_but_no_verdict():
     hits = {name: [number + 1.0, number + 2.0] for number, name in enumerate(NAMES[:4])}
     row = ranks(hits, [0.1, 0.2, 0.3, 0.4]).loc[("ipd", "collisions")]
     assert row[["kendall", "kendall_low", "kendall_high"]].tolist() == [1, 1, 1]
     assert row["says"] == "too few detectors"
 
 
-def test_an_order_that_seeds_turn_round_is_not_shown():
+def test_an_order_that_depends_on_the_seed_is_not_shown():
     hits = {name: [number + 0.0, 6.0 - number] for number, name in enumerate(NAMES)}
     row = ranks(hits, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]).loc[("ipd", "collisions")]
     assert (row["kendall_low"], row["kendall_high"]) == (-1, 1)
     one_seed = ranks({name: values[:1] for name, values in hits.items()}, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     assert one_seed.loc[("ipd", "collisions"), "unit"] == "light"
-    assert np.isnan(one_seed.loc[("ipd", "collisions"), "kendall_low"])  # one drive a detector
+    assert np.isnan(one_seed.loc[("ipd", "collisions"), "kendall_low"])  # one drive per detector
 
 
-def test_gaps_are_of_rocks_between_photos_and_the_rovers_pictures(tmp_path):
+def test_gaps_are_those_of_rocks_between_photos_and_pictures_of_the_rover(tmp_path):
     common = {"trained": "hapke", "seed": 1, "split": "position"}
     cells = [("rock", "hapke", 0.6), ("rock", "principled", 0.7), ("shadow", "hapke", 0.1)]
     detection = pd.DataFrame([common | {"kind": kind, "evaluated": on, "map50": value} for kind, on, value in cells])
@@ -94,10 +94,10 @@ def test_gaps_are_of_rocks_between_photos_and_the_rovers_pictures(tmp_path):
     assert np.isnan(by_detector.loc["packaged", "ipd"])
     table = pd.read_parquet(files["ranks"]).set_index(["gap", "drive"])
     assert table.loc[("ipd", "collisions"), "detectors"] == 1
-    assert table.loc[("rock_f1", "collisions"), "detectors"] == 2  # of its maps every detector has one
+    assert table.loc[("rock_f1", "collisions"), "detectors"] == 2  # all detectors have a score of the map
 
 
-def test_without_a_drive_by_a_detector_there_is_nothing_to_rank(tmp_path):
+def test_no_drive_by_a_detector_is_an_error(tmp_path):
     write_parquet(tmp_path / "every.parquet", every({"a": [0.0]}).assign(mode="stereo"))
     with pytest.raises(RoverError, match=r"every\.parquet"):
         rank_detectors(
@@ -105,8 +105,8 @@ def test_without_a_drive_by_a_detector_there_is_nothing_to_rank(tmp_path):
         )
 
 
-def test_a_detector_that_drove_in_easier_light_is_not_ranked_by_it():
-    """With lights on, driven by one detector alone, nothing is hit."""
+def test_a_detector_that_drove_in_easier_light_has_no_advantage():
+    """With lights on, driven by a single detector, there are no collisions."""
     drives = every({name: [2.0, 2.0] for name in NAMES})
     easy = every({NAMES[0]: [0.0, 0.0]}).assign(lights="on")
     kept = driven(pd.concat([drives, easy]), "hapke")

@@ -1,4 +1,4 @@
-"""Displaced soil: how much of it there is, and how it looks."""
+"""Volume and shape of displaced soil."""
 
 import math
 
@@ -13,12 +13,12 @@ from tests.reference.soil_rig import LOAD_A, WHEEL_A, SoilBin, flat_ground, volu
 
 
 def pressed_volume(ground: Ground) -> float:
-    """All that wheels pressed down for good, m3."""
+    """Return the volume that wheels compressed permanently, m3."""
     return float((ground.state[..., PLASTIC] / ground.normals[..., 2]).sum()) * ground.cell**2
 
 
 def roll(bed: SoilBin, metres: float, start: float = 0.4, load: float = LOAD_A, speed: float = 0.2) -> None:
-    """Roll a wheel along +x, its height held back by a damper, then lift it off."""
+    """Roll a wheel along +x with damped height, then lift it."""
     dt, height, sinking = 1e-3, WHEEL_A.radius, 0.0
     spin = np.array([[0.0, speed / WHEEL_A.radius, 0.0]])
     for step in range(round(metres / (0.95 * speed * dt))):
@@ -34,7 +34,7 @@ def roll(bed: SoilBin, metres: float, start: float = 0.4, load: float = LOAD_A, 
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_a_share_of_what_is_pressed_moves_aside_and_no_more(lunar, share):
+def test_a_share_of_the_pressed_volume_moves_aside(lunar, share):
     bed = SoilBin(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing=Bulldozing(share=share))
     roll(bed, 0.5)
     pressed = pressed_volume(bed.ground)
@@ -44,8 +44,8 @@ def test_a_share_of_what_is_pressed_moves_aside_and_no_more(lunar, share):
 
 
 @pytest.mark.parametrize("cell", [0.01, 0.02])
-def test_berms_have_no_teeth(lunar, cell):
-    """What alternates from node to node along a rut, against the berm's height."""
+def test_berms_have_no_sawtooth(lunar, cell):
+    """Alternation between adjacent nodes along a rut, relative to the height of the berm."""
     bed = SoilBin(flat_ground(1.8, 0.7, cell), lunar.law(), bulldozing=Bulldozing())
     roll(bed, 0.9)
     level = bed.ground.level[:, round(0.7 / cell) : round(1.1 / cell)]
@@ -54,7 +54,7 @@ def test_berms_have_no_teeth(lunar, cell):
     assert teeth < 0.02 * level.max()
 
 
-def test_berms_stand_on_both_sides_of_a_rut(lunar):
+def test_berms_are_at_both_sides_of_a_rut(lunar):
     bed = SoilBin(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing=Bulldozing())
     roll(bed, 0.6)
     profile = bed.ground.level[:, round(0.7 / 0.02)]
@@ -66,7 +66,7 @@ def test_berms_stand_on_both_sides_of_a_rut(lunar):
 
 
 def heap(angle_deg: float) -> Ground:
-    """Soil that was poured out: a cone twice as steep as it can rest, and random heaps and pits next to it."""
+    """Return poured soil: a cone of twice the stable slope, and random heaps and pits next to it."""
     ground = make_ground(np.zeros((81, 81)), 0.02)
     x, y = np.meshgrid(ground.x - 0.6, ground.y - 0.8)
     poured = np.maximum(0.2 - 2 * math.tan(math.radians(angle_deg)) * np.hypot(x, y), 0.0)
@@ -77,7 +77,7 @@ def heap(angle_deg: float) -> Ground:
 
 
 def steepest(ground: Ground) -> tuple[float, float]:
-    """Tangents of the steepest slope between neighbours in eight directions, and of the steepest plane of a cell."""
+    """Return the maximum slope between adjacent nodes in eight directions, and of planes of cells, as tangents."""
     level, root = ground.level, math.sqrt(2)
     corners = level[1:, 1:] - level[:-1, :-1], level[1:, :-1] - level[:-1, 1:]
     straight = np.diff(level, axis=0), np.diff(level, axis=1)
@@ -86,7 +86,7 @@ def steepest(ground: Ground) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("angle_deg", [25.0, 36.0])
-def test_poured_soil_slides_to_its_angle_of_repose_in_eight_directions_and_none_is_lost(angle_deg):
+def test_poured_soil_slides_to_the_angle_of_repose_and_keeps_its_volume(angle_deg):
     ground = heap(angle_deg)
     tangent, before = math.tan(math.radians(angle_deg)), volume(ground)
     assert steepest(ground)[0] > 1.9 * tangent
@@ -97,21 +97,21 @@ def test_poured_soil_slides_to_its_angle_of_repose_in_eight_directions_and_none_
     assert volume(ground) == pytest.approx(before, rel=1e-10)
 
 
-def test_both_engines_settle_alike():
+def test_both_engines_settle_equally():
     grounds = [heap(30.0) for _ in range(2)]
-    for own, ground in zip((reference.settle, settle), grounds, strict=True):
-        own(ground, 30.0, sweeps=50)
+    for engine, ground in zip((reference.settle, settle), grounds, strict=True):
+        engine(ground, 30.0, sweeps=50)
     np.testing.assert_allclose(grounds[0].state, grounds[1].state, atol=1e-12)
 
 
-def test_ground_that_no_wheel_touched_does_not_slide():
+def test_undisturbed_ground_does_not_slide():
     steep = np.tile(np.arange(30) * 0.05, (30, 1))
     ground = make_ground(steep, 0.02)
     settle(ground)
     np.testing.assert_array_equal(ground.level, steep)
 
 
-def test_two_runs_leave_the_same_ground(lunar):
+def test_equal_runs_give_equal_ground(lunar):
     grounds = []
     for _ in range(2):
         bed = SoilBin(flat_ground(1.2, 0.6, 0.02), lunar.law(), bulldozing=Bulldozing())

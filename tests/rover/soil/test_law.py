@@ -1,4 +1,4 @@
-"""Soils by name, and what gravity makes of them."""
+"""Soils by name, and scaling with gravity."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,7 @@ def test_every_soil_has_a_source_and_a_gravity():
     assert all(soil.source and soil.gravity in (1.62, 9.81) for soil in soils.values())
 
 
-def test_an_unnamed_set_is_refused():
+def test_an_unknown_soil_is_an_error():
     with pytest.raises(RoverError) as error:
         read_soil(SOILS, "mud")
     assert error.value.path == SOILS
@@ -43,12 +43,12 @@ def test_an_unnamed_set_is_refused():
         ("mud,1e6,0,1,0,0,30,0,2e8,0,9.81,somebody", "K"),
     ],
 )
-def test_a_set_that_is_no_soil_is_refused_with_its_key(tmp_path, line, key):
+def test_the_error_of_an_invalid_soil_has_its_key(tmp_path, line, key):
     with pytest.raises(RoverError, match=key):
         read_soils(table_with(tmp_path, line))
 
 
-def test_a_table_without_sources_is_no_table_of_soils(tmp_path):
+def test_a_table_without_sources_is_an_error(tmp_path):
     path = tmp_path / "soils.csv"
     path.write_text("name,K_phi\nmud,1e6\n")
     with pytest.raises(FormatError, match="K_c"):
@@ -57,7 +57,7 @@ def test_a_table_without_sources_is_no_table_of_soils(tmp_path):
 
 @settings(max_examples=20, deadline=None)
 @given(gravity=st.floats(0.5, 20), slip=st.floats(0, 0.7))
-def test_a_wheel_of_equal_mass_sinks_equally_deep_at_any_gravity(gravity, slip):
+def test_sinkage_at_equal_mass_is_independent_of_gravity(gravity, slip):
     soil, mass = replace(read_soil(SOILS, "lunar"), K_e=4e9), 107.5
     on_moon = steady_wheel(WHEEL_A, soil.law(), mass * 1.62, slip)
     there = steady_wheel(WHEEL_A, soil.at_gravity(gravity).law(), mass * gravity, slip)
@@ -65,7 +65,7 @@ def test_a_wheel_of_equal_mass_sinks_equally_deep_at_any_gravity(gravity, slip):
     assert there.pull / gravity == pytest.approx(on_moon.pull / 1.62, rel=1e-5, abs=1e-4)
 
 
-def test_constants_left_alone_let_a_wheel_sink_three_times_as_deep_on_earth():
+def test_without_scaling_a_wheel_sinks_three_times_as_deep_on_earth():
     law = read_soil(SOILS, "lunar").law(slip_sinkage=False)
     ratio = (
         steady_wheel(WHEEL_A, law, 107.5 * 9.81, 0.03).sinkage / steady_wheel(WHEEL_A, law, 107.5 * 1.62, 0.03).sinkage

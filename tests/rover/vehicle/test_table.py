@@ -1,4 +1,4 @@
-"""The rover's table."""
+"""Table of the rover's parts."""
 
 import math
 from pathlib import Path
@@ -13,13 +13,13 @@ from polarsim.rover.vehicle.table import WHEELS, read_vehicle
 VIPER = Path(__file__).parents[3] / "config" / "viper.yaml"
 
 
-def test_viper_has_the_mass_the_base_and_the_eight_cameras_of_the_real_one():
+def test_viper_has_the_published_mass_wheelbase_and_cameras():
     viper = read_vehicle(VIPER)
     assert viper.mass == pytest.approx(430)
     assert viper.wheelbase == pytest.approx(1.284)
     assert {"ncl", "ncr", "acl", "acr", "hfp", "hfs", "hap", "has"} <= {camera.name for camera in viper.cameras}
     assert len(viper.lights) == 8
-    # Chrono's wheels stand at +-0.6418, +-0.6098 m.
+    # Chrono's wheels are at +-0.6418, +-0.6098 m.
     np.testing.assert_allclose(np.abs(viper.wheel_centres[:, :2]), [[0.6418, 0.6098]] * 4, atol=5e-4)
 
 
@@ -28,7 +28,7 @@ def test_left_wheels_and_cameras_are_left():
     assert [wheel.position_m[1] > 0 for wheel in viper.wheels] == [code[0] == "l" for code in WHEELS]
     assert [wheel.position_m[0] > 0 for wheel in viper.wheels] == [code[1] == "f" for code in WHEELS]
     assert viper.camera("ncl").position_m[1] > viper.camera("ncr").position_m[1]
-    assert viper.camera("acl").position_m[1] < viper.camera("acr").position_m[1]  # seen backwards
+    assert viper.camera("acl").position_m[1] < viper.camera("acr").position_m[1]  # they look backwards
 
 
 def test_a_field_of_view_becomes_a_focal_length():
@@ -56,16 +56,16 @@ def changed(tmp_path, change):
         (lambda c: c["lights"].append(c["lights"][0]), "light navlight_left"),
     ],
 )
-def test_a_table_that_is_no_rover_is_refused_with_file_and_key(tmp_path, change, key):
+def test_the_error_of_an_invalid_table_has_file_and_key(tmp_path, change, key):
     with pytest.raises(ConfigError, match=rf"rover\.yaml: .*{key}"):
         read_vehicle(changed(tmp_path, change))
 
 
-def test_a_missing_table_is_refused(tmp_path):
+def test_a_missing_table_is_an_error(tmp_path):
     with pytest.raises(ConfigError, match=r"none\.yaml"):
         read_vehicle(tmp_path / "none.yaml")
 
 
-def test_an_unknown_camera_is_refused():
+def test_an_unknown_camera_is_an_error():
     with pytest.raises(ConfigError, match="tail"):
         read_vehicle(VIPER).camera("tail")

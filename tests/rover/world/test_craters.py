@@ -1,4 +1,4 @@
-"""Craters: how many by Trask's law, and what one does to the ground."""
+"""Craters: number by Trask's law, and shape."""
 
 from dataclasses import replace
 
@@ -15,19 +15,19 @@ def test_trasks_law_in_its_own_units():
         assert 1e12 * per_m2(diameter) == pytest.approx(10**10.9 / diameter**2, rel=0.01)
 
 
-def test_numbers_and_sizes_follow_the_law():
+def test_number_and_sizes_follow_the_law():
     options = CraterOptions(smallest_m=0.5, largest_m=20.0, share=0.5)
-    found = strewn_craters(options, 300.0, seed=1)
+    craters = strewn_craters(options, 300.0, seed=1)
     for diameter in (0.5, 1.0, 2.0, 4.0):
-        wanted = 0.5 * 300.0**2 * (per_m2(diameter) - per_m2(20.0))
-        assert (found.diameter >= diameter).sum() == pytest.approx(wanted, abs=4 * np.sqrt(wanted))
-    ratio = found.depth / found.diameter
+        expected = 0.5 * 300.0**2 * (per_m2(diameter) - per_m2(20.0))
+        assert (craters.diameter >= diameter).sum() == pytest.approx(expected, abs=4 * np.sqrt(expected))
+    ratio = craters.depth / craters.diameter
     assert (ratio.min(), ratio.max()) == pytest.approx(options.depth_over_diameter, abs=1e-3)
-    assert np.abs([found.x, found.y]).max() < 150
+    assert np.abs([craters.x, craters.y]).max() < 150
     assert not len(strewn_craters(replace(options, share=0.0), 300.0, 1).x)
 
 
-def test_a_crater_is_as_deep_and_as_wide_as_it_says():
+def test_a_crater_has_its_depth_and_diameter():
     x = np.linspace(-4, 4, 801)
     level = np.zeros((801, 801))
     dig(level, x, x, Craters(np.array([0.5]), np.array([-1.0]), np.array([2.0]), np.array([0.2])))
@@ -35,12 +35,12 @@ def test_a_crater_is_as_deep_and_as_wide_as_it_says():
     assert np.ptp(level) == pytest.approx(0.2, rel=1e-3)
     assert x[row.argmin()] == pytest.approx(0.5, abs=0.06)
     assert abs(x[row.argmax()] - 0.5) == pytest.approx(1.0, abs=0.1)
-    assert 0.5 * RIM_SHARE < row.max() / 0.2 < RIM_SHARE  # rounded, and no higher than a fresh one's
+    assert 0.5 * RIM_SHARE < row.max() / 0.2 < RIM_SHARE  # rounded, and at most as high as the rim of a fresh crater
     assert not row[np.abs(x - 0.5) > 3.15].any()
     assert np.abs(np.diff(profile(np.linspace(0, 4, 4001)))).max() < 0.003  # no step
 
 
-def test_a_crater_between_coarse_nodes_is_left_out_there_alone():
+def test_a_crater_is_omitted_only_where_nodes_are_too_coarse():
     x = np.concatenate([np.linspace(-3, 0, 61), np.arange(1.0, 4.0)])
     level = np.zeros((61, len(x)))
     y = np.linspace(-1.5, 1.5, 61)

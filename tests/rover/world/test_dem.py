@@ -1,4 +1,4 @@
-"""A world on an elevation model: heights, what lies around the grid, rocks in the table and as scenery."""
+"""World from an elevation model: heights, surroundings of the grid, rocks with and without labels."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def options(**dem):
 
 @pytest.fixture
 def hill(tmp_path):
-    """A GeoTIFF of 100 x 100 m that rises by 0.1 a metre to the east, with a hill 30 m north of its middle."""
+    """A GeoTIFF of 100 x 100 m that rises by 0.1 per metre to the east, with a hill 30 m north of the centre."""
     rasterio = pytest.importorskip("rasterio", reason="rasterio is not installed")
     x, y = np.meshgrid(np.arange(-49.5, 50), np.arange(49.5, -50, -1))
     height = 1200 + 0.1 * x + 8 * np.exp(-(x**2 + (y - 30) ** 2) / 50)
@@ -34,7 +34,7 @@ def hill(tmp_path):
     return tmp_path / "hill.tif"
 
 
-def test_the_ground_is_the_models_up_to_the_horizon(hill):
+def test_the_ground_is_that_of_the_model_up_to_the_horizon(hill):
     world = dem_world(options(path=hill, **BARE), TERRAINS, PATH)
     assert (world.x[0], world.x[-1], world.y[0], world.y[-1]) == pytest.approx((-3.0, 3.0, -1.5, 1.5))
     np.testing.assert_allclose(world.level, np.broadcast_to(0.1 * world.x, world.level.shape), atol=1e-3)
@@ -43,7 +43,7 @@ def test_the_ground_is_the_models_up_to_the_horizon(hill):
     assert min(-world.around.x[0], world.around.x[-1], -world.around.y[0], world.around.y[-1]) >= 40.0
 
 
-def test_nodes_stand_farther_apart_with_the_distance_and_go_on_from_the_grids():
+def test_the_distance_of_nodes_grows_outside_the_grid():
     around = dem_world(options(**BARE), TERRAINS, PATH).around
     for nodes, half in ((around.x, 3.0), (around.y, 1.5)):
         step = np.diff(nodes)
@@ -54,18 +54,18 @@ def test_nodes_stand_farther_apart_with_the_distance_and_go_on_from_the_grids():
         assert step.max() > 1.0
 
 
-def test_the_same_options_are_the_same_world_and_a_seed_is_another(tmp_path):
-    one, again, two = (dem_world(options(seed=seed), TERRAINS, PATH) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(one.level, again.level)
-    np.testing.assert_array_equal(one.vertices, again.vertices)
-    assert (one.level != two.level).any()
-    write_world(tmp_path / "a", one)
+def test_equal_options_give_equal_worlds_and_seeds_differ(tmp_path):
+    first, again, second = (dem_world(options(seed=seed), TERRAINS, PATH) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first.level, again.level)
+    np.testing.assert_array_equal(first.vertices, again.vertices)
+    assert (first.level != second.level).any()
+    write_world(tmp_path / "a", first)
     write_world(tmp_path / "b", read_world(tmp_path / "a"))
     for name in ("ground.npz", "rocks.npz", "rocks.parquet"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_every_rock_stands_on_the_ground_and_none_at_the_start():
+def test_rocks_are_on_the_ground_and_not_at_the_start():
     world = dem_world(options(), TERRAINS, PATH)
     assert len(world.rocks) > 50
     for row in world.rocks.sample(10, random_state=0).to_dict("records"):
@@ -79,7 +79,7 @@ def test_every_rock_stands_on_the_ground_and_none_at_the_start():
     assert (near["x_m"].abs() < 3.0 + near["radius_m"]).all()
 
 
-def test_what_labels_have_no_number_for_is_scenery_and_coarser(monkeypatch):
+def test_rocks_without_labels_are_part_of_the_surroundings_and_coarser(monkeypatch):
     every = dem_world(options(), TERRAINS, PATH)
     monkeypatch.setattr(module, "_MOST_ROCKS", len(every.rocks_on_grid) + 5)
     few = dem_world(options(), TERRAINS, PATH)
@@ -87,29 +87,29 @@ def test_what_labels_have_no_number_for_is_scenery_and_coarser(monkeypatch):
     np.testing.assert_array_equal(few.rocks_on_grid["x_m"], every.rocks_on_grid["x_m"])
     assert len(every.around.triangles) == 0
     assert len(few.around.triangles) > 0
-    # The five are those that look largest from the grid.
-    away = np.hypot(every.rocks["x_m"].abs() - 3, (every.rocks["y_m"].abs() - 1.5).clip(lower=0))
+    # The five have the largest angular size from the grid.
+    distance = np.hypot(every.rocks["x_m"].abs() - 3, (every.rocks["y_m"].abs() - 1.5).clip(lower=0))
     assert few.rocks["width_m"].sum() < every.rocks["width_m"].sum()
     assert len(few.rocks[~few.rocks["x_m"].isin(every.rocks["x_m"])]) == 0
-    assert len(away) == len(every.rocks)
+    assert len(distance) == len(every.rocks)
 
 
-def test_two_drives_share_the_world_but_for_its_noise():
+def test_drives_share_the_world_except_for_noise():
     world = dem_world(options(), TERRAINS, PATH)
-    one, two = rough_world(world, 0.001, 1), rough_world(world, 0.001, 2)
-    for seen, other, bare in (
-        (one.level, two.level, world.level),
-        (one.around.level, two.around.level, world.around.level),
+    first, second = rough_world(world, 0.001, 1), rough_world(world, 0.001, 2)
+    for level, other, bare in (
+        (first.level, second.level, world.level),
+        (first.around.level, second.around.level, world.around.level),
     ):
-        assert (seen != other).any()
-        assert np.abs(seen - bare).max() < 0.01
+        assert (level != other).any()
+        assert np.abs(level - bare).max() < 0.01
 
 
-def test_a_path_out_of_the_square_is_refused():
+def test_a_path_out_of_the_square_is_an_error():
     with pytest.raises(RoverError, match=r"rover\.world\.dem"):
         dem_world(options(), TERRAINS, np.array([[2.0, 0.0], [-9.0, 0.0]]))
 
 
-def test_a_model_smaller_than_the_square_is_refused_with_its_name(hill):
+def test_a_model_smaller_than_the_square_is_an_error_with_its_path(hill):
     with pytest.raises(FormatError, match=r"hill\.tif"):
         dem_world(options(path=hill, size_m=120.0), TERRAINS, PATH)

@@ -1,4 +1,4 @@
-"""Rocks as convex parts, and the soil under them."""
+"""Convex parts of rocks, and soil nodes under rocks."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from polarsim.rover.world.stitch import Terrain, stitch
 from tests.rover.made_world import SMALL, ball, plane
 
 
-def test_soil_under_a_rock_is_the_rocks():
+def test_nodes_under_a_rock_are_marked():
     world = stitch([Terrain(4, plane(0.0), {7: ball(0, 0, 0)}), Terrain(1, plane(0.0), {})], SMALL)
     y, x = np.meshgrid(world.y, world.x, indexing="ij")
     distance = np.hypot(x - 1.75, y)
@@ -27,7 +27,7 @@ def test_a_convex_rock_is_one_part():
 
 
 def bent() -> trimesh.Trimesh:
-    """Two blocks with a gap between them on a plate: its hull fills the gap."""
+    """Return two blocks on a plate with a gap between them, which a convex hull would fill."""
     pieces = [((0.4, 0.1, 0.02), 0.0, 0.01), ((0.1, 0.1, 0.2), -0.15, 0.1), ((0.1, 0.1, 0.2), 0.15, 0.1)]
     return trimesh.util.concatenate(
         [
@@ -39,11 +39,11 @@ def bent() -> trimesh.Trimesh:
     )
 
 
-def test_a_hollow_rock_is_split_until_its_hulls_do_not_fill_the_hollow():
+def test_a_hollow_rock_is_split_until_hulls_leave_the_hollow_free():
     mesh = bent()
     parts = [corners for corners, _ in convex_parts(mesh.vertices, mesh.faces)]
     assert 1 < len(parts) <= 16
-    # Over the centre of the gap no hull stands as high as that of the whole did, 0.2 m.
+    # At the centre of the gap, hulls are lower than the hull of the entire rock, 0.2 m.
     tops = []
     for part in parts:
         hull = trimesh.convex.convex_hull(part)
@@ -55,14 +55,14 @@ def test_a_hollow_rock_is_split_until_its_hulls_do_not_fill_the_hollow():
     np.testing.assert_allclose(corners.max(axis=0), mesh.vertices.max(axis=0))
 
 
-def test_no_more_parts_are_made_than_allowed():
+def test_the_number_of_parts_is_limited():
     mesh = bent()
     parts = convex_parts(mesh.vertices, mesh.faces, 1e-6, 3)
     assert len(parts) == 3
-    assert max(deviation for _, deviation in parts) > 1e-6  # and it is said
+    assert max(deviation for _, deviation in parts) > 1e-6  # and is reported
 
 
-def test_every_rock_of_a_world_has_a_hull_around_it():
+def test_all_rocks_of_a_world_have_hulls():
     world = stitch([Terrain(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), Terrain(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL)
     parts = rock_parts(world)
     assert [part.rock for part in parts] == world.rocks["rock"].tolist()
@@ -71,7 +71,7 @@ def test_every_rock_of_a_world_has_a_hull_around_it():
 
 
 def bumpy(random: np.random.Generator) -> trimesh.Trimesh:
-    """A rock with hollows: a ball of 0.12 m, its radius a sum of waves over it."""
+    """Return a rock with hollows: a sphere of 0.12 m with waves of the radius."""
     mesh = trimesh.creation.icosphere(3, 0.12)
     waves = random.uniform(-5, 5, (3, 3)), random.uniform(0, 6.3, 3)
     mesh.vertices *= (1 + 0.1 * np.sin(mesh.vertices / 0.12 @ waves[0].T + waves[1]).sum(axis=1))[:, None]
@@ -79,13 +79,13 @@ def bumpy(random: np.random.Generator) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_parts_deviate_from_the_mesh_by_no_more_than_is_said(seed):
-    """The maximum counts, not the mean; measured by other means, on all that is open to the sky."""
+def test_the_deviation_of_parts_from_the_mesh_is_bounded(seed):
+    """Maximum over all surfaces that are open to the sky, measured independently."""
     mesh = bumpy(np.random.default_rng(seed))
     parts = convex_parts(mesh.vertices, mesh.faces)
-    said = max(deviation for _, deviation in parts)
+    stated = max(deviation for _, deviation in parts)
     assert len(parts) > 1
-    assert said <= DEVIATION_M
+    assert stated <= DEVIATION_M
     points = np.concatenate([trimesh.convex.convex_hull(corners).sample(1500, seed=seed) for corners, _ in parts])
     inside = np.zeros(len(points), bool)
     for corners, _ in parts:

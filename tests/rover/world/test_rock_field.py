@@ -1,4 +1,4 @@
-"""Rocks by Golombek and Rapp's law, in the shapes of a run's rocks."""
+"""Rocks by Golombek and Rapp's law, with shapes of a run's rocks."""
 
 import numpy as np
 import pytest
@@ -27,13 +27,13 @@ def shape(diameter=0.1):
 
 
 def covered_share(diameter_m: float, abundance: float) -> float:
-    """Of the ground, by rocks of this diameter or more (Golombek and Rapp, 1997)."""
+    """Return the share of the ground covered by rocks of at least this diameter (Golombek and Rapp, 1997)."""
     return abundance * np.exp(-(1.79 + 0.152 / abundance) * diameter_m)
 
 
 @pytest.mark.parametrize("abundance", [0.01, 0.1])
-def test_as_many_rocks_as_cover_the_stated_share(abundance):
-    """The number's density times each outline, summed from a size on, is the law's share."""
+def test_rocks_cover_the_share_of_the_law(abundance):
+    """The integral of density times outline from a size on is the share of the law."""
     for smallest in (0.05, 0.3):
 
         def covers(d, step=1e-5):
@@ -41,18 +41,18 @@ def test_as_many_rocks_as_cover_the_stated_share(abundance):
             return density * np.pi * d * d / 4
 
         share = quad(covers, smallest, 5.0, limit=200)[0]
-        wanted = covered_share(smallest, abundance) - covered_share(5.0, abundance)
-        assert share == pytest.approx(float(wanted), rel=1e-3)
+        expected = covered_share(smallest, abundance) - covered_share(5.0, abundance)
+        assert share == pytest.approx(float(expected), rel=1e-3)
 
 
-def test_strewn_sizes_follow_the_law_and_nothing_overlaps():
+def test_sizes_follow_the_law_and_rocks_do_not_overlap():
     options = RockLaw(abundance=0.05, smallest_m=0.1, largest_m=1.0, clear_m=3.0)
     start = np.array([[5.0, 0.0]])
     field = strewn_rocks(options, [shape()], 60.0, start, seed=3)
     assert (np.diff(field.diameter) <= 0).all()
     for size in (0.1, 0.2, 0.4):
-        wanted = 3600 * (per_m2(size, 0.05) - per_m2(1.0, 0.05))
-        assert (field.diameter >= size).sum() == pytest.approx(wanted, abs=4 * np.sqrt(wanted))
+        expected = 3600 * (per_m2(size, 0.05) - per_m2(1.0, 0.05))
+        assert (field.diameter >= size).sum() == pytest.approx(expected, abs=4 * np.sqrt(expected))
     place = np.stack([field.x, field.y], axis=1)
     large = place[:400], field.diameter[:400]
     gap = np.linalg.norm(large[0][:, None] - large[0], axis=-1) - (large[1][:, None] + large[1]) / 2
@@ -61,14 +61,14 @@ def test_strewn_sizes_follow_the_law_and_nothing_overlaps():
     assert np.abs(place).max() <= 30
 
 
-def test_a_seed_is_a_field():
-    one, again, two = (strewn_rocks(RockLaw(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.x, again.x)
-    np.testing.assert_array_equal(one.diameter, again.diameter)
-    assert len(one.x) != len(two.x) or (one.x != two.x).any()
+def test_equal_seeds_give_equal_fields():
+    first, again, second = (strewn_rocks(RockLaw(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.x, again.x)
+    np.testing.assert_array_equal(first.diameter, again.diameter)
+    assert len(first.x) != len(second.x) or (first.x != second.x).any()
 
 
-def test_large_rocks_take_their_shapes_from_the_larger_half():
+def test_large_rocks_use_shapes_of_the_larger_half():
     shapes = [shape(diameter) for diameter in (0.3, 0.06, 0.2, 0.08)]
     field = strewn_rocks(RockLaw(abundance=0.1), shapes, 10.0, NOWHERE, 0)
     large = field.diameter > 0.14
@@ -76,13 +76,13 @@ def test_large_rocks_take_their_shapes_from_the_larger_half():
     assert set(field.shape[~large]) == {0, 1, 2, 3}
 
 
-def test_a_shape_is_a_rock_on_its_ground_with_an_outline_of_diameter_one():
-    terrain = Terrain(4, plane(-0.3), {7: ball(0.2, -0.1, -0.26, 0.1)})  # its middle stands 4 cm above the ground
-    (found,) = shapes_of([terrain], (20,))
-    fine, coarse = found.levels
-    assert (found.terrain, found.rock) == (4, 7)
-    assert found.diameter_m == pytest.approx(0.2, rel=0.03)
-    assert found.diameter_m * fine.vertices[:, 2].max() == pytest.approx(0.14, abs=1e-3)
+def test_a_shape_has_unit_diameter_and_the_ground_at_zero():
+    terrain = Terrain(4, plane(-0.3), {7: ball(0.2, -0.1, -0.26, 0.1)})  # the centre is 4 cm above the ground
+    (rock,) = shapes_of([terrain], (20,))
+    fine, coarse = rock.levels
+    assert (rock.terrain, rock.rock) == (4, 7)
+    assert rock.diameter_m == pytest.approx(0.2, rel=0.03)
+    assert rock.diameter_m * fine.vertices[:, 2].max() == pytest.approx(0.14, abs=1e-3)
     assert len(coarse.faces) <= 36 < len(fine.faces)
     assert (coarse.vertices[:, None] == fine.vertices).all(axis=-1).any(axis=1).all()
     assert (np.einsum("ij,ij->i", coarse.normals(), coarse.vertices - coarse.vertices.mean(axis=0)) > 0).all()
@@ -92,12 +92,12 @@ def test_a_shape_is_a_rock_on_its_ground_with_an_outline_of_diameter_one():
     np.testing.assert_allclose(placed[:, :2].mean(axis=0), [3.0, 2.0], atol=0.01)
 
 
-def test_a_turned_shape_turns_about_the_vertical():
+def test_a_shape_rotates_about_the_vertical():
     corner = Mesh(np.array([[1.0, 0.0, 0.5]]), np.zeros((0, 3), int))
     np.testing.assert_allclose(posed(corner, 2.0, np.pi / 2, np.array([1.0, 1, 1])), [[1.0, 3.0, 2.0]], atol=1e-12)
 
 
-def test_a_shape_has_as_many_triangles_as_its_size_in_the_world_asks_for():
+def test_large_shapes_have_more_triangles():
     mesh = ball(0, 0, 0, radius=0.5)
     small, large, huge = (smooth(mesh, diameter_m) for diameter_m in (0.1, 0.5, 20.0))
     assert small is mesh
@@ -106,6 +106,6 @@ def test_a_shape_has_as_many_triangles_as_its_size_in_the_world_asks_for():
     assert len(large.faces) < len(huge.faces) <= 50_000
 
 
-def test_terrains_without_a_rock_lend_none():
-    with pytest.raises(RoverError, match="terrains 4"):
+def test_terrains_without_rocks_are_an_error():
+    with pytest.raises(RoverError, match=r"rover\.world\.dem\.rocks"):
         shapes_of([Terrain(4, plane(0.0), {})], ())

@@ -10,7 +10,7 @@ from polarsim.rover.world.stitch import Terrain, centres, fill_holes, read_terra
 from tests.rover.made_world import SMALL, ball, plane
 
 
-def test_the_first_terrain_lies_in_the_east():
+def test_the_first_terrain_is_in_the_east():
     np.testing.assert_allclose(centres(SMALL), [1.75, -1.75])
     world = stitch([Terrain(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), Terrain(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL)
     assert list(world.rocks["terrain"]) == [4, 1]
@@ -20,12 +20,12 @@ def test_the_first_terrain_lies_in_the_east():
     np.testing.assert_allclose(world.rocks["width_m"], 0.2, atol=5e-3)
 
 
-def test_grounds_of_one_slope_meet_without_a_seam_whatever_their_level():
+def test_grounds_of_equal_slope_join_without_a_seam_at_any_level():
     world = stitch([Terrain(4, plane(-0.2, 0.1), {}), Terrain(1, plane(0.05, 0.1), {})], SMALL)
     centre = np.abs(world.y) < 1.9
     inside = np.abs(world.x) < 3.4
-    wanted = np.broadcast_to(0.1 * world.y[:, None], world.level.shape)
-    np.testing.assert_allclose(world.level[np.ix_(centre, inside)], wanted[np.ix_(centre, inside)], atol=1e-6)
+    expected = np.broadcast_to(0.1 * world.y[:, None], world.level.shape)
+    np.testing.assert_allclose(world.level[np.ix_(centre, inside)], expected[np.ix_(centre, inside)], atol=1e-6)
 
 
 def test_filler_ground_is_level_far_from_the_terrains():
@@ -34,24 +34,24 @@ def test_filler_ground_is_level_far_from_the_terrains():
     assert np.isfinite(world.level).all()
 
 
-def test_a_hole_under_a_rock_is_filled_from_its_rim():
+def test_a_hole_under_a_rock_is_filled_from_its_edge():
     y, x = np.meshgrid(np.arange(12.0), np.arange(15.0), indexing="ij")
     level = 0.1 * x - 0.2 * y
     holed = level.copy()
     holed[3:7, 4:9] = np.nan
-    # A plane is what a membrane over a hole in a plane is.
+    # The membrane over a hole in a plane is the plane.
     np.testing.assert_allclose(fill_holes(holed, np.ones(level.shape, bool)), level, atol=1e-9)
 
 
-def test_a_world_differs_between_seeds_and_not_within_one():
+def test_noise_depends_on_the_seed():
     flat = stitch([Terrain(4, plane(0.0), {}), Terrain(1, plane(0.0), {})], SMALL)
-    one, again, two = (rough_world(flat, 0.001, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.level, again.level)
-    assert (one.level != two.level).any()
-    assert (one.level - flat.level).std() == pytest.approx(0.001, rel=0.1)
+    first, again, second = (rough_world(flat, 0.001, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.level, again.level)
+    assert (first.level != second.level).any()
+    assert (first.level - flat.level).std() == pytest.approx(0.001, rel=0.1)
 
 
-def test_decimated_rocks_are_taken_where_they_are_there(tmp_path):
+def test_decimated_rocks_are_preferred(tmp_path):
     obj.write(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
     obj.write(tmp_path / "terrain04_rock1.obj", ball(0, 0, 0, 0.2), "rock")
     obj.write(tmp_path / "terrain04_rock1_decimate-005.obj", ball(0, 0, 0, 0.1), "rock")
@@ -61,19 +61,19 @@ def test_decimated_rocks_are_taken_where_they_are_there(tmp_path):
     assert sorted(rocks) == [1, 2]
 
 
-def test_a_rock_without_volume_is_refused_with_its_file(tmp_path):
+def test_the_error_of_a_rock_without_volume_has_its_file(tmp_path):
     obj.write(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
     obj.write(tmp_path / "terrain04_rock1.obj", plane(0.1, half=0.1), "rock")
     with pytest.raises(RoverError, match=r"terrain04_rock1\.obj"):
         read_terrain(tmp_path, 4)
 
 
-def test_a_missing_ground_is_refused(tmp_path):
+def test_a_missing_ground_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"terrain04_ground\.obj"):
         read_terrain(tmp_path, 4)
 
 
-def test_a_ground_that_covers_nothing_is_refused():
+def test_a_ground_outside_its_part_is_an_error():
     far = Mesh(plane(0.0).vertices + np.array([9.0, 0.0, 0.0]), plane(0.0).faces)
     with pytest.raises(RoverError, match="terrain 4"):
         stitch([Terrain(4, far, {}), Terrain(1, plane(0.0), {})], SMALL)

@@ -1,4 +1,4 @@
-"""Heights between nodes, and rocks of a world."""
+"""Heights between nodes, and meshes of rocks."""
 
 import numpy as np
 import pytest
@@ -10,12 +10,12 @@ from polarsim.rover.world.surface import World, bare_world, bilinear, read_world
 
 @settings(max_examples=25, deadline=None)
 @given(a=st.floats(-2, 2), b=st.floats(-2, 2), x=st.floats(-1, -0.7), y=st.floats(2, 2.2))
-def test_heights_between_nodes_of_a_plane_lie_on_it(a, b, x, y):
+def test_heights_between_nodes_of_a_plane_are_on_the_plane(a, b, x, y):
     columns, rows = np.meshgrid(-1 + 0.1 * np.arange(4), 2 + 0.1 * np.arange(3))
     assert bilinear(a * columns + b * rows, -1.0, 2.0, 0.1, x, y) == pytest.approx(a * x + b * y, abs=1e-9)
 
 
-def test_one_rock_is_taken_out_of_a_world(tmp_path):
+def test_the_mesh_of_a_rock_reads_back(tmp_path):
     import pandas as pd
 
     bare = bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0)
@@ -28,6 +28,6 @@ def test_one_rock_is_taken_out_of_a_world(tmp_path):
         }
     )  # fmt: skip
     write_world(tmp_path, World(bare.x0, bare.y0, bare.cell, bare.level, rocks, vertices, triangles))
-    found, faces = read_world(tmp_path).rock_mesh(1)
-    np.testing.assert_array_equal(found, vertices[4:])
+    corners, faces = read_world(tmp_path).rock_mesh(1)
+    np.testing.assert_array_equal(corners, vertices[4:])
     np.testing.assert_array_equal(faces, [[0, 1, 2], [1, 2, 3]])
