@@ -26,7 +26,7 @@ class Collisions:
     def update(self, state: State) -> frozenset[int]:
         """Return the numbers of the rocks touched since the last call and not at the last call.
 
-        Wheel contacts are those of all physics steps since the last call, body contacts those of the current state.
+        Wheel contacts include all physics steps since the last call; body contacts are computed for the current state.
         """
         by_wheels = self._simulation.rocks_touched_since(self._steps) & frozenset(self._rocks.tolist())
         self._steps = self._simulation.steps

@@ -1,4 +1,4 @@
-"""Autonomous drives, in which the rover plans its path.
+"""Autonomous drives with a path planned by the rover.
 
 Steps in order: `cases` (the drives of a run), `planner` (a path between hazards), `pilot` (decisions during a drive),
 `drive` (a drive), `pictures` (pictures of the front camera), `touches` (touched rocks), `challenge` (score of the map),

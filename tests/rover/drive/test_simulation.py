@@ -54,7 +54,7 @@ def test_at_rest_the_soil_carries_the_weight_and_an_accelerometer_measures_gravi
     np.testing.assert_allclose(last.acceleration, [0, 0, 1.62], atol=2e-3)
     assert np.abs(last.velocity).max() < 1e-4
     assert set(last.wheel("contact")) == {1}
-    # Bekker's wheel at rest, theta_1 = theta_2, has twice the contact area of a rolling wheel: less than its 17 mm.
+    # Bekker's wheel at rest, theta_1 = theta_2, has twice the contact of a rolling wheel, so it sinks less than 17 mm.
     assert (last.wheel("sinkage_first_m") > 0.008).all()
     assert (last.wheel("sinkage_first_m") < 0.017).all()
 
