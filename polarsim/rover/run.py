@@ -12,9 +12,9 @@ from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.drive.job import job_of
 from polarsim.rover.drive.ride import drive_to_end, identity_of
-from polarsim.rover.drive.table import figures_of
+from polarsim.rover.drive.table import rover_metrics
 from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
-from polarsim.rover.export.bag import write_changed_bag
+from polarsim.rover.export.bag import write_bag_if_stale
 from polarsim.rover.export.urdf import write_urdf
 from polarsim.rover.export.video import make_videos
 from polarsim.rover.options import RoverOptions
@@ -40,14 +40,14 @@ def run_all(
 ) -> pd.DataFrame:
     """Drive, render the pictures, run the onboard detector, write the bag and the URDF.
 
-    Returns the metrics of the drive, see `figures_of`.
+    Returns the metrics of the drive, see `rover_metrics`.
 
     Raises
     ------
     PolarsimError
         A step fails; one line.
     """
-    trace = driven(meshes, folder, options, seed, progress)
+    trace = drive_or_read(meshes, folder, options, seed, progress)
     vehicle, suite = read_vehicle(options.drive.vehicle), options.cameras
     write_urdf(folder / URDF, vehicle)
     if pictures:
@@ -59,11 +59,11 @@ def run_all(
         if suite.videos:
             make_videos(folder, vehicle, suite, seed, threads)
     if options.bags:
-        write_changed_bag(folder, folder / BAG, vehicle, options.bag, seed)
-    return figures_of(trace)
+        write_bag_if_stale(folder, folder / BAG, vehicle, options.bag, seed)
+    return rover_metrics(trace)
 
 
-def driven(
+def drive_or_read(
     meshes: Path, folder: Path, options: RoverOptions, seed: int, progress: Callable[[float], None] | None
 ) -> Trace:
     """Return the trace of the drive in the folder if job and code are the same, otherwise of a new drive."""

@@ -12,7 +12,7 @@ from polarsim.formats.tables import write_parquet
 from polarsim.render.options import MODELS
 from polarsim.report.figures.shots import draw_sequence
 from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, CameraSuiteOptions
-from polarsim.rover.planning.cases import cases, parsed
+from polarsim.rover.planning.cases import cases, parse_case
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.run_files.picture_sets import PictureSet, exposure_name, exposure_order
 
@@ -51,7 +51,7 @@ def test_other_names_are_refused(name):
 def test_a_drive_is_read_back_from_its_name_in_every_model_and_exposure(exposures):
     cameras = CameraSuiteOptions(exposures_ms=exposures, models=MODELS)
     every = cases(AutonomyOptions(headlights=("off", "on")), cameras, (0,), ["packaged_rover", "principled-seed0"])
-    assert [parsed(case.name) for case in every] == every
+    assert [parse_case(case.name) for case in every] == every
     assert {float(case.exposure) for case in every if case.mode == "stereo"} == set(exposures)
 
 

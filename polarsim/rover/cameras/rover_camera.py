@@ -25,7 +25,7 @@ from polarsim.rover.cameras.lights import Sun, headlights, named_sun
 from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, Light
 from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
 from polarsim.rover.cameras.tracks import Lattice, WheelTracks
-from polarsim.rover.drive.control import Path
+from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.state import State
 from polarsim.rover.vehicle.mounts import pose_of
 from polarsim.rover.vehicle.table import WHEELS, LightPart, Vehicle
@@ -174,7 +174,7 @@ def auto_exposure_ms(light: np.ndarray, gain: float) -> float:
     return float(np.clip((WHITE_LEVEL - BLACK_LEVEL) / max(bright * gain, 1e-9), *_EXPOSURES_MS))
 
 
-def near_path(world: World, path: Path, beside_m: float) -> np.ndarray:
+def near_path(world: World, path: ReferencePath, beside_m: float) -> np.ndarray:
     """Return (rows, columns) bool: nodes of the world's ground within `beside_m` of a path."""
     x, y = np.meshgrid(world.x, world.y)
     points = np.stack([x, y], axis=-1)

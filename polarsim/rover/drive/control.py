@@ -67,7 +67,7 @@ def steer(
 
 
 @dataclass(frozen=True)
-class Path:
+class ReferencePath:
     """Polyline through points (n, 2) of the world."""
 
     points: np.ndarray
@@ -122,7 +122,7 @@ class Driver:
     State: `line`, `turning`, `done` and `drift`, the angle that compensates a steady lateral drift.
     """
 
-    path: Path
+    path: ReferencePath
     law: SteeringLaw
     line: int = 0
     turning: bool = False

@@ -12,10 +12,12 @@ from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import Vehicle
 
-LARGEST_PHASE = 1.0  # maximum phase, rad per step, of the stiffest oscillation: a wheel on elastic soil
+MAX_PHASE_RAD = 1.0  # maximum phase, rad per step, of the stiffest oscillation: a wheel on elastic soil
 BOUND = 0.02  # maximum share of missing energy; a valid drive misses at most 0.0007
-LEAST = 5.0  # J; minimum input for which a share is computed
-GUARDED = 100.0  # J, a few metres of drive: minimum denominator of the check, since settling wheels cause small errors
+MIN_INPUT_J = 5.0  # J; minimum input for which a share is computed
+MIN_CHECKED_J = (
+    100.0  # J, a few metres of drive: minimum denominator of the check, since settling wheels cause small errors
+)
 
 
 class EnergyError(RoverError):
@@ -55,7 +57,7 @@ class Account:
     @property
     def open(self) -> float:
         """`missing` as a share of `put_in`; 0 while the input is small."""
-        return self.missing / self.put_in if self.put_in > LEAST else 0.0
+        return self.missing / self.put_in if self.put_in > MIN_INPUT_J else 0.0
 
 
 def require_closed(account: Account, time: float) -> None:
@@ -66,7 +68,7 @@ def require_closed(account: Account, time: float) -> None:
     EnergyError
         More than `BOUND` of the energy is unaccounted for.
     """
-    whole = max(account.put_in, GUARDED)
+    whole = max(account.put_in, MIN_CHECKED_J)
     if not abs(account.missing) <= BOUND * whole:  # true for NaN
         raise EnergyError(
             f"at {time:.2f} s {100 * account.missing / whole:.2g} % of the energy is missing, at most "
@@ -89,7 +91,7 @@ def largest_step(vehicle: Vehicle, law: ContactLaw, gravity: float) -> float:
         sunk = (1.5 * load / (wheel.width_m * stiffness * math.sqrt(2 * wheel.radius_m))) ** (2 / 3)
         area = wheel.width_m * math.sqrt(2 * wheel.radius_m * sunk)
         unsprung = wheel.mass_kg + wheel.arm_mass_kg + wheel.upright_mass_kg
-        steps.append(LARGEST_PHASE / math.sqrt(law.K_e * area / unsprung))
+        steps.append(MAX_PHASE_RAD / math.sqrt(law.K_e * area / unsprung))
     return min(steps)
 
 

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.randomness import generator, unsigned_zeros
-from polarsim.rover.drive.control import Path as Route
-from polarsim.rover.drive.control import Steering, SteeringLaw
+from polarsim.rover.drive.control import ReferencePath, Steering, SteeringLaw
 from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.state import EDGE, OffGridError, Start
 from polarsim.rover.soil.law import Soil, read_soil
@@ -90,9 +89,9 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
     )
 
 
-def route_of(job: Job) -> Route:
+def route_of(job: Job) -> ReferencePath:
     """Return the path of a job, see `path_of`."""
-    return Route(np.array(path_of(job.rocks, job.drive)))
+    return ReferencePath(np.array(path_of(job.rocks, job.drive)))
 
 
 def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> tuple[Point, ...]:
@@ -104,7 +103,7 @@ def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> 
     return drive.path_m or ((half, 0.0), (-half, 0.0))
 
 
-def require_on_grid(world: World, vehicle: Vehicle, route: Route) -> None:
+def require_on_grid(world: World, vehicle: Vehicle, route: ReferencePath) -> None:
     """Check that no wheel leaves the grid along a path.
 
     Raises
@@ -138,7 +137,7 @@ def law_of(options: DriveOptions) -> SteeringLaw:
     )
 
 
-def start_of(job: Job, route: Route) -> Start:
+def start_of(job: Job, route: ReferencePath) -> Start:
     """Return the path's first point, displaced and rotated by the seed."""
     heading = float(route.headings[0])
     bounds = job.drive.spread * np.array([ALONG_M, OFFSET_M, math.radians(HEADING_DEG)])

@@ -28,7 +28,7 @@ CONTROL_HZ = 100.0  # commands per second
 STUCK_S, STUCK_SHARE = 10.0, 0.05  # stuck: less than this share of the commanded progress in this time, s
 SETTLE_S = 2.0  # time at rest before time 0, in which the rover sinks into the soil
 SAVE_EVERY_S = 10.0  # simulated time between saved states
-LEAST_CHANGE = 1e-5  # m: smaller changes of the ground are not stored
+MIN_LEVEL_CHANGE = 1e-5  # m: smaller changes of the ground are not stored
 Progress = Callable[[float], None]  # completed share of the path, 0 to 1
 
 
@@ -63,7 +63,7 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
     failure = None
     while ride.ended is None:
         try:
-            ride.go_on(SAVE_EVERY_S)
+            ride.run_for(SAVE_EVERY_S)
         except EnergyError as error:
             failure, ride.ended, ride.reason = error, "energy", str(error)
         if progress:
@@ -106,7 +106,7 @@ class Ride:
         self.reason = ""
         self._identity = identity_of(job)
 
-    def go_on(self, seconds: float) -> None:
+    def run_for(self, seconds: float) -> None:
         """Drive for a given time, or to the end.
 
         Raises
@@ -211,7 +211,7 @@ class Ride:
     def _show(self) -> None:
         """Store the cells that changed since the last frame."""
         level = self.simulation.ground.state[..., LEVEL].astype(np.float32)
-        cells = np.flatnonzero(np.abs(level - self._shown) > LEAST_CHANGE).astype(np.int32)
+        cells = np.flatnonzero(np.abs(level - self._shown) > MIN_LEVEL_CHANGE).astype(np.int32)
         levels = level.ravel()[cells]
         self._shown.ravel()[cells] = levels
         self.frames.append((self.simulation.time, cells, levels))

@@ -31,20 +31,20 @@ def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> Non
         The files of a drive are missing or broken.
     """
     traces = [read_trace(folder) for folder in folders]
-    parts = [figures_of(trace) for trace in traces]
+    parts = [rover_metrics(trace) for trace in traces]
     tables.write_parquet(each, pd.concat(parts, ignore_index=True))
     tables.write_parquet(together, drive_table(traces))
 
 
-def figures_of(trace: Trace) -> pd.DataFrame:
+def rover_metrics(trace: Trace) -> pd.DataFrame:
     """Return the metrics of the rover in a drive, `EVERY_DRIVE.columns`."""
-    metrics = drive_figures(trace)
+    metrics = wheel_metrics(trace)
     header = trace.drive
     columns = {"seed": int(header["seed"]), "control": header["options"]["drive"]["control"], "ended": header["ended"]}
     return metrics[metrics["wheel"] == WHOLE].assign(**columns)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
 
 
-def drive_figures(trace: Trace) -> pd.DataFrame:
+def wheel_metrics(trace: Trace) -> pd.DataFrame:
     """Return the metrics of a drive, a row per metric and wheel: `metric`, `wheel`, `unit`, `value`.
 
     Means are over logged rows in motion. Slip, sinkage and torque exclude rows in which the wheel touches a rock, where
@@ -92,7 +92,7 @@ def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
     Traces may have different control laws (`heading`, `P-only`), see the column `control`.
     """
     parts = [
-        drive_figures(trace).assign(control=trace.drive["options"]["drive"]["control"], seed=trace.drive["seed"])
+        wheel_metrics(trace).assign(control=trace.drive["options"]["drive"]["control"], seed=trace.drive["seed"])
         for trace in traces
     ]
     if not parts:

@@ -52,7 +52,7 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, se
         return bags.write(temporary, streams)
 
 
-def write_changed_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> bool:
+def write_bag_if_stale(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> bool:
     """Write the bag unless it is current; return whether it was written.
 
     Raises
@@ -71,7 +71,7 @@ def write_changed_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOpt
     return True
 
 
-def picked(times: np.ndarray, hz: float) -> np.ndarray:
+def first_per_period(times: np.ndarray, hz: float) -> np.ndarray:
     """Return the index of the first time in each period of a rate; all indices if the rate exceeds that of `times`."""
     period = np.floor(times * hz + 1e-6)
     return np.flatnonzero(np.diff(period, prepend=-np.inf) > 0)
@@ -94,7 +94,7 @@ def _states(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
     rates = {name: np.gradient(table[name].to_numpy(), times) for name in _joint_columns(("lift_m", "steer_rad"))}
     rates |= {f"{code}_spin_rad": table[f"{code}_spin_rad_s"].to_numpy() for code in WHEELS}
     order = [f"{code}_{name}" for code in WHEELS for name in ("lift_m", "steer_rad", "spin_rad")]
-    for index in picked(times, STATE_HZ):
+    for index in first_per_period(times, STATE_HZ):
         row = {str(name): value for name, value in table.iloc[int(index)].items()}
         time_ns = stamp_ns(row["time_s"])
         base = _base(row)
@@ -130,7 +130,7 @@ def _imu(trace: Trace, seed: int) -> Iterator[Stamped]:
     readings = table[["ax_m_s2", "ay_m_s2", "az_m_s2", "wx_rad_s", "wy_rad_s", "wz_rad_s"]].to_numpy()
     quaternions = table[["qx", "qy", "qz", "qw"]].to_numpy()
     times = table["time_s"].to_numpy()
-    for index in picked(times, IMU_HZ):
+    for index in first_per_period(times, IMU_HZ):
         time_ns, true = stamp_ns(float(times[index])), readings[index]
         read = true + noise.normal(size=6) * np.repeat(sd, 3)
         yield time_ns, "/imu", "sensor_msgs/msg/Imu", messages.imu(time_ns, read[:3], read[3:], sd, None)
@@ -145,7 +145,7 @@ def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
         return
     world, tracks = trace.world, trace.tracks
     step = max(1, round(HEIGHT_CELL_M / world.cell))
-    selected = set(picked(tracks.time, options.height_hz).tolist())
+    selected = set(first_per_period(tracks.time, options.height_hz).tolist())
     level = world.level.copy()
     for frame, time_s in enumerate(tracks.time):
         tracks.apply(frame, level)

@@ -148,7 +148,7 @@ def shown(pixels: np.ndarray) -> np.ndarray:
     return to_8bit(pixels, WHITE_LEVEL - BLACK_LEVEL)
 
 
-def drawn(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
+def with_boxes(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
     """Return the picture (h, w, 3) with boxes, columns kind, confidence and corners: rocks yellow, shadows blue."""
     import cv2
 
@@ -168,7 +168,7 @@ def _shown(paths: list[Path], frames: list[int], boxes: pd.DataFrame | None, con
         picture = shown(png.read(path))
         if boxes is not None:
             selected = boxes[(boxes["frame"] == frame) & (boxes["confidence"] >= confidence)]
-            picture = drawn(picture, selected[["kind", "confidence", *BOX]])
+            picture = with_boxes(picture, selected[["kind", "confidence", *BOX]])
         yield picture
 
 

@@ -20,9 +20,9 @@ from polarsim.rover.world.stitch import rough_world
 from polarsim.rover.world.surface import World
 
 _MARGIN_M = 2.0  # from the ends of the world to start and goal
-DRIVE, SOIL, STRIP, LOOKS = DriveOptions(), SoilOptions(), WorldOptions(), AutonomyOptions()
+DRIVE, SOIL, STRIP, AUTONOMY_DEFAULTS = DriveOptions(), SoilOptions(), WorldOptions(), AutonomyOptions()
 # The camera sees ground from 2.2 m ahead on; no rock is closer to the start.
-MADE_UP = PracticeGround(length_m=12.0, width_m=8.0, rocks=40, smallest_m=0.15, largest_m=0.4, clear_m=2.5)
+PRACTICE_GROUND = PracticeGround(length_m=12.0, width_m=8.0, rocks=40, smallest_m=0.15, largest_m=0.4, clear_m=2.5)
 
 
 class Course(Protocol):
@@ -38,7 +38,7 @@ class Course(Protocol):
         ...
 
 
-class _Driven:
+class _VehicleCourse:
     """Course with the vehicle of the drive options, read once."""
 
     drive: DriveOptions
@@ -49,10 +49,10 @@ class _Driven:
 
 
 @dataclass(frozen=True)
-class MadeUpCourse(_Driven):
+class PracticeCourse(_VehicleCourse):
     """Random practice ground for each seed, driven from east to west."""
 
-    ground: PracticeGround = MADE_UP
+    ground: PracticeGround = PRACTICE_GROUND
     drive: DriveOptions = DRIVE
     soil: SoilOptions = SOIL
 
@@ -61,7 +61,7 @@ class MadeUpCourse(_Driven):
 
 
 @dataclass(frozen=True)
-class WorldCourse(_Driven):
+class WorldCourse(_VehicleCourse):
     """The same world for all seeds; starts differ."""
 
     world: World
@@ -73,7 +73,7 @@ class WorldCourse(_Driven):
 
 
 @dataclass(frozen=True)
-class TerrainCourse(_Driven):
+class TerrainCourse(_VehicleCourse):
     """Terrains of a run side by side, as in autonomous drives (`meshes/TerrainNN/`); seeds change the ground's noise.
 
     Raises (with the first job)
@@ -86,7 +86,7 @@ class TerrainCourse(_Driven):
     world: WorldOptions = STRIP
     drive: DriveOptions = DRIVE
     soil: SoilOptions = SOIL
-    options: AutonomyOptions = LOOKS
+    options: AutonomyOptions = AUTONOMY_DEFAULTS
 
     def job(self, seed: int) -> Job:
         world = rough_world(self._bare.world, self.drive.spread * GROUND_SD_M, seed)

@@ -22,14 +22,14 @@ from polarsim.errors import RoverError
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, CameraSuiteOptions, Light
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
-from polarsim.rover.drive.control import Command, Path
+from polarsim.rover.drive.control import Command, ReferencePath
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import start_of
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError, State, require_finite, upside_down
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.learn.collisions import Collisions
-from polarsim.rover.learn.courses import Course, MadeUpCourse
+from polarsim.rover.learn.courses import Course, PracticeCourse
 from polarsim.rover.learn.observation import STATE, crop, numbers
 from polarsim.rover.learn.options import TaskOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
@@ -88,7 +88,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise RoverError(f"render mode {render_mode!r}, expected 'rgb_array' or none")
-        self.render_mode, self.course, self.mode = render_mode, course or MadeUpCourse(), mode
+        self.render_mode, self.course, self.mode = render_mode, course or PracticeCourse(), mode
         self.options = options or AutonomyOptions(longest_s=120.0)
         self.cameras, self.render_options = cameras or CAMERAS, render or RenderOptions()
         self.task, self._image = task or TaskOptions(), image
@@ -131,7 +131,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         episode_seed = int(self.np_random.integers(2**31))
         self.light = self._lit(options or {})
         job = self.course.job(episode_seed)
-        self.line = Path(np.array(job.drive.path_m, float))
+        self.line = ReferencePath(np.array(job.drive.path_m, float))
         self.vehicle = job.vehicle
         self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.line))
         self.map = HazardGrid(job.world)

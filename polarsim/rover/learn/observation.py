@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from polarsim.rover.drive.control import Path, wrapped
+from polarsim.rover.drive.control import ReferencePath, wrapped
 from polarsim.rover.drive.state import State, tilt_of
 from polarsim.rover.learn.options import CropOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
@@ -45,7 +45,7 @@ def crop(grid: HazardGrid, state: State, options: CropOptions) -> np.ndarray:
     return np.rint(255 * np.clip(crops, 0.0, 1.0)).astype(np.uint8)
 
 
-def numbers(state: State, line: Path, look_age_s: float) -> np.ndarray:
+def numbers(state: State, line: ReferencePath, look_age_s: float) -> np.ndarray:
     """Return (len(STATE),) float32 for a state and a straight line."""
     x, y, heading = float(state.position[0]), float(state.position[1]), state.heading
     along, offset = line.beside(x, y, 0)

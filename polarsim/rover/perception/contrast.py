@@ -8,11 +8,11 @@ _RIM_PX = 2  # margin around a box that is included in the contrast
 _DARK_PERCENT, _BRIGHT_PERCENT = 2, 98
 WHITE = 255
 # Minimum contrast of a visible label, as a share of white. Rocks in the rover's shadow are below it.
-LEAST_CONTRAST = 0.06
+MIN_CONTRAST = 0.06
 
 
-def shows(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: boxes with a contrast of at least `LEAST_CONTRAST` in the picture, margin included.
+def has_contrast(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Return (n,) bool: boxes with a contrast of at least `MIN_CONTRAST` in the picture, margin included.
 
     Contrast is the difference of bright (98 %) and dark pixels (2 %), as a share of white.
 
@@ -31,5 +31,5 @@ def shows(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
         if right > left and bottom > top:
             part = picture[top:bottom, left:right]
             dark, bright = np.percentile(part, [_DARK_PERCENT, _BRIGHT_PERCENT])
-            visible[number] = bright - dark >= LEAST_CONTRAST * WHITE
+            visible[number] = bright - dark >= MIN_CONTRAST * WHITE
     return visible

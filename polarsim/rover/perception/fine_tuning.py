@@ -17,7 +17,7 @@ from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
-from polarsim.rover.perception.contrast import shows
+from polarsim.rover.perception.contrast import has_contrast
 from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.run_files.picture_sets import PictureSet
@@ -59,7 +59,7 @@ def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions) -> None:
             with about(picture.path):
                 eight = tone.to_8_bits(png.read(picture.path))
             classes, boxes = yolo.read_boxes(picture.labels, eight.shape[::-1])
-            kept = shows(eight, boxes)
+            kept = has_contrast(eight, boxes)
             numbers = range(count, count + options.windows)
             drawn = draw_windows(eight, classes[kept], boxes[kept], numbers, _WINDOW_PX, _WIDEST_PX, random)
             for number, window in zip(numbers, drawn, strict=True):

@@ -20,7 +20,7 @@ from polarsim.rover.world.surface import World
 
 PARTS = 4  # parts along a side of a cell, the resolution of the surface
 MISS_LOG_ODDS = 0.7  # decrease of a cell's log-odds by an update without a rock
-MOST_LOG_ODDS = 4.0  # bound of log-odds in both directions, so that a few updates can change a cell's state
+MAX_LOG_ODDS = 4.0  # bound of log-odds in both directions, so that a few updates can change a cell's state
 DECAY_S = 120.0  # time constant of the decay of log-odds, s
 _FILL_M = 0.6  # maximum distance over which gaps of the surface are interpolated
 
@@ -62,7 +62,7 @@ class HazardGrid:
         """Fuse an update."""
         rock = update.rock > 0
         change = update.weight * np.where(rock, update.rock, -MISS_LOG_ODDS)
-        self.log_odds = np.clip(self.log_odds + change, -MOST_LOG_ODDS, MOST_LOG_ODDS)
+        self.log_odds = np.clip(self.log_odds + change, -MAX_LOG_ODDS, MAX_LOG_ODDS)
         self.seen |= update.weight > 0
         weight = update.weight * rock
         self._height_sum += np.where(weight > 0, weight * np.nan_to_num(update.height), 0.0)

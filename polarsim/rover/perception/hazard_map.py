@@ -17,7 +17,13 @@ from polarsim.geometry.camera import Camera
 from polarsim.rover.cameras.layout import BOX
 from polarsim.rover.perception.cells import CELL_M, by_cells, rocks_on_ground, true_surface, visible_points
 from polarsim.rover.perception.ground_view import estimate
-from polarsim.rover.perception.sightings import MAP_FARTHEST_M, MAP_NEAREST_M, FrontCameraDrive, of_frames, sure_rocks
+from polarsim.rover.perception.sightings import (
+    MAP_FARTHEST_M,
+    MAP_NEAREST_M,
+    FrontCameraDrive,
+    confident_rocks,
+    rows_by_frame,
+)
 from polarsim.rover.world.surface import World
 
 _VOTES = 0.5  # minimum share of the weighted votes for a rock
@@ -69,9 +75,9 @@ def true_map(world: World, grid: Grid) -> HazardMap:
     return _cells(grid, height > 0, np.maximum(height, 0), np.ones(x.shape, bool))
 
 
-def mapped(detections: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confidence: float) -> HazardMap:
+def map_from_boxes(detections: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confidence: float) -> HazardMap:
     """Return the map of detected or labelled boxes, columns frame, kind, confidence and corners."""
-    by_frame = of_frames(sure_rocks(detections, confidence))
+    by_frame = rows_by_frame(confident_rocks(detections, confidence))
     x, y = np.meshgrid(grid.x, grid.y)
     weights, votes, heights = (np.zeros(x.shape) for _ in range(3))
     for frame in ride.frames:
@@ -94,7 +100,7 @@ def mapped(detections: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confide
     return _cells(grid, rock, height, weights > 0)
 
 
-def compared(estimated: HazardMap, true: HazardMap) -> pd.DataFrame:
+def compare_maps(estimated: HazardMap, true: HazardMap) -> pd.DataFrame:
     """Return a row: visible cells, right, false and missed rock cells, F1, and errors of height.
 
     Errors of height are the median over rock cells and the share of cells within 5 cm.

@@ -22,7 +22,7 @@ from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.perception import hazard_map, sightings
-from polarsim.rover.perception.contrast import shows
+from polarsim.rover.perception.contrast import has_contrast
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.perception.sightings import FrontCameraDrive
 from polarsim.rover.vehicle.mounts import FRONT
@@ -57,11 +57,11 @@ def measure_drive(
             for height in sightings.HEIGHTS_M
         }
         stops = {"stops": sightings.false_stops(truth, boxes, ride, confidence), "length_m": ride.length_m, **gaps}
-        estimated = hazard_map.mapped(boxes, ride, grid, confidence)
+        estimated = hazard_map.map_from_boxes(boxes, ride, grid, confidence)
         for name, table in (
             ("sightings", labelled),
             ("stable", stable.assign(stopping_m=ride.stopping_m)),
-            ("map", hazard_map.compared(estimated, true)),
+            ("map", hazard_map.compare_maps(estimated, true)),
             ("stops", pd.DataFrame([stops])),
         ):
             parts[name].append(table.assign(seed=seed, **row)[[*SETTING, *table.columns]])
@@ -117,5 +117,5 @@ def _visible(labels: pd.DataFrame, pictures: Path) -> pd.DataFrame:
         path = pictures / f"{frame:05d}.png"
         require_pictures([path])
         eight = tone.to_8_bits(png.read(path))
-        kept.append(rows[shows(eight, rows[BOX].to_numpy(float))])
+        kept.append(rows[has_contrast(eight, rows[BOX].to_numpy(float))])
     return pd.concat(kept) if kept else labels

@@ -28,7 +28,7 @@ from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions, Light
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
-from polarsim.rover.drive.control import Path
+from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.state import State
 from polarsim.rover.perception.detections import FrontCameraDetector
 from polarsim.rover.perception.ground_view import plane_under
@@ -82,7 +82,7 @@ class Perception:
         self,
         world: World,
         vehicle: Vehicle,
-        path: Path,
+        path: ReferencePath,
         mode: Mode,
         light: Light,
         cameras: CameraSuiteOptions,

@@ -66,7 +66,7 @@ def sightings(truth: pd.DataFrame, detections: pd.DataFrame, confidence: float) 
     Predicted rocks of at least `confidence` and labels are matched one to one with an IoU of at least 0.5.
     """
     rocks = truth[(truth["kind"] == ROCK) & (truth["distance_m"] <= FARTHEST_M)]
-    by_frame = of_frames(sure_rocks(detections, confidence))
+    by_frame = rows_by_frame(confident_rocks(detections, confidence))
     detected, of_row = np.zeros(len(rocks), bool), rocks["frame"].to_numpy()
     for frame in np.unique(of_row).tolist():
         rows = np.flatnonzero(of_row == frame)
@@ -134,8 +134,8 @@ def false_stops(truth: pd.DataFrame, detections: pd.DataFrame, ride: FrontCamera
     The rover stops if an estimated rock of at least `_STOP_HEIGHT_M` is in the path for `STABLE_FRAMES` consecutive
     frames. The stop is false if none of these rocks covers at least `FALSE_OVERLAP` of a labelled rock.
     """
-    labels = of_frames(truth[truth["kind"] == ROCK])
-    predicted = of_frames(sure_rocks(detections, confidence))
+    labels = rows_by_frame(truth[truth["kind"] == ROCK])
+    predicted = rows_by_frame(confident_rocks(detections, confidence))
     streak = stops = 0
     for frame in ride.frames:
         streak = streak + 1 if _false_positive(frame, labels.get(frame), predicted.get(frame), ride) else 0
@@ -159,11 +159,11 @@ def _false_positive(
     return bool((in_path & near & (rock.height >= _STOP_HEIGHT_M)).any())
 
 
-def of_frames(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
+def rows_by_frame(table: pd.DataFrame) -> dict[int, pd.DataFrame]:
     """Return the rows of each frame."""
     return {int(str(frame)): rows for frame, rows in table.groupby("frame")}
 
 
-def sure_rocks(detections: pd.DataFrame, confidence: float) -> pd.DataFrame:
+def confident_rocks(detections: pd.DataFrame, confidence: float) -> pd.DataFrame:
     """Return the boxes of rocks with at least this confidence."""
     return detections[(detections["kind"] == ROCK) & (detections["confidence"] >= confidence)]

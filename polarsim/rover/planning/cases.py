@@ -76,7 +76,7 @@ def cases(
     return result
 
 
-def parsed(name: str) -> Case:
+def parse_case(name: str) -> Case:
     """Return the drive with a name."""
     head, _, seed = name.rpartition("_seed")
     mode, *axes = head.split("_", len(AXES) - 1)
@@ -86,7 +86,7 @@ def parsed(name: str) -> Case:
     return Case(cast(Mode, mode), int(seed), **named)
 
 
-def matched(drives: pd.DataFrame, axis: str) -> pd.DataFrame:
+def matched_drives(drives: pd.DataFrame, axis: str) -> pd.DataFrame:
     """Return the drives whose other columns (of `AXES` and `seed`) occur with all levels of an axis.
 
     So levels are compared over the same Suns, exposures, lights, models, detectors and seeds, even if some combinations

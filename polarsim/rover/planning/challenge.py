@@ -1,8 +1,8 @@
 """Score of a drive's map by the rules of NASA's Lunar Autonomy Challenge (2025), as in the public leaderboard code.
 
 The height of a cell is the mean over 16 vertical rays of the first hit on ground or rock; the cell is rock if a ray
-hits a rock. The challenge scores a complete square of 15 cm cells; here only cells of the corridor are scored, along the
-straight line. The 150 points for localisation are given in full, since no fiducials are used; for the accuracy of
+hits a rock. The challenge scores a complete square of 15 cm cells; here only cells of the corridor along the straight
+line are scored. The 150 points for localisation are given in full, since no fiducials are used; for the accuracy of
 odometry see `trajectory`. Of 1000 points, 300 are for heights, 300 for rocks, 250 for productivity.
 """
 

@@ -16,7 +16,7 @@ from polarsim.formats.npz import write_arrays
 from polarsim.render.hits import one_blas_thread
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions, Light
-from polarsim.rover.drive.control import Path as Route
+from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import Job, job_of, path_of
 from polarsim.rover.drive.options import DriveOptions, Point
@@ -27,13 +27,13 @@ from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pictures import write_pictures
-from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot, pilot
+from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot, make_pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
 _AHEAD_M = 3.0  # from the start to the first terrain, and from the last terrain to the end
 _LOG_HZ = 20.0
-_GO_ON_S = 10.0
+_CHUNK_S = 10.0
 _BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
 MAP, PICTURES = "map.npz", "pictures"
 
@@ -86,7 +86,7 @@ def _line(world: WorldOptions, drive: DriveOptions) -> tuple[Point, Point]:
     return points[0], points[-1]
 
 
-def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
+def write_outcome(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
     """Write the files of a drive; equal drives give equal bytes."""
     grid = outcome.pilot.grid if outcome.pilot else HazardGrid(outcome.trace.world)
     write_trace(folder, outcome.trace)
@@ -97,7 +97,7 @@ def write(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:
     write_pictures(folder / PICTURES, outcome.pilot.observations if outcome.pilot else [])
 
 
-def drive(
+def run_autonomous_drive(
     job: Job,
     mode: Mode,
     light: Light,
@@ -117,21 +117,21 @@ def drive(
     """
     cpu, wall = time.process_time(), time.perf_counter()
     job = autonomous_job(job, options)
-    route = Route(np.array(job.drive.path_m, float))
+    route = ReferencePath(np.array(job.drive.path_m, float))
     driver: Pilot | None = None
     if mode != "blind":
         perception = Perception(
             job.world, job.vehicle, route, mode, light, cameras, job.seed,
             render=render, detector=detector, threads=threads,
         )  # fmt: skip
-        driver = pilot(route, perception, options)
+        driver = make_pilot(route, perception, options)
     ride = Ride(job, driver)
     if driver is not None:
         driver.attach(ride.simulation)
     with one_blas_thread():  # matrices are small, so threads would be slower
         while ride.ended is None:
             try:
-                ride.go_on(_GO_ON_S)
+                ride.run_for(_CHUNK_S)
             except EnergyError as error:
                 ride.ended, ride.reason = "energy", str(error)
             if driver is not None and driver.given_up and ride.ended is None:

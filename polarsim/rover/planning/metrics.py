@@ -12,7 +12,7 @@ from polarsim.rover.planning import challenge
 from polarsim.rover.planning.drive import Outcome
 from polarsim.rover.planning.odometry import odometry
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.planner import Planner, field_of
+from polarsim.rover.planning.planner import Planner, hazard_field
 from polarsim.rover.planning.trajectory import absolute_error, relative_error
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
@@ -125,7 +125,7 @@ def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) ->
         covered = np.hypot(x - rock["x_m"], y - rock["y_m"]) < rock["radius_m"] + pilot.grid.cell_m / 2
         blocked |= covered
         tall |= covered & (rock["height_m"] >= options.planner.clearance_m)
-    ground = field_of(pilot.grid, blocked, tall, np.ones(x.shape, bool))
+    ground = hazard_field(pilot.grid, blocked, tall, np.ones(x.shape, bool))
     planner = Planner(vehicle.wheel_centres[:, :2], options.planner)
     goal = pilot.path.points[-1]
     return sum(planner.plan(ground, stop.x, stop.y, stop.heading, goal) is not None for stop in pilot.stops)

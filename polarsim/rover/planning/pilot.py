@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from polarsim.rover.drive.control import Command, Driver, Path, SteeringLaw, wrapped
+from polarsim.rover.drive.control import Command, Driver, ReferencePath, SteeringLaw, wrapped
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.planner import Field, Planner, field_of
+from polarsim.rover.planning.planner import HazardField, Planner, hazard_field
 
 OBSERVATIONS_HZ = 1.0  # observations per second
 _LOOK_AHEAD_M = 0.7  # distance of the target point on the path
@@ -93,11 +93,11 @@ class Pilot(Driver):
             return Command()
         return Command(self.options.speed_m_s, self._pursue(self._plan, x, y, heading))
 
-    def field(self) -> Field:
+    def field(self) -> HazardField:
         """Return the distances to hazards of the map."""
         options = self.options
         hazards = self.grid.hazards(options.planner.hazard_m)
-        return field_of(self.grid, hazards, self.grid.hazards(options.planner.clearance_m), self.grid.seen)
+        return hazard_field(self.grid, hazards, self.grid.hazards(options.planner.clearance_m), self.grid.seen)
 
     def _update_travelled(self, x: float, y: float) -> None:
         before = self._last_position or (x, y)
@@ -140,7 +140,7 @@ class Pilot(Driver):
             if not self.given_up:
                 self._back_off(ground, x, y, heading)
 
-    def _still_free(self, ground: Field, x: float, y: float, heading: float) -> np.ndarray | None:
+    def _still_free(self, ground: HazardField, x: float, y: float, heading: float) -> np.ndarray | None:
         """Return the rest of the plan if it is free, and long enough or ends at the goal; otherwise None."""
         if self._plan is None:
             return None
@@ -151,7 +151,7 @@ class Pilot(Driver):
             return None
         return rest if self.planner.free(ground, rest[1:], np.array([x, y, heading])).all() else None
 
-    def _back_off(self, ground: Field, x: float, y: float, heading: float) -> None:
+    def _back_off(self, ground: HazardField, x: float, y: float, heading: float) -> None:
         """Back off along the freest of three arcs, farther at places of earlier stops, to make room for a new path."""
         stops_here = sum(math.hypot(stop.x - x, stop.y - y) < _SAME_PLACE_M for stop in self.stops)
         farther = min(max(stops_here, 1), _FARTHEST_BACK)
@@ -160,7 +160,7 @@ class Pilot(Driver):
                 self._back_to = (x, y)
                 return
 
-    def _free_arc_back(self, ground: Field, x: float, y: float, heading: float, distance: float) -> bool:
+    def _free_arc_back(self, ground: HazardField, x: float, y: float, heading: float, distance: float) -> bool:
         """Choose the freest of three arcs of this length; return whether it is free."""
         best, limit = -np.inf, 0.5 * self.options.planner.curvature_1_m
         count = math.ceil((distance + _ROLLS_ON_M) / _BACK_STEP_M)
@@ -196,7 +196,7 @@ class Pilot(Driver):
         return math.atan(min(max(curvature, -limit), limit) * self._wheelbase / 2)
 
 
-def pilot(path: Path, perception: Perception, options: AutonomyOptions) -> Pilot:
+def make_pilot(path: ReferencePath, perception: Perception, options: AutonomyOptions) -> Pilot:
     """Return a pilot along a straight line."""
     return Pilot(
         path, SteeringLaw(options.speed_m_s, 0.0, 0.0, math.radians(90)), perception=perception, options=options

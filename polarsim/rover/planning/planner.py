@@ -53,7 +53,7 @@ class Edge:
 
 
 @dataclass(frozen=True)
-class Stand:
+class LatticeFrame:
     """Pose of the rover in the world, m and rad: the frame of the lattice."""
 
     x: float
@@ -67,7 +67,7 @@ class Stand:
 
 
 @dataclass(frozen=True)
-class Field:
+class HazardField:
     """Distances from points of the world to the nearest hazards, m, for the wheels and for the body.
 
     A distance starts at the near edge of the point's cell, so that rounding cannot reduce gaps.
@@ -87,14 +87,14 @@ class Field:
         return np.asarray(values[row, column])
 
 
-def field_of(grid: HazardGrid, hazards: np.ndarray, high: np.ndarray, seen: np.ndarray) -> Field:
+def hazard_field(grid: HazardGrid, hazards: np.ndarray, high: np.ndarray, seen: np.ndarray) -> HazardField:
     """Return the distances to cells (rows, columns) that wheels or the body must avoid; `seen`: observed cells."""
     cell = grid.cell_m / FINE
     blocked, tall, known = (np.kron(cells, np.ones((FINE, FINE), bool)) for cells in (hazards, high, seen))
     rim = math.ceil(_EDGE_M / cell)
     blocked[:rim], blocked[-rim:], blocked[:, :rim], blocked[:, -rim:] = True, True, True, True
     unlimited = np.full(blocked.shape, np.inf)
-    return Field(
+    return HazardField(
         float(grid.x[0] - grid.cell_m / 2),
         float(grid.y[0] - grid.cell_m / 2),
         cell,
@@ -174,7 +174,7 @@ class Planner:
         self._columns, self._rows = np.arange(-3, ahead + 1), np.arange(-aside, aside + 1)
         self._shape = (len(angles()), len(self._rows), len(self._columns))
 
-    def clearance(self, field: Field, places: np.ndarray) -> np.ndarray:
+    def clearance(self, field: HazardField, places: np.ndarray) -> np.ndarray:
         """Return (...) m, the clearance in addition to the gap at poses (..., 3) x, y, heading; negative: not free."""
         places = np.asarray(places, float)
         x, y = self._points(places, self.wheels)
@@ -186,7 +186,7 @@ class Planner:
             room = np.minimum(room, field.at(field.body, x, y).min(axis=-1) - half)
         return room
 
-    def free(self, field: Field, places: np.ndarray, here: np.ndarray) -> np.ndarray:
+    def free(self, field: HazardField, places: np.ndarray, here: np.ndarray) -> np.ndarray:
         """Return (...) bool: poses (..., 3) that keep the gap or, near `here` (3,), at least the clearance at `here`.
 
         A hazard of the map may be under the rover or closer than the gap. The rover may then leave, but not get closer.
@@ -195,17 +195,17 @@ class Planner:
         near = np.hypot(places[..., 0] - here[0], places[..., 1] - here[1]) < _LEAVING_M
         return np.asarray(self.clearance(field, places) > np.where(near, self.required_room(field, here), 0.0))
 
-    def required_room(self, field: Field, here: np.ndarray) -> float:
+    def required_room(self, field: HazardField, here: np.ndarray) -> float:
         """Return the lower bound of the clearance, m, of poses near `here` (3,): 0, or that of `here` if lower."""
         return min(float(self.clearance(field, here)) - _ROUNDING_M, 0.0)
 
-    def plan(self, field: Field, x: float, y: float, heading: float, goal: np.ndarray) -> np.ndarray | None:
+    def plan(self, field: HazardField, x: float, y: float, heading: float, goal: np.ndarray) -> np.ndarray | None:
         """Return poses (n, 3) x, y, heading in the world from here towards the goal (2,), or None if there is no path.
 
         Near the rover, `free` allows less clearance. Paths may cross unobserved ground, at a cost, but end where at
         least half of the wheels are on observed ground. A rover without observations therefore stops.
         """
-        stand, required = Stand(x, y, heading), self.required_room(field, np.array([x, y, heading]))
+        stand, required = LatticeFrame(x, y, heading), self.required_room(field, np.array([x, y, heading]))
         number = np.arange(np.prod(self._shape)).reshape(self._shape)
         starts, ends, costs, all_edges = [], [], [], edges(self.options.curvature_1_m)
         for edge in all_edges:
@@ -241,7 +241,7 @@ class Planner:
         return x, y
 
     def _cost(
-        self, field: Field, places: np.ndarray, edge: Edge, near: np.ndarray, required: float
+        self, field: HazardField, places: np.ndarray, edge: Edge, near: np.ndarray, required: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the cost of an edge from each node, and whether it is free.
 
@@ -256,13 +256,13 @@ class Planner:
         free = np.asarray((clearance > np.where(near, required, 0.0)).all(axis=-1))
         return edge.length * (1 + nearness + _UNSEEN_COST * unseen) + bend, free
 
-    def _ends_unseen(self, field: Field, stand: Stand) -> np.ndarray:
+    def _ends_unseen(self, field: HazardField, stand: LatticeFrame) -> np.ndarray:
         """Return (headings, rows, columns) bool: nodes with more than half of the wheels on unobserved ground."""
         angle, v, u = np.meshgrid(angles(), STEP * self._rows, STEP * self._columns, indexing="ij")
         places = np.stack([*stand.to_world(u, v), stand.heading + angle], axis=-1)
         return np.asarray(field.at(field.unseen, *self._points(places, self.wheels)).mean(axis=-1) > _MAX_UNSEEN)
 
-    def _best(self, distance: np.ndarray, stand: Stand, goal: np.ndarray) -> int | None:
+    def _best(self, distance: np.ndarray, stand: LatticeFrame, goal: np.ndarray) -> int | None:
         x, y = stand.to_world(STEP * self._columns[None, None], STEP * self._rows[None, :, None])
         dx, dy = goal[0] - x, goal[1] - y
         remaining = np.hypot(dx, dy)
@@ -277,7 +277,7 @@ class Planner:
         best = int(np.argmin(total))
         return best if np.isfinite(total.ravel()[best]) else None
 
-    def _path(self, best: int, here: int, before: np.ndarray, stand: Stand) -> np.ndarray:
+    def _path(self, best: int, here: int, before: np.ndarray, stand: LatticeFrame) -> np.ndarray:
         nodes = [best]
         while nodes[-1] != here:
             nodes.append(int(before[nodes[-1]]))

@@ -16,7 +16,7 @@ from polarsim.errors import RoverError
 from polarsim.formats import tables
 from polarsim.intervals import RESAMPLES, draws, interval
 from polarsim.photo import ROCK
-from polarsim.rover.planning.cases import DETECTING, matched
+from polarsim.rover.planning.cases import DETECTING, matched_drives
 from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
 
 ENOUGH = 5  # minimum number of detectors: with fewer, even Kendall's p is at least 0.08
@@ -60,15 +60,15 @@ def rank_detectors(
         A table is missing or has other columns.
     """
     every = tables.read_parquet(each, EVERY_AUTONOMY.columns)
-    drives = driven(every, pair[1])
+    drives = detector_drives(every, pair[1])
     if not len(drives):
         raise RoverError(f"{each}: no drives by a detector in the model {pair[1]}")
     gaps = gap_metrics(detection, ipd, pair, split)
     tables.write_parquet(by_detector, detector_metrics(drives, gaps))
-    tables.write_parquet(ranks, ranked(drives, gaps))
+    tables.write_parquet(ranks, rank_table(drives, gaps))
 
 
-def driven(every: pd.DataFrame, model: str) -> pd.DataFrame:
+def detector_drives(every: pd.DataFrame, model: str) -> pd.DataFrame:
     """Return a row per drive by a detector in a model: mode, detector, light, seed and the metrics of `DRIVES`.
 
     Only lights and seeds that all detectors of a mode drove are compared, since easier light is no merit of a detector.
@@ -76,7 +76,9 @@ def driven(every: pd.DataFrame, model: str) -> pd.DataFrame:
     selected = every[every["mode"].isin(DETECTING) & every["metric"].isin(_METRICS) & (every["model"] == model)]
     keys = ["mode", "detector", "sun", "exposure", "lights", "seed"]
     wide = selected.pivot_table("value", keys, "metric").rename(columns=_METRICS).reset_index()
-    return wide.rename_axis(columns=None).groupby("mode", group_keys=False)[list(wide)].apply(matched, "detector")
+    return (
+        wide.rename_axis(columns=None).groupby("mode", group_keys=False)[list(wide)].apply(matched_drives, "detector")
+    )
 
 
 def gap_metrics(detection: Path | None, ipd: Path | None, pair: tuple[str, str], split: str | None) -> pd.DataFrame:
@@ -110,7 +112,7 @@ def detector_metrics(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
     return table[list(AUTONOMY_DETECTORS.columns)].astype(AUTONOMY_DETECTORS.dtypes)
 
 
-def ranked(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
+def rank_table(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
     """Return a row per mode, metric of the gap and metric of drives; `AUTONOMY_RANK`.
 
     Positive coefficients: detectors with a better gap drive better. Intervals are from a bootstrap over seeds (with a

@@ -14,8 +14,8 @@ from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.planning.cases import AXES, UNLIT, matched, parsed
-from polarsim.rover.planning.drive import drive, job_for, write
+from polarsim.rover.planning.cases import AXES, UNLIT, matched_drives, parse_case
+from polarsim.rover.planning.drive import job_for, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, events
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.touches import touches
@@ -52,13 +52,15 @@ def drive_case(
     PolarsimError
         Meshes or the detector are missing or broken, or the path leaves the grid.
     """
-    chosen = parsed(case)
+    chosen = parse_case(case)
     job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=chosen.seed)
     vehicle = read_vehicle(drive_options.vehicle)
     light = chosen.light(vehicle)
-    outcome = drive(job, chosen.mode, light, options, cameras, render=render, detector=detector, threads=threads)
+    outcome = run_autonomous_drive(
+        job, chosen.mode, light, options, cameras, render=render, detector=detector, threads=threads
+    )
     rocks = touches(outcome.trace, vehicle)
-    write(folder, outcome, options)
+    write_outcome(folder, outcome, options)
     tables.write_parquet(folder / EVENTS, events(outcome, rocks))
     rows = drive_metrics(outcome, rocks, vehicle, options)
     named = rows.assign(**chosen.axes, seed=chosen.seed, ended=str(outcome.trace.drive["ended"]))
@@ -138,7 +140,7 @@ def effects_of(every: pd.DataFrame) -> pd.DataFrame:
         drives = lit if mode == ALL else lit[lit["mode"] == mode]
         for axis in AXES[1:]:
             levelled = drives[drives[axis] != ANY]
-            comparable = matched(levelled, axis)
+            comparable = matched_drives(levelled, axis)
             if len(set(comparable[axis])) > 1 and (mode != ALL or len(set(comparable["mode"])) > 1):
                 rows += [(mode, axis, *row) for row in _effects_on(comparable, axis)]
     return pd.DataFrame(rows, columns=list(AUTONOMY_EFFECTS.columns)).astype(AUTONOMY_EFFECTS.dtypes)
@@ -147,7 +149,7 @@ def effects_of(every: pd.DataFrame) -> pd.DataFrame:
 def _effects_on(drives: pd.DataFrame, axis: str) -> list[tuple[object, ...]]:
     rows: list[tuple[object, ...]] = []
     for metric in AFFECTED:
-        compared = matched(drives[drives["metric"] == metric].dropna(subset="value"), axis)
+        compared = matched_drives(drives[drives["metric"] == metric].dropna(subset="value"), axis)
         if not len(compared):
             continue
         count = compared.groupby("seed").size()

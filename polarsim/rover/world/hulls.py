@@ -3,7 +3,7 @@
 A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts that is open to the sky deviates
 from the mesh by at most `DEVIATION_M` at points `STEP_M` apart. The distance to a surface changes no faster than the
 position, so between these points it exceeds the bound by less than `STEP_M / sqrt(3)`. The deviation may be larger if a
-rock would need more than `MOST_PARTS` parts, or if cut triangles have no volume: see `RockPart.deviation_m`. A drive
+rock would need more than `MAX_PARTS` parts, or if cut triangles have no volume: see `RockPart.deviation_m`. A drive
 records the maximum.
 """
 
@@ -21,9 +21,9 @@ from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.rover.world.surface import World
 
 DEVIATION_M = 0.010  # m; a part with a larger deviation from the mesh is cut in two
-MOST_PARTS = 64  # maximum number of convex parts of a rock
+MAX_PARTS = 64  # maximum number of convex parts of a rock
 STEP_M = 0.006  # spacing of points on a part's surface
-LEAST_VOLUME = 1e-8  # m3, a cube of 2 mm; minimum volume of a rock
+MIN_VOLUME_M3 = 1e-8  # m3, a cube of 2 mm; minimum volume of a rock
 ABOVE = 1.0  # m above a surface at which vertical rays start
 _MESH_STEP_M = 0.005  # spacing of points of the mesh for distances: at most 0.4 mm too long at 10 mm
 _OFF_M = 1e-4  # offset from a surface at which rays start
@@ -40,7 +40,7 @@ class RockPart:
     deviation_m: float  # maximum distance of the part's upper surface from the mesh
 
 
-def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MOST_PARTS) -> list[RockPart]:
+def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MAX_PARTS) -> list[RockPart]:
     """Return the convex parts of all rocks on the grid, rock by rock.
 
     Raises
@@ -60,7 +60,7 @@ def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MOST_
 
 
 def convex_parts(
-    vertices: np.ndarray, faces: np.ndarray, deviation_m: float = DEVIATION_M, most: int = MOST_PARTS
+    vertices: np.ndarray, faces: np.ndarray, deviation_m: float = DEVIATION_M, most: int = MAX_PARTS
 ) -> tuple[tuple[np.ndarray, float], ...]:
     """Return corners (n, 3) of convex parts of a mesh, and each part's deviation from the mesh, m.
 
@@ -213,7 +213,7 @@ def require_volume(points: np.ndarray) -> ConvexHull:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
         raise RoverError(f"a rock's mesh of {len(points)} corners has no volume") from error
-    if hull.volume < LEAST_VOLUME:
+    if hull.volume < MIN_VOLUME_M3:
         raise RoverError(f"a rock's mesh of {1e9 * hull.volume:.3g} mm3 has no volume")
     return hull
 

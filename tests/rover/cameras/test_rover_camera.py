@@ -7,7 +7,7 @@ from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, Light, rover_render
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.cameras.suite import CameraSuite
-from polarsim.rover.drive.control import Command, Path
+from polarsim.rover.drive.control import Command, ReferencePath
 from polarsim.rover.drive.state import State
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS, Trace
 from polarsim.rover.perception.observation import Perception
@@ -16,7 +16,7 @@ from polarsim.rover.vehicle.table import WHEELS
 from tests.rover import driven
 
 SCALE, SUN, EXPOSURE_MS = 0.04, "4", 256.0  # the Sun in front of the rover, so that the lens scatters its light
-LINE = Path(np.array([[5.5, 0.0], [1.0, 0.0]]))
+LINE = ReferencePath(np.array([[5.5, 0.0], [1.0, 0.0]]))
 # A different value of each option that changes pictures, and other options that it needs to act.
 CHANGES = {
     "blur_px": (1.5, {}), "bloom": (0.1, {}), "bloom_px": (9.0, {"bloom": 0.1}), "veiling_glare": (0.05, {}),

@@ -13,7 +13,7 @@ pytest.importorskip("gymnasium", reason="gymnasium is not installed")
 from polarsim.errors import RoverError
 from polarsim.rover.drive.energy import Account, EnergyError, require_closed
 from polarsim.rover.drive.mujoco_kernels import DOFS, FIRST_DOF, WHEELS, Physics, describe
-from polarsim.rover.learn.courses import MadeUpCourse
+from polarsim.rover.learn.courses import PracticeCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
 from polarsim.rover.learn.observation import STATE
 from polarsim.rover.soil.contact import Loads
@@ -70,7 +70,7 @@ def test_an_energy_balance_that_is_not_finite_is_open(missing):
 
 @pytest.fixture
 def environment():
-    return TraverseEnvironment(course=MadeUpCourse(GROUND, soil=FIRM), mode="blind")
+    return TraverseEnvironment(course=PracticeCourse(GROUND, soil=FIRM), mode="blind")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

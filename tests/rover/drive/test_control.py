@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rover.drive.control import Command, Driver, SteeringLaw, steer
-from polarsim.rover.drive.control import Path as Route
+from polarsim.rover.drive.control import Command, Driver, ReferencePath, SteeringLaw, steer
 from polarsim.rover.vehicle.table import read_vehicle
 
 VIPER = read_vehicle(Path(__file__).parents[3] / "config" / "viper.yaml")
@@ -71,7 +70,7 @@ def test_a_turn_on_the_spot_does_not_move_the_centre(speed):
 
 
 def kinematic_drive(
-    law: SteeringLaw, route: Route, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
+    law: SteeringLaw, route: ReferencePath, x: float, y: float, heading: float, seconds: float, slide: float = 0.0
 ) -> tuple[list, Driver]:
     """Simulate a rover that follows commands exactly, plus a slide to the left, m/s."""
     driver, points = Driver(route, law), []
@@ -96,7 +95,7 @@ def test_a_rover_can_crab_and_turn_at_the_same_time(speed, steer, crab):
     assert turn == pytest.approx(speed * 2 * math.tan(steer) / VIPER.wheelbase, abs=1e-6)
 
 
-WEST = Route(np.array([[10.0, 0.0], [0.0, 0.0]]))
+WEST = ReferencePath(np.array([[10.0, 0.0], [0.0, 0.0]]))
 
 
 def test_with_the_heading_term_a_rover_returns_to_the_line_and_stays():
@@ -145,7 +144,7 @@ def test_a_position_to_the_left_of_a_westward_line_is_south_of_it():
 
 
 def test_a_sharp_corner_is_turned_on_the_spot():
-    corner = Route(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
+    corner = ReferencePath(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0]]))
     points, driver = kinematic_drive(LAW, corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished
     assert max(position[0] for position in points) < 2.05
@@ -153,7 +152,7 @@ def test_a_sharp_corner_is_turned_on_the_spot():
 
 
 def test_a_crab_keeps_the_heading_around_a_corner():
-    corner = Route(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]))
+    corner = ReferencePath(np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 1.0]]))
     points, driver = kinematic_drive(SteeringLaw(0.2, 2.0, 0.0, 0.5, "crab"), corner, 0.0, 0.0, 0.0, 60)
     assert driver.finished
     assert max(abs(position[2]) for position in points) < 1e-9

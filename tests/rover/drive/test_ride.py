@@ -93,7 +93,7 @@ def test_tracks_contain_the_ruts_of_the_wheels(whole):
 
 def test_a_resumed_drive_has_the_same_bytes(whole, tmp_path):
     stopped = Ride(job())
-    stopped.go_on(0.9)
+    stopped.run_for(0.9)
     assert stopped.ended is None
     stopped.save(tmp_path / STATE)
     drive_to_end(job(), tmp_path)
@@ -102,7 +102,7 @@ def test_a_resumed_drive_has_the_same_bytes(whole, tmp_path):
 
 def test_a_state_of_another_drive_is_ignored(whole, tmp_path):
     other = Ride(job(seed=1))
-    other.go_on(0.9)
+    other.run_for(0.9)
     other.save(tmp_path / STATE)
     drive_to_end(job(), tmp_path)
     assert files_of(tmp_path) == files_of(whole)
@@ -112,7 +112,7 @@ def test_a_state_of_other_code_is_ignored(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr("polarsim.provenance.code_digest", lambda *modules: "of old")
         old = Ride(job())
-        old.go_on(0.1)
+        old.run_for(0.1)
         old.save(tmp_path / STATE)
     ride = Ride(job())
     ride.resume(tmp_path / STATE)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rover.drive.table import drive_figures, drive_table
+from polarsim.rover.drive.table import drive_table, wheel_metrics
 from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table
 from polarsim.rover.world.surface import bare_world
 from polarsim.schemas.rover import DRIVES
@@ -32,7 +32,7 @@ def value(table, metric: str, wheel: str = "all", column: str = "value") -> floa
 
 
 def test_slip_is_averaged_on_soil_and_time_on_rocks_over_any_wheel():
-    metrics = drive_figures(trace(0, 0.01))
+    metrics = wheel_metrics(trace(0, 0.01))
     assert value(metrics, "slip", "lf") == pytest.approx(0.1)
     assert value(metrics, "time on a rock", "lf") == 25
     assert value(metrics, "time on a rock", "rr") == 0

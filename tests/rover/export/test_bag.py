@@ -13,7 +13,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.ros import OTHERS, definition
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.export import messages
-from polarsim.rover.export.bag import picked, write_bag
+from polarsim.rover.export.bag import first_per_period, write_bag
 from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from tests.rover.drives import SPEED, straight_drive, write_drive
@@ -198,7 +198,7 @@ def test_memory_does_not_grow_with_the_drive(tmp_path):
 @given(st.floats(1, 200), st.floats(1, 200), st.integers(2, 400))
 def test_the_selected_times_have_the_given_rate(log_hz, hz, count):
     times = np.arange(count) / log_hz
-    chosen = picked(times, hz)
+    chosen = first_per_period(times, hz)
     assert chosen[0] == 0
     assert abs(len(chosen) - min(count, times[-1] * hz + 1)) <= 1 + 1e-6 * count
 

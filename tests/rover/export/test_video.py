@@ -16,7 +16,7 @@ from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.layout import picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.export.video import drawn, frame_rate, make_videos, shown, video_name, write_video
+from polarsim.rover.export.video import frame_rate, make_videos, shown, video_name, with_boxes, write_video
 from polarsim.rover.perception.detections import detection_table
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
@@ -42,7 +42,7 @@ def test_boxes_of_rocks_are_orange_and_of_shadows_blue():
         {"kind": ["rock", "shadow"], "confidence": 0.9, "x0": [10, 50], "y0": 20, "x1": [30, 80], "y1": 40}
     )
     before = np.zeros((60, 100, 3), np.uint8)
-    after = drawn(before, boxes)
+    after = with_boxes(before, boxes)
     assert not before.any()
     red, _, blue = after[30, 10]
     assert red > blue

@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 
 from polarsim.errors import ConfigError, RoverError
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.learn.courses import MadeUpCourse, WorldCourse
+from polarsim.rover.learn.courses import PracticeCourse, WorldCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
 from polarsim.rover.learn.observation import STATE
 from polarsim.rover.learn.options import RewardOptions, TaskOptions
@@ -32,7 +32,7 @@ AHEAD, STAY = np.float32([0.5, 0.0]), np.zeros(2, np.float32)
 
 def made(**options) -> TraverseEnvironment:
     return TraverseEnvironment(
-        **{"course": MadeUpCourse(GROUND, soil=FIRM), "options": COARSE, "cameras": CAMERAS} | options
+        **{"course": PracticeCourse(GROUND, soil=FIRM), "options": COARSE, "cameras": CAMERAS} | options
     )
 
 
@@ -49,7 +49,7 @@ def episode(environment, seed: int, steps: int, **lit) -> list:
 def test_gymnasiums_checks_pass():
     ground = replace(GROUND, length_m=5.0, width_m=4.0, rocks=1)
     environment = gymnasium.make(
-        "polarsim/Traverse-v0", image=True, course=MadeUpCourse(ground, soil=FIRM), options=COARSE, cameras=CAMERAS,
+        "polarsim/Traverse-v0", image=True, course=PracticeCourse(ground, soil=FIRM), options=COARSE, cameras=CAMERAS,
         render_mode="rgb_array", disable_env_checker=True,
     )  # fmt: skip
     with warnings.catch_warnings():
@@ -96,7 +96,7 @@ def test_an_invalid_light_is_refused_in_one_line(lit, error, key):
 
 def test_progress_is_rewarded_and_energy_costs():
     weights = RewardOptions(progress_1_m=2.0, energy_1_j=-0.01, collision=0.0)
-    environment = made(course=MadeUpCourse(replace(GROUND, rocks=0), soil=FIRM), task=TaskOptions(reward=weights))
+    environment = made(course=PracticeCourse(replace(GROUND, rocks=0), soil=FIRM), task=TaskOptions(reward=weights))
     observed, before = environment.reset(seed=1)
     to_go = [float(observed["state"][list(STATE).index("to_go")])]
     total = 0.0
@@ -160,7 +160,7 @@ def test_an_episode_ends_at_the_goal_off_the_grid_and_when_the_time_is_over():
     short = made(options=COARSE.model_copy(update={"longest_s": 0.3}))
     short.reset(seed=0)
     assert [short.step(STAY)[2:4] for _ in range(3)] == [(False, False), (False, False), (False, True)]
-    bare = MadeUpCourse(replace(GROUND, length_m=5.0, rocks=0), soil=FIRM)
+    bare = PracticeCourse(replace(GROUND, length_m=5.0, rocks=0), soil=FIRM)
     for action, ended, reward in ((AHEAD * 2, "finished", None), (-AHEAD * 2, "off the grid", -10.0)):
         environment = made(course=bare)
         environment.reset(seed=0)
@@ -196,7 +196,7 @@ def test_episodes_in_processes_equal_those_in_this_process():
     name = "polarsim.rover.learn.environment:polarsim/Traverse-v0"
 
     def make():
-        return gymnasium.make(name, course=MadeUpCourse(GROUND, soil=FIRM), options=COARSE, cameras=CAMERAS)
+        return gymnasium.make(name, course=PracticeCourse(GROUND, soil=FIRM), options=COARSE, cameras=CAMERAS)
 
     expected = [episode(made(), seed, 2) for seed in (3, 4)]
     vector = gymnasium.vector.AsyncVectorEnv([make, make], context="spawn")

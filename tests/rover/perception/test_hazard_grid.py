@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from polarsim.rover.perception.hazard_grid import (
     DECAY_S,
+    MAX_LOG_ODDS,
     MISS_LOG_ODDS,
-    MOST_LOG_ODDS,
     PARTS,
     HazardGrid,
     MapUpdate,
@@ -39,7 +39,7 @@ def test_log_odds_are_bounded(updates):
     fused = grid()
     for weight, rock in updates:
         fused.add(uniform(rock, weight))
-    assert np.abs(fused.log_odds).max() <= MOST_LOG_ODDS
+    assert np.abs(fused.log_odds).max() <= MAX_LOG_ODDS
 
 
 @given(st.floats(0, 500))

@@ -20,6 +20,6 @@ def test_a_map_from_labels_is_almost_the_true_map_and_fewer_labels_are_visible(d
     detected = visible["sightings"]["detected"]
     assert len(detected) == len(truth["sightings"])
     assert 0.3 * len(detected) < detected.sum() < len(detected)
-    monkeypatch.setattr(contrast, "LEAST_CONTRAST", 0.0)
+    monkeypatch.setattr(contrast, "MIN_CONTRAST", 0.0)
     measured = measure_drive(folder, driven.vehicle(), options.model_copy(update={"suns": ("2",)}), None, 3)
     assert measured["sightings"]["detected"].all()

@@ -21,7 +21,7 @@ from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import Ride
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
-from polarsim.rover.planning.drive import PICTURES, autonomous_job, drive, write
+from polarsim.rover.planning.drive import PICTURES, autonomous_job, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, events
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pictures import WIDTH_PX
@@ -65,7 +65,7 @@ def job() -> Job:
 def moment(job) -> tuple[Ride, Callable[..., Observation]]:
     """Return a ride at the start, and a function that returns the stereo observation there in a light."""
     ride = Ride(autonomous_job(job, OPTIONS))
-    ride.go_on(0.1)
+    ride.run_for(0.1)
     state, level = ride.simulation.state(), ride.simulation.ground.level
 
     def observe(light: Light, threads: int = 1) -> Observation:
@@ -82,14 +82,14 @@ def value(rows: pd.DataFrame, metric: str) -> float:
 
 
 def test_a_drive_by_labels_avoids_rocks_that_a_blind_drive_hits(job):
-    blind = drive(job, "blind", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
+    blind = run_autonomous_drive(job, "blind", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
     rocks = touches(blind.trace, job.vehicle)
     assert value(drive_metrics(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
     hits = events(blind, rocks)
     assert hits["what"].tolist() == ["collision"] * 2
     assert sorted(zip(hits["x_m"], hits["y_m"], strict=True)) == sorted(BOXES)
     assert hits["time_s"].is_monotonic_increasing
-    outcome = drive(job, "truth", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
+    outcome = run_autonomous_drive(job, "truth", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
     rows = drive_metrics(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
@@ -101,7 +101,11 @@ def test_a_drive_by_labels_avoids_rocks_that_a_blind_drive_hits(job):
 def test_equal_drives_write_equal_bytes(job, tmp_path):
     brief = OPTIONS.model_copy(update={"longest_s": 3.0})
     for name in ("a", "b"):
-        write(tmp_path / name, drive(job, "truth", Light("3", 256), brief, CAMERAS, render=driven.RENDER), brief)
+        write_outcome(
+            tmp_path / name,
+            run_autonomous_drive(job, "truth", Light("3", 256), brief, CAMERAS, render=driven.RENDER),
+            brief,
+        )
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
     assert len(files) == 7
     for file in files:
@@ -116,7 +120,7 @@ def test_a_path_across_the_line_is_progress_and_spinning_in_place_is_not(job, mo
     monkeypatch.setattr(Pilot, "_still_free", lambda *_: None)
     motors = job.vehicle.drive.model_copy(update={"torque_limit_n_m": torque_n_m} if torque_n_m else {})
     slow = replace(job, vehicle=job.vehicle.model_copy(update={"drive": motors}))
-    outcome = drive(
+    outcome = run_autonomous_drive(
         slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), CAMERAS, render=driven.RENDER
     )
     assert outcome.trace.drive["ended"] == ended
@@ -128,7 +132,9 @@ def test_a_path_across_the_line_is_progress_and_spinning_in_place_is_not(job, mo
 
 def test_stereo_maps_the_boxes_and_odometry_follows_the_drive(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
-    outcome = drive(short, "stereo", Light("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5), render=driven.RENDER)
+    outcome = run_autonomous_drive(
+        short, "stereo", Light("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5), render=driven.RENDER
+    )
     grid = outcome.pilot.grid
     x, y = np.meshgrid(grid.x, grid.y)
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
@@ -136,7 +142,7 @@ def test_stereo_maps_the_boxes_and_odometry_follows_the_drive(job, tmp_path):
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
     rows = drive_metrics(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
-    write(tmp_path, outcome, OPTIONS)
+    write_outcome(tmp_path, outcome, OPTIONS)
     pictures = picture_times(tmp_path / PICTURES)
     assert list(pictures) == [0.0, 4.0]
     with Image.open(pictures[4.0]) as picture:

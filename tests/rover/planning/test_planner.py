@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.planning.options import AutonomyOptions, PlannerOptions
 from polarsim.rover.planning.pilot import Pilot, Stop
-from polarsim.rover.planning.planner import FINE, Planner, edges, field_of
+from polarsim.rover.planning.planner import FINE, Planner, edges, hazard_field
 from polarsim.rover.world.surface import bare_world
 
 WHEELS = np.array([[0.642, 0.61], [0.642, -0.61], [-0.642, 0.61], [-0.642, -0.61]])
@@ -27,7 +27,7 @@ def blocked(*rocks: tuple[float, float]) -> np.ndarray:
 
 
 def planned(cells: np.ndarray, tall: np.ndarray | None = None) -> np.ndarray | None:
-    field = field_of(GRID, cells, np.zeros_like(cells) if tall is None else tall, np.ones_like(cells))
+    field = hazard_field(GRID, cells, np.zeros_like(cells) if tall is None else tall, np.ones_like(cells))
     return PLANNER.plan(field, 0.0, 0.0, 0.0, GOAL)
 
 
@@ -36,7 +36,7 @@ def test_a_path_ends_on_observed_ground_and_without_observations_there_is_none()
     free = np.zeros(X.shape, bool)
     left_side = (Y > 0.9) & (X > 1.0)
     for seen, exists in ((free, False), (left_side, True)):
-        path = PLANNER.plan(field_of(GRID, free, free, seen), 0.0, 0.0, 0.0, GOAL)
+        path = PLANNER.plan(hazard_field(GRID, free, free, seen), 0.0, 0.0, 0.0, GOAL)
         assert (path is not None) == exists
     _, y, heading = path[-1]
     wheels = np.array([y + np.sin(heading) * u + np.cos(heading) * v for u, v in WHEELS])
@@ -62,7 +62,7 @@ def test_wheels_keep_away_from_hazards_and_curvature_is_limited(rocks):
 def test_distances_are_to_the_edges_of_hazards_and_rounded_down(rng):
     """Distances between the centres of cells were up to 7 cm too large, so that a wheel kept 8 cm instead of 15."""
     cells = blocked((3.0, 0.0), (4.0, 0.6))
-    field = field_of(GRID, cells, cells, np.ones_like(cells))
+    field = hazard_field(GRID, cells, cells, np.ones_like(cells))
     x, y = rng.uniform(2.0, 5.0, 2000), rng.uniform(-1.0, 1.6, 2000)
     half = GRID.cell_m / 2
     outside = [np.maximum(np.abs(at[:, None] - centres[cells]) - half, 0) for at, centres in ((x, X), (y, Y))]
@@ -104,7 +104,7 @@ def pilot_at(*stops):
 
 def test_a_rover_backs_off_only_if_it_stops_on_the_ground():
     driver = pilot_at()
-    free = field_of(GRID, blocked(), blocked(), np.ones_like(blocked()))
+    free = hazard_field(GRID, blocked(), blocked(), np.ones_like(blocked()))
     for x, backs in ((0.3, True), (-0.1, False)):  # the ground ends at -2 m: rear wheels stop at -1.14 and -1.54 m
         driver._back_to = None
         driver._back_off(free, x, 0.0, 0.0)
@@ -113,7 +113,7 @@ def test_a_rover_backs_off_only_if_it_stops_on_the_ground():
 
 def test_a_repeated_stop_backs_off_farther_if_there_is_room():
     """Otherwise the rover returns to the same dead end, too close to turn away."""
-    free = field_of(GRID, blocked(), blocked(), np.ones_like(blocked()))
+    free = hazard_field(GRID, blocked(), blocked(), np.ones_like(blocked()))
     for stops, x, times in (([3.0], 3.0, 1), ([1.0, 3.0], 3.0, 1), ([3.4, 3.0], 3.0, 2), ([2.0] * 9, 2.0, 4)):
         driver = pilot_at(*stops)
         driver._back_off(free, x, 0.0, 0.0)
@@ -125,7 +125,7 @@ def test_a_repeated_stop_backs_off_farther_if_there_is_room():
 
 def test_a_rover_next_to_a_hazard_leaves_it_and_a_hazard_below_the_rover_is_ignored():
     beside = blocked((-0.6, 0.75))  # cells within the gap of the left rear wheel
-    ground = field_of(GRID, beside, np.zeros_like(beside), np.ones_like(beside))
+    ground = hazard_field(GRID, beside, np.zeros_like(beside), np.ones_like(beside))
     here = np.zeros(3)
     least = PLANNER.clearance(ground, here)
     assert least < 0
@@ -142,7 +142,7 @@ def test_a_rover_next_to_a_hazard_leaves_it_and_a_hazard_below_the_rover_is_igno
 def test_a_hazard_ahead_is_avoided_also_by_a_rover_too_close_to_another():
     cells = blocked((-0.6, 0.75), (2.5, 0.6), (2.5, -0.6))
     path = planned(cells)
-    ground = field_of(GRID, cells, np.zeros_like(cells), np.ones_like(cells))
+    ground = hazard_field(GRID, cells, np.zeros_like(cells), np.ones_like(cells))
     assert path is not None
     ahead = np.hypot(path[:, 0], path[:, 1]) > 1.0
     assert (PLANNER.clearance(ground, path[ahead]) > 0).all()

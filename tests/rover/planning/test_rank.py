@@ -7,7 +7,7 @@ from scipy import stats
 
 from polarsim.errors import RoverError
 from polarsim.formats.tables import write_parquet
-from polarsim.rover.planning.rank import driven, gap_metrics, kendall, rank_detectors, ranked, spearman
+from polarsim.rover.planning.rank import detector_drives, gap_metrics, kendall, rank_detectors, rank_table, spearman
 from polarsim.schemas.rover import EVERY_AUTONOMY
 
 NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") for seed in (0, 1)]
@@ -33,7 +33,7 @@ def gaps(ipd: list[float]) -> pd.DataFrame:
 
 
 def ranks(hits: dict[str, list[float]], ipd: list[float]) -> pd.DataFrame:
-    return ranked(driven(every(hits), "hapke"), gaps(ipd)).set_index(["gap", "drive"])
+    return rank_table(detector_drives(every(hits), "hapke"), gaps(ipd)).set_index(["gap", "drive"])
 
 
 def test_coefficients_equal_scipys_with_ties():
@@ -109,6 +109,6 @@ def test_a_detector_that_drove_in_easier_light_has_no_advantage():
     """With lights on, driven by a single detector, there are no collisions."""
     drives = every({name: [2.0, 2.0] for name in NAMES})
     easy = every({NAMES[0]: [0.0, 0.0]}).assign(lights="on")
-    kept = driven(pd.concat([drives, easy]), "hapke")
+    kept = detector_drives(pd.concat([drives, easy]), "hapke")
     assert len(kept) == 2 * len(NAMES)
     assert set(kept["lights"]) == {"off"}

@@ -9,7 +9,7 @@ import pytest
 
 from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
 from polarsim.rover.perception.options import Mode
-from polarsim.rover.planning.cases import AXES, cases, parsed
+from polarsim.rover.planning.cases import AXES, cases, parse_case
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.summary import effects_of, summary, with_derived
 from polarsim.schemas.rover import EVERY_AUTONOMY, MODES
@@ -43,15 +43,15 @@ def test_there_is_a_drive_for_each_combination_and_names_read_back():
     made = cases(options, cameras, (0, 3), ["packaged", "sun_mix-seed1"])
     assert len({case.name for case in made}) == len(made) == 2 * (1 + 16 + 16 * 2)
     assert [case.seed for case in made] == [0] * 49 + [3] * 49  # a truncated table has complete seeds
-    assert [parsed(case.name) for case in made] == made
+    assert [parse_case(case.name) for case in made] == made
     auto = cases(options.model_copy(update={"auto_exposure": True}), cameras, (0,), ["a"])
     assert {case.exposure for case in auto} == {"any", "auto"}
-    case = parsed("both_night_auto_on_principled_sun_mix-seed1_seed3")
+    case = parse_case("both_night_auto_on_principled_sun_mix-seed1_seed3")
     assert (case.mode, case.detector, case.seed) == ("both", "sun_mix-seed1", 3)
     vehicle = driven.vehicle()
     assert case.light(vehicle) == Light("night", "auto", lights_ahead(vehicle), "principled")
-    assert parsed("stereo_1_0064_off_hapke_seed0").light(vehicle) == Light("1", 64.0)
-    assert parsed("truth_seed3").axes == {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
+    assert parse_case("stereo_1_0064_off_hapke_seed0").light(vehicle) == Light("1", 64.0)
+    assert parse_case("truth_seed3").axes == {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
 
 
 def test_tables_list_all_modes():
