@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, PositiveFloat, field_validator
 
 from polarsim.rover.perception.options import Mode
 
-OFF, ON = "off", "on"
+ON = "on"
 
 
 class PlannerOptions(BaseModel, extra="forbid", frozen=True):

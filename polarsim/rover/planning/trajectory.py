@@ -13,7 +13,7 @@ from polarsim.errors import RoverError
 from polarsim.geometry.poses import Pose, angle_between
 
 
-def absolute_error(estimated: np.ndarray, true: np.ndarray, *, align: bool = True) -> float:
+def absolute_error(estimated: np.ndarray, true: np.ndarray) -> float:
     """Return the root mean square distance between positions (n, 3), m, after a rigid alignment of the estimate.
 
     The alignment is a least-squares fit without scale (Umeyama, IEEE PAMI 13 (1991) 376).
@@ -28,10 +28,9 @@ def absolute_error(estimated: np.ndarray, true: np.ndarray, *, align: bool = Tru
         raise RoverError(
             f"trajectories of {len(estimated)} and {len(true)} poses, expected equal numbers of at least three"
         )
-    if align:
-        rotation, translation = _alignment(estimated, true)
-        estimated = estimated @ rotation.T + translation
-    return float(np.sqrt((np.linalg.norm(estimated - true, axis=1) ** 2).mean()))
+    rotation, translation = _alignment(estimated, true)
+    aligned = estimated @ rotation.T + translation
+    return float(np.sqrt((np.linalg.norm(aligned - true, axis=1) ** 2).mean()))
 
 
 def relative_error(estimated: Sequence[Pose], true: Sequence[Pose]) -> tuple[float, float]:

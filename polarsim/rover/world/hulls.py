@@ -40,7 +40,7 @@ class RockPart:
     deviation_m: float  # maximum distance of the part's upper surface from the mesh
 
 
-def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MAX_PARTS) -> list[RockPart]:
+def rock_parts(world: World) -> list[RockPart]:
     """Return the convex parts of all rocks on the grid, rock by rock.
 
     Raises
@@ -52,7 +52,7 @@ def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MAX_P
     for row in world.rocks_on_grid.to_dict("records"):
         rock = int(row["rock"])
         try:
-            parts = convex_parts(*world.rock_mesh(rock), deviation_m, most)
+            parts = convex_parts(*world.rock_mesh(rock))
         except RoverError as error:
             raise RoverError(f"terrain {row['terrain']}, rock {row['rock_in_terrain']}: {error}") from error
         result += [RockPart(rock, corners, deviation) for corners, deviation in parts]
@@ -60,7 +60,7 @@ def rock_parts(world: World, deviation_m: float = DEVIATION_M, most: int = MAX_P
 
 
 def convex_parts(
-    vertices: np.ndarray, faces: np.ndarray, deviation_m: float = DEVIATION_M, most: int = MAX_PARTS
+    vertices: np.ndarray, faces: np.ndarray, deviation_m: float = DEVIATION_M, max_parts: int = MAX_PARTS
 ) -> tuple[tuple[np.ndarray, float], ...]:
     """Return corners (n, 3) of convex parts of a mesh, and each part's deviation from the mesh, m.
 
@@ -68,7 +68,7 @@ def convex_parts(
     ----------
     deviation_m
         Maximum distance of the upper surface of the parts from the mesh; see the module.
-    most
+    max_parts
         Maximum number of parts; takes precedence over `deviation_m`.
 
     Raises
@@ -77,15 +77,17 @@ def convex_parts(
         The mesh has no volume.
     """
     vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
-    return _convex_parts(vertices.tobytes(), faces.tobytes(), deviation_m, most)
+    return _convex_parts(vertices.tobytes(), faces.tobytes(), deviation_m, max_parts)
 
 
 @lru_cache(maxsize=512)  # episodes of a world start with the same rocks
-def _convex_parts(vertices: bytes, faces: bytes, deviation_m: float, most: int) -> tuple[tuple[np.ndarray, float], ...]:
+def _convex_parts(
+    vertices: bytes, faces: bytes, deviation_m: float, max_parts: int
+) -> tuple[tuple[np.ndarray, float], ...]:
     rock = _Rock(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, np.int64).reshape(-1, 3), deviation_m)
     open_parts = [rock.part(np.arange(len(rock.faces)))]
     final: list[_Part] = []
-    while open_parts and len(open_parts) + len(final) < most:
+    while open_parts and len(open_parts) + len(final) < max_parts:
         worst = max(range(len(open_parts)), key=lambda number: open_parts[number].deviation)
         if open_parts[worst].deviation <= deviation_m:
             break

@@ -77,7 +77,6 @@ def test_a_rigid_motion_has_no_error_and_two_poses_are_too_few():
     true = np.array([pose.translation for pose in poses(1)])
     moved = Pose.from_rotvec(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2, 3])).apply(true)
     assert absolute_error(moved, true) < 1e-12
-    assert absolute_error(moved, true, align=False) > 1
     with pytest.raises(RoverError):
         absolute_error(true[:2], true[:2])
 
