@@ -28,7 +28,7 @@ _TINY_PX, _TINY_MISSED = 16, 0.5
 _DARK_DN, _DARK_MISSED = 30, 0.7  # regions with lower contrast are missed with this probability
 
 
-def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
+def annotate_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
     """Return the annotated box (4,) of a rock, integer pixels; None if the rock is missed."""
     x0, y0, x1, y1 = region.box
     size_class = int(np.searchsorted(_SIZES, np.sqrt((x1 - x0) * (y1 - y0))))
@@ -43,7 +43,7 @@ def draw_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np
     return _annotated(np.array(region.box, float), noise)
 
 
-def draw_shadow(region: Region, rng: np.random.Generator) -> np.ndarray | None:
+def annotate_shadow(region: Region, rng: np.random.Generator) -> np.ndarray | None:
     """Return the annotated box (4,) of the visible part of a shadow; None if the shadow is missed."""
     forgotten = rng.random() < _SHADOW_FORGOTTEN
     noise = _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
@@ -77,13 +77,13 @@ def annotate(
     """
     rock_boxes, annotated = [], set()
     for region in (rocks[index] for index in rng.permutation(len(rocks))):
-        box = draw_rock(region, photo, rng)
+        box = annotate_rock(region, photo, rng)
         if box is not None:
             rock_boxes.append(box)
             annotated.add(region.rock)
     shadow_boxes = []
     for region in (shadows[index] for index in rng.permutation(len(shadows))):
-        box = draw_shadow(region, rng)
+        box = annotate_shadow(region, rng)
         if with_shadows and box is not None and region.rock in annotated and contrast(region, photo) < -_DARK_DN:
             shadow_boxes.append(box)
     classes = np.repeat([0, 1], [len(rock_boxes), len(shadow_boxes)])

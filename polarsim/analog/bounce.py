@@ -10,11 +10,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from polarsim.analog.light import SURFACE_OFFSET, Lamp, towards
+from polarsim.analog.light import SURFACE_OFFSET, DiscLamp, towards
 from polarsim.analog.noise import fibonacci_sphere
-from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.rays import RayCaster, rays_from
 from polarsim.analog.rocks import icosphere
-from polarsim.analog.sandbox import HALL_OBJECT, Scene
+from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer, strips
 
 AMBIENT = "ambient"  # weak ambient light of the hall, in addition to the lamps
@@ -29,7 +29,7 @@ class Bounce:
 
     vectors: dict[str, np.ndarray]  # lamp -> (v, 3) float32
 
-    def at(self, scene: Scene, view: GBuffer, lamps: Sequence[str]) -> dict[str, np.ndarray]:
+    def at(self, scene: SandboxScene, view: GBuffer, lamps: Sequence[str]) -> dict[str, np.ndarray]:
         """Return the indirect radiance (h, w) of a view by lamp."""
         vectors = np.stack(
             [self.vectors[lamp] for lamp in lamps], axis=1
@@ -50,7 +50,7 @@ class Bounce:
 
 
 def gather_bounce(
-    scene: Scene, caster: Caster, lamps: Mapping[str, Lamp], rng: np.random.Generator, threads: int
+    scene: SandboxScene, caster: RayCaster, lamps: Mapping[str, DiscLamp], rng: np.random.Generator, threads: int
 ) -> Bounce:
     """Compute the light of one diffuse reflection and of the hall at selected vertices; interpolate to all vertices."""
     chosen = _chosen_vertices(scene)
@@ -76,7 +76,13 @@ def gather_bounce(
 
 
 def _lit_radiance(
-    scene: Scene, caster: Caster, lamp: Lamp, points: np.ndarray, normals: np.ndarray, face: np.ndarray, threads: int
+    scene: SandboxScene,
+    caster: RayCaster,
+    lamp: DiscLamp,
+    points: np.ndarray,
+    normals: np.ndarray,
+    face: np.ndarray,
+    threads: int,
 ) -> np.ndarray:
     """Return the radiance of diffuse surfaces under a lamp, with hard shadows."""
     to_lamp, distance = towards(lamp, points)
@@ -103,11 +109,11 @@ def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.einsum("rk,nkx->nrx", sphere, frame).astype(np.float32)
 
 
-def _cache_stride(scene: Scene) -> int:
+def _cache_stride(scene: SandboxScene) -> int:
     return max(1, round(_CACHE_GRID / scene.ground.step))
 
 
-def _chosen_vertices(scene: Scene) -> np.ndarray:
+def _chosen_vertices(scene: SandboxScene) -> np.ndarray:
     """Return the vertices at which indirect light is computed: a coarse ground grid, some of each rock, all others."""
     n, stride = len(scene.ground.axis), _cache_stride(scene)
     grid = np.arange(n * n).reshape(n, n)[::stride, ::stride].ravel()
@@ -117,7 +123,7 @@ def _chosen_vertices(scene: Scene) -> np.ndarray:
     return np.concatenate([grid, *rocks, rest])
 
 
-def _similar_neighbours(scene: Scene, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _similar_neighbours(scene: SandboxScene, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return weights and indices (n, 16) of the neighbours of vertices (n,) with similar position and normal."""
     features = np.concatenate([scene.vertices[rest], 0.2 * scene.normals[rest]], axis=1)
     distance, near = cKDTree(features).query(features, k=16)
@@ -136,7 +142,7 @@ def _from_coarse(detail: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _interpolate(
-    scene: Scene, chosen: np.ndarray, vectors: np.ndarray, similar: tuple[np.ndarray, np.ndarray]
+    scene: SandboxScene, chosen: np.ndarray, vectors: np.ndarray, similar: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """Interpolate light vectors at the chosen vertices to all vertices (v, 3)."""
     import cv2

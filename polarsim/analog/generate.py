@@ -12,7 +12,7 @@ from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.photographer import empty_labels, take_photos
 from polarsim.analog.presets import PRESETS
-from polarsim.analog.terrain import Terrain, build_terrain
+from polarsim.analog.terrain import AnalogTerrain, build_terrain
 from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, tables
@@ -77,7 +77,7 @@ def generate_terrain(
 
 
 def _write_scans(
-    made: Terrain, calibration: StereoRig, raw: Path, ranges: Path, options: AnalogOptions, threads: int
+    made: AnalogTerrain, calibration: StereoRig, raw: Path, ranges: Path, options: AnalogOptions, threads: int
 ) -> None:
     """Write clouds and range maps of the scanned positions, and a range map of B from the surfaces of both scans."""
     grid = rectified_left(calibration)
@@ -100,7 +100,7 @@ def _write_scans(
         _write_map(ranges, "B", surfaces, grid, _registered(made, "B", grid, rng), threads)
 
 
-def _registered(made: Terrain, position: str, grid: RectifiedGrid, rng: np.random.Generator) -> Pose:
+def _registered(made: AnalogTerrain, position: str, grid: RectifiedGrid, rng: np.random.Generator) -> Pose:
     """Return the pose of the rectified left frame with the registration error of NASA's data."""
     exact = (made.stations.sandbox_from_left[position] @ grid.left_from_rectified).inverse()
     return scanner.registration_error(rng) @ exact

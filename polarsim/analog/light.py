@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.analog.rays import Caster, lengths, rays_from
-from polarsim.analog.sandbox import Material
+from polarsim.analog.rays import RayCaster, lengths, rays_from
+from polarsim.analog.sandbox import SurfaceMaterial
 from polarsim.analog.view import GBuffer, strips
 
 SURFACE_OFFSET = np.float32(0.0015)  # rays start this far above a surface, metres
@@ -60,7 +60,7 @@ def reflect(
 
 
 @dataclass(frozen=True)
-class Lamp:
+class DiscLamp:
     """Disc lamp directed at a target."""
 
     position: np.ndarray
@@ -88,14 +88,14 @@ class Lamp:
         return (beam / distance**2).astype(np.float32)
 
 
-def towards(lamp: Lamp, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def towards(lamp: DiscLamp, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return unit vectors (..., 3) and distances (...) from points to the centre of a lamp."""
     to_lamp = lamp.position.astype(np.float32) - points
     distance = lengths(to_lamp)
     return to_lamp / distance[..., None], distance
 
 
-def direct(view: GBuffer, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
+def direct(view: GBuffer, lamp: DiscLamp, visible: np.ndarray) -> np.ndarray:
     """Return the radiance (h, w) of directly lit surfaces; `visible` (h, w) is the visible share of the lamp."""
     out = np.zeros(view.shape, np.float32)
     for rows in strips(len(out)):
@@ -112,7 +112,7 @@ def direct(view: GBuffer, lamp: Lamp, visible: np.ndarray) -> np.ndarray:
     return out
 
 
-def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generator, threads: int) -> np.ndarray:
+def visibility(view: GBuffer, caster: RayCaster, lamp: DiscLamp, rng: np.random.Generator, threads: int) -> np.ndarray:
     """Return the visible share (h, w) of the disc of a lamp.
 
     One ray per pixel is cast to a random point on the disc, and neighbouring pixels are averaged over the width of the
@@ -126,7 +126,7 @@ def visibility(view: GBuffer, caster: Caster, lamp: Lamp, rng: np.random.Generat
         points = view.points[rows] + SURFACE_OFFSET * view.normals[rows]
         to_disc = lamp.disc(_unit_disc(rng, view.objects[rows].shape)) - points
         facing = np.einsum("...k,...k->...", view.normals[rows], to_disc) > 0
-        facing &= view.material[rows] != Material.DARK  # no rays for black cloth
+        facing &= view.material[rows] != SurfaceMaterial.DARK  # no rays for black cloth
         at = np.full(facing.shape, np.inf, np.float32)
         at[facing] = caster.first_hits(rays_from(points[facing], to_disc[facing]), threads)["t_hit"]
         occluded = at < 0.995

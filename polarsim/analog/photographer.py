@@ -13,13 +13,13 @@ import pandas as pd
 
 from polarsim.analog.annotator import annotate
 from polarsim.analog.bounce import AMBIENT, Bounce, gather_bounce
-from polarsim.analog.light import Lamp, direct, visibility
+from polarsim.analog.light import DiscLamp, direct, visibility
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
 from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.sensor import ELECTRONS_PER_DN, expose, fixed_pattern, lamp_glare, through_lens
 from polarsim.analog.stations import ROVER, Stations
-from polarsim.analog.terrain import Terrain
+from polarsim.analog.terrain import AnalogTerrain
 from polarsim.analog.truth import AlbedoMap
 from polarsim.analog.view import Textures, look, make_textures
 from polarsim.formats import nasa, png, tables, yolo
@@ -43,7 +43,7 @@ _SPARSE = 4  # step between pixels for measuring the exposure of a photo
 
 
 @dataclass(frozen=True)
-class OlatImages:
+class LitView:
     """Linear images of a view by lamp, with the visible regions."""
 
     images: dict[str, np.ndarray]  # azimuth, ROVER, AMBIENT -> (h, w) float32 radiance
@@ -69,7 +69,7 @@ def _lamps_of(key: PhotoKey) -> list[str]:
 
 
 def take_photos(
-    made: Terrain,
+    made: AnalogTerrain,
     keys: Sequence[PhotoKey],
     raw: Path,
     seeds: Path,
@@ -96,13 +96,13 @@ def take_photos(
     return _label_table(rows)
 
 
-def _lamps(stations: Stations, position: str) -> dict[str, Lamp]:
+def _lamps(stations: Stations, position: str) -> dict[str, DiscLamp]:
     """Return the lamps of a position by azimuth, and the rover light of the position."""
     left = stations.sandbox_from_left[position]
     lamps = {}
     for name, lamp_position in stations.lamps_at(position).items():
         target = left.apply(np.array([0, 0.0, 4.0])) if name == ROVER else np.zeros(3)
-        lamps[name] = Lamp(lamp_position, target, _LAMP_RADIUS, LAMP_OUTPUT[name])
+        lamps[name] = DiscLamp(lamp_position, target, _LAMP_RADIUS, LAMP_OUTPUT[name])
     return lamps
 
 
@@ -115,15 +115,15 @@ def _bounce_name(lamp: str, position: str) -> str:
     return f"{lamp}_{position}" if lamp == ROVER else lamp
 
 
-def _named(lamps: Mapping[str, Mapping[str, Lamp]]) -> dict[str, Lamp]:
+def _named(lamps: Mapping[str, Mapping[str, DiscLamp]]) -> dict[str, DiscLamp]:
     """Return the lamps of all positions by unique name."""
     return {_bounce_name(name, position): lamp for position in lamps for name, lamp in lamps[position].items()}
 
 
 def _olat_images(
-    made: Terrain, position: str, camera: str, lamps: Mapping[str, Lamp], bounces: Bounce, albedo: AlbedoMap,
+    made: AnalogTerrain, position: str, camera: str, lamps: Mapping[str, DiscLamp], bounces: Bounce, albedo: AlbedoMap,
     options: AnalogOptions, threads: int,
-) -> OlatImages:  # fmt: skip
+) -> LitView:  # fmt: skip
     scene, posed = made.scene, made.stations.camera(position, camera)
     view = look(scene, made.caster, _textures(options.seed, made.terrain), posed, threads)
     albedo.add(view)
@@ -140,11 +140,11 @@ def _olat_images(
         glare = lamp_glare(lamp, posed, _GLARE * lamp.intensity, rng)
         images[name] = through_lens(lit) + glare
         shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, visible, threads)
-    return OlatImages(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
+    return LitView(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
 
 
 def _shoot(
-    olat_images: OlatImages, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: Path, seeds: Path,
+    olat_images: LitView, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: Path, seeds: Path,
     options: AnalogOptions, threads: int,
 ) -> list[dict[str, object]]:  # fmt: skip
     """Write the photos and the seeds of a view; return rows of the true labels."""
@@ -182,7 +182,7 @@ def _may_be_seed(key: PhotoKey) -> bool:
     return key.camera == "L" and key.light == "off" and key.azimuth != "no"
 
 
-def _label_rows(key: PhotoKey, olat_images: OlatImages, photo: np.ndarray) -> list[dict[str, object]]:
+def _label_rows(key: PhotoKey, olat_images: LitView, photo: np.ndarray) -> list[dict[str, object]]:
     regions = [(ROCK, region) for region in olat_images.rocks]
     regions += [(SHADOW, region) for region in olat_images.shadows_of(key)]
     return [

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.analog.ground import CRATER_CENTRE, Ground
 from polarsim.analog.presets import Preset
-from polarsim.analog.rays import Caster
+from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import Rock, carve, icosphere
 
 _PROBES = 642  # vertices of a rock that are tested against neighbours: a sphere of three subdivisions
@@ -113,16 +113,16 @@ def _set_down(shape: Rock, spot: np.ndarray, ground: Ground, rng: np.random.Gene
     return shape.moved(np.array([*spot, bottom - shape.vertices[:, 2].min()]))
 
 
-def _surfaces(rocks: Sequence[Rock]) -> Caster:
+def _surfaces(rocks: Sequence[Rock]) -> RayCaster:
     faces = [icosphere(rock.detail)[1] for rock in rocks]
     starts = np.cumsum([0, *(len(rock.vertices) for rock in rocks)])
-    return Caster(
+    return RayCaster(
         np.concatenate([rock.vertices for rock in rocks]),
         np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
     )
 
 
-def _gap(rock: Rock, surfaces: Caster) -> float:
+def _gap(rock: Rock, surfaces: RayCaster) -> float:
     """Return the minimum distance of the probes of a rock from surfaces, metres; negative if they overlap."""
     return float(surfaces.signed_distance(rock.vertices[:_PROBES]).min())
 

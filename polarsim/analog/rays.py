@@ -9,7 +9,7 @@ import numpy as np
 _PORTION = 200_000  # rays per call that lists all intersections
 
 
-class Caster:
+class RayCaster:
     """Ray caster of triangles: vertices (v, 3) and faces (f, 3)."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:

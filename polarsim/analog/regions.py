@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
-from polarsim.analog.light import SURFACE_OFFSET, Lamp
-from polarsim.analog.rays import Caster, rays_from
-from polarsim.analog.sandbox import GROUND_OBJECT, Scene
+from polarsim.analog.light import SURFACE_OFFSET, DiscLamp
+from polarsim.analog.rays import RayCaster, rays_from
+from polarsim.analog.sandbox import GROUND_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer
 from polarsim.photo import HEIGHT, WIDTH
 
@@ -52,11 +52,11 @@ def rock_regions(view: GBuffer) -> list[Region]:
 
 
 def shadow_regions(
-    scene: Scene,
-    caster: Caster,
-    rock_caster: Caster | None,
+    scene: SandboxScene,
+    caster: RayCaster,
+    rock_caster: RayCaster | None,
     view: GBuffer,
-    lamp: Lamp,
+    lamp: DiscLamp,
     visible: np.ndarray,
     threads: int,
 ) -> list[Region]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.analog.ground import Ground
 from polarsim.analog.presets import Preset
-from polarsim.analog.rays import Caster, grid_faces
+from polarsim.analog.rays import RayCaster, grid_faces
 from polarsim.analog.rocks import Rock, icosphere
 from polarsim.survey import WALL_HEIGHT
 
@@ -20,7 +20,7 @@ _WALL_THICKNESS = 0.09  # metres
 HALL_FLOOR = -0.40  # metres: below the deepest crater, so that the floor is not visible in it
 
 
-class Material(IntEnum):
+class SurfaceMaterial(IntEnum):
     SAND = 0
     ROCK = 1
     CLOTH = 2
@@ -33,7 +33,7 @@ class Material(IntEnum):
 
 
 @dataclass(frozen=True)
-class Scene:
+class SandboxScene:
     """Triangles with object numbers and materials: ground first, then rocks in order, then the hall."""
 
     vertices: np.ndarray  # (v, 3) float32, metres, sandbox frame
@@ -48,22 +48,22 @@ class Scene:
     ground: Ground
     rocks: list[Rock]
 
-    def caster(self) -> Caster:
+    def caster(self) -> RayCaster:
         """Return a ray caster of all triangles."""
-        return Caster(self.vertices, self.faces)
+        return RayCaster(self.vertices, self.faces)
 
-    def rock_caster(self) -> Caster:
+    def rock_caster(self) -> RayCaster:
         """Return a ray caster of the rocks only; the scene must have a rock."""
         faces = self.faces[self.object_of_face > 0]
         low, high = int(faces.min()), int(faces.max())
-        return Caster(self.vertices[low : high + 1], faces - low)
+        return RayCaster(self.vertices[low : high + 1], faces - low)
 
 
 @dataclass(frozen=True)
 class _Part:
     vertices: np.ndarray
     faces: np.ndarray
-    material: Material
+    material: SurfaceMaterial
     albedo: float
     object_id: int = HALL_OBJECT
     normals: np.ndarray | None = None
@@ -71,16 +71,20 @@ class _Part:
     patch: float = 0.0
 
 
-def build_scene(preset: Preset, ground: Ground, rocks: Sequence[Rock], detail: int, rng: np.random.Generator) -> Scene:
+def build_scene(
+    preset: Preset, ground: Ground, rocks: Sequence[Rock], detail: int, rng: np.random.Generator
+) -> SandboxScene:
     """Combine ground, rocks, walls and hall."""
     small = preset.half_width < 1
     vertices, faces = ground.mesh()
     sand = 0.36 if small else 0.19
-    parts = [_Part(vertices, faces, Material.SAND, sand, GROUND_OBJECT, ground.normals())]
+    parts = [_Part(vertices, faces, SurfaceMaterial.SAND, sand, GROUND_OBJECT, ground.normals())]
     sphere_faces = icosphere(detail)[1]
     for rock in rocks:
         parts.append(
-            _Part(rock.vertices, sphere_faces, Material.ROCK, rock.albedo, rock.rock, None, rock.gloss, rock.patch)
+            _Part(
+                rock.vertices, sphere_faces, SurfaceMaterial.ROCK, rock.albedo, rock.rock, None, rock.gloss, rock.patch
+            )
         )
     parts += _small_box(preset, rng) if small else _big_box(preset, rng)
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
@@ -92,7 +96,7 @@ def build_scene(preset: Preset, ground: Ground, rocks: Sequence[Rock], detail: i
     first: dict[int, int] = {}
     for part, start in zip(parts, starts, strict=False):
         first.setdefault(part.object_id, int(start))
-    return Scene(
+    return SandboxScene(
         np.concatenate([part.vertices for part in parts]).astype(np.float32),
         np.concatenate([_normals(p) if p.normals is None else p.normals for p in parts]).astype(np.float32),
         np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)]).astype(np.uint32),
@@ -131,7 +135,9 @@ def _sheet(
     return vertices, grid_faces(nu, nv)
 
 
-def _block(low: Sequence[float], high: Sequence[float], material: Material, albedo: float, step: float) -> list[_Part]:
+def _block(
+    low: Sequence[float], high: Sequence[float], material: SurfaceMaterial, albedo: float, step: float
+) -> list[_Part]:
     """Return the six sides of an axis-aligned block."""
     x0, y0, z0 = low
     dx, dy, dz = (float(h - lo) for h, lo in zip(high, low, strict=True))
@@ -147,7 +153,7 @@ def _block(low: Sequence[float], high: Sequence[float], material: Material, albe
 
 
 def _walls(
-    half: float, top: float, thick: float, material: Material, albedo: float, rng: np.random.Generator
+    half: float, top: float, thick: float, material: SurfaceMaterial, albedo: float, rng: np.random.Generator
 ) -> list[_Part]:
     outer = half + thick
     spans = [
@@ -174,22 +180,22 @@ def _walls(
 def _big_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
     """Return the walls of NASA's sandbox and the hall."""
     half = preset.half_width
-    parts = _walls(half, _WALL_TOP, _WALL_THICKNESS, Material.CLOTH, 0.52, rng)
+    parts = _walls(half, _WALL_TOP, _WALL_THICKNESS, SurfaceMaterial.CLOTH, 0.52, rng)
     for y in (-1.62 + rng.normal(0, 0.03), 1.62 + rng.normal(0, 0.03)):
         z, x = 0.08 + rng.uniform(0, 0.03), -half + 0.012
         for width, height, out, material, albedo in (
-            (0.30, 0.22, 0.0, Material.WHITE, 0.80), (0.26, 0.18, 0.004, Material.GREY, 0.18),
+            (0.30, 0.22, 0.0, SurfaceMaterial.WHITE, 0.80), (0.26, 0.18, 0.004, SurfaceMaterial.GREY, 0.18),
         ):  # fmt: skip
             sheet = _sheet([x + out, y - width / 2, z + 0.11 - height / 2], [0, width, 0], [0.01, 0, height], 0.1)
             parts.append(_Part(*sheet, material, albedo))
-    parts += _block([-half - 0.1, -half - 0.1, 0], [-half + 0.16, -half + 0.14, 0.33], Material.DARK, 0.02, 0.1)
+    parts += _block([-half - 0.1, -half - 0.1, 0], [-half + 0.16, -half + 0.14, 0.33], SurfaceMaterial.DARK, 0.02, 0.1)
     parts += _hall()
     for y0, y1 in ((-2.5, -0.72), (-0.66, 0.33), (0.39, 2.1)):  # curtains with folds
         vertices, faces = _sheet([-4.0, y0, HALL_FLOOR], [0, y1 - y0, 0], [0, 0, 3.0], 0.05)
         vertices[:, 0] += 0.02 * np.sin(vertices[:, 1] * rng.uniform(18, 26)) + 0.01 * np.sin(vertices[:, 1] * 61)
-        parts.append(_Part(vertices, faces, Material.CURTAIN, rng.uniform(0.16, 0.3)))
+        parts.append(_Part(vertices, faces, SurfaceMaterial.CURTAIN, rng.uniform(0.16, 0.3)))
     for x, y, width in ((-3.2, 0.06, 0.04), (-3.5, 0.9, 0.02), (-3.4, 1.0, 0.02), (0.4, 3.4, 0.03), (-2.6, 3.0, 0.03)):
-        parts += _block([x, y, HALL_FLOOR], [x + width, y + width, 2.4], Material.METAL, 0.12, 0.5)
+        parts += _block([x, y, HALL_FLOOR], [x + width, y + width, 2.4], SurfaceMaterial.METAL, 0.12, 0.5)
     parts.append(_duct(np.array([-2.35, 2.35, 0.0]), 0.13, 0.75))
     return parts
 
@@ -198,8 +204,8 @@ def _small_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
     """Return the black box of terrain 13 on a tiled floor, next to a bright ball."""
     half = preset.half_width
     vertices, faces = icosphere(4)
-    ball = _Part(vertices * 0.10 + [0.1, 0.85, HALL_FLOOR + 0.10], faces, Material.METAL, 0.6, gloss=2.0)
-    return [*_walls(half, 0.05, 0.03, Material.DARK, 0.04, rng), *_hall(floor_albedo=0.35), ball]
+    ball = _Part(vertices * 0.10 + [0.1, 0.85, HALL_FLOOR + 0.10], faces, SurfaceMaterial.METAL, 0.6, gloss=2.0)
+    return [*_walls(half, 0.05, 0.03, SurfaceMaterial.DARK, 0.04, rng), *_hall(floor_albedo=0.35), ball]
 
 
 def _hall(floor_albedo: float = 0.05) -> list[_Part]:
@@ -212,8 +218,8 @@ def _hall(floor_albedo: float = 0.05) -> list[_Part]:
         _sheet([x0, y0, z0], [0, 0, dz], [dx, 0, 0], 0.8), _sheet([x0, high[1], z0], [dx, 0, 0], [0, 0, dz], 0.8),
         _sheet([x0, y0, high[2]], [0, dy, 0], [dx, 0, 0], 0.8),
     ]  # fmt: skip
-    floor = _Part(*_sheet(low.tolist(), [dx, 0, 0], [0, dy, 0], 0.25), Material.FLOOR, floor_albedo)
-    return [floor, *(_Part(*sheet, Material.DARK, 0.03) for sheet in sides)]
+    floor = _Part(*_sheet(low.tolist(), [dx, 0, 0], [0, dy, 0], 0.25), SurfaceMaterial.FLOOR, floor_albedo)
+    return [floor, *(_Part(*sheet, SurfaceMaterial.DARK, 0.03) for sheet in sides)]
 
 
 def _duct(foot: np.ndarray, radius: float, height: float) -> _Part:
@@ -222,4 +228,4 @@ def _duct(foot: np.ndarray, radius: float, height: float) -> _Part:
     angle, z = vertices[:, 0], vertices[:, 2]
     width = radius + 0.008 * np.sin(z * 150)
     tube = np.stack([width * np.cos(angle) + 0.25 * z, width * np.sin(angle) + 0.2 * z, z], axis=1) + foot
-    return _Part(tube, faces, Material.METAL, 0.35, gloss=1.0)
+    return _Part(tube, faces, SurfaceMaterial.METAL, 0.35, gloss=1.0)

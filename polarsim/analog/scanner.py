@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.rays import Caster, grid_faces, rays_from
-from polarsim.analog.sandbox import Scene
+from polarsim.analog.rays import RayCaster, grid_faces, rays_from
+from polarsim.analog.sandbox import SandboxScene
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 
@@ -35,8 +35,8 @@ class Scan:
 
 
 def scan(
-    scene: Scene,
-    caster: Caster,
+    scene: SandboxScene,
+    caster: RayCaster,
     sandbox_from_scanner: Pose,
     rng: np.random.Generator,
     options: AnalogOptions,
@@ -110,7 +110,7 @@ def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, thr
     vertices = np.concatenate([vertices for vertices, _ in surfaces])
     faces = np.concatenate([f + start for (_, f), start in zip(surfaces, starts, strict=False)])
     directions = grid.pixel_directions().astype(np.float32)
-    hit = Caster(vertices, faces).first_hits(rays_from(np.zeros(3), directions), threads)
+    hit = RayCaster(vertices, faces).first_hits(rays_from(np.zeros(3), directions), threads)
     depth = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], np.nan)
     return np.round(depth[..., None] * directions / np.float32(_STEP_M)) * np.float32(_STEP_M)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.analog.light import Lamp
+from polarsim.analog.light import DiscLamp
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
@@ -35,7 +35,7 @@ def through_lens(image: np.ndarray) -> np.ndarray:
     return (((1 - _HALO) * sharp + glare) * (1 - _VIGNETTING * radius2)).astype(np.float32)
 
 
-def lamp_glare(lamp: Lamp, camera: Camera, brightness: float, rng: np.random.Generator) -> np.ndarray:
+def lamp_glare(lamp: DiscLamp, camera: Camera, brightness: float, rng: np.random.Generator) -> np.ndarray:
     """Return the light (h, w) that a lamp inside or outside the image scatters in the lens, at unit intensity.
 
     Parameters

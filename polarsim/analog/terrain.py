@@ -10,23 +10,23 @@ from polarsim.analog.ground import make_ground, pile_sand
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.placement import place_rocks
 from polarsim.analog.presets import PRESETS
-from polarsim.analog.rays import Caster
-from polarsim.analog.sandbox import Scene, build_scene
+from polarsim.analog.rays import RayCaster
+from polarsim.analog.sandbox import SandboxScene, build_scene
 from polarsim.analog.stations import Stations, make_stations
 from polarsim.randomness import generator
 
 
 @dataclass(frozen=True)
-class Terrain:
+class AnalogTerrain:
     """Scene, ray caster, tripod poses and lamps of a terrain."""
 
     terrain: int
-    scene: Scene
-    caster: Caster
+    scene: SandboxScene
+    caster: RayCaster
     stations: Stations
 
 
-def build_terrain(terrain: int, options: AnalogOptions) -> Terrain:
+def build_terrain(terrain: int, options: AnalogOptions) -> AnalogTerrain:
     """Generate the sand, the rocks, the surrounding box, the tripod poses and the lamps of a terrain."""
     preset, seed = PRESETS[terrain], options.seed
     original = preset.like or terrain
@@ -38,4 +38,4 @@ def build_terrain(terrain: int, options: AnalogOptions) -> Terrain:
     radii = np.array([rock.radius for rock in rocks])
     ground = pile_sand(ground, generator(seed, "piles", original), points[in_sand, :2], radii[in_sand])
     scene = build_scene(preset, ground, rocks, options.rock_detail, generator(seed, "box", terrain))
-    return Terrain(terrain, scene, scene.caster(), make_stations(terrain, options))
+    return AnalogTerrain(terrain, scene, scene.caster(), make_stations(terrain, options))

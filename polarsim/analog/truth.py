@@ -9,10 +9,10 @@ import pandas as pd
 
 from polarsim.analog.ground import Ground
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.rays import Caster, rays_from
+from polarsim.analog.rays import RayCaster, rays_from
 from polarsim.analog.rocks import Rock, icosphere
 from polarsim.analog.sandbox import HALL_OBJECT
-from polarsim.analog.terrain import Terrain
+from polarsim.analog.terrain import AnalogTerrain
 from polarsim.analog.view import GBuffer, strips
 from polarsim.formats import obj, tables
 from polarsim.formats.files import write_json
@@ -26,7 +26,7 @@ _REACH = 512  # maximum number of cubes from the origin along every axis
 _COLUMNS = ("pixels", "albedo", "x", "y", "z")
 
 
-def write_truth(made: Terrain, folder: Path, options: AnalogOptions) -> None:
+def write_truth(made: AnalogTerrain, folder: Path, options: AnalogOptions) -> None:
     """Write the ground truth of a terrain except the labels. Rock meshes contain only the part above the sand."""
     stations, scene, terrain = made.stations, made.scene, made.terrain
     for position, pose in stations.sandbox_from_left.items():
@@ -71,7 +71,7 @@ def _volume(rock: Rock, ground: Ground, faces: np.ndarray) -> float:
     x, y = np.meshgrid(
         *(np.arange(low[axis], high[axis], _COLUMN_STEP) + _COLUMN_STEP / 2 for axis in (0, 1)), indexing="ij"
     )
-    caster = Caster(rock.vertices, faces)
+    caster = RayCaster(rock.vertices, faces)
     heights = []
     for start, down in ((high[2] + 0.1, -1.0), (low[2] - 0.1, 1.0)):
         origins = np.stack([x, y, np.full_like(x, start)], axis=-1)

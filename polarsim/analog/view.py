@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from polarsim.analog.rays import Caster, lengths, rays_from
-from polarsim.analog.sandbox import HALL_OBJECT, Material, Scene
+from polarsim.analog.rays import RayCaster, lengths, rays_from
+from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene, SurfaceMaterial
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 
@@ -86,7 +86,7 @@ def strips(height: int, rows: int = 152) -> Iterator[slice]:
         yield slice(start, min(start + rows, height))
 
 
-def look(scene: Scene, caster: Caster, textures: Textures, camera: Camera, threads: int) -> GBuffer:
+def look(scene: SandboxScene, caster: RayCaster, textures: Textures, camera: Camera, threads: int) -> GBuffer:
     """Cast a ray through every pixel of a camera and return the surface attributes."""
     directions = lens_directions(camera.lens)
     height, width = camera.lens.shape
@@ -107,7 +107,12 @@ def look(scene: Scene, caster: Caster, textures: Textures, camera: Camera, threa
 
 
 def _surface(
-    scene: Scene, textures: Textures, hit: dict[str, np.ndarray], rotated: np.ndarray, centre: np.ndarray, focal: float
+    scene: SandboxScene,
+    textures: Textures,
+    hit: dict[str, np.ndarray],
+    rotated: np.ndarray,
+    centre: np.ndarray,
+    focal: float,
 ) -> dict[str, np.ndarray]:
     distance = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], 20.0).astype(np.float32)
     face = np.where(np.isfinite(hit["t_hit"]), hit["primitive_ids"], 0).astype(np.int32)
@@ -127,13 +132,13 @@ def _surface(
     objects = np.where(missed, HALL_OBJECT, scene.object_of_face[face])
     return {
         "points": points, "normals": bumpy, "albedo": np.where(missed, 0, albedo), "gloss": scene.gloss_of_face[face],
-        "material": np.where(missed, Material.DARK, material), "objects": objects, "faces": face, "weights": weights,
-        "footprint": footprint,
+        "material": np.where(missed, SurfaceMaterial.DARK, material), "objects": objects, "faces": face,
+        "weights": weights, "footprint": footprint,
     }  # fmt: skip
 
 
 def _textured(
-    scene: Scene, textures: Textures, face: np.ndarray, points: np.ndarray, normals: np.ndarray,
+    scene: SandboxScene, textures: Textures, face: np.ndarray, points: np.ndarray, normals: np.ndarray,
     material: np.ndarray, footprint: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Return albedo with grain and patches, and unit normals with bumps; both fade if a pixel spans many grains."""

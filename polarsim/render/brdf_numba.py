@@ -22,7 +22,7 @@ from polarsim.render.options import HapkeChronoParameters, HapkeParameters, Para
 _f = np.float32  # integers and Python floats would promote a float32 expression to float64
 _0, _HALF, _1, _2, _4, _PI = _f(0), _f(0.5), _f(1), _f(2), _f(4), _f(np.pi)
 _GRAZING, _TINY = _f(brdf.GRAZING), _f(1e-12)
-_NO_DIRECTION, _LEAST_RATIO = _f(1e-20), _f(1e-7)
+_NO_DIRECTION, _MIN_RATIO = _f(1e-20), _f(1e-7)
 _TO_WHOLE = _f(1.5 * 2**23)  # added to a number, it rounds the number to an integer in the last bits
 _LOG2_E, _LN2_HIGH, _LN2_LOW = _f(math.log2(math.e)), _f(0.693359375), _f(-2.12194440e-4)
 _EXP_RANGE = _f(-87), _f(88)
@@ -177,7 +177,7 @@ def _roughness(  # type: ignore[no-untyped-def]
     size = np.sqrt(along * along + across * across)
     defined = size > _NO_DIRECTION
     cos_psi = along / size if defined else _1
-    tan_half = across / (size + along) if along >= _0 else (size - along) / max(across, size * _LEAST_RATIO)
+    tan_half = across / (size + along) if along >= _0 else (size - along) / max(across, size * _MIN_RATIO)
     tan_half = tan_half if defined else _0
     psi = _angle(across, along) if defined else _0
     sin2_half = (_1 - cos_psi) / _2

@@ -138,11 +138,11 @@ def _phase(cos_g, b, c):
 @ti.func
 def _log1p(x):
     """log(1 + x) for x > 0, accurate at small x (Kahan)."""
-    whole = 1 + x
-    rest = whole - 1
+    total = 1 + x
+    rest = total - 1
     value = x
     if rest > 0:
-        value = ti.log(whole) * x / rest
+        value = ti.log(total) * x / rest
     return value
 
 
@@ -172,13 +172,13 @@ def _slopes(tan_bar, cos_x, sin_x):
 def _azimuth(along, across):
     """Return psi, cos psi, tan(psi / 2), with psi = 0 if psi is undefined."""
     size = ti.sqrt(along * along + across * across)
-    found = ti.math.vec3(0.0, 1.0, 0.0)
+    angles = ti.math.vec3(0.0, 1.0, 0.0)
     if size > 1e-20:
         tan_half = (size - along) / ti.max(across, size * 1e-7)
         if along >= 0:
             tan_half = across / (size + along)
-        found = ti.math.vec3(ti.atan2(across, along), along / size, tan_half)
-    return found
+        angles = ti.math.vec3(ti.atan2(across, along), along / size, tan_half)
+    return angles
 
 
 @ti.func

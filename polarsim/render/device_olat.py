@@ -16,7 +16,7 @@ from polarsim.geometry.rays_taichi import laid, laid_vectors
 from polarsim.geometry.taichi_device import on_its_thread, ti
 from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
 from polarsim.render.brdf_taichi import evaluate
-from polarsim.render.hits import LEAST_SLOPE, NO_NORMAL, Hits
+from polarsim.render.hits import MIN_FACING, NO_NORMAL, Hits
 from polarsim.render.lamps import REFERENCE_DISTANCE
 from polarsim.render.materials import kinds_of
 from polarsim.run_files.instances import BACKGROUND
@@ -161,7 +161,7 @@ def _intersect(
     slot: NUMBERS, weights: WEIGHTS, point: VECTORS, to_viewer: VECTORS, normal: VECTORS, plane: VECTORS,
     upward: VALUES, covered: VALUES,
 ):  # fmt: skip
-    """Apply `hits.intersect` to rays along camera-frame directions; add the shares of `olat.Surroundings`.
+    """Apply `hits.intersect` to rays along camera-frame directions; add the shares of `olat.DiffuseLight`.
 
     `upward` gets the share of light from above that each hit faces, `covered` the share of samples with a hit.
     """
@@ -180,7 +180,7 @@ def _intersect(
             smooth = corner_normals[s, 0] * w[0] + corner_normals[s, 1] * w[1] + corner_normals[s, 2] * w[2]
             if smooth.dot(smooth) > NO_NORMAL:
                 smooth = _unit(smooth) * side
-            if smooth.dot(back) < LEAST_SLOPE:  # or they cancel out
+            if smooth.dot(back) < MIN_FACING:  # or they cancel out
                 smooth = flat
             weights[n], point[n], to_viewer[n] = first.weights, origin + first.distance * along, back
             normal[n], plane[n] = smooth, flat

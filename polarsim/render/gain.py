@@ -144,7 +144,9 @@ def main_gain(fit: Fitted) -> float:
     return float(np.median(suns or list(fit.lamps.values())))
 
 
-def as_bright_as_fitted(lamps: Mapping[str, Lamp], fitted: FittedMaterials | None, model: Model) -> Mapping[str, Lamp]:
+def with_fitted_intensities(
+    lamps: Mapping[str, Lamp], fitted: FittedMaterials | None, model: Model
+) -> Mapping[str, Lamp]:
     """Return the lamps with fitted intensities, relative to the gain of the model.
 
     Lamps without photos are unchanged.

@@ -66,7 +66,7 @@ def annotations_of(
 ) -> list[coco.Annotation]:
     """Return the labels of `boxes_of` with masks: the visible pixels of the object inside the box.
 
-    `occluded`: amodal masks of partly occluded rocks (`whole_rocks`); if given, all other rocks are fully visible.
+    `occluded`: amodal masks of partly occluded rocks (`amodal_masks`); if given, all other rocks are fully visible.
     Rocks with a visible share below `min_visible_share` are omitted, but not their shadows.
     """
     annotations = []
@@ -83,10 +83,10 @@ def annotations_of(
     return annotations
 
 
-def whole_rocks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: RenderOptions) -> dict[int, coco.Amodal]:
+def amodal_masks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: RenderOptions) -> dict[int, coco.Amodal]:
     """Return the amodal masks of the partly occluded rocks of an id map (h, w), by rock.
 
-    `hidden`: flat numbers (n,) of the occluded pixels of each rock (`hidden_parts`).
+    `hidden`: flat numbers (n,) of the occluded pixels of each rock (`occluded_pixels`).
     """
     amodal = {}
     for rock, occluded in hidden.items():
@@ -121,13 +121,13 @@ def label_view(
     ids : lamp -> (h, w) uint16
         `Rendering.ids` of the view.
     hidden : rock -> (n,) int
-        Result of `hidden_parts` for the view.
+        Result of `occluded_pixels` for the view.
     boxes : Path
         Folder for `KEY.txt`; the file is empty if no lamp is on, because the image is black.
     instances : Path
         Folder for `TT_P_light_az_C.png`, the id map of an exposure bracket.
     """
-    occluded = whole_rocks(ids[NO_LAMP], hidden, options)
+    occluded = amodal_masks(ids[NO_LAMP], hidden, options)
     rocks = annotations_of(ids[NO_LAMP], options, occluded)
     by_lamp = {NO_LAMP: rocks}
     for name, id_map in ids.items():
@@ -153,7 +153,7 @@ def label_row(key: PhotoKey, label: coco.Annotation) -> dict[str, object]:
     return {**tables.key_columns(key), **named, **corners}
 
 
-def hidden_parts(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict[int, np.ndarray]:
+def occluded_pixels(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict[int, np.ndarray]:
     """Return the pixels at which other rocks or walls occlude a visible rock: sorted flat numbers (n,) by rock.
 
     Parts occluded by the ground (buried, or behind a mound) are not included. Rays are cast only near a rock, through

@@ -77,7 +77,7 @@ def planes(normal, to_viewer, plane, side):  # type: ignore[no-untyped-def]
 
 @_loop
 def smooth_normals(  # type: ignore[no-untyped-def]
-    face, weights, corner_normals, side, plane, to_viewer, least_square, least_slope, normal
+    face, weights, corner_normals, side, plane, to_viewer, min_square, min_facing, normal
 ):
     """Write interpolated unit normals from the corner normals (9 f,), on the visible side of the face.
 
@@ -91,10 +91,10 @@ def smooth_normals(  # type: ignore[no-untyped-def]
         y = c[corner + 1] * first + c[corner + 4] * second + c[corner + 7] * third
         z = c[corner + 2] * first + c[corner + 5] * second + c[corner + 8] * third
         scale = _inverse_length(x, y, z)
-        defined = _1 if _dot(x, y, z, x, y, z) > least_square else _0
+        defined = _1 if _dot(x, y, z, x, y, z) > min_square else _0
         x, y, z = x * scale * defined * side[k], y * scale * defined * side[k], z * scale * defined * side[k]
         slope = _dot(x, y, z, to_viewer[3 * k], to_viewer[3 * k + 1], to_viewer[3 * k + 2])
-        flat = slope < least_slope
+        flat = slope < min_facing
         normal[3 * k] = plane[3 * k] if flat else x
         normal[3 * k + 1] = plane[3 * k + 1] if flat else y
         normal[3 * k + 2] = plane[3 * k + 2] if flat else z

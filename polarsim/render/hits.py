@@ -26,7 +26,7 @@ from polarsim.render.surfaces import Surfaces
 _FILTER_SD_PX = 0.5  # standard deviation of the Gaussian pixel filter, half the width of a pixel
 STRIP = 64  # rows cast together: limits the memory, and is the unit of work of a thread
 NO_NORMAL = 1e-12  # squared length below which interpolated normals cancel out
-LEAST_SLOPE = 1e-3  # minimum cosine between smooth normal and viewer; below it the flat normal is used
+MIN_FACING = 1e-3  # minimum cosine between smooth normal and viewer; below it the flat normal is used
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def intersect(
     hit_kernels.points(hits.ray, hits.distance, origins.reshape(-1), directions.reshape(-1), point, to_viewer)
     hit_kernels.planes(hits.normal.reshape(-1), to_viewer, plane, side)  # open meshes may be visible from inside
     if smooth:
-        corners, limits = surfaces.corner_normals.reshape(-1), (np.float32(NO_NORMAL), np.float32(LEAST_SLOPE))
+        corners, limits = surfaces.corner_normals.reshape(-1), (np.float32(NO_NORMAL), np.float32(MIN_FACING))
         weights = hits.weights.reshape(-1)
         hit_kernels.smooth_normals(hits.face, weights, corners, side, plane, to_viewer, *limits, normal)
     point, to_viewer, plane, normal = (array.reshape(-1, 3) for array in (point, to_viewer, plane, normal))

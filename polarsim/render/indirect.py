@@ -26,13 +26,13 @@ from polarsim.render.lighting import lighting
 from polarsim.render.materials import Materials
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import Surfaces
-from polarsim.render.upsampling import Grid
+from polarsim.render.upsampling import LightGrid
 
 _HORIZON = 0.15  # sine of the elevation at which the second density is half of the density at the horizon
 _SPAN = float(np.arctan(1 / _HORIZON))
 # Roberts' R2 sequence ("The unreasonable effectiveness of quasirandom sequences", 2018): even in two dimensions.
 _STEPS = np.array([0.7548776662, 0.5698402910])
-_LEAST_COSINE = np.float32(1e-6)
+_MIN_COSINE = np.float32(1e-6)
 _PIXELS_THICK = 2.0  # distance from a plane, coarse pixels, at which a point is treated as a different surface
 OlatImages = dict[tuple[Model, str], np.ndarray]
 
@@ -78,7 +78,7 @@ class Paths:
             lit, arriving = self._arriving(hits, direction, weight, rng)
             along, weight = direction.take(lit, axis=0), weight.take(lit)
             sent[:, :, lit] += arriving * (weight * self._scattered(hits, lit, along))[:, None]
-            per_angle = weight / np.maximum(dot(along, hits.normal.take(lit, axis=0)), _LEAST_COSINE)
+            per_angle = weight / np.maximum(dot(along, hits.normal.take(lit, axis=0)), _MIN_COSINE)
             for axis in range(3):
                 vector[:, :, axis, lit] += arriving * (per_angle * along[:, axis])
         sent /= np.float32(rays)
@@ -204,7 +204,7 @@ def _coarse_light(
     options: RenderOptions,
     purpose: tuple[object, ...],
     threads: int,
-) -> Grid:
+) -> LightGrid:
     """Trace and smooth the light at every `bounce_scale`-th pixel."""
     coarse = camera.scaled(1 / options.bounce_scale)
     size = height, width = coarse.lens.shape
@@ -233,4 +233,4 @@ def _coarse_light(
         light[:, rows], vector[:, :, rows] = filled[:, 0], filled[:, 1:]
 
     for_strips(height, threads, work)
-    return Grid.smoothed(options.bounce_scale, hit, point, normal, thickness, light, vector)
+    return LightGrid.smoothed(options.bounce_scale, hit, point, normal, thickness, light, vector)

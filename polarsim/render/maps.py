@@ -70,7 +70,7 @@ class Maps:
     by_lamp: dict[str, LampMaps]
 
 
-def maps_of(
+def compute_maps(
     surfaces: Surfaces,
     camera: Camera,
     lamps: Mapping[str, Lamp],
@@ -134,7 +134,7 @@ def write_maps(folder: Path, maps: Maps) -> None:
                 png.write(out / f"{name}.png", _of_lamp(lamp, name))
 
 
-def lamps_of_maps(names: Collection[str], shadow_lamps: Collection[str]) -> list[str]:
+def lamps_for_maps(names: Collection[str], shadow_lamps: Collection[str]) -> list[str]:
     """Return the sorted names of the lamps for which maps are computed; empty if no selected map depends on light."""
     return sorted(shadow_lamps) if _BY_LAMP & set(names) else []
 

@@ -29,7 +29,7 @@ _FACED_SHARE: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # share of the 
 }
 
 
-class Surroundings:
+class DiffuseLight:
     """Unshadowed diffuse light of a view, accumulated over samples; empty if `bounces` traces paths instead.
 
     Models with uniform albedo share one accumulated image; each model with varying albedo has a separate image.
@@ -146,7 +146,7 @@ def render_view(
     olat_images = {(model, name): np.zeros(size, np.float32) for model in models for name in lamps}
     ids = {} if shadow_lamps is None else {name: np.zeros(size, np.uint16) for name in (NO_LAMP, *shadow_lamps)}
     materials = Materials(surfaces, options, reflectance)
-    surroundings = Surroundings(options, materials, models, size)
+    surroundings = DiffuseLight(options, materials, models, size)
     samples_lit = {name: np.zeros(size, np.uint8) for name in lamps}
     by_device = renders_on_device(surfaces, lamps)
     if by_device:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from polarsim.render.gain import gain_of
-from polarsim.render.maps import Maps, maps_of
+from polarsim.render.maps import Maps, compute_maps
 from polarsim.render.olat import render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_of, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digests_of
-from polarsim.render.surfaces import Surfaces, refuse_position, surfaces_of
+from polarsim.render.surfaces import Surfaces, check_position, surfaces_of
 from polarsim.run_files.scene import mesh_files, read_terrain
 
 
@@ -54,10 +54,10 @@ class Scene:
         RenderError
             A position is below the ground or more than a kilometre away.
         """
-        refuse_position(self.surfaces, shot.camera.centre, "the camera")
+        check_position(self.surfaces, shot.camera.centre, "the camera")
         for lamp in shot.lamps.values():
             if not lamp.distant:
-                refuse_position(self.surfaces, lamp.position, "the lamp")
+                check_position(self.surfaces, lamp.position, "the lamp")
 
     def picture(self, shot: Shot, threads: int = 1) -> np.ndarray:
         """Render a photo (h, w) uint16: 12-bit DN, black level 16.
@@ -76,7 +76,7 @@ class Scene:
 
     def maps(self, shot: Shot, threads: int = 1) -> Maps:
         """Compute depth, normals and ids of a shot, and the angles and shadows of each lamp."""
-        return maps_of(self.surfaces, shot.camera, shot.lamps, self.options, threads)
+        return compute_maps(self.surfaces, shot.camera, shot.lamps, self.options, threads)
 
     def gain(self, model: Model) -> float:
         """Return the gain, DN per ms per unit radiance."""

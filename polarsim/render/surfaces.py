@@ -97,7 +97,7 @@ class Surfaces:
         return np.stack([normals.take(self.faces[:, corner], axis=0) for corner in range(3)], axis=1)
 
 
-def refuse_position(surfaces: Surfaces, position: np.ndarray, what: str) -> None:
+def check_position(surfaces: Surfaces, position: np.ndarray, what: str) -> None:
     """Check the position (3,) of a camera or lamp.
 
     Parameters
@@ -191,10 +191,10 @@ def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
     vertices, faces, normals, rocks = [mesh.vertices], [mesh.faces], [mesh.normals], [mesh.rock_of_face]
     count = len(mesh.vertices)
     for rock in mesh.rocks:
-        rim = low_rim(mesh.vertices, mesh.faces.take(np.flatnonzero(mesh.rock_of_face == rock), axis=0))
+        rim = low_open_edges(mesh.vertices, mesh.faces.take(np.flatnonzero(mesh.rock_of_face == rock), axis=0))
         if not len(rim):
             continue
-        skirt, skirt_faces, skirt_normals = hang(mesh.vertices[rim[:, 0]], mesh.vertices[rim[:, 1]], depth)
+        skirt, skirt_faces, skirt_normals = skirt_strips(mesh.vertices[rim[:, 0]], mesh.vertices[rim[:, 1]], depth)
         vertices.append(skirt)
         faces.append(skirt_faces + count)
         normals.append(skirt_normals)
@@ -203,7 +203,7 @@ def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
     return TerrainMesh(*(np.concatenate(parts) for parts in (vertices, faces, rocks, normals)))
 
 
-def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def low_open_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the vertex numbers (e, 2) of the open edges in the lower part of a rock with faces (f, 3).
 
     An open edge belongs to one face only; the direction of the edge is that of the face.
@@ -222,7 +222,7 @@ def low_rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return rim[(vertices[rim, 2] < limit).all(axis=1)]
 
 
-def hang(start: np.ndarray, end: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def skirt_strips(start: np.ndarray, end: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return vertices (4 e, 3), faces (2 e, 3) and normals (4 e, 3) of vertical strips under edges (e).
 
     The edges run from `start` (e, 3) to `end` (e, 3). The strips face the same side as the faces above the edges.

@@ -14,7 +14,7 @@ from polarsim.formats import png
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.photo import PhotoKey, by_bracket
-from polarsim.render.gain import as_bright_as_fitted, calibrate, default_gain
+from polarsim.render.gain import calibrate, default_gain, with_fitted_intensities
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lit_by
 from polarsim.render.options import Model, RenderOptions
@@ -28,7 +28,7 @@ from polarsim.run_files.scene import mesh_files
 log = logging.getLogger("polarsim.render")
 
 
-def sources_of(terrain: int, meshes: Path, lamps: Path, materials: Path | None) -> dict[str, str]:
+def input_digests(terrain: int, meshes: Path, lamps: Path, materials: Path | None) -> dict[str, str]:
     """Return the digests of the inputs common to all twins of a terrain, for `sources` of the sidecars.
 
     Parameters
@@ -94,7 +94,7 @@ class TwinWriter:
         for model in self.twins:
             gain, photos = self._gain(model, olat_images)
             sources = {**self.sources, **photos, **of_camera}
-            active_lamps = as_bright_as_fitted(lamps, self.fitted, model)
+            active_lamps = with_fitted_intensities(lamps, self.fitted, model)
             of_model = {name: olat_image for (other, name), olat_image in olat_images.items() if other == model}
             if active_lamps is not lamps:
                 of_model = {

@@ -16,14 +16,14 @@ from polarsim.geometry.camera import Camera
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
-from polarsim.render.ground_truth import hidden_parts, label_row, label_view
+from polarsim.render.ground_truth import label_row, label_view, occluded_pixels
 from polarsim.render.lamps import Lamp, lamps_of, lit_by
-from polarsim.render.maps import lamps_of_maps, maps_of, write_view_maps
+from polarsim.render.maps import compute_maps, lamps_for_maps, write_view_maps
 from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import through_lens
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import Surfaces, surfaces_of
-from polarsim.render.twin_writer import TwinWriter, sources_of
+from polarsim.render.twin_writer import TwinWriter, input_digests
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.materials import read_materials
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
@@ -48,7 +48,7 @@ class LabelPaths:
     maps: Path | None = None
 
 
-def views_of(
+def keys_by_view(
     keys: Iterable[PhotoKey], rigs: Mapping[str, LocalisedRig], cameras: Path
 ) -> dict[PositionCamera, list[PhotoKey]]:
     """Group the keys by view; omit positions without a proven pose and log a warning for each."""
@@ -110,9 +110,9 @@ def render_twins(
     """
     rigs = read_all_localised(cameras)
     suns = read_suns(lamps or cameras, rigs)
-    views = views_of(keys, rigs, cameras)
+    views = keys_by_view(keys, rigs, cameras)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        sourced = pool.submit(sources_of, terrain, meshes, lamps or cameras, materials)
+        sourced = pool.submit(input_digests, terrain, meshes, lamps or cameras, materials)
         mesh = read_terrain(meshes, terrain, pool)
         sources = sourced.result()
     fitted = None if materials is None else read_materials(materials, mesh)
@@ -141,8 +141,8 @@ def render_twins(
             writer.write(chosen, olat_images, active_lamps, camera, pool)
             all_labels |= labelled.result()
         if options.maps and labels.maps:
-            mapped = {name: active_lamps[name] for name in lamps_of_maps(options.maps, shadow_lamps)}
-            write_view_maps(labels.maps, chosen, maps_of(surfaces, camera, mapped, options, threads), options.maps)
+            mapped = {name: active_lamps[name] for name in lamps_for_maps(options.maps, shadow_lamps)}
+            write_view_maps(labels.maps, chosen, compute_maps(surfaces, camera, mapped, options, threads), options.maps)
     images = next(iter(twins.values()))
     _write_labels(labels, all_labels, rigs, {key: images / f"{key}.png" for key in all_labels})
 
@@ -156,7 +156,7 @@ def _label(
     options: RenderOptions,
 ) -> dict[PhotoKey, list[coco.Annotation]]:
     """Write the boxes and id maps of the twins of a view; return the labels."""
-    hidden = hidden_parts(surfaces, camera, ids[NO_LAMP])
+    hidden = occluded_pixels(surfaces, camera, ids[NO_LAMP])
     return label_view(keys, ids, hidden, labels.boxes, labels.instances, options)
 
 

@@ -24,7 +24,7 @@ _AROUND = tuple(itertools.product((-1, 0, 1), repeat=2))
 
 
 @dataclass(frozen=True)
-class Grid:
+class LightGrid:
     """Surface points and light at every `step`-th pixel."""
 
     step: int
@@ -45,7 +45,7 @@ class Grid:
         thickness: np.ndarray,
         sent: np.ndarray,
         vector: np.ndarray,
-    ) -> Grid:
+    ) -> LightGrid:
         """Build the grid from noisy radiance `sent` (k, h, w) and light vectors, averaged over similar neighbours."""
         weights = [_neighbour_weights(hit, point, normal, thickness, *offset) for offset in _AROUND]
         vector = _averaged(vector, weights)
@@ -69,7 +69,7 @@ class Grid:
         for down, right in itertools.product((0, 1), repeat=2):
             at = (np.clip(top + down, 0, high - 1), np.clip(left + right, 0, wide - 1))
             near = (1 - np.abs(y - top - down)) * (1 - np.abs(x - left - right)) * self.hit[at]
-            similar = similarity(hits.point, hits.normal, self.thickness[at], self.point[at], self.normal[at])
+            similar = _similarity(hits.point, hits.normal, self.thickness[at], self.point[at], self.normal[at])
             weight = (near * similar).astype(np.float32)
             share += weight * self.share[:, *at]
             vector += weight * self.vector[:, :, *at]
@@ -88,7 +88,7 @@ def irradiance(vector: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(along, _FROM_BEHIND * np.sqrt(x * x + y * y + z * z)))
 
 
-def similarity(
+def _similarity(
     point: np.ndarray, normal: np.ndarray, thickness: np.ndarray, other: np.ndarray, other_normal: np.ndarray
 ) -> np.ndarray:
     """Return the similarity (n,), 0 to 1, of points and other points (n, 3): 1 for the same plane and normal."""
@@ -107,7 +107,7 @@ def _neighbour_weights(
     weight = np.zeros(hit.shape, np.float32)
     both = hit[base] & hit[other]
     pairs = [array[base][both] for array in (point, normal, thickness)]
-    weight[base][both] = similarity(pairs[0], pairs[1], pairs[2], point[other][both], normal[other][both])
+    weight[base][both] = _similarity(pairs[0], pairs[1], pairs[2], point[other][both], normal[other][both])
     return weight
 
 

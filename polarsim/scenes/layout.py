@@ -42,7 +42,7 @@ _TRIANGLE_PX = 1.5  # maximum side of rock triangles in the image, if the scan i
 
 
 @dataclass(frozen=True)
-class Scene:
+class RandomScene:
     """A random scene: mesh, albedo factors of the vertices (v,), camera and render options."""
 
     mesh: TerrainMesh
@@ -51,7 +51,7 @@ class Scene:
     options: RenderOptions
 
 
-class Shape:
+class RockShape:
     """Rock shape, centred at the origin, with longest extent 1. Simplified copies are cached."""
 
     def __init__(self, mesh: Mesh) -> None:
@@ -78,7 +78,7 @@ class Shape:
         return self._copies[halvings]
 
 
-def draw_scene(shapes: Sequence[Shape], ranges: SceneRanges, random: np.random.Generator) -> Scene:
+def draw_scene(shapes: Sequence[RockShape], ranges: SceneRanges, random: np.random.Generator) -> RandomScene:
     """Return a random scene of rocks with the given shapes."""
     options = draw_render_options(ranges, random)
     camera, visible = draw_camera(options, ranges, random)
@@ -97,11 +97,11 @@ def draw_scene(shapes: Sequence[Shape], ranges: SceneRanges, random: np.random.G
         albedo.append(np.full(len(mesh.vertices), rock_albedo, np.float32))
         count += len(mesh.vertices)
     terrain_mesh = TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face))
-    return Scene(terrain_mesh, np.concatenate(albedo).astype(np.float32), camera, options)
+    return RandomScene(terrain_mesh, np.concatenate(albedo).astype(np.float32), camera, options)
 
 
 def scatter_rocks(
-    shapes: Sequence[Shape],
+    shapes: Sequence[RockShape],
     grid: tuple[np.ndarray, np.ndarray],
     heights: np.ndarray,
     camera: Camera,
@@ -205,7 +205,7 @@ def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> Ren
     )
 
 
-def _choose_shape(shapes: Sequence[Shape], size: float, scale: Range, random: np.random.Generator) -> Shape:
+def _choose_shape(shapes: Sequence[RockShape], size: float, scale: Range, random: np.random.Generator) -> RockShape:
     """Return a random shape that may be scaled to a size; without such a shape, the shape with the closest size."""
     fit = [shape for shape in shapes if scale[0] * shape.size_m <= size <= scale[1] * shape.size_m]
     if not fit:

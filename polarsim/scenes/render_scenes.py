@@ -24,7 +24,7 @@ from polarsim.render.surfaces import surfaces_of
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.scenes.background import add_background
-from polarsim.scenes.layout import Scene, Shape, draw_scene
+from polarsim.scenes.layout import RandomScene, RockShape, draw_scene
 from polarsim.scenes.names import scene_name
 from polarsim.scenes.options import SceneOptions, SceneRanges
 from polarsim.scenes.strokes import augment_with_annotations
@@ -83,7 +83,7 @@ def render_scenes(
     files = obj.rock_files(meshes)
     if not files:
         raise DetectError("no rock meshes found, expected at least one terrainNN_rockK.obj", path=meshes)
-    shapes = [Shape(obj.read(path)) for path in files.values()]
+    shapes = [RockShape(obj.read(path)) for path in files.values()]
     ranges = replace(ranges or SceneRanges(), scale=options.scale)
     with writing_folder(pictures) as folder:
         for kind in ("images", "masks", "labels"):
@@ -102,7 +102,12 @@ def render_scenes(
 
 
 def render_random_scene(
-    shapes: Sequence[Shape], stored_px: int, lamps: int, ranges: SceneRanges, random: np.random.Generator, threads: int
+    shapes: Sequence[RockShape],
+    stored_px: int,
+    lamps: int,
+    ranges: SceneRanges,
+    random: np.random.Generator,
+    threads: int,
 ) -> Iterator[SceneImage]:
     """Generate a scene and yield image and mask, `stored_px` wide, and labels for each lamp."""
     scene = draw_scene(shapes, ranges, random)
@@ -121,7 +126,7 @@ def render_random_scene(
 
 
 def _rendered(
-    scene: Scene, count: int, ranges: SceneRanges, random: np.random.Generator, threads: int
+    scene: RandomScene, count: int, ranges: SceneRanges, random: np.random.Generator, threads: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the radiance (h, w), relative to bright sand, and the id map (h, w) for each lamp."""
     options, model, camera = scene.options, scene.options.models[0], scene.camera

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from polarsim.analog.annotator import annotate, draw_rock
-from polarsim.analog.light import Lamp, visibility
+from polarsim.analog.annotator import annotate, annotate_rock
+from polarsim.analog.light import DiscLamp, visibility
 from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
 
 BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres, of the ball that conftest puts into the scene
 
-LAMP = Lamp(np.array([0.0, 3.5, 0.9]), np.zeros(3), 0.03)
+LAMP = DiscLamp(np.array([0.0, 3.5, 0.9]), np.zeros(3), 0.03)
 
 
 def square(rock, x0, y0, size):
@@ -40,7 +40,7 @@ def test_a_cast_shadow_is_the_sand_whose_rays_to_the_lamp_hit_the_rock(ball_scen
 
 
 def test_sand_shaded_by_a_wall_belongs_to_no_rock_shadow(ball_scene, ball_caster, ball_view, rng):
-    low = Lamp(np.array([0.0, 3.5, 0.34]), np.zeros(3), 0.03)  # below the wall top of 0.31: all sand is shaded
+    low = DiscLamp(np.array([0.0, 3.5, 0.34]), np.zeros(3), 0.03)  # below the wall top of 0.31: all sand is shaded
     seen = visibility(ball_view, ball_caster, low, rng, 1)
     assert shadow_regions(ball_scene, ball_caster, ball_scene.rock_caster(), ball_view, low, seen, 1) == []
 
@@ -65,7 +65,7 @@ BRIGHT[500:590, 500:590] = 1500  # a rock brighter than the sand
 def test_annotated_boxes_are_integers_with_the_scatter_of_the_published_labels():
     rng = np.random.default_rng(1)
     boxes = np.array(
-        [b for b in (draw_rock(square(1, 500, 500, 65), BRIGHT, rng) for _ in range(900)) if b is not None]
+        [b for b in (annotate_rock(square(1, 500, 500, 65), BRIGHT, rng) for _ in range(900)) if b is not None]
     )
     assert (boxes == np.round(boxes)).all()
     off = boxes - [500, 500, 565, 565]
@@ -79,7 +79,7 @@ def test_small_and_dark_rocks_are_missed_more_often():
     dark = np.full((1216, 1936), 20, np.uint16)
 
     def missed(size, photo):
-        return np.mean([draw_rock(square(1, 500, 500, size), photo, rng) is None for _ in range(250)])
+        return np.mean([annotate_rock(square(1, 500, 500, size), photo, rng) is None for _ in range(250)])
 
     assert missed(90, BRIGHT) < 0.03
     assert 0.3 < missed(12, BRIGHT) < 0.7

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.analog.bounce import AMBIENT, gather_bounce
-from polarsim.analog.light import Lamp, direct, reflect, visibility
+from polarsim.analog.light import DiscLamp, direct, reflect, visibility
 from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.view import lens_directions, look, make_textures
 from polarsim.geometry.camera import Camera
@@ -11,7 +11,7 @@ from polarsim.geometry.stereo import stated_rig
 
 BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres, of the ball that conftest puts into the scene
 
-LAMP = Lamp(np.array([0.3, 3.5, 0.9]), np.zeros(3), 0.03)
+LAMP = DiscLamp(np.array([0.3, 3.5, 0.9]), np.zeros(3), 0.03)
 
 
 def upper_directions(rng, count):
@@ -87,7 +87,7 @@ def test_the_shadow_of_a_ball_agrees_with_geometry(ball_view, ball_caster, rng):
 
 def test_a_wider_lamp_makes_a_softer_shadow(ball_view, ball_caster):
     def half_lit(radius):
-        lamp = Lamp(LAMP.position, LAMP.target, radius)
+        lamp = DiscLamp(LAMP.position, LAMP.target, radius)
         seen = visibility(ball_view, ball_caster, lamp, np.random.default_rng(1), 1)
         sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.points[..., :2]).max(axis=-1) < 1)
         return ((seen > 0.2) & (seen < 0.8) & sand).sum()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from polarsim.analog.ground import make_ground
 from polarsim.analog.placement import place_rocks
 from polarsim.analog.presets import PRESETS
-from polarsim.analog.rays import Caster
+from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import carve, icosphere
 from polarsim.analog.terrain import build_terrain
 
@@ -21,7 +21,7 @@ def placed(terrain):
 
 
 def caster(rock):
-    return Caster(rock.vertices, icosphere(3)[1])
+    return RayCaster(rock.vertices, icosphere(3)[1])
 
 
 def face_normals(vertices, faces):

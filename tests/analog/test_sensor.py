@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.analog.light import Lamp
+from polarsim.analog.light import DiscLamp
 from polarsim.analog.sensor import expose, lamp_glare, through_lens
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
@@ -45,7 +45,7 @@ def test_the_lens_darkens_corners_and_spreads_bright_light():
 def test_glare_of_a_visible_lamp_is_maximal_at_the_lamp():
     lens = stated_rig().left
     pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(20))
-    lamp = Lamp(np.array([-3.5, 0.5, 0.75]), np.zeros(3), 0.045)
+    lamp = DiscLamp(np.array([-3.5, 0.5, 0.75]), np.zeros(3), 0.045)
     glare = lamp_glare(lamp, Camera(pose, lens), 0.002, np.random.default_rng(1))
     row, column = np.unravel_index(np.argmax(glare), glare.shape)
     expected = lens.project(pose.inverse().apply(lamp.position))
@@ -54,5 +54,5 @@ def test_glare_of_a_visible_lamp_is_maximal_at_the_lamp():
 
 def test_a_lamp_behind_the_camera_causes_no_glare():
     pose = looking(np.array([0.0, 0.0, 1.5]), np.pi, np.radians(20))
-    lamp = Lamp(np.array([5.0, 0.5, 1.5]), np.zeros(3), 0.045)
+    lamp = DiscLamp(np.array([5.0, 0.5, 1.5]), np.zeros(3), 0.045)
     assert not lamp_glare(lamp, Camera(pose, stated_rig().left), 0.002, np.random.default_rng(1)).any()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import looking
 from polarsim.photo import NO_ROCK
-from polarsim.render.ground_truth import annotations_of, hidden_parts, whole_rocks
+from polarsim.render.ground_truth import amodal_masks, annotations_of, occluded_pixels
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import surfaces_of
@@ -33,10 +33,10 @@ def whole_by_brute_force(mesh, rock, pose, ids_of):
 
 
 def whole(surfaces, pose, ids_of):
-    """Return the masks by rock from `hidden_parts`."""
+    """Return the masks by rock from `occluded_pixels`."""
     ids = ids_of(surfaces, pose, SMALL, {})[NO_LAMP]
     found = {}
-    for rock, behind in hidden_parts(surfaces, Camera(pose, SMALL), ids).items():
+    for rock, behind in occluded_pixels(surfaces, Camera(pose, SMALL), ids).items():
         found[rock] = ids == 1000 + rock
         assert not found[rock].flat[behind].any()
         found[rock].flat[behind] = True
@@ -94,8 +94,8 @@ def test_amodal_masks_are_correct_for_random_rocks_and_cameras(rocks_5_mm, headi
 def test_annotations_contain_the_visible_share(ids_of):
     surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
     ids = ids_of(surfaces, LOW, SMALL, {})[NO_LAMP]
-    hidden = hidden_parts(surfaces, Camera(LOW, SMALL), ids)
-    labels = {label.rock: label for label in annotations_of(ids, PLAIN, whole_rocks(ids, hidden, PLAIN))}
+    hidden = occluded_pixels(surfaces, Camera(LOW, SMALL), ids)
+    labels = {label.rock: label for label in annotations_of(ids, PLAIN, amodal_masks(ids, hidden, PLAIN))}
     expected = whole(surfaces, LOW, ids_of)
     assert labels[4].visible_share == 1
     assert labels[4].amodal.mask == labels[4].mask
@@ -114,7 +114,7 @@ def test_mostly_hidden_rocks_have_a_shadow_label_only(ids_of):
 
     surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
     pictures = ids_of(surfaces, LOW, SMALL, {"sun": Lamp(np.array([0.5, 3.0, 1.0]))})
-    occluded = whole_rocks(pictures[NO_LAMP], hidden_parts(surfaces, Camera(LOW, SMALL), pictures[NO_LAMP]), PLAIN)
+    occluded = amodal_masks(pictures[NO_LAMP], occluded_pixels(surfaces, Camera(LOW, SMALL), pictures[NO_LAMP]), PLAIN)
     every = annotations_of(pictures["sun"], PLAIN, occluded)
     for least in (0.0, 0.3, 0.9):
         few = annotations_of(pictures["sun"], PLAIN.model_copy(update={"min_visible_share": least}), occluded)

@@ -11,7 +11,7 @@ from polarsim.formats import png
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.fitting import samples
 from polarsim.render.fitting.fit import fit_materials
-from polarsim.render.gain import as_bright_as_fitted, with_fit
+from polarsim.render.gain import with_fit, with_fitted_intensities
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
 from polarsim.run_files.materials import Fitted, FittedMaterials, read_materials, write_materials
@@ -124,11 +124,11 @@ def test_fitted_intensities_are_relative_to_the_median_sun_lamp():
     found = FittedMaterials(
         True, True, {"lambert": fit_of({}, **{"30": 2.0, "180": 12.0, "270": 3.0, "rover": 6.0})}, np.ones(4)
     )
-    active_lamps = as_bright_as_fitted(lamps, found, "lambert")
+    active_lamps = with_fitted_intensities(lamps, found, "lambert")
     brightness = {name: lamp.intensity for name, lamp in active_lamps.items()}
     assert brightness == pytest.approx({"30": 2 / 3, "180": 4, "350": 1, ROVER: 1})  # there is no photo of 350
-    assert as_bright_as_fitted(lamps, None, "lambert") is lamps
-    assert as_bright_as_fitted(lamps, found, "hapke") is lamps
+    assert with_fitted_intensities(lamps, None, "lambert") is lamps
+    assert with_fitted_intensities(lamps, found, "hapke") is lamps
 
 
 def test_unknown_parameters_of_a_fit_are_rejected():

@@ -5,7 +5,7 @@ import pytest
 
 from polarsim.geometry.vectors import dot, length, moved, scaled, unit
 from polarsim.render import hit_kernels
-from polarsim.render.hits import LEAST_SLOPE, NO_NORMAL
+from polarsim.render.hits import MIN_FACING, NO_NORMAL
 
 COUNT = 5000
 
@@ -40,7 +40,7 @@ def test_normals_of_faces_and_between_corners(rng):
     expected_side = np.where(dot(flat, to_viewer) < 0, np.float32(-1), np.float32(1))
     np.testing.assert_array_equal(side, expected_side)
     np.testing.assert_array_equal(plane.reshape(-1, 3), scaled(flat, expected_side))
-    limits = np.float32(NO_NORMAL), np.float32(LEAST_SLOPE)
+    limits = np.float32(NO_NORMAL), np.float32(MIN_FACING)
     arrays = corners.reshape(-1), side, plane, to_viewer.reshape(-1)
     hit_kernels.smooth_normals(face, weights.reshape(-1), *arrays, *limits, normal)
     second, third = weights.T
@@ -48,7 +48,7 @@ def test_normals_of_faces_and_between_corners(rng):
     own = corners[face]
     between = scaled(own[:, 0], first) + scaled(own[:, 1], second) + scaled(own[:, 2], third)
     smooth = scaled(scaled(unit(between), (dot(between, between) > NO_NORMAL).astype(np.float32)), side)
-    away = dot(smooth, to_viewer) < LEAST_SLOPE
+    away = dot(smooth, to_viewer) < MIN_FACING
     assert away[1]
     assert 0.1 < away.mean() < 0.9
     smooth[away] = plane.reshape(-1, 3)[away]

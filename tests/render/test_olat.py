@@ -10,7 +10,7 @@ from polarsim.geometry.stereo import stated_rig
 from polarsim.photo import PhotoKey
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of, lit_by
-from polarsim.render.maps import maps_of
+from polarsim.render.maps import compute_maps
 from polarsim.render.materials import hemispherical_albedo
 from polarsim.render.olat import render_view
 from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
@@ -111,7 +111,7 @@ def test_results_do_not_depend_on_threads(surfaces, camera, lens, plain, radius_
     lamps, results = {"sun": Lamp(LAMP.position, radius_m=radius_m)}, []
     for threads in (1, 2):
         view = render_view(surfaces, Camera(camera, lens), lamps, ["hapke"], ["sun"], plain, threads)
-        maps = maps_of(surfaces, Camera(camera, lens), lamps, plain, threads)
+        maps = compute_maps(surfaces, Camera(camera, lens), lamps, plain, threads)
         under = maps.by_lamp["sun"]
         pictures = (maps.depth_m, maps.ids, under.lit, under.shading)
         results.append((view.olat_images["hapke", "sun"], view.ids["sun"], *pictures))

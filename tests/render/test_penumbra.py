@@ -4,7 +4,7 @@ import pytest
 from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import SUN_RADIUS_DEG, Lamp
 from polarsim.render.lighting import visible_share
-from polarsim.render.maps import maps_of
+from polarsim.render.maps import compute_maps
 from polarsim.render.olat import render_view
 from polarsim.run_files.instances import GROUND, SHADOW_IDS
 
@@ -63,7 +63,7 @@ def test_an_unoccluded_disc_equals_a_point_lamp(surfaces, above, lens, plain):
 
 
 def test_ground_below_the_visibility_threshold_is_shadow(surfaces, above, lens, plain, ids_of, monkeypatch):
-    maps = maps_of(surfaces, Camera(above, lens), {"lamp": LAMP}, plain)
+    maps = compute_maps(surfaces, Camera(above, lens), {"lamp": LAMP}, plain)
     ground, share = maps.ids == GROUND, maps.by_lamp["lamp"].lit
     sizes = []
     for below in (0.05, 0.5, 1.0):

@@ -12,7 +12,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.render.hits import STRIP, cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting, rotations, to_disc
-from polarsim.render.maps import maps_of
+from polarsim.render.maps import compute_maps
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import BY_RELIEF, BY_WALL, FACES_AWAY, LIT, NOTHING
 from polarsim.render.surfaces import surfaces_of
@@ -87,6 +87,12 @@ def lit(surfaces, hits, lamp):
     return is_lit
 
 
+def shading_of(surfaces, hits, lamp):
+    """Return the shading code (n,) of each hit."""
+    maps = compute_maps(surfaces, Camera(CAMERA, LENS), {"sun": lamp}, OPTIONS)
+    return maps.by_lamp["sun"].shading.reshape(-1)[hits.pixel]
+
+
 def iou(first, second):
     return (first & second).sum() / (first | second).sum()
 
@@ -129,11 +135,7 @@ def named(shading):
 def test_the_code_of_a_dark_pixel_is_its_occluder(surfaces, hits):
     own, found = surfaces.id_of_face[hits.face], dict.fromkeys(("itself", "rock", "relief", "wall", "sand"), 0)
     for lamp in (LOW, BEHIND):
-        shading = (
-            maps_of(surfaces, Camera(CAMERA, LENS), {"sun": lamp}, OPTIONS)
-            .by_lamp["sun"]
-            .shading.reshape(-1)[hits.pixel]
-        )
+        shading = shading_of(surfaces, hits, lamp)
         towards = lamp.light_at(hits.point, falloff=False)[0]
         np.testing.assert_array_equal(shading == LIT, lit(surfaces, hits, lamp))
         away = (np.sum(hits.plane * towards, axis=1) <= 0) | (np.sum(hits.normal * towards, axis=1) <= 0)
@@ -152,7 +154,7 @@ def test_the_code_of_a_dark_pixel_is_its_occluder(surfaces, hits):
 
 
 def test_dark_pixels_are_either_self_or_cast_shadow(surfaces, hits):
-    maps = maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"]
+    maps = compute_maps(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"]
     by_rock = maps.shading >= ROCK_IDS
     own = (maps.shading == FACES_AWAY) | (by_rock & (maps.shading < SHADOW_IDS))
     cast = np.isin(maps.shading, (BY_RELIEF, BY_WALL)) | (maps.shading >= SHADOW_IDS)
@@ -166,9 +168,7 @@ def test_dark_pixels_are_either_self_or_cast_shadow(surfaces, hits):
 
 @pytest.mark.parametrize("lamp", [LOW, BEHIND])
 def test_shading_codes_of_ground_and_walls_agree_with_removed_rocks(surfaces, hits, lamp):
-    shading = (
-        maps_of(surfaces, Camera(CAMERA, LENS), {"sun": lamp}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
-    )
+    shading = shading_of(surfaces, hits, lamp)
     dark = (surfaces.id_of_face[hits.face] < ROCK_IDS) & ~lit(surfaces, hits, lamp)
     by_any = dark & lit(without(surfaces, *ROCKS), hits, lamp)
     by_one = {rock: dark & lit(without(surfaces, rock), hits, lamp) for rock in ROCKS}
@@ -180,9 +180,7 @@ def test_shading_codes_of_ground_and_walls_agree_with_removed_rocks(surfaces, hi
 
 
 def test_shading_codes_agree_with_id_maps(surfaces, hits, ids_of):
-    shading = (
-        maps_of(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"].shading.reshape(-1)[hits.pixel]
-    )
+    shading = shading_of(surfaces, hits, LOW)
     ids = ids_of(surfaces, CAMERA, LENS, {"sun": LOW})["sun"].reshape(-1)[hits.pixel]
     by_rock = (surfaces.id_of_face[hits.face] == GROUND) & (shading >= SHADOW_IDS)
     np.testing.assert_array_equal(shading[by_rock], ids[by_rock])
@@ -203,7 +201,7 @@ def test_pixels_below_the_visibility_threshold_of_a_disc_are_dark(surfaces, hits
     sizes = []
     for below in (0.2, 0.5, 1.0):
         monkeypatch.setattr("polarsim.render.maps.SHADOW_BELOW", below)
-        maps = maps_of(surfaces, Camera(CAMERA, LENS), {"sun": disc}, OPTIONS).by_lamp["sun"]
+        maps = compute_maps(surfaces, Camera(CAMERA, LENS), {"sun": disc}, OPTIONS).by_lamp["sun"]
         share, shading = (picture.reshape(-1)[hits.pixel] for picture in (maps.lit, maps.shading))
         np.testing.assert_array_equal(shading == LIT, share >= below)
         thing = named(shading)

@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP
-from polarsim.render.surfaces import hang, low_rim, surfaces_of, with_skirts
+from polarsim.render.surfaces import low_open_edges, skirt_strips, surfaces_of, with_skirts
 from polarsim.run_files.scene import TerrainMesh
 
 GAP = 0.03  # metres between the ground and the open base of the block
@@ -19,7 +19,7 @@ def floating(blocks):
 
 
 def test_open_edges_of_a_block_without_underside_exclude_seams(floating):
-    rim = low_rim(floating.vertices, floating.faces[floating.rock_of_face == 1])
+    rim = low_open_edges(floating.vertices, floating.faces[floating.rock_of_face == 1])
     assert len(rim) == 4
     np.testing.assert_allclose(floating.vertices[rim][:, :, 2], GAP)
     lengths = np.linalg.norm(floating.vertices[rim[:, 1]] - floating.vertices[rim[:, 0]], axis=1)
@@ -33,7 +33,7 @@ def test_a_closed_rock_has_no_skirt(blocks):
 
 def test_skirts_face_the_same_side_as_the_faces_above():
     start, end = np.array([[0.0, 0, 1]]), np.array([[1.0, 0, 1]])  # under a face with the third corner (0, 0, 2)
-    vertices, faces, normals = hang(start, end, 0.1)
+    vertices, faces, normals = skirt_strips(start, end, 0.1)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     flat = np.cross(b - a, c - a)
     np.testing.assert_allclose(flat / np.linalg.norm(flat, axis=1, keepdims=True), [[0, -1, 0]] * 2)

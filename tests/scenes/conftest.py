@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.geometry.meshes import Mesh
 from polarsim.render.surfaces import box
-from polarsim.scenes.layout import Shape
+from polarsim.scenes.layout import RockShape
 
 
 def block(*size):
@@ -16,4 +16,4 @@ def block(*size):
 @pytest.fixture
 def shapes():
     """A small and a large rock: 0.1 m and 0.3 m long."""
-    return [Shape(block(0.1, 0.06, 0.05)), Shape(block(0.3, 0.2, 0.2))]
+    return [RockShape(block(0.1, 0.06, 0.05)), RockShape(block(0.3, 0.2, 0.2))]

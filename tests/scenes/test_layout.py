@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, Delaunay
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
-from polarsim.scenes.layout import Shape, draw_render_options, draw_rotation, draw_scene, draw_sizes, scatter_rocks
+from polarsim.scenes.layout import RockShape, draw_render_options, draw_rotation, draw_scene, draw_sizes, scatter_rocks
 from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.viewpoints import draw_camera
 from tests.scenes.conftest import block
@@ -86,7 +86,7 @@ def test_piles_are_higher_than_any_of_their_rocks():
         rocks=(6, 6), rock_size_m=(0.2, 0.2), rock_scale=(0.01, 1), piled_share=(1, 1), sunk_into_rocks=(0, 0)
     )
     camera, seen = _camera(options)
-    shapes = [Shape(_ball(3000))]
+    shapes = [RockShape(_ball(3000))]
     highest = [
         max(
             rock.vertices[:, 2].max()
@@ -105,7 +105,7 @@ def test_tumbled_rocks_have_any_rotation_and_others_are_upright(rng):
 
 
 def test_a_coarse_copy_keeps_the_rocks_size():
-    lumpy = Shape(_ball(3000))
+    lumpy = RockShape(_ball(3000))
     few, many = lumpy.mesh(0.4, 0.1), lumpy.mesh(0.4, 0.02)
     assert len(few.faces) < len(many.faces)
     for mesh in (few, many):
@@ -126,7 +126,7 @@ def _ball(count):
 
 
 def test_ground_is_first_and_not_a_rock():
-    scene = draw_scene([Shape(block(0.1, 0.1, 0.1))], SceneRanges(rocks=(2, 2), **COARSE), generator(2, "g"))
+    scene = draw_scene([RockShape(block(0.1, 0.1, 0.1))], SceneRanges(rocks=(2, 2), **COARSE), generator(2, "g"))
     assert scene.mesh.rock_of_face[0] == NO_ROCK
     assert np.count_nonzero(scene.mesh.rock_of_face == 1) == 12
 

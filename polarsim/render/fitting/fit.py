@@ -13,7 +13,7 @@ from polarsim.photo import SUNS, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.fitting.exposures import single_lamps
-from polarsim.render.fitting.samples import Darkening, Samples, Setting, samples_of_view
+from polarsim.render.fitting.samples import Darkening, FitSamples, Setting, samples_of_view
 from polarsim.render.fitting.search import cells_of, fitted_models
 from polarsim.render.fitting.texels import Texels, solve, texels_of
 from polarsim.render.lamps import ROVER, lamps_of
@@ -72,7 +72,7 @@ def fit_materials(
 
 
 def fit(
-    samples: Samples, mesh: TerrainMesh, models: Sequence[Model], engine: Reflectance, options: RenderOptions
+    samples: FitSamples, mesh: TerrainMesh, models: Sequence[Model], engine: Reflectance, options: RenderOptions
 ) -> FittedMaterials | None:
     """Fit the materials to the samples under every model; None if there are too few samples.
 
@@ -107,7 +107,7 @@ def fit(
 
 
 def _check(
-    samples: Samples, texels: Texels, before: Setting, after: Setting, mesh: TerrainMesh, held_out: int
+    samples: FitSamples, texels: Texels, before: Setting, after: Setting, mesh: TerrainMesh, held_out: int
 ) -> dict[str, Any]:
     """Return the errors under the held-out lamp, fitting only its brightness; empty without held-out lamp."""
     held = texels.lamp == held_out
@@ -137,21 +137,21 @@ def _check(
 
 def _samples_of_terrain(
     terrain: int, cameras: Path, mesh: TerrainMesh, photos: Path | None, options: RenderOptions, threads: int
-) -> Samples | None:
+) -> FitSamples | None:
     """Return the samples of all views with a proven pose; None without samples."""
     rigs = read_all_localised(cameras)
     suns = read_suns(cameras, rigs)
     surfaces = surfaces_of(mesh, options)
     paths = _paths_by_view(terrain, photos)
     views = [view for view in sorted(paths) if view[0] in rigs and not rigs[view[0]].unproven]
-    parts: list[Samples] = []
+    parts: list[FitSamples] = []
     for number, view in enumerate(track(views, f"photos of terrain {terrain:02d}")):
         rig = rigs[view[0]]
         camera, lamps = rig.camera(view[1]), lamps_of(suns, rig)
         photos_of_lamp = single_lamps(paths[view], camera.lens)
         parts += samples_of_view(surfaces, number, camera, lamps, photos_of_lamp, LAMPS, options, threads)
     parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # excludes skirts
-    samples = Samples.joined(parts) if parts else None
+    samples = FitSamples.joined(parts) if parts else None
     return samples if samples is not None and len(samples) else None
 
 

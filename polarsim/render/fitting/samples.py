@@ -20,7 +20,7 @@ from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
-_LEAST_COSINE = 0.06  # minimum cosine of incidence: at grazing light small errors of normals have a large effect
+_MIN_COSINE = 0.06  # minimum cosine of incidence: at grazing light small errors of normals have a large effect
 _RIM_M = 0.15  # margin of walls: points that walls closer and higher by this much would hide or shade are excluded
 STEP_PX = 2  # every second pixel of a row and of a column of the ground is a sample; every pixel of rocks
 BORDER_PX = 3  # pixels closer than this to the edge of an object or shadow are excluded: their light is mixed
@@ -28,7 +28,7 @@ _NOISE = 0.2  # maximum relative noise (standard deviation) of a sample
 
 
 @dataclass(frozen=True)
-class Samples:
+class FitSamples:
     """Samples, n pairs of a pixel and a lamp; float32, sandbox frame."""
 
     lamp: np.ndarray  # (n,) int16 index into the names of lamps
@@ -47,14 +47,16 @@ class Samples:
     def __len__(self) -> int:
         return len(self.lamp)
 
-    def part(self, chosen: np.ndarray) -> Samples:
+    def part(self, chosen: np.ndarray) -> FitSamples:
         """Return the samples chosen by a mask or by numbers."""
-        return Samples(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        return FitSamples(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     @staticmethod
-    def joined(parts: Sequence[Samples]) -> Samples:
+    def joined(parts: Sequence[FitSamples]) -> FitSamples:
         """Concatenate samples; at least one part is required."""
-        return Samples(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Samples)))
+        return FitSamples(
+            *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(FitSamples))
+        )
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class Setting:
     engine: Reflectance
     options: RenderOptions
 
-    def radiance(self, samples: Samples) -> np.ndarray:
+    def radiance(self, samples: FitSamples) -> np.ndarray:
         """Return the radiance (n,) of the samples at unit albedo, as in OLAT images of `render_view` with the lens."""
         radiance = self.engine(self.parameters, samples.normal, samples.to_lamp, samples.to_viewer)
         radiance *= dot(samples.normal, samples.to_lamp)
@@ -98,7 +100,7 @@ def samples_of_view(
     names: Sequence[str],
     options: RenderOptions,
     threads: int = 1,
-) -> list[Samples]:
+) -> list[FitSamples]:
     """Select the samples of a view by lamp: lit pixels away from edges, with low noise and not clipped.
 
     Parameters
@@ -115,7 +117,7 @@ def samples_of_view(
     ids = np.zeros(size, np.int32)
     lit = {name: np.zeros(size, bool) for name in photos}
     darkening = vignette(lens)
-    by_strip: dict[tuple[str, int], tuple[np.ndarray, Samples]] = {}  # by lamp and first row
+    by_strip: dict[tuple[str, int], tuple[np.ndarray, FitSamples]] = {}  # by lamp and first row
 
     def work(rows: slice) -> None:
         hits = cast_strip(surfaces, camera, rows)
@@ -130,10 +132,10 @@ def samples_of_view(
             unit_lamp = Lamp(lamp.position)
             numbers, to_lamp, cosine = lighting(surfaces, hits, unit_lamp, falloff=False)
             lit[name][rows].reshape(-1)[hits.pixel[numbers]] = True
-            kept = np.flatnonzero(on_grid[numbers] & (cosine > _LEAST_COSINE))
+            kept = np.flatnonzero(on_grid[numbers] & (cosine > _MIN_COSINE))
             kept = kept[clear_of_rim(hits.point[numbers[kept]], lamp.position, surfaces, options)]
             part, at, count = hits.part(numbers[kept]), pixel[numbers[kept]], len(kept)
-            samples = Samples(
+            samples = FitSamples(
                 np.full(count, names.index(name), np.int16),
                 np.full(count, number, np.int16),
                 photos[name].rate.reshape(-1)[at],

@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 from pydantic import ValidationError
 
-from polarsim.render.fitting.samples import Darkening, Samples, Setting
+from polarsim.render.fitting.samples import Darkening, FitSamples, Setting
 from polarsim.render.materials import Reflectance
 from polarsim.render.options import Model, Parameters, RenderOptions
 
@@ -32,7 +32,7 @@ _MIN_SAMPLES = 3  # minimum number of samples per cell, lamp and view
 class Cells:
     """Observations, one per cell, lamp and view, with their samples."""
 
-    samples: Samples
+    samples: FitSamples
     of_sample: np.ndarray  # (n,) observation of each sample
     light: np.ndarray  # (m,) sum of the photo rates
     cell: np.ndarray  # (m,)
@@ -59,7 +59,7 @@ class Cells:
         return float(np.minimum(np.abs(rest) / _SCALE, _MAX_RESIDUAL).mean())
 
 
-def cells_of(samples: Samples, rng: np.random.Generator) -> Cells | None:
+def cells_of(samples: FitSamples, rng: np.random.Generator) -> Cells | None:
     """Group samples by cell, lamp and view, after random subsampling; None if no cell has enough samples."""
     if len(samples) > _MAX_SAMPLES:
         samples = samples.part(np.sort(rng.choice(len(samples), _MAX_SAMPLES, replace=False)))

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from polarsim.photo import NO_ROCK
-from polarsim.render.fitting.samples import Samples
+from polarsim.render.fitting.samples import FitSamples
 
 # Typical relative difference of the albedos of two neighbouring vertices, and of an albedo from the object mean.
 _SMOOTHNESS, _SPREAD = 0.05, 0.3
@@ -51,7 +51,7 @@ class Solution:
     rocks: dict[int, float]  # mean albedo of each rock
 
 
-def texels_of(samples: Samples, radiance: np.ndarray, faces: np.ndarray) -> Texels:
+def texels_of(samples: FitSamples, radiance: np.ndarray, faces: np.ndarray) -> Texels:
     """Group samples (n,) with radiance (n,) at unit albedo into observations; `faces` (f, 3) are vertex numbers."""
     groups = []
     group = samples.lamp.astype(np.int64) * (int(samples.view.max(initial=0)) + 1) + samples.view

@@ -21,7 +21,7 @@ from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, ROCK, SHADOW
 from polarsim.randomness import generator
 from polarsim.render.views.options import Views
-from polarsim.render.views.plan import Picture
+from polarsim.render.views.plan import PlannedImage
 from polarsim.render.views.scenes import Ensemble
 from polarsim.run_files.picture_sets import AUTO
 
@@ -31,7 +31,7 @@ _WIDTH, _MAX_TILE_WIDTH, _GAP = 4000, 480, 2  # px: width of the sheet, maximum 
 _EVERY = 5  # every fifth viewpoint is for validation
 _MIN_NAMED_WIDTH = 300  # px: tiles narrower than this have no caption
 _OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # sidecar keys of one terrain; views may have several terrains
-Entry = tuple[Picture, float, list[coco.Annotation]]  # image, exposure time in ms, labels
+Entry = tuple[PlannedImage, float, list[coco.Annotation]]  # image, exposure time in ms, labels
 
 
 class Sheet:
@@ -89,7 +89,7 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class Job:
+class ViewsJob:
     """Views with output folder and format."""
 
     views: Views
@@ -105,7 +105,7 @@ class Job:
         suffix = {"labels": ".txt", "sidecars": ".json"}.get(kind, ".png")
         return self.out / kind / f"{name}{suffix}"
 
-    def sidecar(self, picture: Picture, exposure_ms: float) -> dict[str, Any]:
+    def sidecar(self, picture: PlannedImage, exposure_ms: float) -> dict[str, Any]:
         """Return the content of the sidecar of an image; OSError if the instance map is missing."""
         shot, views = picture.shot(self.views, exposure_ms), self.views
         content = picture.scene.parts[0].scene.sidecar(shot)
@@ -130,7 +130,7 @@ class Job:
         }
         return dict(json.loads(json.dumps(of_views)))
 
-    def existing_exposure(self, picture: Picture) -> float | None:
+    def existing_exposure(self, picture: PlannedImage) -> float | None:
         """Return the exposure of an image with complete, up-to-date files, ms; None if it must be rendered."""
         try:
             stored = read_json(self.path("sidecars", picture.name))
@@ -141,12 +141,14 @@ class Job:
         complete = all(self.path(kind, picture.name).is_file() for kind in ("images", "labels"))
         return exposure if complete and stored == expected else None
 
-    def write_instances(self, picture: Picture, ids: np.ndarray) -> None:
+    def write_instances(self, picture: PlannedImage, ids: np.ndarray) -> None:
         """Write the instance map (h, w) uint16, which several images share."""
         self.digests.pop(picture.ground_truth, None)
         png.write(self.path("instances", picture.ground_truth), ids)
 
-    def write(self, picture: Picture, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]) -> None:
+    def write(
+        self, picture: PlannedImage, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]
+    ) -> None:
         """Write an image (h, w) uint16, the boxes, and last the sidecar, which marks the image as complete."""
         self.path("sidecars", picture.name).unlink(missing_ok=True)
         pixels = self.tone(grey)[..., 0] if self.preview else grey
@@ -195,7 +197,7 @@ def write_listing(out: Path, entries: Sequence[Entry]) -> None:
     write_text(out / "data.yaml", f"{note}\ntrain: train.txt\nval: val.txt\nnames:\n{names}")
 
 
-def divided(pictures: Sequence[Picture]) -> dict[str, list[Picture]]:
+def divided(pictures: Sequence[PlannedImage]) -> dict[str, list[PlannedImage]]:
     """Divide images into training and validation: every fifth viewpoint, at least one, is for validation.
 
     Both cameras of a pair are the same viewpoint. With only one viewpoint, the lights are divided instead; a single
@@ -209,15 +211,15 @@ def divided(pictures: Sequence[Picture]) -> dict[str, list[Picture]]:
     return {"train": [picture for picture in pictures if sort(picture) not in kept] or val, "val": val}
 
 
-def _viewpoint(picture: Picture) -> tuple[str, str]:
+def _viewpoint(picture: PlannedImage) -> tuple[str, str]:
     return picture.scene.name, picture.camera.name.rstrip("LR")
 
 
-def _light(picture: Picture) -> str:
+def _light(picture: PlannedImage) -> str:
     return picture.light.name
 
 
-def _index_row(picture: Picture, exposure_ms: float, labels: list[coco.Annotation]) -> dict[str, object]:
+def _index_row(picture: PlannedImage, exposure_ms: float, labels: list[coco.Annotation]) -> dict[str, object]:
     pose = picture.camera.world_from_camera
     angles = zip(("yaw_deg", "pitch_deg", "roll_deg"), np.degrees(yaw_pitch_roll(pose)).tolist(), strict=True)
     return {

@@ -30,14 +30,14 @@ def _in_order(low: Point, high: Point) -> None:
         raise ValueError(f"low corner {list(low)} is above high corner {list(high)}")
 
 
-class Section(BaseModel, extra="forbid", frozen=True):
+class ViewsSection(BaseModel, extra="forbid", frozen=True):
     """A section of the views file."""
 
 
-AnyPart = TypeVar("AnyPart", bound=Section)
+AnyPart = TypeVar("AnyPart", bound=ViewsSection)
 
 
-class TerrainPart(Section):
+class TerrainPart(ViewsSection):
     """A terrain and its pose in the scene."""
 
     meshes: UserPath = Field(description="Folder of the meshes of the terrain, `results/<run>/meshes/TerrainNN`.")
@@ -46,21 +46,21 @@ class TerrainPart(Section):
     heading_deg: Finite = Field(0, description="Rotation of the terrain about the vertical, degrees from +X to +Y.")
 
 
-class SceneSection(Section):
+class SceneSection(ViewsSection):
     """A scene of one or more terrains."""
 
     name: Name
     terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains of the scene.")
 
 
-class RigLens(Section):
+class RigLens(ViewsSection):
     """Lenses of the calibrated rig."""
 
     kind: Literal["rig"] = Field("rig", description="Lens of the calibrated rig.")
     localised: UserPath | None = Field(None, description="`PosX.json` with the lenses; none: lenses of NASA's rig.")
 
 
-class PinholeLens(Section):
+class PinholeLens(ViewsSection):
     """A lens without distortion."""
 
     kind: Literal["pinhole"] = Field(description="Pinhole camera without distortion.")
@@ -70,7 +70,7 @@ class PinholeLens(Section):
     baseline_m: PositiveFloat = Field(0.3, description="Distance between the cameras of a pair, metres.")
 
 
-class PointCameras(Section):
+class PointCameras(ViewsSection):
     """One camera at a point."""
 
     kind: Literal["point"] = Field(description="One camera at a point.")
@@ -80,7 +80,7 @@ class PointCameras(Section):
     roll_deg: Finite = Field(0, description="Roll about the optical axis, degrees; positive: right side down.")
 
 
-class OrbitCameras(Section):
+class OrbitCameras(ViewsSection):
     """Cameras on a circle, directed at the centre."""
 
     kind: Literal["orbit"] = Field(description="Cameras on a circle.")
@@ -93,7 +93,7 @@ class OrbitCameras(Section):
     over_deg: Finite = Field(360, description="Angle over which the cameras are evenly distributed, degrees.")
 
 
-class PathCameras(Section):
+class PathCameras(ViewsSection):
     """Evenly spaced frames along a smooth curve."""
 
     kind: Literal["path"] = Field(description="Cameras along a curve.")
@@ -104,7 +104,7 @@ class PathCameras(Section):
     pitch_deg: float = Field(0, ge=-90, le=90, description="Downward angle from the heading of the path, degrees.")
 
 
-class RandomCameras(Section):
+class RandomCameras(ViewsSection):
     """Cameras at random points of a box, directed at random points of a second box."""
 
     kind: Literal["random"] = Field(description="Cameras at random points.")
@@ -128,7 +128,7 @@ def _utc(moment: datetime) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-class SkyGrid(Section):
+class SkyGrid(ViewsSection):
     """Lights at every pair of an azimuth and an elevation."""
 
     azimuth_deg: tuple[Finite, ...] = Field(min_length=1, description="Azimuths of the light, degrees from +X to +Y.")
@@ -154,7 +154,7 @@ class Suns(SkyGrid):
     intensity: PositiveFloat = Field(1, description="Irradiance relative to POLAR's Sun lamp 4 m away.")
 
 
-class LunarSuns(Section):
+class LunarSuns(ViewsSection):
     """The Sun over a site on the Moon at given times."""
 
     kind: Literal["lunar_sun"] = Field(description="The Sun over a site on the Moon.")
@@ -168,7 +168,7 @@ class LunarSuns(Section):
     intensity: PositiveFloat = Field(1, description="Irradiance relative to POLAR's Sun lamp 4 m away.")
 
 
-class RoverLight(Section):
+class RoverLight(ViewsSection):
     """Point lamp that moves with the camera."""
 
     states: tuple[bool, ...] = Field(
@@ -181,7 +181,7 @@ class RoverLight(Section):
     )
 
 
-class AutoExposure(Section):
+class AutoExposure(ViewsSection):
     """Automatic exposure."""
 
     percentile: float = Field(95, gt=0, le=100, description="Percentile of the lit pixels that is exposed to `grey`.")
@@ -190,7 +190,7 @@ class AutoExposure(Section):
     longest_ms: PositiveFloat = Field(8192, description="Maximum exposure time, ms.")
 
 
-class StarField(Section):
+class StarField(ViewsSection):
     """Stars of the Hipparcos catalogue where no surface is visible."""
 
     intensity: float = Field(
@@ -199,7 +199,7 @@ class StarField(Section):
     faintest_mag: float = Field(FAINTEST_MAG, le=FAINTEST_MAG, ge=-1, description="Maximum magnitude Hp of the stars.")
 
 
-class Views(Section):
+class Views(ViewsSection):
     """Scenes, cameras and lights in the sandbox frame, metres: +X towards azimuth 0, +Y towards 90, +Z up."""
 
     scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes, each rendered with all cameras.")

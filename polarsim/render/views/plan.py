@@ -16,7 +16,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
 from polarsim.render.options import Model
 from polarsim.render.scene import Shot
-from polarsim.render.surfaces import refuse_position
+from polarsim.render.surfaces import check_position
 from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, Suns, Views
@@ -27,7 +27,7 @@ log = logging.getLogger("polarsim.render")
 
 
 @dataclass(frozen=True)
-class Light:
+class NamedLight:
     """Lamp of an image, with the direction in the sky and the orientation of the stars."""
 
     name: str
@@ -38,7 +38,7 @@ class Light:
     sandbox_from_celestial: np.ndarray  # (3, 3) rotation
 
 
-def lights_of(views: Views) -> list[Light]:
+def lights_of(views: Views) -> list[NamedLight]:
     """Return all lights in the order of the views file, numbered within each name; lunar nights are omitted.
 
     Raises
@@ -54,7 +54,7 @@ def lights_of(views: Views) -> list[Light]:
             name = f"{section.name}-{number:03d}"
             if name.startswith(f"{ROVER}-"):
                 raise ConfigError(f"lights: the name {section.name!r} is reserved for the rover light")
-            lights.append(Light(name, lamp, azimuth, elevation, moment, sky))
+            lights.append(NamedLight(name, lamp, azimuth, elevation, moment, sky))
     if not lights:
         raise ConfigError("lights: the Sun is below the horizon at all times")
     return lights
@@ -104,13 +104,13 @@ _LAMPS: dict[type, Callable[..., Iterator[PlannedLamp]]] = {NearLamps: _near, Su
 
 
 @dataclass(frozen=True)
-class Picture:
+class PlannedImage:
     """An image of the grid. Images with equal scene, camera and light share labels, named by `ground_truth`."""
 
     number: int  # index in the grid, from 0
     scene: Ensemble
     camera: NamedCamera
-    light: Light
+    light: NamedLight
     rover: bool
     model: Model
     exposure_ms: float | None  # None: auto
@@ -151,7 +151,7 @@ class Picture:
         }
 
 
-def plan(views: Views, scale: float = 1.0) -> list[Picture]:
+def plan(views: Views, scale: float = 1.0) -> list[PlannedImage]:
     """Return all images, ordered by scene, camera, light, rover light, model and exposure.
 
     Raises
@@ -164,15 +164,15 @@ def plan(views: Views, scale: float = 1.0) -> list[Picture]:
     lights = lights_of(views)
     exposures = [exposure if isinstance(exposure, float) else None for exposure in views.exposures_ms]
     variants = list(product(views.rover_light.states, views.render.models, exposures))
-    pictures: list[Picture] = []
+    pictures: list[PlannedImage] = []
     for section in views.scenes:
         scene = Ensemble(section, views.render)
         cameras = cameras_of(views, scene.heights, scale)
         for camera in cameras:
-            refuse_position(scene.surfaces, camera.centre, f"camera {camera.name}")
+            check_position(scene.surfaces, camera.centre, f"camera {camera.name}")
         for camera, light in _pairs(views, cameras, lights):
             for rover, model, exposure in variants:
-                pictures.append(Picture(len(pictures), scene, camera, light, rover, model, exposure))
+                pictures.append(PlannedImage(len(pictures), scene, camera, light, rover, model, exposure))
     names: set[str] = set()
     for picture in pictures:
         if picture.name in names:
@@ -182,8 +182,8 @@ def plan(views: Views, scale: float = 1.0) -> list[Picture]:
 
 
 def _pairs(
-    views: Views, cameras: Sequence[NamedCamera], lights: Sequence[Light]
-) -> Iterator[tuple[NamedCamera, Light]]:
+    views: Views, cameras: Sequence[NamedCamera], lights: Sequence[NamedLight]
+) -> Iterator[tuple[NamedCamera, NamedLight]]:
     if views.combine == "product":
         return product(cameras, lights)
     sides = 2 if views.stereo else 1

@@ -13,20 +13,20 @@ from polarsim.formats import coco, png
 from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
 from polarsim.render.gain import lit_pixels
-from polarsim.render.ground_truth import annotations_of, hidden_parts, whole_rocks
+from polarsim.render.ground_truth import amodal_masks, annotations_of, occluded_pixels
 from polarsim.render.lamps import ROVER
 from polarsim.render.olat import render_view
 from polarsim.render.optics import imaged, through_lens
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose, noise_of
-from polarsim.render.views.folder import Job, Sheet, Tone, write_listing
+from polarsim.render.views.folder import Sheet, Tone, ViewsJob, write_listing
 from polarsim.render.views.options import AutoExposure, Views
-from polarsim.render.views.plan import Picture, plan
+from polarsim.render.views.plan import PlannedImage, plan
 from polarsim.render.views.stars import Sky, sky_images, sky_of
 
 log = logging.getLogger("polarsim.render")
 _IMAGES = 24  # maximum OLAT images in memory
-Labels = dict[str, list[coco.Annotation]]  # by the name of the instance map
+LabelsByMap = dict[str, list[coco.Annotation]]  # by the name of the instance map
 
 
 def render_views(
@@ -59,13 +59,13 @@ def render_views(
     grid = plan(views, scale)
     _warn_of_other_images(out, grid)
     chosen = grid[:limit]
-    job = Job(views, out, preview, tone, Sheet([picture.name for picture in chosen], chosen[0].size, tone))
+    job = ViewsJob(views, out, preview, tone, Sheet([picture.name for picture in chosen], chosen[0].size, tone))
     exposures = {
         picture.name: exposure for picture in chosen if (exposure := job.existing_exposure(picture)) is not None
     }
     existing = set(exposures)
-    units = unit_starts([picture for picture in chosen if picture.name not in existing], len(views.render.models))
-    labels: Labels = {}
+    units = render_units([picture for picture in chosen if picture.name not in existing], len(views.render.models))
+    labels: LabelsByMap = {}
     pending: dict[str, Future[float]] = {}
     sky = sky_of(views.stars) if views.stars else None
     pool = ThreadPoolExecutor(threads)
@@ -86,9 +86,9 @@ def render_views(
     return len(chosen), len(chosen) - len(existing)
 
 
-def unit_starts(pictures: Sequence[Picture], models: int) -> dict[str, list[Picture]]:
+def render_units(pictures: Sequence[PlannedImage], models: int) -> dict[str, list[PlannedImage]]:
     """Group images to render together, by the name of the first: one camera, as many lights as memory allows."""
-    units: dict[str, list[Picture]] = {}
+    units: dict[str, list[PlannedImage]] = {}
     max_lights = max(1, _IMAGES // models)
     current: tuple[str, str] | None = None
     lights: set[str] = set()
@@ -103,8 +103,8 @@ def unit_starts(pictures: Sequence[Picture], models: int) -> dict[str, list[Pict
 
 
 def _render(
-    job: Job, unit: Sequence[Picture], sky: Sky | None, labels: Labels, threads: int
-) -> Callable[[Picture], float]:
+    job: ViewsJob, unit: Sequence[PlannedImage], sky: Sky | None, labels: LabelsByMap, threads: int
+) -> Callable[[PlannedImage], float]:
     """Render the OLAT images of a unit, write the instance maps, and add the labels to `labels`.
 
     The returned function writes an image of the unit and returns the exposure time, ms.
@@ -122,7 +122,7 @@ def _render(
     stars = sky_images(sky, skies, scene.surfaces, camera, threads) if sky else {}
     stars = {name: imaged(olat_image, camera.lens, views.render) for name, olat_image in stars.items()}
 
-    def write(picture: Picture) -> float:
+    def write(picture: PlannedImage) -> float:
         name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
         radiance = olat_images[picture.model, name]
         if picture.rover:
@@ -138,13 +138,13 @@ def _render(
     return write
 
 
-def _labels(picture: Picture, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
+def _labels(picture: PlannedImage, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
     """Return the labels of an instance map (h, w), including amodal masks."""
-    hidden = hidden_parts(picture.scene.surfaces, picture.camera, ids)
-    return annotations_of(ids, options, whole_rocks(ids, hidden, options))
+    hidden = occluded_pixels(picture.scene.surfaces, picture.camera, ids)
+    return annotations_of(ids, options, amodal_masks(ids, hidden, options))
 
 
-def _read_existing(job: Job, picture: Picture, labels: Labels) -> None:
+def _read_existing(job: ViewsJob, picture: PlannedImage, labels: LabelsByMap) -> None:
     """Add the labels of an existing image, from the instance map, and the image to the contact sheet."""
     if picture.ground_truth not in labels:
         ids = png.read(job.path("instances", picture.ground_truth))
@@ -153,7 +153,7 @@ def _read_existing(job: Job, picture: Picture, labels: Labels) -> None:
         job.sheet.add(picture.name, png.read(job.path("images", picture.name)), labels[picture.ground_truth])
 
 
-def _warn_of_other_images(out: Path, grid: Sequence[Picture]) -> None:
+def _warn_of_other_images(out: Path, grid: Sequence[PlannedImage]) -> None:
     names = {f"{picture.name}.png" for picture in grid}
     others = [path.name for path in sorted((out / "images").glob("*.png")) if path.name not in names]
     if others:

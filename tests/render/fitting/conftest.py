@@ -13,7 +13,7 @@ from polarsim.render import brdf_numba
 from polarsim.render.fitting import samples as sampling
 from polarsim.render.fitting.exposures import merged
 from polarsim.render.fitting.fit import LAMPS
-from polarsim.render.fitting.samples import Samples, samples_of_view
+from polarsim.render.fitting.samples import FitSamples, samples_of_view
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import FittingOptions, RenderOptions
@@ -40,7 +40,7 @@ class Studio:
     mesh: TerrainMesh
     albedo: np.ndarray  # (v,) true factors; the ground's median is 1
     options: RenderOptions
-    samples: Samples
+    samples: FitSamples
 
 
 def sandbox() -> TerrainMesh:
@@ -78,7 +78,9 @@ def photographed(olat_image: np.ndarray, gain: float, rng: np.random.Generator) 
     return photos
 
 
-def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, points: tuple[Pose, ...] = PLACES) -> Samples:
+def shoot(
+    mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, points: tuple[Pose, ...] = PLACES
+) -> FitSamples:
     """Return the samples of photos of the sandbox with the true albedo."""
     rng = np.random.default_rng(3)
     painted, plain = surfaces_of(mesh, options, {"lambert": albedo, "hapke": albedo}), surfaces_of(mesh, options)
@@ -88,7 +90,7 @@ def shoot(mesh: TerrainMesh, albedo: np.ndarray, options: RenderOptions, points:
         olat_images = render_view(painted, Camera(position, LENS), LIGHTS, [model], None, options).olat_images
         photos = {name: merged(photographed(olat_images[model, name], GAINS[name], rng)) for name in LIGHTS}
         parts += samples_of_view(plain, number, Camera(position, LENS), LIGHTS, photos, LAMPS, options)
-    return Samples.joined(parts)
+    return FitSamples.joined(parts)
 
 
 @pytest.fixture(scope="package", autouse=True)

@@ -18,7 +18,7 @@ from polarsim.render.views import run
 from polarsim.render.views.folder import divided
 from polarsim.render.views.options import AutoExposure
 from polarsim.render.views.plan import plan
-from polarsim.render.views.run import auto_exposure, render_views, unit_starts
+from polarsim.render.views.run import auto_exposure, render_units, render_views
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 ORBIT = {"kind": "orbit", "radius_m": 1.6, "height_m": 0.9, "number": 3}
@@ -253,7 +253,7 @@ def test_close_exposures_have_different_names(views_of):
 def test_many_lights_of_a_camera_are_rendered_in_units(views_of):
     suns = {"kind": "sun", "azimuth_deg": list(range(0, 300, 10)), "elevation_deg": [10]}
     pictures = plan(views_of(cameras=[ORBIT], lights=[suns], exposures_ms=[64, 128]))
-    units = unit_starts(pictures, models=1)
+    units = render_units(pictures, models=1)
     assert [len(unit) for unit in units.values()] == [48, 12] * 3
     assert [picture for unit in units.values() for picture in unit] == pictures
     for unit in units.values():
