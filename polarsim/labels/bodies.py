@@ -23,7 +23,7 @@ SPHERE_MARGIN = 1e-3  # metres: margin of bounding spheres, larger than the erro
 
 @dataclass(frozen=True)
 class Dome:
-    """Upper half of an ellipsoid of revolution on the ground, a dome for a rock without a mesh; metres."""
+    """Upper half of an ellipsoid of revolution on the ground, used for a rock without a mesh; metres."""
 
     foot: np.ndarray  # (3,) centre of the base
     radius: float

@@ -42,7 +42,7 @@ def test_a_data_set_has_scenes_to_train_and_covers_to_test_without_labels(tmp_pa
     assert (dataset / "labels/train" / f"{name}.txt").samefile(tmp_path / "T3/labels" / f"{name}.txt")
 
 
-def test_no_rock_of_a_tested_terrain_and_no_scene_on_both_sides(tmp_path, covers):
+def test_parts_share_no_terrain_and_no_scene(tmp_path, covers):
     """By the files themselves, not by what the code says about itself."""
     scenes = {terrain: make_scenes(tmp_path / f"T{terrain}", terrain, 8) for terrain in (1, 3, 4)}
     source = {path.stat().st_ino: path for folder in scenes.values() for path in (folder / "images").iterdir()}
@@ -69,7 +69,7 @@ def test_no_rock_of_a_tested_terrain_and_no_scene_on_both_sides(tmp_path, covers
     [(3, 4, [3], DetectError), (1, 4, [1], LabelError), (3, 1, [1], DetectError), (3, 4, [2], DetectError)],
     ids=["trained on and tested", "another terrain's rocks", "one scene", "no cover photo to test on"],
 )
-def test_data_sets_that_leak_or_lack_pictures_are_refused(tmp_path, covers, shown, scenes, test, error):
+def test_invalid_data_sets_are_an_error(tmp_path, covers, shown, scenes, test, error):
     folder = make_scenes(tmp_path / "T3", shown, scenes)
     with pytest.raises(error):
         make_cover_dataset(scenes={3: folder}, covers=covers, test=test, dataset=tmp_path / "d", seed=0)

@@ -33,7 +33,7 @@ def test_a_cover_is_read_without_strokes_and_with_its_published_boxes(made_relea
     np.testing.assert_allclose(rocks[np.argsort(rocks[:, 0])], ROCKS, atol=0.01)
 
 
-def test_camera_and_azimuth_are_those_whose_shadows_are_dark(made_release):
+def test_camera_and_azimuth_follow_from_dark_shadows(made_release):
     """Boxes of rocks fit the labels of both lamps; only shadows tell these apart."""
     read(made_release)
     table = tables.read_csv(made_release / "pairing.csv").set_index("key")
@@ -45,7 +45,7 @@ def test_camera_and_azimuth_are_those_whose_shadows_are_dark(made_release):
     assert table.loc[str(KEY), "shadow_contrast"] > 0.5
 
 
-def test_a_shadow_is_as_dark_as_stated():
+def test_the_shadow_contrast_agrees_with_a_calculation_by_hand():
     """By hand: (90 - 10) / (90 + 10 + 1)."""
     photo = np.full((200, 300), SAND, np.uint8)
     photo[50:90, 100:160] = SHADE
@@ -54,7 +54,7 @@ def test_a_shadow_is_as_dark_as_stated():
     assert np.isnan(shadow_contrast(photo, shadow[:0], np.zeros((0, 4))))
 
 
-def test_a_key_that_is_known_holds_whatever_shadows_say(made_release):
+def test_a_known_key_overrides_the_match_of_shadows(made_release):
     assert read(made_release, keys=["01_A_off_180_L_0256"]) == ["01_A_off_180_L_0256"]
     table = tables.read_csv(made_release / "pairing.csv")
     assert (table["named_by"] == "configuration").all()
@@ -87,13 +87,13 @@ def test_grey_of_any_depth_becomes_eight_bits(bits, levels):
     np.testing.assert_array_equal(in_eight_bits(picture), [[0, 127, 255]])
 
 
-def test_a_grey_cover_has_no_boxes_and_is_told_by_its_shadows(made_release, cover):
+def test_a_grey_cover_is_matched_by_shadows(made_release, cover):
     png.write(made_release / NAME, cover.min(axis=-1))
     assert not len(read_cover(made_release / NAME).drawn)
     assert read(made_release) == [str(KEY)]
 
 
-def test_a_cover_that_is_broken_is_named_and_left_out(made_release, cover, caplog):
+def test_an_invalid_cover_is_skipped_with_a_warning(made_release, cover, caplog):
     other = made_release / "CoverPhotoOfIndices" / "cover_photo_indexed_01_C.png"
     other.write_bytes(b"no picture")
     png.write(made_release / "CoverPhotoOfIndices" / "cover_photo_indexed_01_B.png", cover[:, :900])
@@ -105,7 +105,7 @@ def test_a_cover_that_is_broken_is_named_and_left_out(made_release, cover, caplo
         read(made_release)
 
 
-def test_published_covers_show_the_photos_that_people_found_them_to_be(release_root, tmp_path):
+def test_published_covers_have_the_keys_determined_by_hand(release_root, tmp_path):
     """By eye, from drawn boxes and from where shadows fall; drawn boxes alone name another azimuth for three."""
     known = {
         "01_A_off_30_L", "01_C_off_30_L", "11_A_off_30_L", "11_C_off_350_L", "12_A_off_30_R", "12_C_off_30_L",

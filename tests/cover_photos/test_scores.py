@@ -22,7 +22,7 @@ def labelled(key, boxes, **more):
     return pd.DataFrame(boxes, columns=["x0", "y0", "x1", "y1"]).assign(key=key, kind="rock", **more)
 
 
-def test_figures_are_pooled_over_photos_and_intervals_hold_them():
+def test_metrics_are_pooled_over_photos():
     """By hand, hit, miss, hit of 4 labels: precision 1 to recall 1/4, 2/3 to 1/2: (26 + 25 * 2/3) / 101."""
     boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
     labels = pd.concat([labelled("a", boxes), labelled("b", boxes)])
@@ -126,7 +126,7 @@ def test_merged_predictions_are_a_table_as_those_of_a_seed(two_seeds):
     assert merged["key"].str[:2].tolist() == ["01"] * 4 + ["03"] * 2
 
 
-def test_the_table_of_several_seeds_names_whose_row_it_is(two_seeds, tmp_path):
+def test_the_table_of_several_seeds_names_the_detectors(two_seeds, tmp_path):
     tabulate_covers(scores=[two_seeds / "scores.parquet"], stem=tmp_path / "covers", origin=ORIGIN)
     rows = [line for line in (tmp_path / "covers.md").read_text().splitlines() if line.startswith("| ")]
     assert [row.split(" | ")[:2] for row in rows[2:6]] == [
@@ -145,7 +145,7 @@ def label_rows_of(key, boxes):
     return [more | dict(zip(("x0", "y0", "x1", "y1"), box, strict=True)) for box in boxes.tolist()]
 
 
-def test_every_terrain_has_rows_by_its_own_folds_detector(scored):
+def test_every_terrain_is_evaluated_by_its_fold(scored):
     table = tables.read_parquet(scored, COVER_SCORES.columns).set_index(["terrain", "kind"])
     assert table["map50"].to_dict() == pytest.approx(
         {("all", "rock"): 0.5 + 0.5 / 101, ("all", "shadow"): 0.5 + 0.5 / 101,
@@ -156,14 +156,14 @@ def test_every_terrain_has_rows_by_its_own_folds_detector(scored):
     assert (table["epochs"] == 7).all()
 
 
-def test_a_fold_is_calibrated_by_the_other_ones_alone(scored):
+def test_a_fold_is_calibrated_on_the_remaining_folds(scored):
     """Boxes of terrain 1 are right, those of terrain 3 wrong: each calibrates the other one away from what is so."""
     error = tables.read_parquet(scored, COVER_SCORES.columns).set_index(["terrain", "kind"])["calibration_error"]
     assert error["03", "rock"] > 0.9  # 0.9 uncalibrated: the found rocks of terrain 1 raise it
     assert error["01", "rock"] > 0.1 + 0.05  # 0.1 uncalibrated
 
 
-def test_folds_that_err_alike_calibrate_each_other():
+def test_folds_with_equal_errors_calibrate_each_other():
     """Half of the boxes with confidence 0.9 are right: an error of 0.4 before."""
     sides = np.arange(100.0)[:, None] * 30 + [0, 0, 20, 20]
     half = np.vstack([sides[:50], sides[50:] + np.array([0, 5000, 0, 5000])])
@@ -184,7 +184,7 @@ def test_the_table_shows_all_terrains_and_each_with_intervals(scored, tmp_path):
     assert tables.read_csv(tmp_path / "covers.csv")["config"].unique().tolist() == ["1a2b"]
 
 
-def test_the_table_says_which_detectors_were_fine_tuned_on_photos(scored, tmp_path):
+def test_the_table_marks_fine_tuned_detectors(scored, tmp_path):
     table = tables.read_parquet(scored, COVER_SCORES.columns)
     better = table.assign(trained="fine_tuned", map50=table["map50"] / 2, epochs=3, pictures=11)
     tables.write_parquet(tmp_path / "better.parquet", better)
@@ -199,7 +199,7 @@ def test_the_table_says_which_detectors_were_fine_tuned_on_photos(scored, tmp_pa
     assert "after that 3 epochs of 11 pictures, windows of the labelled cover photos" in notes
 
 
-def test_every_photo_has_a_panel_with_its_labels_and_what_is_sure_enough(tmp_path):
+def test_every_photo_has_a_panel_with_labels_and_confident_boxes(tmp_path):
     boxes = np.array([[100.0, 100, 900, 700]])
     keys = ["01_A_off_30_L_0256", "03_A_off_30_R_0256"]
     for key in keys:
@@ -227,7 +227,7 @@ def test_every_photo_has_a_panel_with_its_labels_and_what_is_sure_enough(tmp_pat
     assert orange[:, 400:].sum() > 100
 
 
-def test_the_drawn_confidence_is_that_of_the_best_f1():
+def test_the_confidence_threshold_of_panels_maximises_f1():
     labels = labelled("a", [(0, 0, 10, 10), (20, 0, 30, 10)])
     found = labelled("a", [(0, 0, 10, 10), (20, 0, 30, 10), (50, 50, 60, 60)], confidence=[0.9, 0.6, 0.5])
     assert best_confidence(labels, found) == 0.6

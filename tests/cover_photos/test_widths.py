@@ -62,7 +62,7 @@ def choose(folds, tmp_path, options=OPTIONS):
     return dict(zip([f"{int(fold):02d}" for fold in sizes["fold"]], sizes["widths"], strict=True)), found
 
 
-def test_a_folds_widths_are_those_of_the_other_folds(folds, tmp_path):
+def test_the_widths_of_a_fold_come_from_the_remaining_folds(folds, tmp_path):
     """By itself fold 04 would take 1,024 px alone; 01 and 03 say both."""
     widths, found = choose(folds, tmp_path)
     assert widths["04"] == "512 1024"
@@ -71,7 +71,7 @@ def test_a_folds_widths_are_those_of_the_other_folds(folds, tmp_path):
     assert set(found["key"]) == set(KEYS.values())
 
 
-def test_what_is_found_off_the_sand_is_left_out_before_widths_are_chosen(folds, tmp_path):
+def test_boxes_outside_the_sand_are_dropped_before_the_choice_of_widths(folds, tmp_path):
     """Fold 03's camera looks at the ceiling: nothing it shows stands on the sand, and it chooses nothing."""
     up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
     write_localised(tmp_path / "Terrain03/PosA.json", up)
@@ -83,20 +83,20 @@ def test_what_is_found_off_the_sand_is_left_out_before_widths_are_chosen(folds, 
     assert widths["04"] == "512 1024"
 
 
-def test_one_fold_alone_and_named_widths(folds, tmp_path):
+def test_widths_of_a_single_fold_and_of_the_options(folds, tmp_path):
     alone = {"labels": folds["labels"]} | {name: {"01": folds[name]["01"]} for name in ("found", "datasets")}
     assert choose(alone, tmp_path)[0] == {"01": "512"}
     assert set(choose(folds, tmp_path, PredictionOptions(nms_iou=0.5, widths=[1024]))[0].values()) == {"1024"}
 
 
-def test_a_detector_that_finds_nothing_is_named(tmp_path):
+def test_a_detector_without_predictions_is_an_error(tmp_path):
     path = write_found(tmp_path / "none.parquet", [])
     with pytest.raises(DetectError) as error:
         read_found(path, ["a"])
     assert error.value.path == path
 
 
-def test_photos_are_looked_at_at_every_width_and_that_of_the_training(tmp_path):
+def test_predictions_include_the_training_width(tmp_path):
     weights = tmp_path / "detector.pt"
     detectors.write_detector(weights, detectors.Detector("compact", 96, 1, "scratch", network("compact").state_dict()))
     key = KEYS["01"]
@@ -111,7 +111,7 @@ def test_photos_are_looked_at_at_every_width_and_that_of_the_training(tmp_path):
     assert sorted(by_width) == [64, 96, 128]
 
 
-def test_a_detector_leaves_with_widths_calibration_and_a_card(folds, tmp_path):
+def test_a_published_detector_has_widths_calibration_and_a_card(folds, tmp_path):
     weights, state = tmp_path / "all.pt", network("compact").state_dict()
     detectors.write_detector(weights, detectors.Detector("compact", 512, 3, "carved", state))
     scores = pd.DataFrame(

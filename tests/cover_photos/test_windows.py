@@ -59,7 +59,7 @@ def test_a_window_is_bright_where_its_boxes_are_and_dark_elsewhere(seed, width):
         assert not left.any() or len(window.boxes) < 2
 
 
-def test_windows_are_the_same_anywhere_and_know_nothing_of_pixels(covers, tmp_path):
+def test_windows_do_not_depend_on_the_location(covers, tmp_path):
     for name in ("one", "two"):
         cut_windows(**covers, windows=tmp_path / name, count=3, stored_px=64, seed=4)
     files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*"))
@@ -86,7 +86,7 @@ def test_no_window_of_a_tested_terrain_is_trained_on(covers, tmp_path, monkeypat
         make_fine_tuning_dataset(scenes=scenes, test=[3], **fine_tuning)
 
 
-def test_a_file_that_is_no_window_is_named(tmp_path):
+def test_an_invalid_window_name_is_an_error(tmp_path):
     png.write(tmp_path / "windows/images/photo.png", np.zeros((40, 64), np.uint8))
     with pytest.raises(PolarsimError) as error:
         make_fine_tuning_dataset(

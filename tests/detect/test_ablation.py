@@ -58,7 +58,7 @@ def test_the_change_of_two_views_is_that_of_a_hand_computed_bootstrap():
         assert found[[f"{name}{end}" for end in CHANGE_ENDS]].tolist() == pytest.approx(expected)
 
 
-def test_the_interval_is_that_of_the_change_not_of_two_figures_beside_each_other():
+def test_the_interval_refers_to_the_paired_change():
     """The views differ widely, the change is the same in both: its interval has no width."""
     better = seen({(ONE, 1): 0.6, (OTHER, 1): 0.5})
     found = rocks(PHOTO, TWIN, better)
@@ -73,7 +73,7 @@ def test_gains_and_losses_cancel_in_ipd_and_not_in_ipd_abs():
     assert found["ipd_change"] == pytest.approx(-0.3)
 
 
-def test_only_rocks_that_all_three_have_are_weighed():
+def test_only_rocks_in_all_three_domains_are_evaluated():
     more = seen({(ONE, 1): 0.5, (OTHER, 1): 0.4, (ONE, 2): 0.1})
     found = rocks(more, seen({(ONE, 1): 0.5, (OTHER, 1): 0.4, (ONE, 2): 1.0}), TWIN)
     assert found["pairs"] == 2
@@ -100,7 +100,7 @@ def test_mean_average_precision_changes_with_rocks_that_are_found():
 
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(*[st.floats(0.3, 1)] * 3), min_size=1, max_size=6))
-def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposite_change(performances):
+def test_no_change_is_zero_and_the_reverse_change_has_the_opposite_sign(performances):
     options = ComparisonOptions(resamples=100)
     points = [((ONE, OTHER)[number % 2], number + 1) for number in range(len(performances))]
     photo, twin, other = (
@@ -117,7 +117,7 @@ def test_what_changes_nothing_is_exactly_zero_and_what_is_undone_has_the_opposit
         np.testing.assert_allclose(there[f"{figure}_change_low"], -back[f"{figure}_change_high"], atol=1e-12)
 
 
-def test_a_class_without_labels_has_a_row_without_figures():
+def test_a_class_without_labels_has_a_row_without_metrics():
     found = effect_of(PHOTO, TWIN, TWIN).set_index("kind").loc["shadow"]
     assert found["pairs"] == 0
     assert found[["ipd", "map50", "false_positives"]].isna().all()
@@ -128,7 +128,7 @@ def dataset(folder: Path, keys) -> Path:
     return folder
 
 
-def test_the_ablation_has_a_row_a_component_detector_and_class(tmp_path):
+def test_the_ablation_has_a_row_per_component_detector_and_class(tmp_path):
     domains = {"analog": PHOTO, "hapke": TWIN, "pose": seen({(ONE, 1): 0.7, (OTHER, 1): 0.4}), "labels": TWIN}
     labels, predictions, datasets = {}, {}, {}
     for name, domain in domains.items():
@@ -159,7 +159,7 @@ def test_the_ablation_has_a_row_a_component_detector_and_class(tmp_path):
     assert pose["ipd_change_low"].isna().all()  # one view has no spread
 
 
-def test_a_component_says_what_it_replaces_and_whether_it_needs_pictures():
+def test_a_component_describes_its_replacements():
     labels, glare = Component(labels="propagated"), Component(cameras="truth", render={"noise": True, "bounces": 2})
     assert (labels.describe(), labels.is_rendered, labels.needs_truth) == ("labels: propagated", False, False)
     assert (glare.describe(), glare.is_rendered, glare.needs_truth) == (

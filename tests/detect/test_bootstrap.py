@@ -25,7 +25,7 @@ def case(rng, pictures):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12), st.integers(1, 6))
-def test_a_resample_is_the_average_precision_with_its_weights(seed, pictures, units):
+def test_a_replicate_equals_average_precision_with_weights(seed, pictures, units):
     rng = np.random.default_rng(seed)
     ranked = rank(*case(rng, pictures), areas=AREAS)
     unit, drawn = rng.integers(0, units, pictures), draws(units, 20, seed % 97)
@@ -34,20 +34,20 @@ def test_a_resample_is_the_average_precision_with_its_weights(seed, pictures, un
         np.testing.assert_allclose(resampled_precision(ranked, area, unit, drawn), expected, atol=1e-12)
 
 
-def test_a_resample_without_labels_has_no_precision():
+def test_a_replicate_without_labels_has_no_precision():
     ranked = rank([np.zeros((0, 4)), np.array([[0.0, 0, 9, 9]])], [np.zeros((0, 4))] * 2, [np.zeros(0)] * 2)
     found = resampled_precision(ranked, 0, np.array([0, 1]), np.array([[2.0, 0], [1, 1]]))
     assert np.isnan(found[0]).all()
     assert (found[1] == 0).all()
 
 
-def test_photos_of_one_view_are_one_unit():
+def test_photos_of_a_view_form_a_unit():
     keys = ["01_A_off_180_L_0256", "01_A_on_30_L_0512", "01_A_off_180_R_0256", "02_A_off_180_L_0256"]
     assert bootstrap.units_of(keys, "view").tolist() == [0, 0, 1, 2]
     assert bootstrap.units_of(keys, "photo").tolist() == [0, 2, 1, 3]
 
 
-def test_names_that_are_no_keys_have_photos_only():
+def test_names_without_photo_key_require_unit_photo():
     assert bootstrap.units_of(["b", "a"], "photo").tolist() == [1, 0]
     with pytest.raises(DetectError):
         bootstrap.units_of(["b", "a"], "view")

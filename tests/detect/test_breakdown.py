@@ -29,7 +29,7 @@ def rows():
     return breakdown(matched, resamples=100, group_resamples=100).set_index(["by", "group", "kind"])
 
 
-def test_a_group_of_photos_has_the_figures_of_its_photos_alone(rows):
+def test_a_group_has_the_metrics_of_its_photos(rows):
     assert rows.loc[("exposure", "0512", "rock"), ["images", "labels", "iou_mean"]].tolist() == [2, 3, 2 / 3]
     assert rows.loc[("exposure", "0064", "rock"), ["images", "labels", "iou_mean"]].tolist() == [1, 2, 0.5]
     assert rows.loc[("exposure", "0064", "rock"), "map50"] == pytest.approx(51 / 101)
@@ -38,7 +38,7 @@ def test_a_group_of_photos_has_the_figures_of_its_photos_alone(rows):
     assert rows.loc[("azimuth", "30", "rock"), "labels"] == 1
 
 
-def test_a_size_class_has_its_labels_alone_and_no_stray_box_of_another_size(rows):
+def test_a_size_class_ignores_labels_and_boxes_of_different_sizes(rows):
     assert rows.loc[("size", "small", "rock"), ["labels", "iou_mean"]].tolist() == [2, 0.5]
     assert rows.loc[("size", "large", "rock"), ["labels", "iou_mean"]].tolist() == [3, 2 / 3]
     # Both found large boxes are right, and the small stray one is no large prediction: precision 1 up to recall 2/3.
@@ -51,7 +51,7 @@ def test_a_class_without_labels_does_not_lower_the_mean(rows):
     assert rows.loc[("terrain", "01", "all"), "map50"] == rows.loc[("terrain", "01", "rock"), "map50"]
 
 
-def test_a_group_of_one_view_has_figures_and_no_interval(rows):
+def test_a_group_of_a_single_view_has_no_interval(rows):
     row = rows.loc[("terrain", "01", "rock")]
     assert row["units"] == 1
     assert np.isnan([row["map50_low"], row["map50_high"]]).all()

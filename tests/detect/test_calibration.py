@@ -20,7 +20,7 @@ def pictures(confidences, share, random, kind=0):
 
 
 @pytest.mark.parametrize("slope", [0.5, 2.0])
-def test_what_was_too_sure_or_too_unsure_is_mended(slope):
+def test_overconfident_and_underconfident_detectors_are_calibrated(slope):
     random = np.random.default_rng(3)
 
     def share(confidence):
@@ -58,6 +58,6 @@ def test_the_error_of_calibration_by_hand():
     assert np.isnan(calibration_error(label, [np.zeros((0, 6))] * 4))
 
 
-def test_a_class_of_which_nothing_was_found_keeps_its_confidences():
+def test_a_class_without_detections_keeps_its_confidences():
     _, kept = fit_calibration([(np.array([0]), BOX[None])], [np.array([[*BOX, 0.5, 0]])])
     assert kept == pytest.approx((1, 0), abs=1e-3)

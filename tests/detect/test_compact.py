@@ -91,7 +91,7 @@ def test_it_learns_in_either_precision(dataset, tmp_path, precision):
     assert {value.dtype for value in state.values() if value.is_floating_point()} == {torch.float16}
 
 
-def test_bfloat16_is_taken_where_the_processor_has_it(monkeypatch):
+def test_bfloat16_is_used_if_the_processor_supports_it(monkeypatch):
     for there in (True, False):
         monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda there=there: there)
         assert computes_bfloat16("auto", "cpu") is there
@@ -99,13 +99,13 @@ def test_bfloat16_is_taken_where_the_processor_has_it(monkeypatch):
         assert not computes_bfloat16("float32", "cpu")
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_seed_others(dataset, matched, tmp_path):
+def test_equal_seeds_give_equal_bytes(dataset, matched, tmp_path):
     assert train(dataset, tmp_path, "again") == (matched / "real.pt").read_bytes()
     one = OPTIONS.model_copy(update={"epochs": 1})
     assert train(dataset, tmp_path, "one", one) != train(dataset, tmp_path, "two", one, seed=1)
 
 
-def test_a_training_that_was_stopped_ends_with_the_bytes_of_one_that_was_not(dataset, matched, tmp_path, monkeypatch):
+def test_a_resumed_training_gives_the_same_bytes(dataset, matched, tmp_path, monkeypatch):
     from polarsim.detect.detectors.compact import training
 
     written = training._write_checkpoint
@@ -171,7 +171,7 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
     assert np.mean(near) > 0.6  # five points at random find less than a sixth
 
 
-def test_finds_off_the_sand_are_left_out_where_poses_are_known(dataset, matched, tmp_path):
+def test_boxes_outside_the_sand_are_dropped_with_known_poses(dataset, matched, tmp_path):
     """A camera that looks at the ceiling sees no sand, whatever a detector finds."""
     up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
     triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
@@ -194,7 +194,7 @@ def test_finds_off_the_sand_are_left_out_where_poses_are_known(dataset, matched,
     pd.testing.assert_frame_equal(kept, elsewhere)
 
 
-def test_it_trains_and_predicts_where_ultralytics_cannot_be_imported(dataset, tmp_path):
+def test_training_and_prediction_work_without_ultralytics(dataset, tmp_path):
     script = f"""
 import sys
 sys.modules["ultralytics"] = sys.modules["torchvision"] = None
@@ -213,7 +213,7 @@ predict(weights=folder / "a.pt", dataset=dataset, predictions=folder / "a.parque
     assert not tables.read_parquet(tmp_path / "a.parquet").empty
 
 
-def test_a_detector_of_ours_is_a_start_for_another(dataset, matched, tmp_path):
+def test_training_can_start_from_a_polarsim_detector(dataset, matched, tmp_path):
     options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "epochs": 1, "augment": True})
     train(dataset, tmp_path, "tuned", options)
     assert detectors.read_detector(tmp_path / "tuned.pt").start == "real.pt"
@@ -234,7 +234,7 @@ def test_mosaic_is_refused_because_compact_has_none():
         TrainingOptions(model="compact", mosaic=True)
 
 
-def test_a_cell_answers_for_the_smallest_label_of_its_class_around_it():
+def test_a_cell_is_assigned_to_the_smallest_label_of_a_class():
     classes = torch.tensor([0, 0, 1])
     boxes = torch.tensor([[0.0, 0, 32, 32], [12, 12, 20, 20], [0, 0, 32, 32]])
     owner = assign(classes, boxes, (2, 8, 8))  # cells of 4 px, centres at 2, 6, 10, ...
@@ -247,7 +247,7 @@ def test_a_cell_answers_for_the_smallest_label_of_its_class_around_it():
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 60), st.floats(0, 60), st.floats(0.5, 40), st.floats(0.5, 40)), min_size=1))
-def test_every_label_alone_in_its_class_has_the_cell_of_its_centre(sides):
+def test_a_single_label_is_assigned_to_the_cell_of_its_centre(sides):
     for x, y, width, height in sides:
         box = torch.tensor([[x, y, x + width, y + height]])
         owner = assign(torch.tensor([1]), box, (2, 32, 32))
@@ -256,7 +256,7 @@ def test_every_label_alone_in_its_class_has_the_cell_of_its_centre(sides):
         assert (owner[0] == -1).all()
 
 
-def test_right_boxes_with_sure_scores_have_no_loss_and_a_miss_has():
+def test_correct_boxes_have_no_loss():
     boxes = torch.tensor([4.0, 4, 12, 16]).view(1, 1, 4, 1, 1).repeat(1, 1, 1, 8, 8)
     labels = [(torch.tensor([0]), torch.tensor([[4.0, 4, 12, 16]]))]
     owned = assign(*labels[0], (1, 8, 8)) == 0
@@ -268,7 +268,7 @@ def test_right_boxes_with_sure_scores_have_no_loss_and_a_miss_has():
     assert float(box_loss) == pytest.approx(2 * (2 - 2 * 96 / (108 * 112)), rel=1e-5)
 
 
-def test_pictures_without_labels_have_a_loss_that_can_be_followed_back():
+def test_images_without_labels_have_a_differentiable_loss():
     logits = torch.zeros(1, 2, 4, 4, requires_grad=True)
     class_loss, box_loss = losses(
         logits, torch.ones(1, 2, 4, 4, 4), [(torch.zeros(0, dtype=torch.long), torch.zeros(0, 4))]
@@ -279,7 +279,7 @@ def test_pictures_without_labels_have_a_loss_that_can_be_followed_back():
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_a_changed_picture_has_its_blob_where_its_box_says(seed):
+def test_augmentation_moves_boxes_with_the_image(seed):
     pixels = np.full((96, 160), 60, np.uint8)
     pixels[30:60, 50:90] = 200
     picture = augment(TrainingImage(pixels, np.array([1]), np.array([[50.0, 30, 90, 60]])), np.random.default_rng(seed))
@@ -290,7 +290,7 @@ def test_a_changed_picture_has_its_blob_where_its_box_says(seed):
     )
 
 
-def test_suppression_keeps_classes_apart_and_the_limits(monkeypatch):
+def test_suppression_is_per_class_and_limits_the_number_of_boxes(monkeypatch):
     logits = torch.full((1, 2, 2, 2), -9.0)
     logits[0, 0, 0, 0], logits[0, 0, 1, 1], logits[0, 1, 0, 0] = 2.0, 1.0, 0.0
     boxes = torch.tensor([0.0, 0, 10, 10]).view(1, 1, 4, 1, 1).repeat(1, 2, 1, 2, 2)
@@ -301,7 +301,7 @@ def test_suppression_keeps_classes_apart_and_the_limits(monkeypatch):
     assert len(decode_boxes(logits, boxes, PREDICTION)[0]) == 1
 
 
-def test_a_network_answers_at_every_fourth_pixel():
+def test_a_network_has_a_cell_per_four_pixels():
     logits, boxes = network("compact").eval()(torch.zeros(1, 1, 64, 96))
     assert logits.shape == (1, 2, 16, 24)
     assert boxes.shape == (1, 2, 4, 16, 24)

@@ -37,7 +37,7 @@ def made(world, few, tmp_path):
     return make
 
 
-def test_every_picture_lies_in_its_part_with_its_labels(few, made):
+def test_every_image_is_in_its_part_with_labels(few, made):
     folder = made()
     for key, part in draw_split(few, "photo", SPLIT).items():
         assert png.read(folder / "images" / part / f"{key}.png").shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
@@ -65,7 +65,7 @@ def test_a_bright_blob_is_where_its_label_says(made):
         assert (inside > 200).all() if kind == 0 else (inside < 100).all()
 
 
-def test_data_yaml_has_relative_paths_to_folders_that_are_there(made):
+def test_data_yaml_has_relative_paths_to_existing_folders(made):
     folder = made()
     content = yaml.safe_load((folder / "data.yaml").read_text())
     assert content["names"] == {0: "rock", 1: "shadow"}
@@ -78,7 +78,7 @@ def test_twins_in_a_folder_give_the_same_data_set_as_the_photo_table(made, world
     assert from_folder == from_table
 
 
-def test_a_missing_picture_is_a_gap_and_a_warning(few, made, world, tmp_path, caplog):
+def test_a_missing_image_is_skipped_with_a_warning(few, made, world, tmp_path, caplog):
     photos = tables.read_parquet(world / "photos.parquet")
     tables.write_parquet(tmp_path / "fewer.parquet", photos.iloc[1:])
     folder = made(pictures=tmp_path / "fewer.parquet")
@@ -162,7 +162,7 @@ def test_no_view_of_the_test_part_is_trained_on(share, by):
     assert not views["test"] & (views["train"] | views["val"])
 
 
-def test_a_split_that_leaks_makes_no_data_set(converted, keys, tmp_path):
+def test_a_split_with_shared_units_is_an_error(converted, keys, tmp_path):
     split_photos(keys=keys, by="photo", split=tmp_path / "split.csv", options=SPLIT)
     with pytest.raises(DetectError):
         share_pictures(
@@ -205,7 +205,7 @@ def mix(share, tmp_path):
 
 
 @pytest.mark.parametrize(("real", "hapke"), [(0.5, 0.5), (1, 0.25), (2, 1), (1.5, 0.1)])
-def test_a_mix_has_as_many_pictures_of_each_domain_as_its_weight_says(mix, share, real, hapke):
+def test_a_mix_has_images_in_proportion_to_the_weights(mix, share, real, hapke):
     weights = {"real": real, "hapke": hapke}
     folder = mix(weights)
     names = read_pictures(folder, "train")
@@ -215,7 +215,7 @@ def test_a_mix_has_as_many_pictures_of_each_domain_as_its_weight_says(mix, share
     assert len(set(names)) == len(names)
 
 
-def test_pictures_of_a_mix_are_those_of_its_domains_and_none_is_tested(mix, share, converted, keys):
+def test_a_mix_has_only_training_images_of_its_domains(mix, share, converted, keys):
     folder = mix({"real": 2, "hapke": 0.5})
     tested = {str(key) for key, part in draw_split(keys, "photo", SPLIT).items() if part == "test"}
     for part in ("train", "val"):
@@ -235,6 +235,6 @@ def test_a_weight_of_two_takes_every_picture_twice(mix, share):
     assert names == sorted([*(f"real-{key}" for key in keys), *(f"real-{key}-2" for key in keys)])
 
 
-def test_a_mix_counts_what_its_domains_leave_out_of_training(mix, share, keys):
+def test_a_mix_counts_corrupt_training_images(mix, share, keys):
     part = draw_split(keys, "photo", SPLIT)[keys[0]]
     assert count_left_out(mix({"real": 1, "hapke": 1}), ("train", "val")) == (part != "test")

@@ -90,7 +90,7 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     assert cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).shape == (400, 640, 3)
 
 
-def test_boxes_are_those_of_the_image_as_viewers_show_it(weights, block_finder, tmp_path):
+def test_boxes_follow_the_exif_orientation(weights, block_finder, tmp_path):
     """Phones store portraits as landscapes with an EXIF orientation."""
     folder = tmp_path / "in"
     folder.mkdir()
@@ -124,7 +124,7 @@ def test_images_of_large_cameras_are_searched(weights, block_finder, tmp_path):
     np.testing.assert_allclose(found[["x0", "y0", "x1", "y1"]].to_numpy(), [BOX * 6000 / 640], atol=20)
 
 
-def test_what_several_detectors_find_is_merged(weights, tmp_path, monkeypatch):
+def test_boxes_of_several_detectors_are_merged(weights, tmp_path, monkeypatch):
     """The second one finds the block two pixels of its own further right, and something that nobody else sees."""
 
     def shifted(pictures):
@@ -150,7 +150,7 @@ def test_what_several_detectors_find_is_merged(weights, tmp_path, monkeypatch):
     assert "blocks.pt, other.pt" in (tmp_path / "out/coco.json").read_text()
 
 
-def test_a_detector_merged_with_itself_finds_what_it_finds_alone(tmp_path):
+def test_merging_a_detector_with_itself_changes_nothing(tmp_path):
     """The packaged detector, whose confidences are calibrated."""
     cv2.imwrite(str(tmp_path / "one.png"), lit_lumps())
     copy = tmp_path / "copy.pt"
@@ -166,7 +166,7 @@ def test_a_detector_merged_with_itself_finds_what_it_finds_alone(tmp_path):
     pd.testing.assert_frame_equal(alone, twice)
 
 
-def test_what_cannot_be_looked_at_is_one_line_and_nothing_is_written(weights, tmp_path):
+def test_unusable_input_is_a_one_line_error_without_output(weights, tmp_path):
     def run(*pictures, out=tmp_path / "out"):
         find_in_pictures(pictures=pictures, weights=[weights], out=out, options=PredictionOptions(), threads=1)
 
@@ -187,14 +187,14 @@ def test_pictures_in_floats_are_refused(tmp_path):
         read_any(tmp_path / "float.tif")
 
 
-def test_options_that_do_not_go_together_are_one_line():
+def test_inconsistent_options_are_a_one_line_error():
     assert prediction_options(["512", "896"], ["64"], "cpu").gates_px == (64.0,)
     for widths, gates in ((["wide"], []), (["512", "896"], [])):
         with pytest.raises(DetectError):
             prediction_options(widths, gates, "cpu")
 
 
-def test_a_picture_of_another_shape_is_not_stretched():
+def test_an_image_of_a_different_aspect_ratio_is_not_stretched():
     """A rover's 16:9 picture: boxes came out 1.12 times too low and too high in pixels of a photo."""
     pixels = np.zeros((1080, 1920), np.uint8)
     pixels[600:700, 400:520] = 255
@@ -220,9 +220,7 @@ def precisions(monkeypatch, *, there: bool) -> list[bool]:
 @pytest.mark.parametrize("model", ["compact", "yolov5n"])
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 @pytest.mark.parametrize("there", [True, False])
-def test_a_detector_computes_in_the_precision_that_is_asked_for_or_refuses(
-    weights, tmp_path, monkeypatch, model, precision, there
-):
+def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, monkeypatch, model, precision, there):
     """Neither the processor nor the command chooses another precision."""
     seen = precisions(monkeypatch, there=there)
     detectors.write_detector(weights, replace(detectors.read_detector(weights), model=model))
@@ -239,7 +237,7 @@ def test_a_detector_computes_in_the_precision_that_is_asked_for_or_refuses(
         assert seen == []
 
 
-def test_bfloat16_finds_what_float32_finds():
+def test_bfloat16_and_float32_detect_the_same_objects():
     """The packaged detector, lit lumps with shadows on sand: every sure rock within a pixel."""
     options = prediction_options([], [], "cpu")
     loaded = detectors.load_detector(detectors.read_detector(PACKAGED), PACKAGED.parent, options, 1)
@@ -255,7 +253,7 @@ def test_bfloat16_finds_what_float32_finds():
     np.testing.assert_allclose(alike[:, 4], sure[:, 4], atol=0.03)
 
 
-def test_norms_in_convolutions_change_no_answer(rng, tmp_path, monkeypatch):
+def test_fused_batch_norms_do_not_change_the_output(rng, tmp_path, monkeypatch):
     """`load` against the network as it was trained, its norms away from the identity: all scores and boxes."""
     from polarsim.detect.detectors.compact.weights import network, to_input
 
@@ -281,7 +279,7 @@ def test_norms_in_convolutions_change_no_answer(rng, tmp_path, monkeypatch):
     torch.testing.assert_close(corners, boxes, rtol=1e-3, atol=0.01)
 
 
-def test_eight_bits_are_shrunk_as_light_is(rng):
+def test_eight_bit_images_are_averaged(rng):
     """In whole numbers at once, or in fractions that are rounded then."""
     pixels = rng.integers(0, 256, (76, 121), np.uint8)
     np.testing.assert_allclose(resize_longer_side(pixels, 112), tone.shrink(pixels, 112), atol=0.51)
@@ -303,7 +301,7 @@ def test_rocks_of_an_underexposed_picture_are_found(darker, tmp_path):
     assert cv2.imread(str(tmp_path / "out" / "pictures" / "dark.jpg"), 0).max() > 200  # drawn as it was seen
 
 
-def test_a_picture_that_cannot_be_drawn_is_an_error_and_leaves_nothing(weights, block_finder, tmp_path, monkeypatch):
+def test_a_failed_drawing_leaves_no_output(weights, block_finder, tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 

@@ -67,7 +67,7 @@ def test_code_in_weights_to_start_from_is_not_executed(tmp_path, monkeypatch):
     assert not (tmp_path / "executed").exists()
 
 
-def test_other_weights_are_refused_by_name(tmp_path):
+def test_the_error_of_invalid_weights_has_the_path(tmp_path):
     torch.save({"weights": torch.zeros(3)}, tmp_path / "other.pt")
     with pytest.raises(DetectError, match=r"other\.pt"):
         read_detector(tmp_path / "other.pt")
@@ -82,7 +82,7 @@ def test_other_weights_are_refused_by_name(tmp_path):
         {"sizes": (((640, 1792), ()),) * 2}, {"sizes": (((640,), ()),)}, {"calibration": ((1.0, 2.0),)},
     ],
 )  # fmt: skip
-def test_weights_with_something_else_in_a_field_are_refused_in_one_line(detector, tmp_path, wrong):
+def test_weights_with_an_invalid_field_are_a_one_line_error(detector, tmp_path, wrong):
     write_detector(tmp_path / "own.pt", detector)
     torch.save(torch.load(tmp_path / "own.pt", weights_only=True) | wrong, tmp_path / "bent.pt")
     with pytest.raises(DetectError, match=r"bent\.pt") as refused:
@@ -95,7 +95,7 @@ def test_weights_of_another_size_do_not_fit(detector, tmp_path):
         network(Detector("yolov5s", 160, 2, "scratch", detector.state), tmp_path)
 
 
-def test_cuda_that_is_not_there_is_an_error(monkeypatch):
+def test_unavailable_cuda_is_an_error(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert choose_device("auto") == choose_device("cpu") == "cpu"
     with pytest.raises(DetectError):
@@ -106,11 +106,11 @@ def test_cuda_that_is_not_there_is_an_error(monkeypatch):
     ("model", "name"),
     [("yolov5n", "yolov5n (YOLOv5u)"), ("yolo11s", "yolo11s"), ("compact", "compact (polarsim's own)")],
 )
-def test_the_tables_name_the_detector_for_what_it_is(model, name):
+def test_detector_names_in_tables(model, name):
     assert detector_name(model) == name
 
 
-def test_one_module_alone_imports_ultralytics_and_torch_stays_out_of_what_all_detectors_import():
+def test_only_one_module_imports_ultralytics_and_common_modules_do_not_import_torch():
     importers = set()
     root = Path(polarsim.detect.__file__).parent
     for path in root.rglob("*.py"):
@@ -127,7 +127,7 @@ def test_one_module_alone_imports_ultralytics_and_torch_stays_out_of_what_all_de
     assert importers == {"detectors/yolo/library.py"}
 
 
-def test_the_import_of_ultralytics_leaves_the_environment_of_later_processes(tmp_path):
+def test_the_import_of_ultralytics_does_not_change_the_environment(tmp_path):
     """It limits threads by variables; a library in a process started later complained of that on standard error."""
     script = (
         "import os, sys; from pathlib import Path;"

@@ -76,7 +76,7 @@ def tested(tmp_path):
     return tmp_path
 
 
-def test_figures_of_a_domain_are_those_of_a_calculation_by_hand(tested):
+def test_metrics_of_a_domain_agree_with_a_calculation_by_hand(tested):
     table = tables.read_parquet(tested / "detection.parquet")
     real = table[table["evaluated"] == "real"].set_index("kind")
     assert real["images"].tolist() == [1] * 3  # the gap does not count
@@ -106,7 +106,7 @@ def test_a_difference_is_that_of_the_two_metrics(tested):
     assert table.loc["shadow", "difference"] == pytest.approx(1)
 
 
-def test_every_tested_label_has_a_row_of_its_own(tested):
+def test_every_tested_label_has_a_row(tested):
     table = tables.read_parquet(tested / "instances.parquet")
     assert table.dtypes.astype(str).to_dict() == INSTANCES.dtypes
     assert tables.read_parquet(tested / "curves.parquet").dtypes.astype(str).to_dict() == CURVES.dtypes
@@ -118,7 +118,7 @@ def test_every_tested_label_has_a_row_of_its_own(tested):
     ]
 
 
-def test_a_split_that_leaks_no_view_says_so(tested):
+def test_a_split_without_shared_views_is_reported(tested):
     assert not tables.read_parquet(tested / "detection.parquet")["leaks_views"].any()
 
 
@@ -128,7 +128,7 @@ def test_corrupt_pictures_of_training_and_test_are_counted(tested):
     assert run(tested, "view").set_index("evaluated")["left_out"].to_dict() == {"real": 3, "hapke": 4}
 
 
-def test_a_strict_split_that_leaks_is_refused(tested):
+def test_a_strict_split_with_shared_units_is_an_error(tested):
     (tested / "split.csv").write_text(SPLIT.replace("01_B_off_180_R_0256", "01_A_off_180_L_0512"))
     with pytest.raises(DetectError):
         run(tested, "view")
@@ -145,13 +145,13 @@ def test_every_table_names_its_detector_and_its_domains(tested):
         ]
 
 
-def test_the_rock_table_has_each_rocks_mean_in_both_domains(tested):
+def test_the_rock_table_has_the_mean_of_each_rock_in_both_domains(tested):
     table = tables.read_parquet(tested / "rocks.parquet").set_index(["kind", "rock"])
     assert table.loc[("rock", 1), ["terrain", "photos", "iou_first", "iou_second"]].tolist() == [1, 1, 0.5, 0.8]
     assert table.loc[("rock", 1), "difference"] == pytest.approx(-0.3)
 
 
-def test_the_rules_of_the_options_are_heeded_and_stated(tested):
+def test_the_rules_of_the_options_are_applied_and_reported(tested):
     run(tested, "photo", tested / "other", resampled="photo", iou_confidence=0.05)
     table = tables.read_parquet(tested / "other/ipd.parquet").set_index("kind")
     assert table.loc["rock", ["undetected", "unpaired", "unit", "confidence"]].tolist() == [
@@ -160,7 +160,7 @@ def test_the_rules_of_the_options_are_heeded_and_stated(tested):
     assert table.loc["rock", "pairs"] == 2
 
 
-def test_domains_come_from_the_files_name(tmp_path):
+def test_domains_are_parsed_from_the_file_name(tmp_path):
     assert trained_and_evaluated(tmp_path / "analog_on_hapke.parquet") == ("analog", "hapke")
     with pytest.raises(DetectError):
         trained_and_evaluated(tmp_path / "analog.parquet")

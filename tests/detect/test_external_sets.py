@@ -26,7 +26,7 @@ def compare(root, **options):
     return compare_sets((root / "la", root / "lb"), (root / "pa", root / "pb"), resamples=100, **options)
 
 
-def test_two_yolo_folders_are_paired_by_overlap_whatever_the_order_of_their_lines(folders):
+def test_yolo_folders_are_paired_by_overlap_in_any_line_order(folders):
     report = compare(folders)
     rock = report["classes"]["rock"]
     assert rock["pairs"] == 2
@@ -39,7 +39,7 @@ def test_two_yolo_folders_are_paired_by_overlap_whatever_the_order_of_their_line
     }  # fmt: skip
 
 
-def test_pictures_that_nobody_looked_at_are_named_and_left_out(folders):
+def test_images_without_predictions_are_reported_and_excluded(folders):
     whole = compare(folders)["classes"]["rock"]
     for side, text in (("la", LABELS_A), ("lb", LABELS_B)):
         for picture in ("two", "three"):
@@ -60,7 +60,7 @@ def test_predictions_of_other_pictures_are_refused(folders):
         compare(folders)
 
 
-def test_confidence_and_rules_are_heeded(folders):
+def test_confidence_and_rules_are_applied(folders):
     assert compare(folders, confidence=0.05)["classes"]["rock"]["ipd"] == pytest.approx(0)  # 0.5 and -0.5 cancel
     assert compare(folders, rules=Rules(undetected="left_out"))["classes"]["rock"]["pairs"] == 1
     assert compare(folders, pair_iou=0.95)["classes"]["rock"]["pairs"] == 0  # labels are 0.05 of a box apart
@@ -73,7 +73,7 @@ def test_a_domain_does_not_differ_from_itself(folders):
     assert (report["classes"]["rock"]["pairs"], report["classes"]["rock"]["ipd_abs"]) == (2, 0)
 
 
-def test_names_of_classes_are_those_of_the_list(folders):
+def test_class_names_come_from_the_class_file(folders):
     for name in ("la", "pa", "lb", "pb"):
         (folders / name / "classes.txt").write_text("boulder\n")
     assert set(compare(folders)["classes"]) == {"boulder", "class 1"}
@@ -93,7 +93,7 @@ def test_tables_are_paired_by_rock_id_and_photo_keys_give_views(tmp_path):
     assert report["classes"]["rock"]["ipd"] == 1
 
 
-def test_a_label_is_the_partner_of_one_label_only():
+def test_labels_are_matched_one_to_one():
     columns = ["key", "kind", "x0", "y0", "x1", "y1"]
     first = pd.DataFrame([("a", "rock", 0, 0, 10, 10)], columns=columns)
     second = pd.DataFrame([("a", "rock", 0, 0, 10, 9), ("a", "rock", 0, 0, 10, 10)], columns=columns)
@@ -116,7 +116,7 @@ def test_bad_sets_are_named(folders):
         compare(folders)
 
 
-def test_the_folder_that_detect_writes_is_that_of_its_label_files(folders):
+def test_the_output_folder_of_detect_is_accepted(folders):
     whole = compare(folders)
     for side in ("pa", "pb"):
         (folders / side / "labels").mkdir()

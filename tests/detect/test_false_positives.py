@@ -23,7 +23,7 @@ def rates(*rows, keys=(EMPTY, OTHER_VIEW, ROCKY), **options):
     return false_positives(list(keys), LABELS, found, **options).set_index("region")
 
 
-def test_a_photo_without_rocks_counts_whole_and_one_with_rocks_by_its_free_tiles():
+def test_the_evaluated_area_is_the_photo_or_its_free_tiles():
     found = rates()
     assert found.loc[TERRAIN, ["terrains", "images", "photo_areas", "false_positives"]].tolist() == ["06", 2, 2, 0]
     assert found.loc[TILES, ["terrains", "images", "photo_areas"]].tolist() == ["01", 1, 31 / 32]
@@ -42,7 +42,7 @@ def test_shadows_and_unsure_boxes_are_no_false_rocks():
     assert rates((EMPTY, "rock", (100, 100, 200, 300)), confidence=0.95).loc[TERRAIN, "false_positives"] == 0
 
 
-def test_an_false_positive_lies_in_the_tile_of_its_centre_and_covers_free_tiles_only():
+def test_a_false_positive_belongs_to_the_tile_of_its_centre():
     aside = (484 - 42, 350, 484 + 142, 400)  # from the rock's tile, whose right border is 484, into the next one
     found = rates((ROCKY, "rock", aside)).loc[TILES]
     assert found["false_positives"] == 1
@@ -51,12 +51,12 @@ def test_an_false_positive_lies_in_the_tile_of_its_centre_and_covers_free_tiles_
     assert inside[["false_positives", "area_share"]].tolist() == [0, 0]
 
 
-def test_a_box_on_a_label_or_around_one_is_no_false_positive():
+def test_a_box_inside_or_around_a_label_is_not_a_false_positive():
     assert rates((ROCKY, "rock", (310, 360, 330, 380))).loc[TILES, "false_positives"] == 0
     assert rates((ROCKY, "rock", (0, 0, 1900, 1200))).loc[TILES, "false_positives"] == 0
 
 
-def test_photos_of_a_terrain_with_rocks_elsewhere_are_tiles_even_without_a_label():
+def test_unlabelled_photos_of_terrains_with_rocks_use_tiles():
     found = rates(keys=("01_A_off_180_R_0256",))
     assert found.index.tolist() == [TILES]
     assert found.loc[TILES, "photo_areas"] == 1

@@ -33,7 +33,7 @@ def suppressed(found):
 
 
 @given(finds(), st.integers(1, 4))
-def test_a_list_merged_with_itself_stays(found, times):
+def test_merging_a_list_with_itself_changes_nothing(found, times):
     own = suppressed(found)
     merged = fuse([own] * times, LIMIT, MOST)
     assert len(merged) == len(own)
@@ -53,7 +53,7 @@ def test_the_order_of_detectors_does_not_matter(found, random):
 
 
 @given(finds(), st.integers(1, 3))
-def test_a_box_of_one_detector_alone_keeps_its_place_and_its_share_of_confidence(found, others):
+def test_a_box_of_a_single_detector_keeps_a_share_of_its_confidence(found, others):
     own = suppressed(found)
     merged = fuse([own, *[NOTHING] * others], LIMIT, MOST)
     np.testing.assert_array_equal(merged[:, :4], in_order(own)[:, :4])
@@ -61,7 +61,7 @@ def test_a_box_of_one_detector_alone_keeps_its_place_and_its_share_of_confidence
 
 
 @given(st.lists(finds(), min_size=1, max_size=4), st.integers(1, 20))
-def test_the_merged_list_is_sorted_suppressed_and_no_longer_than_asked(found, most):
+def test_the_merged_list_is_sorted_suppressed_and_limited(found, most):
     merged = fuse(found, LIMIT, most)
     assert len(merged) <= most
     assert (np.diff(merged[:, 4]) <= 0).all()
@@ -90,7 +90,7 @@ def test_a_rock_and_its_shadow_are_not_merged():
     np.testing.assert_allclose(merged[:, 4:], [[0.45, 0], [0.4, 1]])
 
 
-def test_chains_of_boxes_part_about_the_surest():
+def test_chains_of_boxes_are_grouped_around_the_most_confident_box():
     """a and c overlap b by 0.6 and each other by 0.33: about b all are one thing, about a the third is another one."""
     a, b, c = one(0, 0.5), one(25, 0.5), one(50, 0.5)
     b[0, 4] = 0.9
@@ -101,10 +101,10 @@ def test_chains_of_boxes_part_about_the_surest():
 
 
 @pytest.mark.parametrize("found", [[NOTHING], [NOTHING, NOTHING]])
-def test_nothing_stays_nothing(found):
+def test_empty_lists_merge_to_an_empty_list(found):
     assert fuse(found, LIMIT, MOST).shape == (0, 6)
 
 
-def test_a_box_without_area_stays_alone():
+def test_a_box_without_area_forms_its_group():
     flat = one(0, 0.9, side=0.0)
     assert len(fuse([np.vstack([flat, one(0, 0.8)]), flat], LIMIT, MOST)) >= 2

@@ -17,14 +17,14 @@ def test_every_row_says_its_split_and_seed(tmp_path):
     assert table.to_dict("list") == {"split": splits, "seed": seeds, "ipd": [0.1, 0.2, 0.3]}
 
 
-def test_a_split_that_stands_in_the_rows_stays_where_it_is(tmp_path):
+def test_an_existing_split_column_is_kept(tmp_path):
     tables.write_parquet(tmp_path / "a.parquet", pd.DataFrame({"trained": ["real"], "split": ["view"], "map50": [0.5]}))
     parts = {"detection": [tmp_path / "a.parquet"]}
     gather_tables(parts=parts, tables={"detection": tmp_path / "all.parquet"}, splits=["view"], seeds=[3])
     assert list(tables.read_parquet(tmp_path / "all.parquet").columns) == ["trained", "split", "seed", "map50"]
 
 
-def test_tables_of_other_columns_are_not_put_together(tmp_path):
+def test_tables_with_different_columns_are_an_error(tmp_path):
     tables.write_parquet(tmp_path / "a.parquet", pd.DataFrame({"ipd": [1.0]}))
     tables.write_parquet(tmp_path / "b.parquet", pd.DataFrame({"map50": [1.0]}))
     with pytest.raises(DetectError, match=r"b\.parquet"):

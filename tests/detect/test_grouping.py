@@ -9,7 +9,7 @@ ROWS = st.lists(st.tuples(st.sampled_from("abcd"), st.sampled_from("xy"), st.int
 
 
 @given(ROWS)
-def test_groups_are_those_of_pandas_in_the_order_of_the_rows(rows):
+def test_groups_agree_with_pandas(rows):
     table = pd.DataFrame(rows, columns=["key", "kind", "value"])
     expected = {name: part["value"].tolist() for name, part in table.groupby(["key", "kind"])}
     found = values_by(table, ["key", "kind"], ["value"])

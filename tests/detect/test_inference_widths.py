@@ -20,7 +20,7 @@ def at(narrow, wide):
     return {512: narrow, 896: wide}
 
 
-def test_small_boxes_come_from_the_wide_picture_and_large_ones_from_the_narrow_one():
+def test_small_boxes_come_from_the_wide_image_and_large_boxes_from_the_narrow_image():
     found = merge(at(rows(20, 200), rows(20, 200, left=1000)), BOTH, 0.5, 300)
     assert sorted(found[:, 0].tolist()) == [30.0, 1000.0]  # the narrow one's 200 px, the wide one's 20 px
 
@@ -38,7 +38,7 @@ def test_gates_follow_the_size_of_the_picture():
 
 
 @given(st.lists(st.floats(1, 500), min_size=1, max_size=8), st.integers(1, 5))
-def test_merging_invents_nothing_and_keeps_the_most_confident(sides, most):
+def test_merging_keeps_the_most_confident_boxes(sides, most):
     wide = rows(*sides, confidence=0.3)
     found = merge(at(rows(*sides, confidence=0.2), wide), BOTH, 0.5, most)
     assert len(found) <= most
@@ -48,7 +48,7 @@ def test_merging_invents_nothing_and_keeps_the_most_confident(sides, most):
         assert len(found) == len(sides)  # every box is in the range of one width at least
 
 
-def test_sizes_are_chosen_by_what_is_found_where():
+def test_widths_are_chosen_by_average_precision():
     """Small rocks are found in wide pictures alone, large ones in narrow pictures alone: both are needed."""
     labels = [(np.array([0, 0]), rows(20, 300)[:, :4])]
     found = {512: [rows(20, 300)[1:]], 896: [rows(20, 300)[:1]]}
@@ -58,7 +58,7 @@ def test_sizes_are_chosen_by_what_is_found_where():
     )
 
 
-def test_rocks_and_shadows_have_sizes_of_their_own():
+def test_each_class_has_separate_widths():
     """Rocks are found in the wide picture alone, shadows in the narrow one alone: each class is asked of its own."""
     labels = [(np.array([0, 1]), rows(300, 300)[:, :4])]
     rock, shadow = rows(300, 300)
@@ -75,18 +75,18 @@ def test_rocks_and_shadows_have_sizes_of_their_own():
 @pytest.mark.parametrize(
     "given", [{"widths": [512, 896]}, {"widths": [896, 512], "gates_px": [64]}, {"gates_px": [64]}, {"widths": [500]}]
 )
-def test_widths_and_gates_that_do_not_go_together_are_refused(given):
+def test_inconsistent_widths_and_gates_are_an_error(given):
     with pytest.raises(ValidationError):
         PredictionOptions.model_validate(given)
 
 
-def test_sizes_that_options_name_hold_for_every_class():
+def test_widths_of_the_options_apply_to_every_class():
     named = ClassSizes.named(PredictionOptions(widths=[512, 1024], gates_px=[48]))
     assert named == ClassSizes.same(InferenceWidths((512, 1024), (48.0,)))
     assert ClassSizes.named(PredictionOptions()) is None
 
 
-def test_a_picture_is_not_looked_at_wider_than_it_is():
+def test_images_are_not_upscaled():
     sizes = InferenceWidths((640, 1024, 1792), (128.0, 64.0))
     assert sizes.within(960) == InferenceWidths((640, 960), (128.0,))
     assert sizes.within(1024) == InferenceWidths((640, 1024), (128.0,))

@@ -33,7 +33,7 @@ FIRST = performances(("a", 1, 0.9), ("a", 2, 0.5), ("b", 1, 0.6))
 SECOND = performances(("a", 1, 0.7), ("a", 2, 0.8), ("b", 1, 0.2))
 
 
-def test_gains_and_losses_cancel_in_the_papers_ipd_and_not_in_the_absolute_one():
+def test_gains_and_losses_cancel_in_ipd_but_not_in_absolute_ipd():
     found = instance_performance_difference(FIRST, SECOND)
     assert found.pairs == 3
     assert found.ipd == pytest.approx((0.2 - 0.3 + 0.4) / 3)
@@ -65,7 +65,7 @@ some_performances = st.lists(
 
 @settings(deadline=None, max_examples=40)
 @given(some_performances, some_performances)
-def test_ipd_is_symmetric_bounded_and_at_most_the_absolute_one(first, second):
+def test_ipd_is_symmetric_and_at_most_the_absolute_ipd(first, second):
     there = instance_performance_difference(first, second, resamples=100)
     back = instance_performance_difference(second, first, resamples=100)
     assert there.pairs == back.pairs
@@ -82,11 +82,11 @@ def test_only_rocks_known_in_both_domains_are_pairs():
     assert pair(first, second)[["key", "rock"]].to_numpy().tolist() == [["a", 1]]
 
 
-def test_a_shadow_is_no_pair_of_a_rock():
+def test_a_shadow_is_not_paired_with_a_rock():
     assert pair(FIRST, performances(("a", 1, 0.7), kind="shadow")).empty
 
 
-def test_of_two_labels_of_one_rock_the_best_counts():
+def test_the_best_of_several_labels_of_a_rock_is_used():
     twice = performances(("a", 1, 0.2), ("a", 1, 0.6))
     assert pair(twice, FIRST)["first"].tolist() == [0.6]
 
@@ -104,7 +104,7 @@ def test_the_interval_of_a_steady_difference_is_narrow_and_of_one_photo_is_none(
     np.testing.assert_allclose([found.ipd_low, found.ipd_high, found.ipd_abs_low, found.ipd_abs_high], 0.1)
 
 
-def test_an_open_sign_reaches_down_to_zero():
+def test_an_uncertain_sign_gives_a_lower_limit_of_zero():
     first = performances(*[(f"p{n}", 1, 0.5) for n in range(20)])
     second = first.assign(iou=[0.3, 0.7] * 10)
     found = instance_performance_difference(first, second)
@@ -139,7 +139,7 @@ def test_a_missing_column_is_named():
         instance_performance_difference(FIRST.drop(columns="rock"), SECOND)
 
 
-def test_an_undetected_rock_counts_zero_or_is_left_out():
+def test_an_undetected_rock_counts_zero_or_is_excluded():
     first, second = performances(("a", 1, 0.9), ("b", 1, 0.6)), performances(("a", 1, 0.0), ("b", 1, 0.5))
     found = instance_performance_difference(first, second)
     assert (found.pairs, found.ipd) == (2, pytest.approx((0.9 + 0.1) / 2))
@@ -147,7 +147,7 @@ def test_an_undetected_rock_counts_zero_or_is_left_out():
     assert (found.pairs, found.ipd) == (1, pytest.approx(0.1))
 
 
-def test_an_unpaired_rock_is_left_out_or_counts_zero_in_the_other_domain():
+def test_an_unpaired_rock_is_excluded_or_counts_zero():
     first, second = performances(("a", 1, 0.9), ("b", 1, 0.6)), performances(("a", 1, 0.7), ("c", 1, 0.5))
     found = instance_performance_difference(first, second)
     assert (found.pairs, found.ipd) == (1, pytest.approx(0.2))
@@ -156,19 +156,19 @@ def test_an_unpaired_rock_is_left_out_or_counts_zero_in_the_other_domain():
     assert found.ipd_abs == pytest.approx((0.2 + 0.6 + 0.5) / 3)
 
 
-def test_an_undetected_rock_that_is_unpaired_is_left_out_where_undetected_ones_are():
+def test_an_undetected_unpaired_rock_is_excluded_by_rule_undetected():
     first, second = performances(("a", 1, 0.0), ("b", 1, 0.6)), performances(("b", 1, 0.5))
     rules = Rules(undetected="left_out", unpaired="zero", unit="photo")
     assert pair(first, second, rules)["key"].tolist() == ["b"]
 
 
-def test_a_performance_that_is_no_number_is_none():
+def test_a_performance_of_nan_is_missing():
     assert pair(performances(("a", 1, np.nan), ("b", 1, 0.5)), performances(("a", 1, 0.5), ("b", 1, 0.5)))[
         "key"
     ].tolist() == ["b"]
 
 
-def test_intervals_over_views_are_wider_than_over_photos_where_a_views_photos_agree():
+def test_intervals_over_views_are_wider_if_photos_of_a_view_agree():
     keys = [f"01_{p}_off_180_{c}_{e:04d}" for p in "ABC" for c in "LR" for e in (32, 64, 128, 256)]
     shift = {"A": 0.1, "B": 0.3, "C": 0.5}
     first = performances(*[(key, 1, 0.9) for key in keys])

@@ -74,7 +74,7 @@ def weights(dataset, tmp_path_factory):
     return trained(dataset, tmp_path_factory.mktemp("weights"))
 
 
-def test_the_loss_falls_and_masks_are_those_of_the_pictures(dataset, weights, tmp_path):
+def test_the_loss_decreases_and_masks_agree_with_the_images(dataset, weights, tmp_path):
     curve = tables.read_csv(weights.with_suffix(".csv"))
     assert curve["train_mask_loss"].iloc[-1] < 0.5 * curve["train_mask_loss"].iloc[0]
     assert curve["val_mask_iou"].iloc[-1] > 0.6
@@ -88,13 +88,13 @@ def test_the_loss_falls_and_masks_are_those_of_the_pictures(dataset, weights, tm
         assert np.mean(seen == shown) > 0.9
 
 
-def test_a_training_without_masks_has_no_trace_of_them(dataset, tmp_path):
+def test_training_without_masks_has_no_mask_columns(dataset, tmp_path):
     state = detectors.read_detector(trained(dataset, tmp_path, masks=False, epochs=1)).state
     assert not [name for name in state if name.startswith("mask")]
     assert not [name for name in tables.read_csv(tmp_path / "a.csv") if "mask" in name]
 
 
-def test_old_weights_get_a_head_and_a_head_that_nobody_asks_for_is_left_out(weights):
+def test_a_missing_mask_head_is_added_and_an_unused_head_is_dropped(weights):
     old = network("compact", detectors.read_detector(PACKAGED).state, masks=False).state_dict()
     with_head = network("compact", old, masks=True).state_dict()
     assert all(torch.equal(with_head[name], value.float()) for name, value in old.items() if value.is_floating_point())
@@ -107,7 +107,7 @@ def test_old_weights_get_a_head_and_a_head_that_nobody_asks_for_is_left_out(weig
         network("compact", cut)
 
 
-def test_all_but_the_head_starts_alike_with_masks_and_without():
+def test_initial_weights_do_not_depend_on_the_mask_head():
     states = []
     for masks in (False, True):
         torch.manual_seed(3)
@@ -144,7 +144,7 @@ def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(weights, tmp_path, monkeypatch):
+def test_external_images_get_masks_of_equal_size(weights, tmp_path, monkeypatch):
     picture, mask, boxes = scene(np.random.default_rng(5))
     found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
     # This small a training finds few boxes.
@@ -167,7 +167,7 @@ def test_anyones_pictures_get_masks_of_their_size_and_drawings_their_colours(wei
 
 
 @pytest.mark.parametrize("size", [(64, 40), (100, 70), (1936, 1216)])
-def test_masks_lie_where_the_picture_shows_things(size):
+def test_masks_are_aligned_with_the_image(size):
     """A network in whose place stand the cells of the bright block, padded pictures and several widths included."""
 
     def bright_cells(pictures):
@@ -186,7 +186,7 @@ def test_masks_lie_where_the_picture_shows_things(size):
         np.testing.assert_allclose(found, [0.2, 0.4, 0.5, 0.7], atol=0.012)
 
 
-def test_what_lies_in_no_box_of_its_kind_is_ground():
+def test_mask_pixels_outside_boxes_of_their_class_are_ground():
     mask = np.array([[1, 1, 2, 2], [1, 1, 2, 2], [0, 1, 1, 2]], np.uint8)
     found = np.array([[0.6, 0, 3, 2, 0.9, 0], [2, 1, 4, 2.2, 0.9, 1]])  # a rock, a shadow
     np.testing.assert_array_equal(within_boxes(mask, found), [[1, 1, 0, 0], [1, 1, 2, 2], [0, 0, 0, 2]])
@@ -198,7 +198,7 @@ def test_shares_of_a_cell_by_hand():
     np.testing.assert_allclose(class_shares(mask, 2), [[[0, 0.5]], [[0.75, 0]], [[0, 0.5]]])
 
 
-def test_the_loss_of_a_mask_by_hand_and_of_one_of_which_nothing_is_known():
+def test_the_mask_loss_agrees_with_a_calculation_by_hand():
     known = torch.tensor([0.75, 0.25, 0]).view(1, 3, 1, 1)
     loss = mask_loss(torch.zeros(1, 3, 1, 1), known)
     assert float(loss) == pytest.approx(MASK_WEIGHT * np.log(3))
@@ -211,7 +211,7 @@ def test_the_loss_of_a_mask_by_hand_and_of_one_of_which_nothing_is_known():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_changed_picture_has_its_mask_with_it(seed):
+def test_augmentation_moves_the_mask_with_the_image(seed):
     pixels, mask = np.full((96, 160), 60, np.uint8), np.zeros((96, 160), np.uint8)
     pixels[30:60, 50:90], mask[30:60, 50:90] = 200, ROCK
     boxes = np.array([[50.0, 30, 90, 60]])
@@ -229,7 +229,7 @@ def test_weights_are_chosen_by_boxes_and_masks():
     assert _mean_iou(np.diag([9, 0, 0])) == 0
 
 
-def test_data_sets_take_masks_along(dataset):
+def test_data_sets_include_masks(dataset):
     names = pd.read_csv(dataset / "pictures.csv", dtype=str).groupby("part")["key"].apply(list)
     for part, own in names.items():
         assert {path.stem for path in (dataset / "masks" / part).iterdir()} == set(own)

@@ -36,7 +36,7 @@ def test_one_of_two_labels_found_gives_51_of_101_recalls():
     np.testing.assert_allclose(found, 51 / 101)  # recalls 0, 0.01 ... 0.5 at precision 1
 
 
-def test_a_surer_false_box_halves_the_precision():
+def test_a_more_confident_false_positive_halves_the_precision():
     far = UNIT + 1000
     found = average_precision([UNIT], [np.concatenate([UNIT, far])], [np.array([0.5, 0.9])])
     np.testing.assert_allclose(found, 0.5)
@@ -49,7 +49,7 @@ def test_a_second_box_on_the_same_label_is_false():
     np.testing.assert_allclose(found, (51 * 1 + 50 * 2 / 3) / 101)  # the third box is the second right one
 
 
-def test_a_detector_that_sees_nothing_has_precision_zero():
+def test_a_detector_without_detections_has_precision_zero():
     np.testing.assert_array_equal(average_precision([UNIT], [np.zeros((0, 4))], [np.zeros(0)]), 0)
 
 
@@ -123,14 +123,14 @@ def test_average_precision_of_a_size_class_is_that_of_pycocotools(seed, area):
     np.testing.assert_allclose(average_precision(*case, IOU_THRESHOLDS, area), coco_precision(*case, area), atol=1e-9)
 
 
-def test_a_prediction_on_a_label_of_another_size_is_neither_right_nor_wrong():
+def test_a_prediction_on_a_label_outside_the_size_range_is_ignored():
     small = np.array([[0.0, 0, 10, 10]])
     labels, predictions = [np.concatenate([UNIT, small + 500])], [np.concatenate([UNIT, small + 500])]
     found = average_precision(labels, predictions, [np.array([0.5, 0.9])], area=(50**2, np.inf))
     np.testing.assert_allclose(found, 1)
 
 
-def test_a_stray_prediction_of_another_size_is_not_wrong_either():
+def test_an_unmatched_prediction_outside_the_size_range_is_ignored():
     small = np.array([[0.0, 0, 10, 10]])
     case = [UNIT], [np.concatenate([UNIT, small + 500])], [np.array([0.5, 0.9])]
     np.testing.assert_allclose(average_precision(*case, area=(50**2, np.inf)), 1)
@@ -150,7 +150,7 @@ def test_a_weight_is_a_number_of_copies(rng):
     np.testing.assert_allclose(weighted, average_precision(*copied), atol=1e-12)
 
 
-def test_each_label_takes_the_box_with_the_largest_overlap():
+def test_each_label_has_its_maximum_overlap():
     labels = np.concatenate([UNIT, UNIT + 1000])
     predictions = np.concatenate([half_missing(0.3), half_missing(0.6)])
     np.testing.assert_allclose(best_overlap(labels, predictions), [0.6, 0])
@@ -158,7 +158,7 @@ def test_each_label_takes_the_box_with_the_largest_overlap():
 
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_another_prediction_never_lowers_the_overlap(seed):
+def test_additional_predictions_never_reduce_the_overlap(seed):
     rng = np.random.default_rng(seed)
     labels, predictions = random_boxes(rng, 5), random_boxes(rng, 8)
     fewer = best_overlap(labels, predictions[:4])

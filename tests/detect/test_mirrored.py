@@ -27,12 +27,12 @@ def pictures():
     return shown
 
 
-def test_what_is_found_either_way_stays_as_it_is(pictures):
+def test_boxes_found_in_both_images_are_unchanged(pictures):
     for own, both in zip(bright_box(pictures), detect_with_mirror(bright_box, 0.5)(pictures), strict=True):
         np.testing.assert_allclose(both, own)
 
 
-def test_what_is_found_in_one_of_them_keeps_its_place_and_half_of_its_confidence(pictures):
+def test_a_box_found_in_a_single_image_keeps_half_of_its_confidence(pictures):
     def half_blind(shown):
         return bright_box(shown, lambda x0, width: x0 > width / 2)  # nothing that begins in the left half
 

@@ -20,7 +20,7 @@ def kept_by_definition(boxes, scores, limit):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_the_boxes_that_stay_are_those_of_the_definition(seed):
+def test_suppression_agrees_with_its_definition(seed):
     rng = np.random.default_rng(seed)
     low = rng.uniform(0, 200, (300, 2))
     boxes = np.concatenate([low, low + rng.uniform(5, 60, (300, 2))], axis=1).astype(np.float32)

@@ -17,12 +17,12 @@ from polarsim.detect.options import PACKAGED, DetectOptions, TrainingOptions
         ("mixes", {"mixed": {"real": float("nan")}}),
     ],
 )
-def test_options_that_name_nothing_or_one_thing_twice_are_refused(key, value):
+def test_empty_and_repeated_option_values_are_an_error(key, value):
     with pytest.raises(ValidationError, match=key):
         DetectOptions(**{key: value})
 
 
-def test_the_packaged_detector_is_named_and_fits_one_model():
+def test_the_packaged_detector_requires_model_compact():
     options = TrainingOptions(model="compact", pretrained="packaged")
     assert options.start_weights == PACKAGED
     assert options.start == PACKAGED.name

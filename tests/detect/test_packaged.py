@@ -15,7 +15,7 @@ from polarsim.rover.cameras.options import OnboardOptions
 from tests.detect.lumps import CENTRES, lit_lumps
 
 
-def test_it_is_small_calibrated_and_has_a_card():
+def test_the_packaged_detector_is_small_calibrated_and_has_a_card():
     assert PACKAGED.stat().st_size < 10_000_000
     detector = detectors.read_detector(PACKAGED)
     assert detector.model == "compact"
@@ -25,7 +25,7 @@ def test_it_is_small_calibrated_and_has_a_card():
     assert "Where it fails" in card
 
 
-def test_the_one_for_rovers_is_small_and_has_a_card():
+def test_the_rover_detector_is_small_and_has_a_card():
     assert PACKAGED_ROVER.stat().st_size < 10_000_000
     detector = detectors.read_detector(PACKAGED_ROVER)
     assert detector.model == "compact"
@@ -39,7 +39,7 @@ def test_the_one_for_rovers_is_small_and_has_a_card():
 
 
 @pytest.mark.slow
-def test_it_finds_lit_lumps_with_shadows_without_being_named(tmp_path):
+def test_the_default_detector_finds_lit_lumps_with_shadows(tmp_path):
     png.write(tmp_path / "sand.png", lit_lumps())
     done = typer.testing.CliRunner().invoke(app, ["detect", str(tmp_path / "sand.png"), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output

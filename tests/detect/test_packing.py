@@ -12,7 +12,7 @@ from polarsim.formats import png
 OPTIONS = DetectOptions()
 
 
-def test_a_packed_data_set_holds_its_pictures_and_no_absolute_path(world, keys, tmp_path):
+def test_a_packed_data_set_contains_images_and_no_absolute_path(world, keys, tmp_path):
     split_photos(keys=keys[:8], by="photo", split=tmp_path / "split.csv", options=OPTIONS.split)
     place = tmp_path / "run/datasets/real"
     make_dataset(

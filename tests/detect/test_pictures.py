@@ -77,7 +77,7 @@ def spoil_kind(path):
 
 
 @pytest.mark.parametrize("spoil", [spoil_cut, spoil_bit, spoil_size, spoil_depth, spoil_kind])
-def test_a_corrupt_picture_is_named_left_out_and_counted(states, twins, few, tmp_path, caplog, spoil):
+def test_a_corrupt_image_is_reported_skipped_and_counted(states, twins, few, tmp_path, caplog, spoil):
     spoil(path_of(twins, few[1]))
     found = states(twins)
     assert found == dict.fromkeys(map(str, few), "used") | {str(few[1]): "corrupt"}
@@ -91,7 +91,7 @@ def test_a_corrupt_picture_is_named_left_out_and_counted(states, twins, few, tmp
 
 
 @pytest.mark.parametrize("broken", [{"x0": np.nan}, {"x0": 500.0, "x1": 400.0}, {"y1": np.inf}])
-def test_a_photo_with_a_label_that_is_no_box_is_left_out(states, world, few, tmp_path, caplog, broken):
+def test_a_photo_with_an_invalid_box_is_skipped(states, world, few, tmp_path, caplog, broken):
     table = tables.read_parquet(world / "labels.parquet")
     row = table.index[table["key"] == str(few[2])][3]
     table.loc[row, list(broken)] = list(broken.values())
@@ -101,7 +101,7 @@ def test_a_photo_with_a_label_that_is_no_box_is_left_out(states, world, few, tmp
     assert f"labels.parquet: {few[2]}: a label that is no box" in caplog.text
 
 
-def test_missing_pictures_are_not_called_corrupt(states, twins, few):
+def test_missing_images_are_not_corrupt(states, twins, few):
     path_of(twins, few[0]).unlink()
     assert list(states(twins).values()) == ["missing", "used", "used", "used"]
 
@@ -178,12 +178,12 @@ def test_all_novel_views_of_a_camera_are_in_one_part(shared_views):
     assert read_pictures(folder, "test") == []
 
 
-def test_novel_views_that_show_a_test_terrain_do_not_train(shared_views):
+def test_novel_views_of_a_test_terrain_are_excluded(shared_views):
     folder = shared_views("terrain", test_terrains=(4,))
     assert {name.split("_")[0] for part in ("train", "val") for name in read_pictures(folder, part)} == {"near"}
 
 
-def test_a_view_whose_label_file_is_broken_is_left_out(views, tmp_path, caplog):
+def test_a_view_with_an_invalid_label_file_is_skipped(views, tmp_path, caplog):
     bad = next((views / "labels").glob("near_cam-1_*.txt"))
     bad.write_text("0 0.5 0.5 0.1\n")
     convert_views(views=views, folder=tmp_path / "made", options=OPTIONS)
@@ -192,12 +192,12 @@ def test_a_view_whose_label_file_is_broken_is_left_out(views, tmp_path, caplog):
     assert f"{bad}:1: 4 fields" in caplog.text
 
 
-def test_a_folder_that_holds_no_views_is_refused(tmp_path):
+def test_a_folder_without_views_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"index\.csv"):
         convert_views(views=tmp_path, folder=tmp_path / "made", options=OPTIONS)
 
 
-def test_masks_of_photos_and_twins_are_taken_along(world, keys, tmp_path):
+def test_masks_of_photos_and_twins_are_converted(world, keys, tmp_path):
     """A grey map of one photo, for the others the instance maps of their brackets, where rock 5 has no label."""
     photos = keys[:9:3]  # each of a bracket of its own
     table = tables.read_parquet(world / "labels.parquet")
@@ -220,7 +220,7 @@ def test_masks_of_photos_and_twins_are_taken_along(world, keys, tmp_path):
         np.testing.assert_allclose(*shares, atol=0.005)
 
 
-def test_a_picture_without_its_mask_is_left_out_with_a_warning(world, few, tmp_path, caplog):
+def test_an_image_without_mask_is_skipped_with_a_warning(world, few, tmp_path, caplog):
     (tmp_path / f"Terrain{few[0].terrain:02d}").mkdir()
     convert_photos(
         domain="hapke", pictures=world / "twins", labels=world / "labels.parquet", keys=few,

@@ -37,7 +37,7 @@ def write_ground(folder, level=0.0):
 
 
 @given(st.floats(-1.1, 4), st.floats(-1, 1), st.sampled_from([0, 1]))
-def test_a_box_is_on_the_sand_where_its_foot_is(x, y, kind):
+def test_a_box_is_on_the_sand_if_its_foot_is(x, y, kind):
     if abs(x - SANDBOX_HALF_WIDTH) > 1e-6:
         assert on_sand(standing_at(x, y, kind), CAMERA, 0.0).tolist() == [x < SANDBOX_HALF_WIDTH]
 
@@ -48,14 +48,14 @@ def test_nothing_above_the_horizon_is_on_the_sand():
     assert not on_sand(sky, CAMERA, 0.0)[0]
 
 
-def test_higher_sand_reaches_less_far_up_in_the_photo():
+def test_higher_sand_covers_less_of_the_photo():
     wall = standing_at(2.3, 0.0)
     assert not on_sand(wall, CAMERA, 0.0)[0]
     assert on_sand(wall, CAMERA, 0.2)[0]
 
 
 @given(st.floats(-1.95, -0.8))
-def test_the_wall_before_the_camera_hides_sand(x):
+def test_the_near_wall_hides_sand(x):
     """A ray to the sand passes the wall, at 1.2 m, as high as the triangle of camera, wall and sand has it."""
     above = 1.0 * (x + 2.0) / (x + 3.2)
     if abs(above - SURELY_WALL) > 1e-6:
@@ -64,7 +64,7 @@ def test_the_wall_before_the_camera_hides_sand(x):
         assert on_sand(shadow, STEEP, 0.0)[0] == (above > SURELY_WALL)
 
 
-def test_a_rock_that_the_wall_before_the_camera_hides_in_part_stays():
+def test_a_rock_partly_hidden_by_the_near_wall_is_kept():
     """Its box ends below at the wall's edge, in the photo, or a little beneath where a detector is a little off."""
     edge = STEEP.project(np.array([-SANDBOX_HALF_WIDTH, 0.0, SURELY_WALL]))[1]
     box = np.array([[900.0, edge - 60, 990, edge + 3, 0.9, 0]])
@@ -78,7 +78,7 @@ def test_a_rock_that_the_wall_before_the_camera_hides_in_part_stays():
     [({"A": RIG}, 1), ({"B": RIG}, 2), ({"A": replace(RIG, method="survey")}, 2), ({}, 2)],
     ids=["known", "other position", "surveyed alone", "none"],
 )
-def test_photos_without_a_pose_keep_all(rigs, kept, tmp_path):
+def test_photos_without_a_pose_keep_all_boxes(rigs, kept, tmp_path):
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     cameras.mkdir(parents=True)
     write_ground(meshes)
@@ -90,7 +90,7 @@ def test_photos_without_a_pose_keep_all(rigs, kept, tmp_path):
     assert len(sand.keep("03" + KEY[2:], found)) == 2
 
 
-def test_the_ground_says_how_high_the_sand_lies(tmp_path):
+def test_the_sand_level_is_read_from_the_ground_mesh(tmp_path):
     """Frames of published meshes have it where their makers put it."""
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     write_localised(cameras / "PosA.json", RIG)
@@ -99,7 +99,7 @@ def test_the_ground_says_how_high_the_sand_lies(tmp_path):
         assert len(SandFilter.read([cameras], [meshes]).keep(KEY, standing_at(2.3, 0.0))) == kept
 
 
-def test_folders_without_their_other_half_or_a_ground_are_refused(tmp_path):
+def test_unpaired_folders_and_missing_ground_are_errors(tmp_path):
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     with pytest.raises(FormatError):
         SandFilter.read([cameras], [meshes])
@@ -108,7 +108,7 @@ def test_folders_without_their_other_half_or_a_ground_are_refused(tmp_path):
         SandFilter.read([tmp_path / "cameras/Terrain03"], [meshes])
 
 
-def test_what_says_where_the_sand_lies_is_named(tmp_path):
+def test_the_filter_lists_its_input_files(tmp_path):
     """A prediction that was stopped is not continued with other poses or another ground."""
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     write_ground(meshes)

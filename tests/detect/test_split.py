@@ -35,13 +35,13 @@ def test_another_seed_draws_another_split():
     assert draw_split(GRID, "photo", SplitOptions(seed=1)) != draw_split(GRID, "photo", OPTIONS)
 
 
-def test_a_split_by_photo_leaks_views():
+def test_a_split_by_photo_divides_views():
     assert (1, "A", "L") in shared_views(draw_split(GRID, "photo", OPTIONS))
 
 
 @settings(deadline=None)
 @given(st.lists(st.sampled_from(GRID), min_size=1, unique=True), st.sampled_from(STRICT), st.integers(0, 5))
-def test_no_view_is_on_both_sides_of_a_strict_split(keys, by, seed):
+def test_a_strict_split_does_not_divide_views(keys, by, seed):
     try:
         parts = draw_split(keys, by, SplitOptions(seed=seed))
     except DetectError:
@@ -51,7 +51,7 @@ def test_no_view_is_on_both_sides_of_a_strict_split(keys, by, seed):
 
 
 @pytest.mark.parametrize(("by", "parts_of_unit"), [("view", lambda k: k.view), ("position", lambda k: k.station)])
-def test_whole_units_are_drawn_a_third_of_them(by, parts_of_unit):
+def test_a_third_of_the_units_is_selected(by, parts_of_unit):
     parts = draw_split(GRID, by, OPTIONS)
     tested = {parts_of_unit(key) for key, part in parts.items() if part == "test"}
     others = {parts_of_unit(key) for key, part in parts.items() if part != "test"}
@@ -59,7 +59,7 @@ def test_whole_units_are_drawn_a_third_of_them(by, parts_of_unit):
     assert len(tested) == round(len(tested | others) / 3)
 
 
-def test_weights_of_a_strict_split_are_chosen_on_whole_units_where_there_are_enough():
+def test_the_validation_part_of_a_strict_split_has_entire_units_if_possible():
     parts = draw_split(GRID, "terrain", OPTIONS)
     chosen = {key.terrain for key, part in parts.items() if part == "val"}
     assert len(chosen) == 1  # a tenth of 9
@@ -71,7 +71,7 @@ def test_weights_of_a_strict_split_are_chosen_on_whole_units_where_there_are_eno
 
 
 @pytest.mark.parametrize(("by", "named"), [("view", "1 A L"), ("position", "1 A"), ("terrain", "1")])
-def test_a_strict_split_that_leaks_is_refused(tmp_path, by, named):
+def test_a_strict_split_with_shared_units_is_an_error(tmp_path, by, named):
     rows = "01_A_off_180_L_0256,test\n01_A_off_180_L_0512,train\n"
     (tmp_path / "split.csv").write_text(f"key,part\n{rows}")
     with pytest.raises(DetectError, match=f"split.csv.*{by} {named}"):
@@ -79,26 +79,26 @@ def test_a_strict_split_that_leaks_is_refused(tmp_path, by, named):
     assert len(read_split(tmp_path / "split.csv", "photo")) == 2
 
 
-def test_both_cameras_of_a_position_are_on_one_side_of_a_split_by_position_only():
+def test_only_a_split_by_position_keeps_both_cameras_together():
     left, right = PhotoKey.parse("01_A_off_180_L_0256"), PhotoKey.parse("01_A_off_180_R_0256")
     check_split({left: "train", right: "test"}, "view")
     with pytest.raises(DetectError, match="position 1 A"):
         check_split({left: "train", right: "test"}, "position")
 
 
-def test_a_third_of_the_terrains_is_left_out():
+def test_a_third_of_the_terrains_is_tested():
     parts = draw_split(GRID, "terrain", OPTIONS)
     tested = {key.terrain for key, part in parts.items() if part == "test"}
     assert len(tested) == 4  # of 13
     assert not tested & {key.terrain for key, part in parts.items() if part != "test"}
 
 
-def test_given_terrains_are_the_test():
+def test_configured_terrains_are_the_test_part():
     parts = draw_split(GRID, "terrain", SplitOptions(test_terrains=(4,)))
     assert {key.terrain for key, part in parts.items() if part == "test"} == {4}
 
 
-def test_a_leak_is_a_view_on_both_sides():
+def test_a_shared_view_is_inside_and_outside_the_test_part():
     left, right = PhotoKey.parse("01_A_off_180_L_0256"), PhotoKey.parse("01_A_off_180_R_0256")
     brighter = left.with_exposure(512)
     assert shared_views({left: "train", right: "test"}) == []  # another camera is another view
@@ -113,7 +113,7 @@ def test_a_leak_is_a_view_on_both_sides():
         (GRID[:40], "terrain", SplitOptions(test_terrains=(7,))),
     ],
 )
-def test_a_split_that_cannot_be_is_refused(keys, by, options):
+def test_an_impossible_split_is_an_error(keys, by, options):
     with pytest.raises(DetectError):
         draw_split(keys, by, options)
 
@@ -123,7 +123,7 @@ def test_a_written_split_reads_back(tmp_path):
     assert read_split(tmp_path / "split.csv") == draw_split(GRID[:90], "photo", OPTIONS)
 
 
-def test_beside_a_split_stands_how_it_was_drawn(tmp_path):
+def test_the_json_file_of_a_split_has_its_parameters(tmp_path):
     options = SplitOptions(seed=3, test_terrains=(4, 11))
     split_photos(keys=GRID, by="terrain", split=tmp_path / "split.csv", options=options)
     facts = read_json(tmp_path / "split.json")
@@ -134,7 +134,7 @@ def test_beside_a_split_stands_how_it_was_drawn(tmp_path):
 
 @settings(deadline=None)
 @given(st.sets(st.text("abc", min_size=1), min_size=2), st.integers(0, 5))
-def test_groups_train_or_choose_weights_and_both_have_some(groups, seed):
+def test_groups_are_divided_into_training_and_validation(groups, seed):
     parts = draw_val(sorted(groups), SplitOptions(seed=seed))
     assert set(parts) == groups
     assert set(parts.values()) == {"train", "val"}

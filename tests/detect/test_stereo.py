@@ -77,7 +77,7 @@ def scene(meshes):
 
 
 @given(st.floats(-1, 1), st.floats(-0.6, 0.6), st.floats(1.5, 9))
-def test_a_point_lies_in_one_row_of_both_rectified_pictures_as_far_apart_as_its_depth_says(x, y, z):
+def test_rectified_points_have_equal_rows_and_the_expected_disparity(x, y, z):
     rig = rectify(RIG, SCALE)
     position = np.array([x * z * 0.4, y * z * 0.4, z])  # in the rectified left camera's frame
     left = rig.lens.project(position)
@@ -96,12 +96,12 @@ def test_the_baseline_is_the_distance_of_the_cameras():
     assert rectify(RIG, 0.5).baseline == pytest.approx(np.linalg.norm(RIG.left_from_right.translation), rel=1e-6)
 
 
-def test_a_rig_whose_right_camera_stands_left_is_refused():
+def test_a_rig_with_exchanged_cameras_is_an_error():
     with pytest.raises(DetectError):
         rectify(StereoRig(RIG.right, RIG.left, RIG.left_from_right.inverse()), SCALE)
 
 
-def test_truth_knows_the_plane_the_box_and_what_the_right_camera_cannot_see(scene):
+def test_the_reference_depth_of_plane_box_and_occlusion(scene):
     _, rig, truth, *_ = scene
     sandbox_from_rectified = LOCALISED.sandbox_from_left @ rig.left_from_rectified
     directions = sandbox_from_rectified.rotate(rig.lens.pixel_directions())
@@ -128,7 +128,7 @@ def test_depth_of_a_textured_scene_is_right_and_without_bias(scene):
     assert np.nanmean(np.abs(depth - truth.depth)[asked] > 0.03 * truth.depth[asked]) < 0.2
 
 
-def test_a_missing_depth_is_a_bad_pixel_and_hidden_ones_are_not_asked(monkeypatch):
+def test_a_missing_depth_is_bad_and_hidden_pixels_are_ignored(monkeypatch):
     monkeypatch.setattr(score_module, "BAD_DEPTH_PERCENT", 2)
     monkeypatch.setattr(score_module, "MIN_ROCK_PX", 3)
     truth = DepthTruth(
@@ -148,7 +148,7 @@ def test_a_missing_depth_is_a_bad_pixel_and_hidden_ones_are_not_asked(monkeypatc
     assert rock_performance(depth, truth) == []
 
 
-def test_a_domain_and_its_copy_have_the_same_figures_and_no_difference(scene, meshes, tmp_path):
+def test_a_domain_and_its_copy_have_equal_metrics(scene, meshes, tmp_path):
     import cv2
 
     *_, left, right = scene
@@ -220,7 +220,7 @@ def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):
         )
 
 
-def test_nothing_is_matched_beyond_the_right_pictures_edge(scene):
+def test_nothing_is_matched_outside_the_right_image(scene):
     """Black there to the rim, as in shadow: the picture's edge, drawn out, would fit anything."""
     _, rig, _, left, right = scene
     left, right = left.copy(), right.copy()

@@ -18,7 +18,7 @@ def test_the_curve_is_the_stretched_light_to_the_power_of_1_over_2_2():
     np.testing.assert_allclose(to_8_bits(RAMP) / 255, np.clip(light, 0, 1) ** (1 / 2.2), atol=0.5 / 255 + 1e-6)
 
 
-def test_a_shorter_exposure_gives_the_same_picture_where_nothing_clips():
+def test_a_shorter_exposure_gives_an_equal_image_without_clipping():
     long, short = RAMP, (16 + (RAMP - 16) / 4).astype(np.uint16)
     difference = to_8_bits(long).astype(int) - to_8_bits(short)
     assert np.abs(difference[:, 200:]).max() <= 2  # quantisation of the short one
@@ -37,13 +37,13 @@ def test_shrinking_averages_light():
 
 
 @pytest.mark.parametrize(("kind", "most", "bits"), [("u1", 255, 8), ("u2", 0, 12), ("u2", 4095, 12), ("u2", 4096, 16)])
-def test_a_picture_has_as_many_bits_as_its_brightest_pixel_asks_for(kind, most, bits):
+def test_the_bit_depth_follows_from_the_maximum(kind, most, bits):
     picture = np.array([[0, most]], kind)
     assert bits_in_use(picture, picture.dtype) == bits
     assert bits_in_use(picture[:, :0], picture.dtype) in (8, 12)
 
 
-def test_underexposed_pictures_of_eight_bits_become_as_bright_as_others():
+def test_underexposed_eight_bit_images_are_brightened():
     ramp = np.tile(np.arange(256, dtype=np.uint8), (64, 1))
     np.testing.assert_array_equal(brighten(ramp), ramp)
     np.testing.assert_allclose(brighten(ramp // 4), ramp, atol=5)

@@ -72,14 +72,14 @@ def run_predict(root: Path, name: str, options: PredictionOptions = PREDICTION) 
     predict(weights=root / "real.pt", dataset=root / "real", predictions=root / name, options=options, threads=1)
 
 
-def test_the_curve_has_a_row_an_epoch_and_the_class_loss_falls(matched):
+def test_the_curve_has_a_row_per_epoch_and_the_class_loss_decreases(matched):
     curve = tables.read_csv(matched / "real.csv")
     assert curve["epoch"].tolist() == [1, 2]
     assert np.isfinite(curve.to_numpy()).all()
     assert curve["val_class_loss"].iloc[-1] < curve["val_class_loss"].iloc[0]
 
 
-def test_no_checkpoints_and_no_settings_stay_behind(matched):
+def test_checkpoints_and_settings_are_deleted(matched):
     assert [path.name for path in (matched / "work_real").iterdir() if not path.name.startswith(".ultralytics")] == []
     content = (matched / "real.pt").read_bytes()
     assert str(matched).encode() not in content  # weights hold no paths
@@ -97,12 +97,12 @@ def test_predictions_are_well_formed(matched):
     assert not table.empty
 
 
-def test_the_same_weights_predict_the_same_bytes(matched):
+def test_predictions_are_reproducible(matched):
     run_predict(matched, "again_on_real.parquet")
     assert (matched / "again_on_real.parquet").read_bytes() == (matched / "real_on_real.parquet").read_bytes()
 
 
-def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on(matched, monkeypatch):
+def test_an_interrupted_prediction_resumes_with_equal_results(matched, monkeypatch):
     monkeypatch.setattr("polarsim.detect.predict.PART", BATCH)
     written = []
 
@@ -132,7 +132,7 @@ def test_predictions_made_in_parts_are_the_same_and_a_stopped_prediction_goes_on
     pd.testing.assert_frame_equal(again, once)
 
 
-def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(matched):
+def test_training_is_reproducible_and_ignores_foreign_checkpoints(matched):
     (matched / "work_again" / "training" / "out" / "weights").mkdir(parents=True)
     (matched / "work_again" / "training" / "identity.txt").write_text("of another training")
     (matched / "work_again" / "training" / "out" / "weights" / "last.pt").write_bytes(b"of another training")
@@ -140,7 +140,7 @@ def test_the_same_training_gives_the_same_bytes_and_a_stopped_one_is_redone(matc
     assert (matched / "again.pt").read_bytes() == (matched / "real.pt").read_bytes()
 
 
-def test_a_stopped_training_goes_on_where_it_stopped(matched, monkeypatch, caplog):
+def test_an_interrupted_training_resumes(matched, monkeypatch, caplog):
     def stop(trainer):
         if trainer.epoch == 1:
             raise KeyboardInterrupt
@@ -158,7 +158,7 @@ def test_a_stopped_training_goes_on_where_it_stopped(matched, monkeypatch, caplo
     assert tables.read_csv(matched / "stopped.csv")["epoch"].tolist() == [1, 2, 3]
 
 
-def test_stopped_work_of_other_code_is_begun_anew(matched, monkeypatch):
+def test_checkpoints_of_changed_code_are_discarded(matched, monkeypatch):
     def identities():
         found = []
         with monkeypatch.context() as patch:
@@ -179,7 +179,7 @@ def test_stopped_work_of_other_code_is_begun_anew(matched, monkeypatch):
     assert (first[1], same[1], other[1]) == (False, True, False)
 
 
-def test_our_predictions_are_those_of_ultralytics_own_predictor(matched):
+def test_predictions_agree_with_the_ultralytics_predictor(matched):
     library = ultralytics(matched)
     detector = detectors.read_detector(matched / "real.pt")
     model = library.YOLO("yolov5n.yaml")
@@ -197,7 +197,7 @@ def test_our_predictions_are_those_of_ultralytics_own_predictor(matched):
     assert surest["confidence"] == pytest.approx(float(found.conf.max()), abs=1e-4)
 
 
-def test_a_detector_of_ours_is_a_start_for_another(matched):
+def test_training_can_start_from_a_polarsim_detector(matched):
     options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "epochs": 1})
     train(matched, "tuned", options)
     tuned = detectors.read_detector(matched / "tuned.pt")
@@ -206,7 +206,7 @@ def test_a_detector_of_ours_is_a_start_for_another(matched):
     assert second < first  # it went on where the other had stopped
 
 
-def test_evaluation_of_a_detector_in_its_own_domain_and_in_an_equal_one(matched, world):
+def test_evaluation_in_two_equal_domains(matched, world):
     shutil.copy(matched / "real_on_real.parquet", matched / "real_on_copy.parquet")
     evaluate(
         predictions=[matched / "real_on_real.parquet", matched / "real_on_copy.parquet"],

@@ -51,7 +51,7 @@ def mirrored(box):
 
 
 @given(box(), box(), st.floats(200, 1200))
-def test_left_and_right_are_alike(shadow, rock, px_per_m):
+def test_left_and_right_have_equal_habits(shadow, rock, px_per_m):
     found = draw(shadow, rock, rock, px_per_m)
     np.testing.assert_allclose(
         draw(mirrored(shadow), mirrored(rock), mirrored(rock), px_per_m), mirrored(found), atol=1e-9
@@ -64,7 +64,7 @@ def test_the_position_in_the_photo_does_not_matter(dx, dy):
     np.testing.assert_allclose(draw(SHADOW + offset, ROCK + offset, ROCK + offset, 600), found + offset)
 
 
-def test_people_begin_a_shadow_farther_from_the_centre_of_its_rock_than_its_visible_part():
+def test_annotators_start_a_shadow_away_from_the_rock_centre():
     # Facts on the labels, 2.6: with the lamp at the side the near edge lies at 0.75 to 0.93 of the rock's width.
     shadow = np.array([530.0, 420, 680, 448])
     found = draw(shadow, ROCK, ROCK, 600)
@@ -88,7 +88,7 @@ def test_a_probability_is_the_logistic_function_of_the_terms():
     assert annotator.rock_probability(terms) == pytest.approx(1 / (1 + np.exp(-(1 - 1 + 4 * np.log(0.5) + 5))))
 
 
-def test_far_small_seldom_annotated_rocks_are_less_likely_and_large_ones_no_likelier_for_their_size():
+def test_distant_small_and_rarely_annotated_rocks_are_less_probable():
     def probability(*terms):
         return read_annotator().rock_probability(rover_light_terms(*terms))
 
@@ -99,7 +99,7 @@ def test_far_small_seldom_annotated_rocks_are_less_likely_and_large_ones_no_like
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_the_habits_of_made_up_annotators_are_found_again(seed):
+def test_a_fit_recovers_the_habits_of_simulated_annotators(seed):
     random = np.random.default_rng(seed)
     edges, rover = random.uniform(-0.3, 0.3, len(EDGE_TERMS)), np.array([1.0, 1.5, 0.5, 1.0, -0.5])
     terms = np.concatenate(

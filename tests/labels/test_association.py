@@ -11,7 +11,7 @@ from .conftest import TERRAIN, localised
 FIRST, SECOND = np.array([100.0, 100, 160, 150]), np.array([300.0, 100, 350, 140])
 
 
-def test_overlapping_boxes_of_two_drawings_are_one_rock_with_the_mean_of_their_edges():
+def test_overlapping_boxes_of_two_annotations_form_a_track_with_mean_edges():
     tracks = find_tracks(
         {("L", "30"): np.array([FIRST, SECOND]), ("R", "180"): np.array([FIRST + np.array([4, 2, 0, -2])])}, 0.3
     )
@@ -26,12 +26,12 @@ def test_both_cameras_at_one_azimuth_are_one_azimuth():
     assert track.azimuths == {"30"}
 
 
-def test_two_boxes_of_one_drawing_are_never_one_rock():
+def test_a_track_has_at_most_one_box_per_annotation():
     tracks = find_tracks({("L", "30"): np.array([FIRST, FIRST + 3])}, 0.3)
     assert [len(track.rows) for track in tracks] == [1, 1]
 
 
-def test_the_order_in_which_drawings_are_given_does_not_matter():
+def test_the_order_of_annotations_does_not_matter():
     annotated = {
         ("L", "30"): np.array([FIRST]),
         ("L", "180"): np.array([SECOND, FIRST + 2]),
@@ -46,7 +46,7 @@ def test_no_boxes_make_no_tracks():
     assert find_tracks({("L", "30"): np.zeros((0, 4))}, 0.3) == []
 
 
-def test_each_box_gets_the_id_of_the_nearest_expected_one_and_each_id_is_given_once():
+def test_boxes_are_matched_one_to_one_with_the_nearest_expected_box():
     expected = np.array([[100.0, 100, 150, 150], [200, 100, 250, 150]])
     annotated = np.array([[205.0, 98, 255, 149], [700, 700, 750, 740], [90, 100, 140, 150], [108, 100, 158, 150]])
     assert match_ids(annotated, expected, [4, 7], 40).tolist() == [7, NO_ROCK, NO_ROCK, 4]
@@ -55,7 +55,7 @@ def test_each_box_gets_the_id_of_the_nearest_expected_one_and_each_id_is_given_o
 
 @pytest.mark.parametrize(("radius", "height"), [(0.10, 0.10), (0.15, 0.09), (0.08, 0.14)])
 @pytest.mark.parametrize("position", ["A", "C"])
-def test_a_dome_is_found_again_from_the_box_around_it(untouched_scene, position, radius, height):
+def test_a_dome_is_recovered_from_its_bounding_box(untouched_scene, position, radius, height):
     world, view = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004), localised(position).camera("L")
     dome = Dome(np.array([0.2, 0.3, 0.0]), radius, height)
     pixels = view.project(dome.mesh(rings=30, segments=90)[0])
@@ -73,7 +73,7 @@ def test_a_box_above_the_horizon_has_no_dome(untouched_scene):
     assert fit_dome(world, level, box - [0, 3000, 0, 3000]) is None
 
 
-def test_domes_of_two_views_at_one_position_are_one_rock():
+def test_domes_of_two_views_at_the_same_place_are_the_same_rock():
     def dome(x, y):
         return Dome(np.array([x, y, 0.0]), 0.05, 0.05)
 

@@ -54,17 +54,17 @@ def labelled(terrain, annotated_at, options, azimuth="180"):
     return {label.rock for label in labels if label.kind == ROCK}
 
 
-def test_a_rock_behind_a_high_one_is_in_the_dark_under_the_lamp_on_the_other_side_alone(world):
+def test_a_rock_behind_a_high_rock_is_dark_under_the_opposite_lamp_only(world):
     assert is_dark(world, BEHIND, "180")
     assert not any(is_dark(world, BEHIND, azimuth) for azimuth in ("30", "270", "350"))
 
 
-def test_no_rock_shades_itself_from_every_ray(world):
+def test_no_rock_occludes_itself_completely(world):
     assert not any(is_dark(world, rock, azimuth) for rock in (OPEN, BARRIER) for azimuth in SUN_LAMPS)
 
 
 @pytest.mark.parametrize(("above", "dark"), [(-0.1, True), (0.1, False)])
-def test_a_rock_that_one_position_of_the_lamp_lights_is_not_in_the_dark(world, above, dark):
+def test_a_rock_lit_from_any_possible_lamp_position_is_not_dark(world, above, dark):
     """The ray over the barrier's far edge (0.2, 0.8 m high) to the far end of the rock's top (0.7, 0.1 m high)."""
     x, y, _ = SUN_LAMPS["180"]
     nearest = x + 0.6  # two standard deviations of the survey towards the barrier
@@ -73,27 +73,27 @@ def test_a_rock_that_one_position_of_the_lamp_lights_is_not_in_the_dark(world, a
     assert is_dark(raised, BEHIND, "180") == dark
 
 
-def test_walls_darken_what_lies_at_their_foot(terrain):
+def test_walls_shade_the_ground_next_to_them(terrain):
     walled = build_world(terrain, TRIM, wall_height=2.0)
     assert is_dark(walled, OPEN, "30")
 
 
-def test_nothing_is_in_the_dark_of_a_lamp_that_is_not_there_nor_a_rock_that_has_no_body(world):
+def test_rocks_without_a_body_or_lamp_are_not_dark(world):
     assert not is_dark(world, BEHIND, "no")
     assert not is_dark(world, 77, "180")
 
 
-def test_a_rock_that_people_drew_in_what_should_be_dark_is_no_rock_in_the_dark(world):
+def test_an_annotated_rock_in_computed_darkness_is_not_omitted(world):
     assert omitted_in_dark(world, BEHIND, "180", ["30", "350"])
     assert not omitted_in_dark(world, BEHIND, "180", ["30", "180"])
 
 
-def test_people_who_label_what_they_see_leave_out_rocks_in_the_dark(terrain):
+def test_annotators_omit_dark_rocks(terrain):
     assert labelled(terrain, ["30"], OPTIONS) == {OPEN, BARRIER}
     assert labelled(terrain, [], OPTIONS) == {OPEN, BARRIER}  # projected meshes
     assert labelled(terrain, ["30"], OPTIONS, azimuth="350") == set(ROCKS)
 
 
-def test_annotated_rocks_stay_in_the_other_cameras_photos_and_by_photos_the_photo_decides(terrain):
+def test_dark_rocks_are_labelled_in_the_second_camera_if_annotated(terrain):
     assert labelled(terrain, ["180"], OPTIONS) == set(ROCKS)
     assert labelled(terrain, ["30"], OPTIONS.model_copy(update={"visibility": "photo"})) == set(ROCKS)

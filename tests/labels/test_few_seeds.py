@@ -94,7 +94,7 @@ def f1(truth, found):
     return 2 * hits / sum(len(truth[key]) + len(boxes) for key, boxes in found.items())
 
 
-def test_positions_that_labels_cannot_localise_are_marked_and_end_nothing(labels):
+def test_positions_without_localisation_are_marked_and_the_run_continues(labels):
     localised = labels[3]
     assert set(localised) == set("ABC")
     assert localised["C"].method == "labels"
@@ -111,7 +111,7 @@ def test_other_exposures_of_the_seeded_photos_are_the_seeds(labels):
 
 @pytest.mark.parametrize("position", "ABC")
 @pytest.mark.parametrize("camera", "LR")
-def test_labels_are_never_below_plain_copies(labels, position, camera):
+def test_labels_are_at_least_as_accurate_as_copies_of_the_seeds(labels, position, camera):
     truth, found, seeds, _ = labels
     own = {key: boxes for key, boxes in found.items() if (key.position, key.camera) == (position, camera)}
     assert all(len(boxes) for boxes in own.values())

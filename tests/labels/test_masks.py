@@ -36,7 +36,7 @@ def photo_table(out, keys):
     return out / "photos.parquet"
 
 
-def test_coco_names_photos_by_the_way_from_its_folder(annotated):
+def test_coco_contains_paths_relative_to_its_folder(annotated):
     images = {image["key"]: image["file_name"] for image in json.loads((annotated / "coco.json").read_text())["images"]}
     *there, missing = KEYS
     assert all(images[str(key)] == f"photos/Sun_{key.azimuth}/Cam_{key}.png" for key in there)
@@ -98,19 +98,19 @@ def test_rock_masks_fill_the_blocks_as_the_photo_shows_them(untouched_scene, ann
         assert (picture[y0 - 20 : y0 - 3, x0:x1] != GREY_VALUES["rock"]).all()
 
 
-def test_sand_is_ground_and_what_lies_behind_the_wall_is_background(annotated):
+def test_sand_is_ground_and_pixels_above_the_wall_are_background(annotated):
     picture = grey(annotated, "03_A_off_30_L_0128")
     assert picture[600, 900] == GREY_VALUES["ground"]
     assert picture[5, 900] == GREY_VALUES["background"]
 
 
-def test_all_exposures_and_lights_share_one_drawing(annotated):
+def test_all_exposures_and_lights_share_polygons(annotated):
     whole = grey(annotated, "03_A_off_30_L_0128")
     for name in ("03_A_off_30_L_0064", "03_A_on_30_L_2048"):
         np.testing.assert_array_equal(grey(annotated, name), whole)
 
 
-def test_a_photo_in_which_nothing_is_seen_is_all_background(untouched_scene, tmp_path):
+def test_a_photo_without_visible_objects_is_background(untouched_scene, tmp_path):
     name = "03_A_off_no_L_0064"  # no lamp, and too short for anything else
     dark = draw(untouched_scene, tmp_path, [PhotoKey.parse(name)])
     assert not grey(dark, name).any()
@@ -148,7 +148,7 @@ def test_coco_lists_every_photo_with_its_own_labels(annotated, coco_file):
         np.testing.assert_allclose([box for _, box in found], [box for _, box in expected], atol=0.02)
 
 
-def test_photos_too_dark_for_shadows_have_none_in_coco_alone(annotated, coco_file):
+def test_photos_too_dark_for_shadows_have_no_shadows_in_coco_only(annotated, coco_file):
     dark, bright = key_of("03_A_off_30_L_0064"), key_of("03_A_off_30_L_0128")
     assert {own.kind for own in coco_file[dark]} == {"rock"}
     assert {own.kind for own in coco_file[bright]} == {"rock", "shadow"}
@@ -180,7 +180,7 @@ DIM, LIT = key_of("03_A_off_30_L_0064"), key_of("03_A_off_30_L_0128")
 FAR_BOX, NEAR_BOX = [600.0, 500, 700, 580], [640.0, 540, 760, 640]
 
 
-def test_rocks_hide_what_is_behind_them_and_what_is_hidden_whole_is_left_out(untouched_scene, tmp_path):
+def test_rocks_occlude_objects_and_fully_hidden_objects_are_dropped(untouched_scene, tmp_path):
     wide, narrow = [560.0, 560, 720, 700], [670.0, 560, 720, 600]
     labels = [(LIT, "rock", -1, NEAR_BOX), (LIT, "rock", -1, FAR_BOX), (LIT, "shadow", -1, wide)]
     found = relabelled(untouched_scene, tmp_path, [*labels, (LIT, "shadow", -1, narrow)], [LIT])[LIT]
@@ -191,7 +191,7 @@ def test_rocks_hide_what_is_behind_them_and_what_is_hidden_whole_is_left_out(unt
     np.testing.assert_array_equal(shadow, whole(wide) & ~near & ~far)
 
 
-def test_rocks_that_a_photo_is_too_dark_to_show_still_hide_what_is_behind(untouched_scene, tmp_path):
+def test_rocks_invisible_in_a_dark_photo_still_occlude(untouched_scene, tmp_path):
     labels = [(LIT, "rock", 21, NEAR_BOX), (LIT, "rock", 22, FAR_BOX), (DIM, "rock", 22, [601.0, 500, 700, 580])]
     found = relabelled(untouched_scene, tmp_path, labels, [DIM, LIT])
     near, (far,) = next(own for own in found[LIT] if own.rock == 21), found[DIM]
@@ -201,7 +201,7 @@ def test_rocks_that_a_photo_is_too_dark_to_show_still_hide_what_is_behind(untouc
 
 
 @pytest.mark.parametrize("kind", BOX_CLASSES)
-def test_an_outline_whose_box_the_pen_missed_keeps_near_what_the_mesh_shows(untouched_scene, tmp_path, kind):
+def test_an_outline_with_an_inaccurate_box_is_close_to_the_mesh(untouched_scene, tmp_path, kind):
     pen = [np.array(off) for off in ([7.0, -5, -6, 4], [-6.0, 5, 7, 6], [5.0, 6, 6, -5])]
     rings = {rock: true_outline(kind, rock) for rock in BLOCKS}
     for number, off in enumerate(pen):

@@ -31,7 +31,7 @@ def test_a_rock_behind_the_camera_is_not_shown(world):
     assert project_rock(world, away.camera("L"), 4) is None
 
 
-def test_a_rock_behind_another_rock_is_seen_in_part(world):
+def test_an_occluded_rock_has_a_reduced_visible_share(world):
     from polarsim.geometry.poses import looking
     from polarsim.geometry.stereo import stated_rig
     from polarsim.run_files.rigs import LocalisedRig
@@ -60,7 +60,7 @@ def test_a_rock_without_a_mesh_moves_nearly_as_well(untouched_scene, world, rock
     assert iou(moved, untouched_scene.expected_box("A", "R", rock)[None])[0, 0] > 0.85
 
 
-def test_a_flat_thing_moves_like_the_ground_at_its_centre(world):
+def test_a_flat_object_moves_like_the_ground_at_its_centre(world):
     left, right = localised("C").camera("L"), localised("C").camera("R")
     position = np.array([0.3, -0.2, 0.0])
     size = np.array([-20, -10, 20, 10])
@@ -69,7 +69,7 @@ def test_a_flat_thing_moves_like_the_ground_at_its_centre(world):
     np.testing.assert_allclose(move_flat(world, left, right, boxes[None])[0], expected, atol=0.05)
 
 
-def test_there_and_back_is_where_it_was(world):
+def test_moving_to_the_second_camera_and_back_is_the_identity(world):
     left, right = localised("A").camera("L"), localised("A").camera("R")
     boxes = np.array([[700.0, 500, 780, 540], [1200, 800, 1230, 830]])
     np.testing.assert_allclose(move_flat(world, right, left, move_flat(world, left, right, boxes)), boxes, atol=0.1)

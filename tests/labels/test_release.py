@@ -86,18 +86,18 @@ def only(truth: dict, **parts: str) -> dict:
     return {key: value for key, value in truth.items() if all(getattr(key, k) == v for k, v in parts.items())}
 
 
-def test_other_exposures_agree_with_the_hand_annotated_labels(labels):
+def test_propagated_exposures_agree_with_human_labels(labels):
     truth = only(labels[0], camera="L", light="off")
     assert f1(truth, labels[1], 0) > 0.97
     assert f1(truth, labels[1], 1) > 0.93
 
 
-def test_the_rover_light_changes_no_label(labels):
+def test_the_rover_light_does_not_change_labels(labels):
     truth = only(labels[0], camera="L", light="on")
     assert f1(truth, labels[1], 0) > 0.97
 
 
-def test_right_photos_agree_with_their_own_hand_annotated_labels(labels):
+def test_right_photos_agree_with_human_labels(labels):
     # A person who draws the right photos anew agrees with the left ones to 0.92 (rocks) and 0.88 (shadows) at best.
     truth = only(labels[0], camera="R")
     assert f1(truth, labels[1], 0) > 0.85

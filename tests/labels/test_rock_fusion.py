@@ -53,7 +53,7 @@ def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
     return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, 0.0), position, options)
 
 
-def test_a_drawing_under_the_same_lamp_weighs_double():
+def test_an_annotation_under_the_same_lamp_has_double_weight():
     early, late = box_of(FAR), box_of(FAR) + np.array([0.0, 0.0, 12.0, 0.0])
     annotated = {"A": {("L", "30"): [early], ("L", "180"): [late]}}
     width = {}
@@ -71,7 +71,7 @@ def beyond_the_left_border():
     return {**BLOCKS, 9: (eye - ray * eye[2] / ray[2], np.array([0.1, 0.1, 0.1]))}
 
 
-def test_a_rock_beyond_the_border_of_the_annotated_photos_is_projected_into_the_other_camera():
+def test_a_rock_outside_the_annotated_photos_is_projected_into_the_second_camera():
     blocks = beyond_the_left_border()
     annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
     labels = {label.rock: label for label in rocks_at("A", annotated, blocks).labels("R", "30")}
@@ -80,14 +80,14 @@ def test_a_rock_beyond_the_border_of_the_annotated_photos_is_projected_into_the_
     assert iou(labels[9].box[None], box_of(9, camera="R", blocks=blocks)[None])[0, 0] > 0.8
 
 
-def test_a_rock_beyond_the_border_is_left_out_under_a_lamp_that_does_not_reach_it(monkeypatch):
+def test_an_unlit_rock_outside_the_annotated_photos_is_dropped(monkeypatch):
     blocks = beyond_the_left_border()
     annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
     monkeypatch.setattr("polarsim.labels.fusion.lit_share", lambda *_: 0.05)
     assert {label.rock for label in rocks_at("A", annotated, blocks).labels("R", "30")} == {NEAR, FAR}
 
 
-def test_a_rock_in_view_that_nobody_drew_is_not_labelled():
+def test_an_unannotated_rock_in_view_is_not_labelled():
     annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
     assert {label.rock for label in rocks_at("A", annotated).labels("R", "30")} == {NEAR}
 
@@ -99,7 +99,7 @@ SHADED = {  # BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
 }
 
 
-def test_a_drawing_in_the_dark_does_not_speak_against_a_rock():
+def test_a_missing_annotation_of_a_dark_rock_is_no_evidence():
     both = [box_of(rock, blocks=SHADED) for rock in (BEHIND, BARRIER)]
     annotated = {"A": {("L", "180"): both[1:], ("L", "30"): both}}
     assert {label.rock for label in rocks_at("A", annotated, SHADED).labels("L", "350")} == {BEHIND, BARRIER}
@@ -108,7 +108,7 @@ def test_a_drawing_in_the_dark_does_not_speak_against_a_rock():
 
 
 @pytest.mark.parametrize(("elsewhere", "propagated"), [(False, False), (True, True), (None, True)])
-def test_a_box_of_one_drawing_alone_is_propagated_over_only_if_another_position_knows_it(elsewhere, propagated):
+def test_a_box_of_a_single_annotation_requires_a_second_position(elsewhere, propagated):
     """`elsewhere`: whether C drew the rock; None: nobody drew anything at C."""
     annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
     annotated["A"]["L", "30"].append(box_of(FAR))
@@ -118,7 +118,7 @@ def test_a_box_of_one_drawing_alone_is_propagated_over_only_if_another_position_
     assert shown == ({NEAR, FAR} if propagated else {NEAR})
 
 
-def test_without_a_sun_lamp_far_small_rocks_go_first_and_labels_are_as_sure_as_the_annotator_model_says(monkeypatch):
+def test_labels_without_a_sun_lamp_follow_the_annotator_model(monkeypatch):
     blocks = {
         1: (np.array([0.9, -0.5, 0.0]), np.array([0.1, 0.1, 0.05])),
         2: (np.array([-1.9, -0.5, 0.0]), np.array([0.05, 0.05, 0.03])),

@@ -34,14 +34,14 @@ def test_seeds_of_both_cameras_are_kept_by_position_and_lamp(tmp_path):
     }
 
 
-def test_the_fullest_drawing_without_rover_light_wins(tmp_path):
+def test_the_annotation_with_most_boxes_without_rover_light_is_chosen(tmp_path):
     write(tmp_path, "03_A_off_30_L_0128", shadows=0)
     write(tmp_path, "03_A_off_30_L_0256", shadows=2)
     write(tmp_path, "03_A_on_30_L_0256", shadows=3)
     assert len(read_seeds(tmp_path)["A"]["L", "30"].shadows) == 2
 
 
-def test_a_correction_wins_and_takes_the_seeds_shadows_where_it_was_too_dark_for_any(tmp_path):
+def test_a_dark_correction_takes_the_shadows_of_the_seed(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     nothing = np.zeros((0, 4))
     edited = {PhotoKey.parse("03_A_on_30_L_0032"): Annotated(np.array([ROCK + 7, ROCK + 300]), nothing)}
@@ -52,13 +52,13 @@ def test_a_correction_wins_and_takes_the_seeds_shadows_where_it_was_too_dark_for
     assert len(read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"].shadows) == 0
 
 
-def test_a_seed_at_a_short_exposure_without_shadows_says_nothing_about_them(tmp_path):
+def test_a_dark_seed_without_shadows_has_unknown_shadows(tmp_path):
     write(tmp_path, "03_A_off_30_L_0064", shadows=0)
     assert read_seeds(tmp_path, shadow_start_ms=128)["A"]["L", "30"].shadows is None
     assert len(read_seeds(tmp_path, shadow_start_ms=32)["A"]["L", "30"].shadows) == 0
 
 
-def test_the_camera_with_most_drawings_comes_first_and_left_before_right():
+def test_cameras_are_sorted_by_number_of_annotations():
     assert sort_by_camera([("R", "30"), ("L", "30"), ("R", "180")])[0][0] == "R"
     assert sort_by_camera([("R", "30"), ("L", "180")])[0][0] == "L"
 
@@ -67,7 +67,7 @@ def starts_of(folder, key):
     return shadow_starts(read_drawings(folder, 3), 128).of(PhotoKey.parse(key))
 
 
-def test_shadows_of_a_bracket_begin_where_its_drawing_shows_some_or_as_usual(tmp_path):
+def test_the_minimum_shadow_exposure_follows_the_annotation_or_the_default(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     write(tmp_path, "03_A_off_30_L_0032", shadows=0)
     write(tmp_path, "03_A_on_no_L_0032")  # the rover light's shadows tell nothing of the Sun's
@@ -76,7 +76,7 @@ def test_shadows_of_a_bracket_begin_where_its_drawing_shows_some_or_as_usual(tmp
     assert starts_of(tmp_path, "03_C_off_180_L_0064") == 32
 
 
-def test_one_early_seed_of_twelve_moves_nothing_but_its_own_photos(tmp_path):
+def test_a_single_early_seed_affects_only_its_bracket(tmp_path):
     for position in "ABC":
         for azimuth in ("30", "180", "270", "350"):
             early = (position, azimuth) == ("B", "180")
@@ -86,7 +86,7 @@ def test_one_early_seed_of_twelve_moves_nothing_but_its_own_photos(tmp_path):
         assert starts_of(tmp_path, other) == 128
 
 
-def test_most_seeds_of_a_position_tell_of_photos_that_nobody_drew(tmp_path):
+def test_the_median_of_a_position_applies_to_unannotated_brackets(tmp_path):
     for azimuth, exposure in (("30", "0064"), ("180", "0064"), ("270", "0064"), ("350", "0256")):
         write(tmp_path, f"03_B_off_{azimuth}_L_{exposure}")
     assert starts_of(tmp_path, "03_B_on_30_R_0064") == 64

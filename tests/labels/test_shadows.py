@@ -66,7 +66,7 @@ def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, position: np.nd
 
 @pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
 @pytest.mark.parametrize("rock", list(BLOCKS))
-def test_the_shadow_of_a_rock_is_what_grows_light_when_the_rock_is_taken_away(world, ids, azimuth, rock):
+def test_the_shadow_of_a_rock_is_lit_after_removing_the_rock(world, ids, azimuth, rock):
     view, position = localised("A").camera("L"), lamp_position(azimuth)
     pixels = np.stack(np.meshgrid(np.arange(1, 1936, 2), np.arange(1, 1216, 2)), axis=-1).reshape(-1, 2).astype(float)
     found = (ids.shadow_of(world, position) == rock) & (ids.rock == NO_ROCK)
@@ -78,7 +78,7 @@ def test_the_shadow_of_a_rock_is_what_grows_light_when_the_rock_is_taken_away(wo
     assert (grown_light & shadow).sum() / (grown_light | shadow).sum() > 0.93
 
 
-def test_the_part_of_a_shadow_inside_its_rocks_ellipse_is_left_out():
+def test_shadow_inside_the_ellipse_of_its_rock_is_ignored():
     shadow = np.full((120, 120), NO_ROCK)
     shadow[40:60, :100] = 4
     # The ellipse of 0.8 of the rock's box has half axes 24 and 40 around (30, 50). At the band's first row, 9.5 above
@@ -95,17 +95,17 @@ def test_a_rim_under_a_rock_does_not_widen_its_shadow():
     np.testing.assert_allclose(found, [100, 40, 180, 62], atol=4)
 
 
-def test_a_thin_shadow_has_a_box_all_the_same():
+def test_a_thin_shadow_has_a_box():
     shadow = np.full((120, 240), NO_ROCK)
     shadow[60:62, 20:180] = 4
     np.testing.assert_array_equal(box_of_shadow(shadow, 4, None, 1), [20, 60, 180, 62])
 
 
-def test_a_rock_whose_shadow_is_not_seen_has_no_box(world, ids):
+def test_an_invisible_shadow_has_no_box(world, ids):
     assert box_of_shadow(ids.shadow_of(world, lamp_position("30")), 99, None, 2) is None
 
 
-def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras(world):
+def test_the_active_lamp_of_each_light_setting(world):
     rig = localised("A")
     assert lamp(world, rig, "off", "no") is None
     cameras = [rig.camera(side).centre for side in "LR"]
@@ -113,7 +113,7 @@ def test_there_is_no_lamp_in_the_dark_and_the_rover_light_is_between_the_cameras
     np.testing.assert_allclose(lamp(world, rig, "on", "30"), lamp(world, rig, "off", "30"))
 
 
-def test_lamps_stand_where_they_were_found(untouched_scene):
+def test_lamp_positions_come_from_the_calibration(untouched_scene):
     found = {"180": np.array([-3.5, 0.4, 0.8])}
     world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, found)
     np.testing.assert_array_equal(lamp(world, localised("A"), "off", "180"), found["180"])
@@ -139,13 +139,13 @@ def test_the_near_wall_hides_the_ground_behind_it(world, walled):
     assert seen_at(walled, [1.0, -0.4, 0.0]).ground.all()
 
 
-def test_a_wall_shades_the_ground_beside_it(walled):
+def test_a_wall_shades_the_adjacent_ground(walled):
     position = lamp_position("30")  # beyond the wall at x = 2.1, low
     assert (seen_at(walled, [1.6, 0.9, 0.0]).over_walls(walled, position) < 0.3).all()
     assert (seen_at(walled, [-1.0, -0.4, 0.0]).over_walls(walled, position) > 0.3).all()
 
 
-def test_the_near_wall_hides_a_rocks_foot_and_all_of_a_low_one(world, walled):
+def test_the_near_wall_hides_the_foot_of_a_rock_and_all_of_a_low_rock(world, walled):
     eye = localised("A").camera("L").centre
     behind = np.array([[1.9, -0.4, 0.0], [1.9, -0.4, 0.25]])  # 20 cm behind the wall: it hides what is below 0.2 m
     assert walled.hidden(eye, behind, 4).tolist() == [True, False]
@@ -155,29 +155,29 @@ def test_the_near_wall_hides_a_rocks_foot_and_all_of_a_low_one(world, walled):
 ANNOTATED, INSIDE = np.array([100.0, 200, 180, 230]), np.zeros(4, bool)
 
 
-def test_an_edge_is_the_mean_of_pen_and_photo_unless_they_lie_far_apart():
+def test_an_edge_is_the_mean_of_annotation_and_photo_if_both_are_close():
     in_photo = CastShadow(ANNOTATED + np.array([4, -2, 60, 3]), in_photo=True)  # on the right a dark patch goes on
     np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, in_photo, 0.3), ANNOTATED + np.array([2, -1, 0, 1.5]))
 
 
-def test_geometry_alone_moves_an_annotated_edge_less():
+def test_a_cast_shadow_without_photo_has_a_lower_weight():
     cast = CastShadow(ANNOTATED + np.array([13, 0, 13, 0]), in_photo=False)
     np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, cast, 0.3), ANNOTATED + np.array([3, 0, 3, 0]))
 
 
-def test_an_edge_that_the_annotated_photo_cut_is_the_cast_one():
+def test_an_edge_cut_by_the_annotated_photo_is_taken_from_the_cast_box():
     cast = CastShadow(ANNOTATED + np.array([0, 0, 90, 0]), in_photo=False)
     np.testing.assert_allclose(
         mean_shadow(ANNOTATED, np.array([0, 0, 1, 0], bool), cast, 0.0), ANNOTATED + np.array([0, 0, 90, 0])
     )
 
 
-def test_a_shadow_cast_elsewhere_moves_nothing():
+def test_a_cast_shadow_without_overlap_is_ignored():
     for cast in (None, CastShadow(ANNOTATED + 100, in_photo=True)):
         np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, cast, 0.3), ANNOTATED)
 
 
-def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
+def test_a_shadow_ends_at_the_wall_shadow_in_the_photo(untouched_scene):
     """The wall is stated lower than it is in the photo: its shade covers the rock's side of the shadow there."""
     lamp_position = np.array([3.2, -0.6, 0.6])
     terrain = read_terrain(untouched_scene.meshes, TERRAIN)
@@ -193,7 +193,7 @@ def test_a_shadow_ends_where_the_photo_shows_a_walls_to_begin(untouched_scene):
     assert high[1] == pytest.approx(low[1], abs=4)
 
 
-def test_only_rays_that_pass_near_another_rock_are_cast_and_none_that_meets_it_is_left_out(world):
+def test_the_sphere_test_keeps_all_rays_that_hit_a_rock(world):
     toward = BLOCKS[4][0] - BLOCKS[7][0]
     points = world.bodies[7].vertices
     shares = []
@@ -208,7 +208,7 @@ def test_only_rays_that_pass_near_another_rock_are_cast_and_none_that_meets_it_i
     assert shares[3] == 0
 
 
-def test_a_line_of_shadow_is_boxed_unless_slivers_are_left_out():
+def test_slivers_have_a_box_only_if_enabled():
     shadow = np.full((100, 100), -1)
     shadow[40, 20:60] = 4  # one sample of 2 px wide
     assert shadow_box(shadow, 4, None, 2, windows_of(shadow)).tolist() == [40, 80, 120, 82]

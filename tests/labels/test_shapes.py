@@ -21,7 +21,7 @@ def test_a_stretched_shape_fills_its_new_box():
     assert found.mask.sum() == pytest.approx(np.pi * 45 * 30, rel=0.02)
 
 
-def test_a_shape_may_keep_a_share_of_its_own_box():
+def test_a_shape_can_be_stretched_partially():
     own = Shape(np.ones((20, 40), bool), 100, 200)
     np.testing.assert_array_equal(fit_shape(own, np.array([110.0, 200, 150, 230]), 0.3).box, [107, 200, 147, 227])
 
@@ -40,7 +40,7 @@ def test_a_rounded_shape_fills_its_box():
     assert np.pi / 4 < superellipse(box).mask.mean() < 1
 
 
-def test_a_shape_is_where_its_rock_stands_in_a_picture_of_ids():
+def test_a_shape_covers_the_pixels_of_its_rock():
     ids = np.full((6, 8), -1)
     ids[2:4, 3:7] = 5
     ids[0, 0] = 0
@@ -77,7 +77,7 @@ def test_a_rock_in_two_large_parts_keeps_both():
 
 @settings(deadline=None)
 @given(shapes=st.lists(any_shape, max_size=5))
-def test_what_is_visible_of_a_shape_is_what_no_later_one_covers_less_small_components(shapes):
+def test_visible_parts_are_not_covered_by_later_shapes(shapes):
     expected = [[-1] * 10 for _ in range(8)]  # pixel by pixel
     for number, shape in enumerate(shapes):
         for row, column in zip(*np.nonzero(shape.mask), strict=True):

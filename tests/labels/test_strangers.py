@@ -39,7 +39,7 @@ def drawings(**view_of):
     return made
 
 
-def test_seeds_of_another_position_are_left_out_in_one_line_and_the_rest_goes_on(terrain, caplog):
+def test_mislabelled_seeds_are_skipped_with_a_warning(terrain, caplog):
     given = drawings(A="A", C="A")
     with caplog.at_level(logging.WARNING):
         kept = drop_mislabelled(given, terrain, LOCALISED)
@@ -51,7 +51,7 @@ def test_seeds_of_another_position_are_left_out_in_one_line_and_the_rest_goes_on
     )
 
 
-def test_seeds_of_their_own_position_stay(terrain, caplog):
+def test_correct_seeds_are_kept(terrain, caplog):
     given = drawings(A="A", C="C")
     half = {key: replace(one, rocks=one.rocks[::2]) if key.position == "C" else one for key, one in given.items()}
     with caplog.at_level(logging.WARNING):
@@ -60,7 +60,7 @@ def test_seeds_of_their_own_position_stay(terrain, caplog):
     assert not caplog.records
 
 
-def test_where_nothing_only_the_survey_localises_a_camera_its_seeds_stay(terrain):
+def test_seeds_are_kept_if_only_the_survey_localises_the_camera(terrain):
     given = drawings(A="A", C="A")
     surveyed = {**LOCALISED, "C": replace(LOCALISED["C"], method="survey")}
     assert drop_mislabelled(given, terrain, surveyed) == given

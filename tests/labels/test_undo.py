@@ -27,7 +27,7 @@ def label(x0: float, kind: str = "rock", rock: int = 4) -> Label:
     return Label(kind, rock, "fused", 0.9, np.array([x0, 0.0, x0 + 20, 30]))
 
 
-def test_labels_are_gone_moved_or_new_and_equal_ones_are_not_told():
+def test_changed_labels_are_gone_moved_or_new():
     key = KEYS[0]
     now = {key: [label(0), label(50, rock=5), label(80, "shadow"), label(100, rock=6)]}
     then = {key: [label(0.4), label(53, rock=5), label(80, "shadow"), label(200, rock=7)]}
@@ -47,7 +47,7 @@ def inputs(scene):
     return {name: getattr(scene, name) for name in ("photos", "inventory", "seeds", "cameras", "meshes")}
 
 
-def test_what_followed_is_what_the_run_without_the_seed_lacks(scene, tmp_path):
+def test_derived_labels_are_missing_in_a_run_without_the_seed(scene, tmp_path):
     chosen = PropagationInputs(terrain=TERRAIN, keys=KEYS, **inputs(scene))
     found = what_followed(drawing=SEED, inputs=chosen, options=OPTIONS, out=tmp_path / "undone.parquet")
     assert read_parquet(tmp_path / "undone.parquet").equals(found)
@@ -65,7 +65,7 @@ def test_what_followed_is_what_the_run_without_the_seed_lacks(scene, tmp_path):
     assert undone.equals(never)
 
 
-def test_only_what_somebody_drew_can_be_taken_back(scene, tmp_path):
+def test_only_annotated_photos_can_be_excluded(scene, tmp_path):
     options = OPTIONS.model_copy(update={"taken_back": (str(SEED),)})
     with pytest.raises(LabelError, match=str(SEED)):
         what_followed(
@@ -76,12 +76,12 @@ def test_only_what_somebody_drew_can_be_taken_back(scene, tmp_path):
         )
 
 
-def test_what_is_no_photo_cannot_be_named_as_taken_back():
+def test_an_invalid_photo_key_cannot_be_excluded():
     with pytest.raises(ValidationError, match="no photo key"):
         LabelsOptions(taken_back=("03_A_off_99_L_0256",))
 
 
-def test_undo_names_a_photo_that_nobody_drew_in(polarsim, tmp_path, monkeypatch):
+def test_undo_reports_a_photo_without_annotation(polarsim, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text("source: {kind: analog}\n")
     (tmp_path / "results/demo").mkdir(parents=True)

@@ -14,11 +14,11 @@ def scene(inside: float, outside: float, noise: float = 0.0) -> Brightness:
     return Brightness(rate.astype(np.float32), (64, 256))
 
 
-def test_contrast_is_the_difference_in_noises_of_a_pixel():
+def test_contrast_is_the_difference_relative_to_pixel_noise():
     assert label_contrast(scene(0.1, 1.0), BOX, 100).snr == pytest.approx(90 / noise_dn(100.0), rel=0.01)
 
 
-def test_a_rock_whose_mean_is_that_of_the_sand_stands_out_by_its_two_sides():
+def test_a_rock_with_the_mean_brightness_of_sand_has_contrast():
     both = scene(1.0, 1.0)
     both.rate[80:120, 100:130], both.rate[80:120, 130:160] = 0.2, 1.8
     assert label_contrast(both, BOX, 100).snr > 20
@@ -30,12 +30,12 @@ def test_longer_exposures_show_more_until_they_clip():
     assert label_contrast(scene(100.0, 200.0), BOX, 256).snr == 0  # both are white
 
 
-def test_noise_alone_is_no_contrast():
+def test_noise_has_no_contrast():
     noise = float(noise_dn(100.0)) / 100
     assert label_contrast(scene(1.0, 1.0, noise), BOX, 100).snr < 0.5
 
 
-def test_in_the_dark_nothing_stands_out():
+def test_a_black_photo_has_no_contrast():
     assert label_contrast(scene(0.0, 0.0), BOX, 8192).snr == 0
 
 

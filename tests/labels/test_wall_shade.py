@@ -22,7 +22,7 @@ def test_light_passes_the_walls_at_the_height_of_a_hand_calculation(position, la
     np.testing.assert_allclose(found, [height], atol=1e-12)
 
 
-def test_what_passes_lower_than_the_walls_is_what_rays_find_shaded(rng):
+def test_crossings_below_the_wall_height_agree_with_shadow_rays(rng):
     points = np.column_stack([rng.uniform(-1.99, 1.99, (2000, 2)), rng.uniform(-0.05, 0.05, 2000)])
     lamp = np.array([3.4, 1.8, 0.8])
     occluded = wall_caster(BOUNDS, 0.0, 0.3).occluded(points, lamp - points, 1.0)
@@ -37,10 +37,10 @@ def ground(rng, edge, dark=2.0, lit=20.0):
 
 
 @pytest.mark.parametrize("edge", [0.22, 0.3, 0.41])
-def test_the_walls_are_as_high_as_the_edge_of_their_shade_says(rng, edge):
+def test_the_wall_height_follows_from_the_shadow_edge(rng, edge):
     assert fit_wall_height(*ground(rng, edge), 0.3) == pytest.approx(edge, abs=0.015)
 
 
-def test_without_an_edge_of_shade_the_stated_height_holds(rng):
+def test_without_a_shadow_edge_the_nominal_height_is_used(rng):
     assert fit_wall_height(*ground(rng, 0.0), 0.3) == 0.3
     assert fit_wall_height(np.zeros(0), np.zeros(0), 0.3) == 0.3
