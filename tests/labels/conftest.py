@@ -1,4 +1,4 @@
-"""A small scene whose boxes and shadows follow from its construction: flat sand, two blocks, two tripods."""
+"""Small scene with known boxes and shadows: flat sand, two blocks, two positions."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,7 @@ BLOCKS = {  # rock id -> centre of the base, and full extents, metres
 
 
 def block(centre: np.ndarray, size: np.ndarray, cells: int = 6) -> Mesh:
-    """A box with a grid of vertices on its top and sides, so that vertices fill its outline; open below."""
+    """Return the mesh of a box with a grid of vertices on top and sides, open below."""
     t = np.linspace(-0.5, 0.5, cells + 1)
     u, v = np.meshgrid(t, t, indexing="ij")
     half = np.full_like(u, 0.5)
@@ -54,7 +54,7 @@ def localised(position: str) -> rigs.LocalisedRig:
 
 @dataclass(frozen=True)
 class SceneFiles:
-    """The input files of the stage."""
+    """Input files of the labels stage."""
 
     photos: Path
     inventory: Path
@@ -63,14 +63,14 @@ class SceneFiles:
     meshes: Path
 
     def expected_box(self, position: str, camera: str, rock: int) -> np.ndarray:
-        """(4,) around the projected corners of a block."""
+        """Return the bounding box (4,) of the projected corners of a block."""
         corners = block(*BLOCKS[rock]).vertices
         pixels = localised(position).project(camera, corners)
         return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
 
 
 def build_scene(folder: Path) -> SceneFiles:
-    """Seeds of position A at azimuths 30 and 180: both rocks, each with a shadow box; none at position C."""
+    """Write seeds of position A at azimuths 30 and 180 with both rocks and shadows; none for position C."""
     files = SceneFiles(*(folder / name for name in ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")))
     obj.write(files.meshes / obj.ground_name(TERRAIN), flat_ground(), "ground")
     for rock, (centre, size) in BLOCKS.items():
@@ -89,7 +89,7 @@ def build_scene(folder: Path) -> SceneFiles:
 
 @pytest.fixture
 def scene(tmp_path) -> SceneFiles:
-    """A scene of its own, for tests that change it."""
+    """Return a new scene for tests that modify it."""
     return build_scene(tmp_path)
 
 

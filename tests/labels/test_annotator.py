@@ -65,7 +65,7 @@ def test_the_position_in_the_photo_does_not_matter(dx, dy):
 
 
 def test_annotators_start_a_shadow_away_from_the_rock_centre():
-    # Facts on the labels, 2.6: with the lamp at the side the near edge lies at 0.75 to 0.93 of the rock's width.
+    # Facts on the labels, 2.6: for a lamp at the side, the near edge is at 0.75 to 0.93 of the width of the rock.
     shadow = np.array([530.0, 420, 680, 448])
     found = draw(shadow, ROCK, ROCK, 600)
     assert 0.5 < (found[0] - ROCK[0]) / 60 < 0.93
@@ -106,7 +106,7 @@ def test_a_fit_recovers_the_habits_of_simulated_annotators(seed):
         [edge_terms(SHADOW + random.normal(0, 20, 4), ROCK, ROCK + random.normal(0, 5, 4), 600) for _ in range(60)]
     )
     moves = terms @ edges + random.normal(0, 0.01, len(terms))
-    moves[::20] += 80  # blunders
+    moves[::20] += 80  # outliers
     lit = random.normal(0, 1, (4000, len(ROVER_LIGHT_TERMS)))
     found = fit_annotator([Samples(terms, moves)], [Samples(lit, 1 / (1 + np.exp(-lit @ rover)))])
     np.testing.assert_allclose(terms @ np.array(found.edges), terms @ edges, atol=0.5)

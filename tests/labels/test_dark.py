@@ -18,7 +18,7 @@ from polarsim.survey import SUN_LAMPS
 from .conftest import block, flat_ground, localised
 
 OPEN, BEHIND, BARRIER = 1, 2, 3
-ROCKS = {  # centre of the base, full extents: BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
+ROCKS = {  # centre of the base, full extents: BARRIER is between BEHIND and lamp 180 at x = -3.5 m
     OPEN: ([0.6, 0.8, 0.0], [0.2, 0.2, 0.1]),
     BEHIND: ([0.6, -0.6, 0.0], [0.2, 0.2, 0.1]),
     BARRIER: ([0.1, -0.6, 0.0], [0.2, 1.2, 0.8]),
@@ -43,7 +43,7 @@ def world(terrain):
 
 
 def labelled(terrain, annotated_at, options, azimuth="180"):
-    """Rocks labelled under a lamp where the same boxes were annotated under others."""
+    """Return the rocks labelled under a lamp, with boxes annotated under different lamps."""
     rig = localised("A")
     world = build_world(terrain, TRIM)
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
@@ -65,7 +65,7 @@ def test_no_rock_occludes_itself_completely(world):
 
 @pytest.mark.parametrize(("above", "dark"), [(-0.1, True), (0.1, False)])
 def test_a_rock_lit_from_any_possible_lamp_position_is_not_dark(world, above, dark):
-    """The ray over the barrier's far edge (0.2, 0.8 m high) to the far end of the rock's top (0.7, 0.1 m high)."""
+    """Expected: the ray over the far edge of the barrier (0.2, 0.8 m high) to the top of the rock (0.7, 0.1 m high)."""
     x, y, _ = SUN_LAMPS["180"]
     nearest = x + 0.6  # two standard deviations of the survey towards the barrier
     grazing = 0.8 + (0.8 - 0.1) / (0.7 - 0.2) * (0.2 - nearest)

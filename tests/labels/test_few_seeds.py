@@ -1,4 +1,4 @@
-"""Published labels reduced to few seeds: every photo of a seeded position has labels, at least as good as copies."""
+"""Published labels reduced to few seeds: propagated labels are at least as accurate as copies of the seeds."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def rocks_of(path):
 
 
 def copied(seed, key):
-    """A seed's boxes as they are, or on the right photo by the plane of other terrains."""
+    """Return the boxes of a seed, for the right photo shifted by the plane fitted to different terrains."""
     if key.camera == "L":
         return seed
     dx = PLANE[key.position] - 0.18 * ((seed[:, 1] + seed[:, 3]) / 2 - 608)

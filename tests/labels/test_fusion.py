@@ -11,7 +11,7 @@ weights = st.floats(0.1, 10)
 
 
 def of_mesh(off: float, count: int, weight: float) -> float:
-    """Weight of mesh edges that all lie `off` px to the right of the annotated ones."""
+    """Return the weight of mesh edges `off` px to the right of the annotated edges."""
     found = mesh_weights(ANNOTATED, np.full((1, 4), float(count)), ANNOTATED + np.array([off, 0, off, 0]), weight)
     np.testing.assert_allclose(found[0, 0], found[0, 2])
     return float(found[0, 0])

@@ -30,7 +30,7 @@ def draw(scene, out, keys=KEYS):
 
 
 def photo_table(out, keys):
-    """A table of photos in the layout of a source, the last of which is not there."""
+    """Write a photo table of a source; the last photo is missing."""
     rows = [key_columns(key) | {"path": str(out / f"photos/Sun_{key.azimuth}/Cam_{key}.png")} for key in keys[:-1]]
     write_parquet(out / "photos.parquet", pd.DataFrame(rows, columns=list(PHOTO_COLUMNS)))
     return out / "photos.parquet"
@@ -111,7 +111,7 @@ def test_all_exposures_and_lights_share_polygons(annotated):
 
 
 def test_a_photo_without_visible_objects_is_background(untouched_scene, tmp_path):
-    name = "03_A_off_no_L_0064"  # no lamp, and too short for anything else
+    name = "03_A_off_no_L_0064"  # no lamp, short exposure
     dark = draw(untouched_scene, tmp_path, [PhotoKey.parse(name)])
     assert not grey(dark, name).any()
     ((number, ring),) = yolo.read_polygons(dark / "polygons" / f"{name}.txt")
@@ -165,7 +165,7 @@ def test_coco_masks_are_the_regions_of_the_grey_map(annotated, coco_file):
 
 
 def relabelled(untouched_scene, out, labels, keys):
-    """Annotated from a label table of its own: rows of key, kind, rock and box."""
+    """Draw masks from a label table with rows of key, kind, rock and box."""
     named = {"source": "seed", "confidence": 1.0}
     rows = [
         {**tables.key_columns(key), "kind": kind, "rock": rock, **named, **dict(zip(BOX_COLUMNS, box, strict=True))}
@@ -213,11 +213,11 @@ def test_an_outline_with_an_inaccurate_box_is_close_to_the_mesh(untouched_scene,
             full = rasterised(box[:2] + (true - low) / extent * (box[2:] - box[:2]), (1216, 1936))
             true = rasterised(true, (1216, 1936))
             assert 1 - mask_iou(own.mask.mask(), true) < 0.8 * (1 - mask_iou(full, true))
-            np.testing.assert_allclose(own.box, box, atol=0.01)  # the label's box stays
+            np.testing.assert_allclose(own.box, box, atol=0.01)  # the box of the label is unchanged
 
 
 def true_outline(kind: str, rock: int) -> np.ndarray:
-    """(n, 2) px: a block, a convex body, or what it shades of the flat sand, the sand under it included."""
+    """Return the outline (n, 2) of a block or of its shadow on flat sand, px; both are convex."""
     corners = block(*BLOCKS[rock]).vertices
     if kind == SHADOW:
         corners = on_the_sand(corners)
@@ -226,7 +226,7 @@ def true_outline(kind: str, rock: int) -> np.ndarray:
 
 
 def on_the_sand(points: np.ndarray) -> np.ndarray:
-    """(n, 3) where the lamp's rays through points (n, 3) meet the ground."""
+    """Project points (n, 3) from a lamp onto the ground."""
     lamp = lamps.surveyed_suns({position: localised(position) for position in "AC"})[LIT.azimuth]
     return points + points[:, 2:] / (lamp[2] - points[:, 2:]) * (points - lamp)
 
@@ -236,7 +236,7 @@ def mask_iou(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def whole(box: list[float]) -> np.ndarray:
-    """Pixels of an unhidden label without a mesh: a superellipse of power 2.5 in its box."""
+    """Return the pixels of a visible label without a mesh: a superellipse of power 2.5 in the box."""
     y, x = np.mgrid[:1216, :1936] + 0.5
     across, down = (2 * x - box[0] - box[2]) / (box[2] - box[0]), (2 * y - box[1] - box[3]) / (box[3] - box[1])
     return np.abs(across) ** 2.5 + np.abs(down) ** 2.5 <= 1

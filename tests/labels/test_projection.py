@@ -36,7 +36,7 @@ def test_an_occluded_rock_has_a_reduced_visible_share(world):
     from polarsim.geometry.stereo import stated_rig
     from polarsim.run_files.rigs import LocalisedRig
 
-    # From just above the ground, on the line through both blocks, the near block 4 hides most of block 7.
+    # Seen from slightly above the ground, on the line through both blocks, block 4 occludes most of block 7.
     near, far = BLOCKS[4][0], BLOCKS[7][0]
     heading = (near - far) / np.linalg.norm(near - far)
     eye = near + 1.2 * heading + [0, 0, 0.10]

@@ -104,7 +104,7 @@ def test_an_azimuth_without_seeds_gets_fused_rocks_and_cast_shadows(untouched_sc
     assert iou(rocks(labels, "A_off_270_L_0128"), expected).max(axis=1).min() > 0.9
     found = shadows(labels, "A_off_270_L_0128")
     assert len(found) == 2
-    assert found[:, 2].max() > expected[:, 2].max()  # the lamp stands on the left
+    assert found[:, 2].max() > expected[:, 2].max()  # the lamp is on the left
     assert (found[:, 0] > expected[:, 0].min()).all()
 
 
@@ -125,10 +125,10 @@ def test_without_any_seed_all_labels_come_from_geometry(scene, tmp_path):
 
 
 def test_without_photos_olat_images_determine_the_visible_labels(scene, tmp_path):
-    """Sun lamps light the ground from the shortest exposure on, the rover light is a tenth as strong."""
+    """Sun lamps give labels at the shortest exposure; the rover light has a tenth of the intensity."""
     labels = propagate(scene, tmp_path, visibility="photo")
     assert len(rocks(labels, "A_off_30_L_0064")) == len(rocks(labels, "A_off_30_L_1024")) == len(BLOCKS)
-    assert not len(rocks(labels, "A_off_no_L_2048"))  # nothing shines
+    assert not len(rocks(labels, "A_off_no_L_2048"))  # no lamp
     assert len(rocks(labels, "A_on_no_L_2048")) == len(BLOCKS)
     assert len(rocks(labels, "A_on_no_L_0064")) <= len(rocks(labels, "A_on_no_L_2048"))
 
@@ -141,7 +141,7 @@ def test_olat_images_include_rocks_without_a_mesh(scene, tmp_path):
 
 
 def test_shadow_edges_follow_the_photo_except_in_annotated_photos(scene, tmp_path):
-    """Photos are rendered of the scene itself: there the dark regions are the cast shadows."""
+    """In photos rendered from the scene, dark regions are cast shadows."""
     key_annotated, sibling = key("A_off_30_L_0256"), key("A_off_30_L_1024")
     rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
     localised_rigs = rigs.read_all_localised(scene.cameras)
@@ -184,7 +184,7 @@ def unlit_keys():
 
 
 def test_unlit_photos_have_labels_from_the_minimum_annotated_exposure(scene, tmp_path, unlit_keys):
-    """Stray light, as at 04_B: an annotated file says from which exposure on it shows rocks, and at which position."""
+    """With stray light, as at 04_B, annotations determine the minimum exposure of each position."""
     expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
     yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_4096')}.txt", np.array([0, 0]), expected)
     labels = propagate(scene, tmp_path / "out", keys=unlit_keys)
@@ -201,7 +201,7 @@ def test_an_annotation_without_rocks_does_not_enable_unlit_labels(scene, tmp_pat
 
 @pytest.mark.parametrize("visibility", ["annotator", "photo"])
 def test_a_photo_decides_whether_stray_light_shows_a_rock(scene, tmp_path, rng, visibility):
-    """A photo of noise alone and one with a bright block, both of 8192 ms without any lamp."""
+    """Two photos without any lamp, 8192 ms: only noise, and a bright block."""
     dark, stray = key("C_off_no_L_8192"), key("A_off_no_L_8192")
     x0, y0, x1, y1 = scene.expected_box("A", "L", 4).astype(int)
     noise = rng.normal(BLACK_LEVEL, 0.8, (2, 1216, 1936))
@@ -295,7 +295,7 @@ def test_seeds_of_the_right_camera_label_the_left_camera(scene, tmp_path):
 
 
 def test_a_rock_cut_by_the_left_border_is_complete_in_the_right_photo(scene, tmp_path):
-    # A block at the right border of the left photo: 150 px further left in the right one, where all of it is seen.
+    # A block at the right border of the left photo is 150 px further left, and complete, in the right photo.
     for path in scene.meshes.glob("*rock*"):
         path.unlink()
     position = localised("A")
@@ -348,7 +348,7 @@ def test_an_invalid_seed_leaves_no_output(scene, tmp_path):
 
 
 def lose_pose(scene, position, off, method=rigs.SURVEYED, **metrics):
-    """The pose of a position as only the survey knows it, or as `method` says."""
+    """Write the pose of a position as localised by `method` or by the survey only."""
     lost = localised(position)
     pose = Pose(lost.sandbox_from_left.rotation, lost.sandbox_from_left.translation + off)
     rigs.write_localised(scene.cameras / f"Pos{position}.json", rigs.LocalisedRig(lost.rig, pose, method, metrics))
@@ -395,9 +395,9 @@ def test_labels_moved_with_an_unknown_pitch_have_lower_confidence(scene, tmp_pat
 def test_an_unlocalised_position_uses_only_its_annotations(untouched_scene, scene, tmp_path, labels):
     lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]))
     found = propagate(scene, tmp_path / "lost")
-    for photo in ("A_off_30_L_1024", "A_off_270_L_0128"):  # the camera stands still, wherever that is
+    for photo in ("A_off_30_L_1024", "A_off_270_L_0128"):  # the camera does not move
         np.testing.assert_allclose(np.sort(rocks(found, photo), 0), np.sort(rocks(labels, photo), 0), atol=1.5)
-    assert len(shadows(found, "A_off_270_L_0128")) == 0  # nobody knows where the lamp's shadows fall in this image
+    assert len(shadows(found, "A_off_270_L_0128")) == 0  # cast shadows are unknown without a pose
     table = tables.read_parquet(tmp_path / "lost" / "labels.parquet")
     assert set(table["source"]) == {"seed", "fused", "translated", "projected", "cast"}
     assert set(table[table["position"] == "A"]["source"]) == {"seed", "fused", "translated"}

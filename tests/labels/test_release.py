@@ -1,4 +1,4 @@
-"""Hand-annotated labels of the published release: left ones, propagated, against those of the other photos."""
+"""Propagation of the left labels of the release, compared with the human labels of the remaining photos."""
 
 import numpy as np
 import pandas as pd
@@ -46,7 +46,7 @@ def f1(truth: dict, found: dict, number: int) -> float:
 
 @pytest.fixture(scope="module", params=sorted(POSES))
 def labels(request, release_root, tmp_path_factory):
-    """Truth and propagated labels of the photos that are no seeds, by key."""
+    """Return human and propagated labels of the photos without seeds, by key."""
     terrain, folder = request.param, tmp_path_factory.mktemp("release")
     files = {}
     for path in sorted((release_root / "Labels" / f"Terrain{terrain:02d}").glob("*_????.txt")):
@@ -98,7 +98,7 @@ def test_the_rover_light_does_not_change_labels(labels):
 
 
 def test_right_photos_agree_with_human_labels(labels):
-    # A person who draws the right photos anew agrees with the left ones to 0.92 (rocks) and 0.88 (shadows) at best.
+    # Human labels of right and left photos agree to 0.92 (rocks) and 0.88 (shadows) at best.
     truth = only(labels[0], camera="R")
     assert f1(truth, labels[1], 0) > 0.85
     assert f1(truth, labels[1], 1) > 0.75

@@ -1,4 +1,4 @@
-"""What drawings tell of rocks in other photos of a position: two blocks on flat sand, seen from A and C."""
+"""Fusion of annotations of a position: two blocks on flat sand in photos from A and C."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ OPTIONS = LabelsOptions(visibility="annotator")
 
 @pytest.fixture(autouse=True)
 def annotated_boxes_alone(monkeypatch):
-    """Projected meshes weigh nothing, so that expected boxes are those of the drawings."""
+    """Set the weight of meshes to zero, so that expected boxes follow from the annotations."""
     monkeypatch.setattr("polarsim.labels.fusion.MESH_WEIGHT", 0.0)
 
 
@@ -44,7 +44,7 @@ def box_of(rock, position="A", camera="L", blocks=BLOCKS):
 
 
 def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
-    """The rocks of a position; `annotated`: position -> (camera, azimuth) -> boxes."""
+    """Return the rocks of a position; `annotated`: position -> (camera, azimuth) -> boxes."""
     seeds = {
         name: {drawing: Annotated(np.array(boxes).reshape(-1, 4), None) for drawing, boxes in drawings.items()}
         for name, drawings in annotated.items()
@@ -64,7 +64,7 @@ def test_an_annotation_under_the_same_lamp_has_double_weight():
 
 
 def beyond_the_left_border():
-    """A block that the right camera of A shows and the left one does not, beside the usual ones."""
+    """Return the blocks and a block visible only in the right camera of A."""
     rig = localised("A")
     ray = rig.sandbox_from("R").rotate(rig.rig.right.directions(np.array([[1860.0, 650.0]])))[0]
     eye = rig.sandbox_from("R").translation
@@ -93,7 +93,7 @@ def test_an_unannotated_rock_in_view_is_not_labelled():
 
 
 BEHIND, BARRIER = 1, 3
-SHADED = {  # BARRIER stands between BEHIND and lamp 180, at x = -3.5 m
+SHADED = {  # BARRIER is between BEHIND and lamp 180 at x = -3.5 m
     BEHIND: (np.array([0.6, -0.6, 0.0]), np.array([0.2, 0.2, 0.1])),
     BARRIER: (np.array([0.1, -0.6, 0.0]), np.array([0.2, 1.2, 0.8])),
 }
@@ -109,7 +109,7 @@ def test_a_missing_annotation_of_a_dark_rock_is_no_evidence():
 
 @pytest.mark.parametrize(("elsewhere", "propagated"), [(False, False), (True, True), (None, True)])
 def test_a_box_of_a_single_annotation_requires_a_second_position(elsewhere, propagated):
-    """`elsewhere`: whether C drew the rock; None: nobody drew anything at C."""
+    """`elsewhere`: whether the rock is annotated at C; None: C has no annotations."""
     annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
     annotated["A"]["L", "30"].append(box_of(FAR))
     if elsewhere is not None:

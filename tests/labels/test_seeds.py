@@ -70,7 +70,7 @@ def starts_of(folder, key):
 def test_the_minimum_shadow_exposure_follows_the_annotation_or_the_default(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     write(tmp_path, "03_A_off_30_L_0032", shadows=0)
-    write(tmp_path, "03_A_on_no_L_0032")  # the rover light's shadows tell nothing of the Sun's
+    write(tmp_path, "03_A_on_no_L_0032")  # shadows of the rover light are ignored
     assert starts_of(tmp_path, "03_A_off_30_L_0064") == 128
     write(tmp_path, "03_C_off_180_L_0032")
     assert starts_of(tmp_path, "03_C_off_180_L_0064") == 32

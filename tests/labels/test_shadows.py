@@ -42,15 +42,15 @@ def test_a_block_casts_its_shadow_where_its_top_corners_are_projected_from_the_l
     bottom = np.column_stack([centre[:2] + signs * size[:2], np.zeros(4)])
     top = bottom + np.array([0, 0, size[2]])
     thrown = position + (top - position) * (position[2] / (position[2] - top[:, 2]))[:, None]  # on z = 0
-    # The shadow on the ground is the convex hull of base and thrown top; the box around it, in the photo, is that of
-    # its corners. The grid of every second pixel and the trim of 4 mm cost up to three pixels.
+    # The shadow on the ground is the convex hull of the base and the projected top, so its box in the photo is the box
+    # of the projected corners. The grid of every second pixel and the trim of 4 mm cause errors of up to three pixels.
     pixels = localised("A").project("L", np.concatenate([bottom, thrown]))
     found = box_of_shadow(ids.shadow_of(world, position), rock, None, 2)
     np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
 
 
 def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) bool each: pixels that show ground, and those where a lamp lights it; by another ray caster."""
+    """Return masks (n,) of ground pixels and of lit ground pixels, by a second ray caster."""
     ground = flat_ground()
     meshes = [ground, *(block(*BLOCKS[rock]) for rock in rocks)]
     scene = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces, process=False) for mesh in meshes])
@@ -74,15 +74,15 @@ def test_the_shadow_of_a_rock_is_lit_after_removing_the_rock(world, ids, azimuth
     on_ground, lit = rendered(list(BLOCKS), view, pixels[near], position)
     _, lit_without = rendered([other for other in BLOCKS if other != rock], view, pixels[near], position)
     grown_light, shadow = on_ground & lit_without & ~lit, found.ravel()[near]
-    # The trim of 4 mm makes rocks a little lower, and what lies below it ground.
+    # The trim of 4 mm converts the lowest part of rocks to ground.
     assert (grown_light & shadow).sum() / (grown_light | shadow).sum() > 0.93
 
 
 def test_shadow_inside_the_ellipse_of_its_rock_is_ignored():
     shadow = np.full((120, 120), NO_ROCK)
     shadow[40:60, :100] = 4
-    # The ellipse of 0.8 of the rock's box has half axes 24 and 40 around (30, 50). At the band's first row, 9.5 above
-    # its centre, it ends at 30 + 24 sqrt(1 - (9.5 / 40)^2) = 53.3; the sliver left of it is too small to count.
+    # The ellipse (0.8 of the rock box) has half axes 24 and 40 around (30, 50). At the first row of the band, 9.5 above
+    # the centre, it ends at 30 + 24 sqrt(1 - (9.5 / 40)^2) = 53.3; the sliver to its left is too small.
     found = box_of_shadow(shadow, 4, np.array([0.0, 0, 60, 100]), 1)
     np.testing.assert_array_equal(found, [53, 40, 100, 60])
 
@@ -90,7 +90,7 @@ def test_shadow_inside_the_ellipse_of_its_rock_is_ignored():
 def test_a_rim_under_a_rock_does_not_widen_its_shadow():
     shadow = np.full((120, 240), NO_ROCK)
     shadow[40:60, 100:180] = 4
-    shadow[60:62, 20:180] = 4  # where a mesh meets the sand: two pixels high, connected, left of the shadow
+    shadow[60:62, 20:180] = 4  # rim at the foot of a mesh: two pixels high, connected, left of the shadow
     found = box_of_shadow(shadow, 4, None, 1)
     np.testing.assert_allclose(found, [100, 40, 180, 62], atol=4)
 
@@ -125,14 +125,14 @@ def walled(untouched_scene):
 
 
 def seen_at(world, position):
-    """What position A's left camera sees at a point of the ground."""
+    """Return the visible id of the left camera of position A at a point of the ground."""
     view = localised("A").camera("L")
     u, v = view.project(np.array(position))
     return VisibleIds(world, view, np.array([v]), np.array([u]))
 
 
 def test_the_near_wall_hides_the_ground_behind_it(world, walled):
-    behind = [2.0, -0.4, 0.0]  # 10 cm behind the near wall, which hides 0.4 m
+    behind = [2.0, -0.4, 0.0]  # 10 cm from the near wall, which occludes 0.4 m
     assert seen_at(world, behind).ground.all()
     assert not seen_at(walled, behind).ground.any()
     assert not seen_at(walled, behind).hit.any()
@@ -140,14 +140,14 @@ def test_the_near_wall_hides_the_ground_behind_it(world, walled):
 
 
 def test_a_wall_shades_the_adjacent_ground(walled):
-    position = lamp_position("30")  # beyond the wall at x = 2.1, low
+    position = lamp_position("30")  # low, outside the wall at x = 2.1
     assert (seen_at(walled, [1.6, 0.9, 0.0]).over_walls(walled, position) < 0.3).all()
     assert (seen_at(walled, [-1.0, -0.4, 0.0]).over_walls(walled, position) > 0.3).all()
 
 
 def test_the_near_wall_hides_the_foot_of_a_rock_and_all_of_a_low_rock(world, walled):
     eye = localised("A").camera("L").centre
-    behind = np.array([[1.9, -0.4, 0.0], [1.9, -0.4, 0.25]])  # 20 cm behind the wall: it hides what is below 0.2 m
+    behind = np.array([[1.9, -0.4, 0.0], [1.9, -0.4, 0.25]])  # 20 cm from the wall, which occludes points below 0.2 m
     assert walled.hidden(eye, behind, 4).tolist() == [True, False]
     assert not world.hidden(eye, behind, 4).any()
 
@@ -156,7 +156,7 @@ ANNOTATED, INSIDE = np.array([100.0, 200, 180, 230]), np.zeros(4, bool)
 
 
 def test_an_edge_is_the_mean_of_annotation_and_photo_if_both_are_close():
-    in_photo = CastShadow(ANNOTATED + np.array([4, -2, 60, 3]), in_photo=True)  # on the right a dark patch goes on
+    in_photo = CastShadow(ANNOTATED + np.array([4, -2, 60, 3]), in_photo=True)  # dark ground continues on the right
     np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, in_photo, 0.3), ANNOTATED + np.array([2, -1, 0, 1.5]))
 
 
@@ -178,7 +178,7 @@ def test_a_cast_shadow_without_overlap_is_ignored():
 
 
 def test_a_shadow_ends_at_the_wall_shadow_in_the_photo(untouched_scene):
-    """The wall is stated lower than it is in the photo: its shade covers the rock's side of the shadow there."""
+    """The nominal wall is lower than the wall in the photo, whose shadow covers the near part of the rock shadow."""
     lamp_position = np.array([3.2, -0.6, 0.6])
     terrain = read_terrain(untouched_scene.meshes, TERRAIN)
     rig = {"A": localised("A")}
@@ -189,7 +189,7 @@ def test_a_shadow_ends_at_the_wall_shadow_in_the_photo(untouched_scene):
     known = gather(terrain, rig, {"30": lamp_position}, {}, 0.3)
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
-    assert high[3] < low[3] - 20  # the shade of the near wall takes the shadow's lower part
+    assert high[3] < low[3] - 20  # the shadow of the near wall covers the lower part
     assert high[1] == pytest.approx(low[1], abs=4)
 
 

@@ -90,7 +90,7 @@ def test_visible_parts_are_not_covered_by_later_shapes(shapes):
         shown = np.zeros((8, 10), bool)
         if part is not None:
             shown[part.window] = part.mask
-        pieces, count = label(own)  # scipy's; pieces hang together by edges
+        pieces, count = label(own)  # scipy, connectivity 4
         sizes = [(pieces == piece).sum() for piece in range(1, count + 1)]
         kept = [piece for piece, size in enumerate(sizes, 1) if size >= 0.15 * max(sizes)]
         np.testing.assert_array_equal(shown, np.isin(pieces, kept))

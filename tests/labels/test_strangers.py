@@ -1,4 +1,4 @@
-"""Seeds of one position under another's name, among meshes and poses that scans gave."""
+"""Seeds stored under the name of a wrong position, with meshes and poses from scans."""
 
 import logging
 from dataclasses import replace
@@ -30,7 +30,7 @@ def terrain():
 
 
 def drawings(**view_of):
-    """Seeds under two Sun lamps by position: what `view_of` it shows."""
+    """Return seeds under two Sun lamps for each position, with the boxes of the view `view_of`."""
     made = {}
     for position, view in view_of.items():
         boxes = np.array([around(LOCALISED[view].project("L", mesh.vertices)) for mesh in ROCKS.values()])

@@ -1,4 +1,4 @@
-"""What followed from one drawing, and that it is gone when the drawing is taken back."""
+"""Labels derived from an annotation disappear when the annotation is excluded."""
 
 import numpy as np
 import pytest

@@ -10,7 +10,7 @@ BOUNDS = np.array([[-2.0, -2.0], [2.0, 2.0]])
 @pytest.mark.parametrize(
     ("position", "lamp", "height"),
     [
-        ([0, 0, 0], [4, 0, 1], 0.5),  # half of the way lies inside
+        ([0, 0, 0], [4, 0, 1], 0.5),  # half of the ray is inside
         ([1.5, 0, 0.1], [3.5, 0, 0.9], 0.3),
         ([0, 1, 0], [-3, 3, 1.2], 0.6),  # over the wall at y = 2, before it passes x = -2
         ([0, 0, 0], [1, 1, 1], np.inf),  # a lamp inside
@@ -31,7 +31,7 @@ def test_crossings_below_the_wall_height_agree_with_shadow_rays(rng):
 
 
 def ground(rng, edge, dark=2.0, lit=20.0):
-    """Heights at which light passes, and brightness of patchy sand that is shaded below `edge`."""
+    """Return wall crossing heights and the brightness of patchy sand that is in shadow below `edge`."""
     passing = rng.uniform(0.1, 0.8, 5000)
     return passing, np.where(passing < edge, dark, lit) * rng.lognormal(0, 0.4, 5000)
 
