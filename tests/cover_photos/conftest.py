@@ -13,7 +13,7 @@ SAND, SHADE = 90, 10
 
 @pytest.fixture
 def cover():
-    """A photo (h, w, 3) of two rocks, the first with its shadow under lamp 30, boxes of both drawn in."""
+    """Return a photo (h, w, 3) of two rocks with drawn boxes; the first rock has a shadow under lamp 30."""
     photo = np.full((HEIGHT, WIDTH), SAND, np.uint8)
     left, top, right, bottom = map(int, SHADOWS["30"])
     photo[top:bottom, left:right] = SHADE
@@ -22,7 +22,7 @@ def cover():
 
 @pytest.fixture
 def made_release(tmp_path, cover):
-    """Terrain 1 with a cover photo at A, and labels of both cameras under two lamps: the right one's lie elsewhere."""
+    """Release of terrain 1 with a cover photo at A and labels of both cameras under two lamps."""
     png.write(tmp_path / "CoverPhotoOfIndices" / "cover_photo_indexed_01_A.png", cover)
     for side, offset in (("L", 0), ("R", 500)):
         for azimuth, shadow in SHADOWS.items():

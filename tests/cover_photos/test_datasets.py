@@ -1,4 +1,4 @@
-"""Scenes and cover photos become a data set that leaks neither terrains nor scenes."""
+"""Data sets of scenes and cover photos share no terrains or scenes between parts."""
 
 import re
 
@@ -43,7 +43,7 @@ def test_a_data_set_has_scenes_to_train_and_covers_to_test_without_labels(tmp_pa
 
 
 def test_parts_share_no_terrain_and_no_scene(tmp_path, covers):
-    """By the files themselves, not by what the code says about itself."""
+    """Checks the files, not the index."""
     scenes = {terrain: make_scenes(tmp_path / f"T{terrain}", terrain, 8) for terrain in (1, 3, 4)}
     source = {path.stat().st_ino: path for folder in scenes.values() for path in (folder / "images").iterdir()}
     for tested in (1, 3):

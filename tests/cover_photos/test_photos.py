@@ -1,4 +1,4 @@
-"""Cover photos become a test set: it is told which photos they are, whatever their size and depth."""
+"""Photo keys of cover photos of any size and bit depth."""
 
 import logging
 
@@ -26,7 +26,7 @@ def read(root, keys=(), terrains=(1,)):
 def test_a_cover_is_read_without_strokes_and_with_its_published_boxes(made_release):
     assert read(made_release) == [str(KEY)]
     photo = png.read(made_release / "photos" / f"{KEY}.png").astype(int)
-    photo[300:400, 290:410] = SAND  # its shadow, and what was drawn around it
+    photo[300:400, 290:410] = SAND  # shadow and drawn box
     np.testing.assert_allclose(photo, SAND, atol=2)
     table = tables.read_parquet(made_release / "labels.parquet", tables.LABEL_COLUMNS)
     rocks = table.loc[table["kind"] == "rock", ["x0", "y0", "x1", "y1"]].to_numpy()
@@ -34,7 +34,7 @@ def test_a_cover_is_read_without_strokes_and_with_its_published_boxes(made_relea
 
 
 def test_camera_and_azimuth_follow_from_dark_shadows(made_release):
-    """Boxes of rocks fit the labels of both lamps; only shadows tell these apart."""
+    """Rock boxes match the labels of both lamps; only shadows differ."""
     read(made_release)
     table = tables.read_csv(made_release / "pairing.csv").set_index("key")
     assert table.index[table["shown"]].tolist() == [str(KEY)]
@@ -46,7 +46,7 @@ def test_camera_and_azimuth_follow_from_dark_shadows(made_release):
 
 
 def test_the_shadow_contrast_agrees_with_a_calculation_by_hand():
-    """By hand: (90 - 10) / (90 + 10 + 1)."""
+    """Expected: (90 - 10) / (90 + 10 + 1)."""
     photo = np.full((200, 300), SAND, np.uint8)
     photo[50:90, 100:160] = SHADE
     shadow = np.array([[100.0, 50, 160, 90]])
@@ -106,7 +106,7 @@ def test_an_invalid_cover_is_skipped_with_a_warning(made_release, cover, caplog)
 
 
 def test_published_covers_have_the_keys_determined_by_hand(release_root, tmp_path):
-    """By eye, from drawn boxes and from where shadows fall; drawn boxes alone name another azimuth for three."""
+    """Keys determined by eye from drawn boxes and shadows; three azimuths differ if only boxes are used."""
     known = {
         "01_A_off_30_L", "01_C_off_30_L", "11_A_off_30_L", "11_C_off_350_L", "12_A_off_30_R", "12_C_off_30_L",
     }  # fmt: skip

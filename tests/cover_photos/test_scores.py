@@ -1,4 +1,4 @@
-"""Detectors of cover photos are scored as by hand."""
+"""Metrics of detectors on cover photos agree with hand calculations."""
 
 import numpy as np
 import pandas as pd
@@ -23,7 +23,7 @@ def labelled(key, boxes, **more):
 
 
 def test_metrics_are_pooled_over_photos():
-    """By hand, hit, miss, hit of 4 labels: precision 1 to recall 1/4, 2/3 to 1/2: (26 + 25 * 2/3) / 101."""
+    """True, false, true positive for 4 labels: precision 1 to recall 1/4, 2/3 to 1/2: (26 + 25 * 2/3) / 101."""
     boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
     labels = pd.concat([labelled("a", boxes), labelled("b", boxes)])
     predictions = pd.concat(
@@ -50,7 +50,7 @@ def test_one_photo_has_no_interval():
 
 @pytest.fixture
 def scored(tmp_path):
-    """Two folds of one photo each: of terrain 1 both rocks are found, of terrain 3 none."""
+    """Two folds of one photo each: both rocks of terrain 1 are detected, none of terrain 3."""
     boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
     rows, parts, datasets = [], [], {}
     for key, found in (("01_A_off_30_L_0256", boxes), ("03_A_off_30_R_0256", boxes + 300)):
@@ -76,7 +76,7 @@ def scored(tmp_path):
 
 @pytest.fixture
 def two_seeds(tmp_path):
-    """Two folds of one photo with two rocks, and two seeds: each finds another rock of terrain 1, and a phantom."""
+    """Two folds of one photo with two rocks, two seeds: each detects a different rock of terrain 1 and a phantom."""
     boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
     keys = ["01_A_off_30_L_0256", "03_A_off_30_R_0256"]
     tables.write_parquet(
@@ -157,14 +157,14 @@ def test_every_terrain_is_evaluated_by_its_fold(scored):
 
 
 def test_a_fold_is_calibrated_on_the_remaining_folds(scored):
-    """Boxes of terrain 1 are right, those of terrain 3 wrong: each calibrates the other one away from what is so."""
+    """Boxes are correct for terrain 1 and false for terrain 3, so cross-calibration increases both errors."""
     error = tables.read_parquet(scored, COVER_SCORES.columns).set_index(["terrain", "kind"])["calibration_error"]
-    assert error["03", "rock"] > 0.9  # 0.9 uncalibrated: the found rocks of terrain 1 raise it
+    assert error["03", "rock"] > 0.9  # 0.9 without calibration; increased by the true positives of terrain 1
     assert error["01", "rock"] > 0.1 + 0.05  # 0.1 uncalibrated
 
 
 def test_folds_with_equal_errors_calibrate_each_other():
-    """Half of the boxes with confidence 0.9 are right: an error of 0.4 before."""
+    """Half of the boxes with confidence 0.9 are correct: the error without calibration is 0.4."""
     sides = np.arange(100.0)[:, None] * 30 + [0, 0, 20, 20]
     half = np.vstack([sides[:50], sides[50:] + np.array([0, 5000, 0, 5000])])
     labels = pd.concat([labelled(key, sides) for key in "ab"])
@@ -179,7 +179,7 @@ def test_the_table_shows_all_terrains_and_each_with_intervals(scored, tmp_path):
     tabulate_covers(scores=[scored], stem=tmp_path / "covers", origin=ORIGIN)
     rows = [line for line in (tmp_path / "covers.md").read_text().splitlines() if line.startswith("| ")]
     assert [row.split(" | ")[0].strip("| ") for row in rows] == ["terrain", "---", "all", "01", "03"]
-    assert "[0.000, 1.000]" in rows[2]  # both photos may be drawn from one terrain
+    assert "[0.000, 1.000]" in rows[2]  # a replicate can contain a single terrain
     assert "1.000" in rows[3]
     assert tables.read_csv(tmp_path / "covers.csv")["config"].unique().tolist() == ["1a2b"]
 
@@ -222,7 +222,7 @@ def test_every_photo_has_a_panel_with_labels_and_confident_boxes(tmp_path):
     blue = (picture[..., 2] > 200) & (picture[..., 0] < 60)
     orange = (picture[..., 0] > 200) & (picture[..., 2] < 60)
     assert blue[:, :400].sum() > 100
-    assert blue[:, 400:].sum() == 0  # less sure than what gives the best F1
+    assert blue[:, 400:].sum() == 0  # below the confidence with maximum F1
     assert orange[:, :400].sum() > 20
     assert orange[:, 400:].sum() > 100
 
@@ -235,7 +235,7 @@ def test_the_confidence_threshold_of_panels_maximises_f1():
 
 
 def test_scenes_are_drawn_with_labels_in_their_positions(tmp_path):
-    """A rock in the upper left quarter of each picture, a shadow in the lower right one."""
+    """Each image has a rock in the upper left quarter and a shadow in the lower right quarter."""
     for terrain in (1, 3):
         for scene in range(9):
             name = f"t{terrain:02d}_s{scene:03d}_l0"

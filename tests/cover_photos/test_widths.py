@@ -1,4 +1,4 @@
-"""Widths are chosen without the photos that they are used on, and a detector leaves with what was chosen for it."""
+"""Choice of inference widths by cross-validation, and publication of a detector."""
 
 import numpy as np
 import pandas as pd
@@ -35,7 +35,7 @@ def write_found(path, rows):
 
 @pytest.fixture
 def folds(tmp_path):
-    """Three folds of one photo. At 512 px they find the large rock, at 1,024 px the small one; 04 both at 1,024."""
+    """Three folds of one photo each. Large rocks are detected at 512 px, small rocks at 1,024 px; in 04 all at 1,024 px."""
     found, datasets, labels = {}, {}, []
     for fold, key in KEYS.items():
         rows = finds(key, 512, [LARGE]) + finds(key, 1024, [SMALL]) + finds(key, 512, [LARGE], "shadow")
@@ -63,16 +63,16 @@ def choose(folds, tmp_path, options=OPTIONS):
 
 
 def test_the_widths_of_a_fold_come_from_the_remaining_folds(folds, tmp_path):
-    """By itself fold 04 would take 1,024 px alone; 01 and 03 say both."""
+    """Fold 04 prefers only 1,024 px, folds 01 and 03 prefer both widths."""
     widths, found = choose(folds, tmp_path)
     assert widths["04"] == "512 1024"
     own = found[found["key"] == KEYS["04"]]
-    assert own["x0"].tolist() == [SMALL[0]]  # large boxes are asked of 512 px
+    assert own["x0"].tolist() == [SMALL[0]]  # large boxes are taken from 512 px
     assert set(found["key"]) == set(KEYS.values())
 
 
 def test_boxes_outside_the_sand_are_dropped_before_the_choice_of_widths(folds, tmp_path):
-    """Fold 03's camera looks at the ceiling: nothing it shows stands on the sand, and it chooses nothing."""
+    """The camera of fold 03 is pointed at the ceiling, so its boxes do not affect the choice."""
     up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
     write_localised(tmp_path / "Terrain03/PosA.json", up)
     triangle = Mesh(np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))

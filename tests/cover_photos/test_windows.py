@@ -1,4 +1,4 @@
-"""Windows of labelled cover photos show what their labels say, and no terrain that is tested."""
+"""Windows of labelled cover photos agree with their labels and exclude test terrains."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def photo_of(boxes):
 
 @pytest.fixture
 def covers(tmp_path):
-    """Three photos of two terrains with two bright rocks each, and their labels."""
+    """Three labelled photos of two terrains with two bright rocks each."""
     rows = []
     for key in KEYS:
         png.write(tmp_path / "photos" / f"{key}.png", photo_of(BOXES))
@@ -43,11 +43,11 @@ def covers(tmp_path):
 @settings(max_examples=8, deadline=None)
 @given(st.integers(0, 2**31), st.sampled_from([128, 512, 1280]))
 def test_a_window_is_bright_where_its_boxes_are_and_dark_elsewhere(seed, width):
-    """But where the photo shows too little of a thing for a box."""
+    """Except for objects cut off too much for a box."""
     random = np.random.default_rng(seed)
     drawn = list(draw_windows(photo_of(BOXES), np.array([0, 1]), BOXES, range(11), width, 1024, random))
     assert {window.pixels.shape for window in drawn} == {(round(width * HEIGHT / WIDTH), width)}
-    assert [len(drawn[number].boxes) for number in (0, 10)] == [2, 2]  # the whole photo
+    assert [len(drawn[number].boxes) for number in (0, 10)] == [2, 2]  # the entire photo
     for window in drawn:
         inside = np.zeros(window.pixels.shape, bool)
         for (x0, y0, x1, y1), kind in zip(window.boxes, window.classes, strict=True):

@@ -1,4 +1,4 @@
-"""A small world for detectors: bright blobs, each with a dark shadow to its right, on grey noise."""
+"""Small data set for detectors: bright blobs with a dark shadow on the right, on grey noise."""
 
 import os
 from pathlib import Path
@@ -10,7 +10,7 @@ import pytest
 from polarsim.formats import png, tables
 from polarsim.photo import HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
 
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the stage does, but before any test file imports torch
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as in `devices`, before any test imports torch
 
 KEYS = [
     PhotoKey(terrain, position, "off", azimuth, camera, exposure)
@@ -23,7 +23,7 @@ KEYS = [
 
 
 def blobs(key: PhotoKey) -> tuple[np.ndarray, list[dict[str, object]]]:
-    """A photo (h, w) uint16 and its label rows."""
+    """Return a photo (h, w) uint16 and the rows of its labels."""
     random = np.random.default_rng(KEYS.index(key))
     noise = random.normal(400, 30, (HEIGHT // 8, WIDTH // 8)).astype(np.float32)
     pixels = np.tile(noise, (8, 8))
@@ -47,7 +47,7 @@ def blobs(key: PhotoKey) -> tuple[np.ndarray, list[dict[str, object]]]:
 
 @pytest.fixture(scope="session")
 def keys() -> list[PhotoKey]:
-    """Of the small world's photos."""
+    """Keys of the photos."""
     return KEYS
 
 

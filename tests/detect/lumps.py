@@ -1,4 +1,4 @@
-"""A picture of what any detector of rocks finds: bright lumps on noisy grey sand, a black streak beside each."""
+"""Test image that every rock detector should handle: bright lumps with black shadows on noisy grey sand."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ CENTRES = np.array([(150 + 200 * column, 200 + 130 * row) for row in range(3) fo
 
 
 def lit_lumps() -> np.ndarray:
-    """(608, 968) uint8, twelve lumps about `CENTRES`, roughly as rocks and their shadows look."""
+    """Return an image (608, 968) uint8 of twelve lumps with shadows around `CENTRES`."""
     picture = 70 + 6 * np.random.default_rng(0).standard_normal((608, 968))
     y, x = np.mgrid[:608, :968]
     for cx, cy in CENTRES:

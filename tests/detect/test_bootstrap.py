@@ -13,7 +13,7 @@ AREAS = [(0.0, np.inf), (0.0, 60.0**2), (60.0**2, np.inf)]
 
 
 def case(rng, pictures):
-    """Labels, predictions and confidences: jittered copies and strays."""
+    """Return labels, predictions and confidences: jittered copies and false positives."""
     found = []
     for _ in range(pictures):
         corner, size = rng.uniform(0, 1000, (6, 2)), rng.uniform(20, 120, (6, 2))

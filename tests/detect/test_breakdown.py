@@ -41,7 +41,7 @@ def test_a_group_has_the_metrics_of_its_photos(rows):
 def test_a_size_class_ignores_labels_and_boxes_of_different_sizes(rows):
     assert rows.loc[("size", "small", "rock"), ["labels", "iou_mean"]].tolist() == [2, 0.5]
     assert rows.loc[("size", "large", "rock"), ["labels", "iou_mean"]].tolist() == [3, 2 / 3]
-    # Both found large boxes are right, and the small stray one is no large prediction: precision 1 up to recall 2/3.
+    # Both large detections are true positives, the small false positive is ignored: precision 1 up to recall 2/3.
     assert rows.loc[("size", "large", "rock"), "map50"] == pytest.approx(67 / 101)
     assert np.isnan(rows.loc[("size", "medium", "rock"), "map50"])
 
@@ -56,7 +56,7 @@ def test_a_group_of_a_single_view_has_no_interval(rows):
     assert row["units"] == 1
     assert np.isnan([row["map50_low"], row["map50_high"]]).all()
     low, high = rows.loc[("all", "all", "rock"), ["iou_mean_low", "iou_mean_high"]]
-    assert (low, high) == (0, 0.75)  # the means of either view
+    assert (low, high) == (0, 0.75)  # the means of the two views
 
 
 def test_the_curve_holds_the_average_precision_as_its_mean(rows):

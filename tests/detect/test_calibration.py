@@ -1,4 +1,4 @@
-"""Confidences after calibration say how often a box is right."""
+"""A calibrated confidence is the probability of a true positive."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ FAR = np.array([200.0, 200, 240, 240])
 
 
 def pictures(confidences, share, random, kind=0):
-    """A picture for each confidence, with one box in it that is right as often as `share` says of its confidence."""
+    """Return an image per confidence with a box that is correct with probability `share(confidence)`."""
     labels, found = [], []
     for confidence in confidences:
         right = random.random() < share(confidence)
@@ -48,7 +48,7 @@ def test_calibration_keeps_boxes_and_their_order_within_a_class():
 
 
 def test_the_error_of_calibration_by_hand():
-    """Two boxes of 0.92 of which one is right, two of 0.32 of which none is: (2 * 0.42 + 2 * 0.32) / 4."""
+    """Two boxes of 0.92 with one true positive, two boxes of 0.32 with none: (2 * 0.42 + 2 * 0.32) / 4."""
     label = [(np.array([0]), BOX[None])] * 4
     found = [
         np.array([[*box, confidence, 0]])

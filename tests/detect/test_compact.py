@@ -1,4 +1,4 @@
-"""The detector of our own: its parts by hand-made cases, and small trainings on blobs."""
+"""The compact detector: components by hand calculations, and small trainings on blobs."""
 
 import math
 import subprocess
@@ -131,7 +131,7 @@ def test_a_resumed_training_gives_the_same_bytes(dataset, matched, tmp_path, mon
 
 @pytest.mark.parametrize("first", [1, 2])
 def test_a_training_that_diverges_keeps_the_best_weights_until_then(dataset, tmp_path, monkeypatch, caplog, first):
-    """Losses of epoch `first` are no numbers: of the first one there is nothing to keep."""
+    """Losses of epoch `first` are NaN. Without a finished epoch there are no weights to return."""
     from polarsim.detect.detectors.compact import training
 
     train_epoch = training._train_epoch
@@ -168,11 +168,11 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
     surest = table[table["kind"] == "rock"].groupby("key").head(5)
     centres = ((surest["x0"] + surest["x1"]) / 2).groupby(surest["key"]).apply(list)
     near = [any(abs(x - (row.x0 + row.x1) / 2) < 30 for x in centres.get(row.key, [])) for row in labels.itertuples()]
-    assert np.mean(near) > 0.6  # five points at random find less than a sixth
+    assert np.mean(near) > 0.6  # less than 1/6 for random points
 
 
 def test_boxes_outside_the_sand_are_dropped_with_known_poses(dataset, matched, tmp_path):
-    """A camera that looks at the ceiling sees no sand, whatever a detector finds."""
+    """A camera that is pointed at the ceiling shows no sand."""
     up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
     triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
     obj.write(tmp_path / "Terrain01/terrain01_ground.obj", Mesh(triangle, np.array([[0, 1, 2]])), "ground")
@@ -239,7 +239,7 @@ def test_a_cell_is_assigned_to_the_smallest_label_of_a_class():
     boxes = torch.tensor([[0.0, 0, 32, 32], [12, 12, 20, 20], [0, 0, 32, 32]])
     owner = assign(classes, boxes, (2, 8, 8))  # cells of 4 px, centres at 2, 6, 10, ...
     centre = (owner[1] == 2).nonzero()
-    assert centre.min() == 2  # centres 10 to 22 lie within a quarter of 32 px of the box's centre
+    assert centre.min() == 2  # centres 10 to 22 are within a quarter of 32 px from the centre of the box
     assert centre.max() == 5
     assert sorted(map(tuple, (owner[0] == 1).nonzero().tolist())) == [(3, 3), (3, 4), (4, 3), (4, 4)]
     assert (owner[0] == 0).sum() == 16 - 4
@@ -264,7 +264,7 @@ def test_correct_boxes_have_no_loss():
     assert float(sum(losses(logits, boxes, labels))) == pytest.approx(0, abs=1e-6)
     class_loss, box_loss = losses(-logits, boxes + 100, labels)
     assert class_loss > 10
-    # Side by side without contact: 1 - GIoU is 1 and the empty share of the hull, 108 x 112 less twice 96.
+    # Separate boxes: 1 - GIoU is 1 plus the empty share of the hull, 108 x 112 minus twice 96.
     assert float(box_loss) == pytest.approx(2 * (2 - 2 * 96 / (108 * 112)), rel=1e-5)
 
 
@@ -295,7 +295,7 @@ def test_suppression_is_per_class_and_limits_the_number_of_boxes(monkeypatch):
     logits[0, 0, 0, 0], logits[0, 0, 1, 1], logits[0, 1, 0, 0] = 2.0, 1.0, 0.0
     boxes = torch.tensor([0.0, 0, 10, 10]).view(1, 1, 4, 1, 1).repeat(1, 2, 1, 2, 2)
     rows = decode_boxes(logits, boxes, PREDICTION)[0]
-    assert rows[:, 5].tolist() == [0, 1]  # the second rock is the first one's double
+    assert rows[:, 5].tolist() == [0, 1]  # the second rock duplicates the first rock
     np.testing.assert_allclose(rows[:, 4], [1 / (1 + math.exp(-2)), 0.5], rtol=1e-6)
     monkeypatch.setattr("polarsim.detect.detectors.compact.weights.MAX_BOXES", 1)
     assert len(decode_boxes(logits, boxes, PREDICTION)[0]) == 1

@@ -24,7 +24,7 @@ def few(keys):
 
 @pytest.fixture
 def made(world, few, tmp_path):
-    """Make a data set of the small world with changes to the call; returns its folder."""
+    """Make a data set with changed arguments; return the folder."""
 
     def make(options=OPTIONS, keys=few, **changes):
         split_photos(keys=list(keys), by="photo", split=tmp_path / "split.csv", options=SPLIT)
@@ -108,7 +108,7 @@ def test_a_domain_without_pictures_is_refused(made, tmp_path):
 
 @pytest.fixture(scope="module")
 def converted(world, keys, tmp_path_factory):
-    """Folder with the converted pictures of two domains, photos and twins, of which one twin is corrupt."""
+    """Folder with converted photos and twins; one twin is corrupt."""
     root = tmp_path_factory.mktemp("converted")
     shutil.copytree(world / "twins", root / "twins")
     corrupt = root / "twins" / "Terrain01" / f"{keys[0]}.png"
@@ -127,7 +127,7 @@ def converted(world, keys, tmp_path_factory):
 
 @pytest.fixture
 def share(converted, keys, tmp_path):
-    """Share a domain's pictures out by a split; returns the data set's folder."""
+    """Divide the images of a domain by a split; return the folder of the data set."""
 
     def share(domain, by="photo", options=SPLIT):
         split_photos(keys=keys, by=by, split=tmp_path / f"{by}.csv", options=options)
@@ -189,7 +189,7 @@ def test_a_corrupt_picture_is_counted_in_its_part(share, keys):
 
 @pytest.fixture
 def mix(share, tmp_path):
-    """Mix the two domains with weights; returns the data set's folder."""
+    """Mix the two domains with weights; return the folder of the data set."""
 
     def mix(weights, by="photo"):
         mix_datasets(

@@ -1,4 +1,4 @@
-"""`polarsim detect`: pictures of any size and depth, and what is written about them."""
+"""`polarsim detect`: images of any size and bit depth, and the output files."""
 
 import json
 from dataclasses import replace
@@ -23,7 +23,7 @@ from polarsim.photo import BOX_CLASSES, ROCK
 from tests.detect.lumps import CENTRES, lit_lumps
 
 torch = pytest.importorskip("torch")
-BOX = np.array([100, 80, 180, 140], float)  # of the bright block in a picture 640 x 400
+BOX = np.array([100, 80, 180, 140], float)  # bright block in an image of 640 x 400 px
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def weights(tmp_path):
 
 
 def brightest(pictures):
-    """In the network's place: the box of the bright block of each picture, so that boxes are known."""
+    """Replace the network by a function that returns the box of the bright block in each image."""
     points = [np.argwhere(picture > 200) for picture in pictures]
     return [np.array([[*p.min(0)[::-1], *(p.max(0)[::-1] + 1), 0.9, 0]], float) for p in points]
 
@@ -75,9 +75,9 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
         "deep.tif",
         "half.png",
         "whole.png",
-    ]  # not those two
+    ]  # without these two
     corners = found[["x0", "y0", "x1", "y1"]].to_numpy()
-    np.testing.assert_allclose(corners[[0, 1, 3]], [BOX] * 3, atol=2.5)  # a pixel of the network is two of theirs
+    np.testing.assert_allclose(corners[[0, 1, 3]], [BOX] * 3, atol=2.5)  # one input pixel is two image pixels
     np.testing.assert_allclose(corners[2], BOX / 2, atol=1.5)
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "out/detections.csv"), found, check_dtype=False)
     fields = (tmp_path / "out/labels/half.txt").read_text().split()
@@ -91,7 +91,7 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
 
 
 def test_boxes_follow_the_exif_orientation(weights, block_finder, tmp_path):
-    """Phones store portraits as landscapes with an EXIF orientation."""
+    """Phones store portrait images in landscape format with an EXIF orientation."""
     folder = tmp_path / "in"
     folder.mkdir()
     upright = Image.fromarray(picture())
@@ -125,7 +125,7 @@ def test_images_of_large_cameras_are_searched(weights, block_finder, tmp_path):
 
 
 def test_boxes_of_several_detectors_are_merged(weights, tmp_path, monkeypatch):
-    """The second one finds the block two pixels of its own further right, and something that nobody else sees."""
+    """The second detector shifts the block by two input pixels to the right and adds a box."""
 
     def shifted(pictures):
         return [
@@ -146,7 +146,7 @@ def test_boxes_of_several_detectors_are_merged(weights, tmp_path, monkeypatch):
         threads=1,
     )  # fmt: skip
     assert found["confidence"].tolist() == [0.9, 0.4]
-    np.testing.assert_allclose(found.loc[0, ["x0", "x1"]].astype(float), BOX[[0, 2]] + 2, atol=2.5)  # 4 px of 640 apart
+    np.testing.assert_allclose(found.loc[0, ["x0", "x1"]].astype(float), BOX[[0, 2]] + 2, atol=2.5)  # shift of 4 px / 2
     assert "blocks.pt, other.pt" in (tmp_path / "out/coco.json").read_text()
 
 
@@ -195,7 +195,7 @@ def test_inconsistent_options_are_a_one_line_error():
 
 
 def test_an_image_of_a_different_aspect_ratio_is_not_stretched():
-    """A rover's 16:9 picture: boxes came out 1.12 times too low and too high in pixels of a photo."""
+    """In a 16:9 image of a rover, boxes must not be scaled vertically to the aspect ratio of photos (1.12)."""
     pixels = np.zeros((1080, 1920), np.uint8)
     pixels[600:700, 400:520] = 255
 
@@ -204,7 +204,7 @@ def test_an_image_of_a_different_aspect_ratio_is_not_stretched():
 
 
 def precisions(monkeypatch, *, there: bool) -> list[bool]:
-    """Whether autocast is on, one entry each time a detector looks at a picture; bfloat16 is there or not."""
+    """Record whether autocast is enabled in each inference, with or without bfloat16 support."""
     seen: list[bool] = []
     monkeypatch.setattr("polarsim.detect.detectors.models.has_bfloat16", lambda _: there)
 
@@ -221,7 +221,7 @@ def precisions(monkeypatch, *, there: bool) -> list[bool]:
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 @pytest.mark.parametrize("there", [True, False])
 def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, monkeypatch, model, precision, there):
-    """Neither the processor nor the command chooses another precision."""
+    """Neither the processor nor the command changes the precision."""
     seen = precisions(monkeypatch, there=there)
     detectors.write_detector(weights, replace(detectors.read_detector(weights), model=model))
     cv2.imwrite(str(tmp_path / "one.png"), picture())
@@ -238,7 +238,7 @@ def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, mon
 
 
 def test_bfloat16_and_float32_detect_the_same_objects():
-    """The packaged detector, lit lumps with shadows on sand: every sure rock within a pixel."""
+    """Confident rocks of the packaged detector agree within one pixel on the image of lumps."""
     options = prediction_options([], [], "cpu")
     loaded = detectors.load_detector(detectors.read_detector(PACKAGED), PACKAGED.parent, options, 1)
     sizes, pictures = ClassSizes.same(InferenceWidths((960,))), [lit_lumps()]
@@ -254,12 +254,12 @@ def test_bfloat16_and_float32_detect_the_same_objects():
 
 
 def test_fused_batch_norms_do_not_change_the_output(rng, tmp_path, monkeypatch):
-    """`load` against the network as it was trained, its norms away from the identity: all scores and boxes."""
+    """Scores and boxes of `load` agree with the training network with random batch norms."""
     from polarsim.detect.detectors.compact.weights import network, to_input
 
     torch.manual_seed(0)
     module, options = network("compact"), PredictionOptions(device="cpu")
-    torch.nn.init.normal_(module.edges.weight, std=0.05)  # at first all boxes are alike
+    torch.nn.init.normal_(module.edges.weight, std=0.05)  # initial boxes are equal
     for value in module.state_dict().values():
         if value.ndim == 1:
             value += torch.from_numpy(rng.uniform(0, 0.5, value.shape)).to(value.dtype)
@@ -274,20 +274,20 @@ def test_fused_batch_norms_do_not_change_the_output(rng, tmp_path, monkeypatch):
     with torch.inference_mode():
         logits, boxes = network("compact", state).eval()(to_input(pictures, "cpu"))
     ((scores, corners),) = answers
-    assert min(float(scores.std()) / 1e-3, float(corners.std())) > 1  # the answers differ from cell to cell
+    assert min(float(scores.std()) / 1e-3, float(corners.std())) > 1  # the output differs between cells
     torch.testing.assert_close(scores, logits.sigmoid(), rtol=0, atol=1e-4)
     torch.testing.assert_close(corners, boxes, rtol=1e-3, atol=0.01)
 
 
 def test_eight_bit_images_are_averaged(rng):
-    """In whole numbers at once, or in fractions that are rounded then."""
+    """Averages of integers agree with rounded averages of floats."""
     pixels = rng.integers(0, 256, (76, 121), np.uint8)
     np.testing.assert_allclose(resize_longer_side(pixels, 112), tone.shrink(pixels, 112), atol=0.51)
 
 
 @pytest.mark.parametrize("darker", [4, 8])
 def test_rocks_of_an_underexposed_picture_are_found(darker, tmp_path):
-    """The packaged detector finds every lump in a quarter of the light, and in an eighth."""
+    """The packaged detector finds every lump at a quarter and an eighth of the brightness."""
     cv2.imwrite(str(tmp_path / "dark.png"), lit_lumps() // darker)
     options = prediction_options(["960"], [], "cpu")
     found = find_in_pictures(
@@ -298,7 +298,7 @@ def test_rocks_of_an_underexposed_picture_are_found(darker, tmp_path):
     middles = np.column_stack([rocks["x0"] + rocks["x1"], rocks["y0"] + rocks["y1"]]) / 2
     near = np.linalg.norm(middles[:, None] - CENTRES, axis=2).min(axis=0)
     assert near.max() < 12
-    assert cv2.imread(str(tmp_path / "out" / "pictures" / "dark.jpg"), 0).max() > 200  # drawn as it was seen
+    assert cv2.imread(str(tmp_path / "out" / "pictures" / "dark.jpg"), 0).max() > 200  # brightened
 
 
 def test_a_failed_drawing_leaves_no_output(weights, block_finder, tmp_path, monkeypatch):

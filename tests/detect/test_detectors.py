@@ -1,4 +1,4 @@
-"""The detector's file, and what surrounds Ultralytics."""
+"""Detector files, and the import of Ultralytics."""
 
 import ast
 import pickle
@@ -54,7 +54,7 @@ def test_code_in_a_weights_file_is_not_executed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     torch.save({"format": "polarsim judge 1", "model": Evil()}, tmp_path / "evil.pt", pickle_module=pickle)
     with pytest.raises(DetectError, match=r"evil\.pt"):
-        read_detector(tmp_path / "evil.pt")  # and not PyTorch's own advice to run it
+        read_detector(tmp_path / "evil.pt")  # without the PyTorch advice to execute the file
     assert not (tmp_path / "executed").exists()
 
 
@@ -128,7 +128,7 @@ def test_only_one_module_imports_ultralytics_and_common_modules_do_not_import_to
 
 
 def test_the_import_of_ultralytics_does_not_change_the_environment(tmp_path):
-    """It limits threads by variables; a library in a process started later complained of that on standard error."""
+    """The import sets thread limits, which libraries of subprocesses report on standard error."""
     script = (
         "import os, sys; from pathlib import Path;"
         "from polarsim.detect.detectors.yolo.library import ultralytics;"

@@ -48,7 +48,7 @@ def tables_below(folder: Path) -> Evaluation:
 
 
 def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.DataFrame:
-    """Evaluate the detector of domain `real` on both domains; returns the detection table."""
+    """Evaluate the detector of domain `real` on both domains; return the detection table."""
     evaluate(
         predictions=[root / "real_on_real.parquet", root / "real_on_hapke.parquet"],
         labels=dict.fromkeys(("real", "hapke"), root / "labels.parquet"),
@@ -65,7 +65,7 @@ def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.D
 
 @pytest.fixture
 def tested(tmp_path):
-    """Two domains with the same labels: in `real` the detector is good, in `hapke` it is bad; one photo is a gap."""
+    """Two domains with equal labels: the detector is good in `real` and bad in `hapke`; one photo is missing."""
     (tmp_path / "split.csv").write_text(SPLIT)
     for domain, found in (("real", GOOD), ("hapke", BAD)):
         (tmp_path / domain).mkdir()
@@ -79,13 +79,13 @@ def tested(tmp_path):
 def test_metrics_of_a_domain_agree_with_a_calculation_by_hand(tested):
     table = tables.read_parquet(tested / "detection.parquet")
     real = table[table["evaluated"] == "real"].set_index("kind")
-    assert real["images"].tolist() == [1] * 3  # the gap does not count
+    assert real["images"].tolist() == [1] * 3  # without the missing photo
     assert real["labels"].to_dict() == {"rock": 2, "shadow": 1, "all": 3}
-    # IoU 0.8 of the sure box: right up to the threshold 0.8 (7 of 10); the second box is exact and comes after it.
+    # The first box has IoU 0.8, correct up to threshold 0.8 (7 of 10); the second box is exact.
     assert real["map50"].to_dict() == pytest.approx({"rock": 1, "shadow": 1, "all": 1})
-    beyond = 51 * 0.5 / 101  # the sure box is false: precision 1/2 up to recall 1/2
+    beyond = 51 * 0.5 / 101  # the first box is false: precision 1/2 up to recall 1/2
     assert real.loc["rock", "map50_95"] == pytest.approx((7 * 1 + 3 * beyond) / 10, abs=1e-6)
-    # The second box is less sure than `iou_confidence`: its rock counts 0.
+    # The confidence of the second box is below `iou_confidence`, so the performance of its rock is 0.
     assert real["iou_mean"].to_dict() == pytest.approx({"rock": 0.4, "shadow": 1, "all": 0.7})
 
 

@@ -6,11 +6,11 @@ from polarsim.detect.ipd import Rules
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats.tables import write_parquet
 
-# Two rocks of 0.2 x 0.2 in one picture; the second domain's labels lie a little beside the first one's.
+# Two rocks of 0.2 x 0.2 in an image; the labels of the second domain are slightly shifted.
 LABELS_A = "0 0.3 0.3 0.2 0.2\n0 0.7 0.7 0.2 0.2\n"
 LABELS_B = "0 0.71 0.7 0.2 0.2\n0 0.31 0.3 0.2 0.2\n1 0.5 0.5 0.1 0.1\n"
 FOUND_A = "0 0.3 0.3 0.2 0.2 0.9\n0 0.7 0.7 0.2 0.1 0.8\n"  # IoU 1 and 0.5
-FOUND_B = "0 0.31 0.3 0.2 0.1 0.9\n0 0.71 0.7 0.2 0.2 0.1\n"  # IoU 0.5, and a box that is not sure enough
+FOUND_B = "0 0.31 0.3 0.2 0.1 0.9\n0 0.71 0.7 0.2 0.2 0.1\n"  # IoU 0.5, and a box below the confidence threshold
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def test_yolo_folders_are_paired_by_overlap_in_any_line_order(folders):
     assert rock["pairs"] == 2
     assert (rock["iou_mean_a"], rock["iou_mean_b"]) == (pytest.approx(0.75), pytest.approx(0.25))
     assert (rock["ipd"], rock["ipd_abs"]) == (pytest.approx(0.5), pytest.approx(0.5))  # 1 - 0.5 and 0.5 - 0
-    assert (report["unit"], rock["ipd_low"]) == ("photo", None)  # one picture has no interval
+    assert (report["unit"], rock["ipd_low"]) == ("photo", None)  # a single image has no interval
     assert report["classes"]["shadow"] == {
         "pairs": 0, "units": 0, "ipd": None, "ipd_abs": None, "ipd_low": None, "ipd_high": None, "ipd_abs_low": None,
         "ipd_abs_high": None, "labels_a": 0, "iou_mean_a": None, "labels_b": 1, "iou_mean_b": 0.0,
@@ -46,10 +46,10 @@ def test_images_without_predictions_are_reported_and_excluded(folders):
             (folders / side / f"{picture}.txt").write_text(text)
     report = compare(folders)
     assert (report["pictures"], report["without_predictions_a"]) == (1, ["three", "two"])
-    assert report["classes"]["rock"] == whole  # two pictures more counted as IoU 0 made a third of it
+    assert report["classes"]["rock"] == whole  # a third of this, if two images counted with IoU 0
     assert compare(folders, missing="zero")["classes"]["rock"]["ipd"] == pytest.approx(whole["ipd"] / 3)
     for side in ("pa", "pb"):
-        (folders / side / "two.txt").write_text("")  # looked at, and nothing found
+        (folders / side / "two.txt").write_text("")  # an image without detections
     assert compare(folders)["classes"]["rock"]["ipd"] == pytest.approx(whole["ipd"] / 2)
 
 
@@ -63,7 +63,7 @@ def test_predictions_of_other_pictures_are_refused(folders):
 def test_confidence_and_rules_are_applied(folders):
     assert compare(folders, confidence=0.05)["classes"]["rock"]["ipd"] == pytest.approx(0)  # 0.5 and -0.5 cancel
     assert compare(folders, rules=Rules(undetected="left_out"))["classes"]["rock"]["pairs"] == 1
-    assert compare(folders, pair_iou=0.95)["classes"]["rock"]["pairs"] == 0  # labels are 0.05 of a box apart
+    assert compare(folders, pair_iou=0.95)["classes"]["rock"]["pairs"] == 0  # labels are shifted by 0.05 of a box
     alone = compare(folders, pair_iou=0.95, rules=Rules(unpaired="zero"))["classes"]["rock"]
     assert (alone["pairs"], alone["ipd"]) == (4, pytest.approx((1 + 0.5 - 0.5 - 0) / 4))
 
@@ -84,7 +84,7 @@ def test_tables_are_paired_by_rock_id_and_photo_keys_give_views(tmp_path):
     corners = {"x0": 0.0, "y0": 0.0, "x1": 10.0, "y1": 10.0}
     labels = pd.DataFrame([{"key": key, "kind": "rock", "rock": 7} | corners for key in keys])
     write_parquet(tmp_path / "la", labels)
-    write_parquet(tmp_path / "lb", labels.assign(x0=500.0, x1=510.0))  # elsewhere, and the same rock
+    write_parquet(tmp_path / "lb", labels.assign(x0=500.0, x1=510.0))  # the same rock without overlap
     found = labels.drop(columns="rock").assign(confidence=0.9)
     write_parquet(tmp_path / "pa", found)
     write_parquet(tmp_path / "pb", found)

@@ -33,8 +33,8 @@ def test_rates_are_false_positives_over_photos_and_covered_over_free_area():
     found = rates((EMPTY, "rock", (100, 100, 200, 300)), (EMPTY, "rock", (100, 200, 200, 400))).loc[TERRAIN]
     assert found["false_positives"] == 2
     assert found["per_photo"] == 1  # of two photos
-    assert found["area_share"] == pytest.approx(100 * 300 / (2 * WIDTH * HEIGHT))  # their common part once
-    assert (found["per_photo_low"], found["per_photo_high"]) == (0, 2)  # either view alone
+    assert found["area_share"] == pytest.approx(100 * 300 / (2 * WIDTH * HEIGHT))  # overlap counted once
+    assert (found["per_photo_low"], found["per_photo_high"]) == (0, 2)  # replicates with a single view
 
 
 def test_shadows_and_unsure_boxes_are_no_false_rocks():
@@ -43,7 +43,7 @@ def test_shadows_and_unsure_boxes_are_no_false_rocks():
 
 
 def test_a_false_positive_belongs_to_the_tile_of_its_centre():
-    aside = (484 - 42, 350, 484 + 142, 400)  # from the rock's tile, whose right border is 484, into the next one
+    aside = (484 - 42, 350, 484 + 142, 400)  # from the tile of the rock (right border 484) into the next tile
     found = rates((ROCKY, "rock", aside)).loc[TILES]
     assert found["false_positives"] == 1
     assert found["area_share"] == pytest.approx(142 * 50 / (31 / 32 * WIDTH * HEIGHT))

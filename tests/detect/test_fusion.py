@@ -1,4 +1,4 @@
-"""What several detectors find is merged to one box a thing."""
+"""Fusion of the boxes of several detectors."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def one(x0, confidence, kind=0, side=100.0):
 
 @st.composite
 def finds(draw):
-    """Boxes (n, 6) that a detector may find: many of them over each other, some with one confidence."""
+    """Strategy of detector boxes (n, 6): many overlapping boxes, some with equal confidences."""
     count = draw(st.integers(0, 12))
     reach = 60.0 if draw(st.booleans()) else 2000.0
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -42,7 +42,7 @@ def test_merging_a_list_with_itself_changes_nothing(found, times):
 
 
 def in_order(rows):
-    """As merged lists are ordered: by confidence, of one confidence rocks first and then by corners."""
+    """Sort boxes like merged lists: by descending confidence, class and corners."""
     return rows[np.lexsort((*rows[:, 3::-1].T, rows[:, 5], -rows[:, 4]))]
 
 
@@ -72,13 +72,13 @@ def test_the_merged_list_is_sorted_suppressed_and_limited(found, most):
 
 
 def test_the_merged_box_is_the_mean_by_confidence():
-    """By hand: boxes at 0 and 10 px, confidences 0.9 and 0.3: (0.9 * 0 + 0.3 * 10) / 1.2 = 2.5 px, 1.2 / 2."""
+    """Boxes at 0 and 10 px, confidences 0.9 and 0.3: (0.9 * 0 + 0.3 * 10) / 1.2 = 2.5 px, confidence 1.2 / 2."""
     merged = fuse([one(0, 0.9), one(10, 0.3)], LIMIT, MOST)
     np.testing.assert_allclose(merged, [[2.5, 0, 102.5, 100, 0.6, 0]])
 
 
 def test_a_detector_counts_once_in_a_group():
-    """Two boxes of one detector on a thing: the surest counts, so that 0.4 + 0.4 does not beat 0.6."""
+    """Of two boxes of a detector in a group, only the maximum confidence counts: 0.4 + 0.4 is less than 0.6."""
     twice = np.vstack([one(-20, 0.4), one(20, 0.4)])
     assert boxes.iou(twice[:1, :4], twice[1:, :4])[0, 0] < LIMIT
     merged = fuse([one(0, 0.6), twice], LIMIT, MOST)
@@ -91,7 +91,7 @@ def test_a_rock_and_its_shadow_are_not_merged():
 
 
 def test_chains_of_boxes_are_grouped_around_the_most_confident_box():
-    """a and c overlap b by 0.6 and each other by 0.33: about b all are one thing, about a the third is another one."""
+    """a and c overlap b by 0.6 and each other by 0.33: around b they form a group, around a the box c is separate."""
     a, b, c = one(0, 0.5), one(25, 0.5), one(50, 0.5)
     b[0, 4] = 0.9
     assert len(fuse([a, b, c], LIMIT, MOST)) == 1

@@ -11,7 +11,7 @@ BOTH = ClassSizes.same(InferenceWidths((512, 896), (64.0,)))
 
 
 def rows(*sides, confidence=0.5, left=0.0, kind=0):
-    """Square boxes of these sides, one beside the other."""
+    """Return separate square boxes with the given sides."""
     x0 = left + np.cumsum([0.0, *sides[:-1]]) + 10 * np.arange(len(sides))
     return np.array([(x, 0, x + side, side, confidence, kind) for x, side in zip(x0, sides, strict=True)], float)
 
@@ -22,7 +22,7 @@ def at(narrow, wide):
 
 def test_small_boxes_come_from_the_wide_image_and_large_boxes_from_the_narrow_image():
     found = merge(at(rows(20, 200), rows(20, 200, left=1000)), BOTH, 0.5, 300)
-    assert sorted(found[:, 0].tolist()) == [30.0, 1000.0]  # the narrow one's 200 px, the wide one's 20 px
+    assert sorted(found[:, 0].tolist()) == [30.0, 1000.0]  # 200 px of the narrow image, 20 px of the wide image
 
 
 def test_a_rock_at_the_gate_is_found_at_both_widths_and_kept_once():
@@ -34,7 +34,7 @@ def test_a_rock_at_the_gate_is_found_at_both_widths_and_kept_once():
 
 def test_gates_follow_the_size_of_the_picture():
     found = merge(at(rows(18), rows(18, left=500)), BOTH.scaled(0.25), 0.5, 300)
-    assert found[:, 0].tolist() == [0.0, 500.0]  # 16 px is the gate of a quarter photo: 18 px lies in both ranges
+    assert found[:, 0].tolist() == [0.0, 500.0]  # the gate of a quarter photo is 16 px, so 18 px is in both ranges
 
 
 @given(st.lists(st.floats(1, 500), min_size=1, max_size=8), st.integers(1, 5))
@@ -45,11 +45,11 @@ def test_merging_keeps_the_most_confident_boxes(sides, most):
     assert (np.diff(found[:, 4]) <= 0).all()
     assert set(map(tuple, found[:, :4])) <= set(map(tuple, wide[:, :4]))
     if most >= len(sides):
-        assert len(found) == len(sides)  # every box is in the range of one width at least
+        assert len(found) == len(sides)  # every box is in the range of at least one width
 
 
 def test_widths_are_chosen_by_average_precision():
-    """Small rocks are found in wide pictures alone, large ones in narrow pictures alone: both are needed."""
+    """Both widths are needed if small rocks are found only in wide images and large rocks only in narrow images."""
     labels = [(np.array([0, 0]), rows(20, 300)[:, :4])]
     found = {512: [rows(20, 300)[1:]], 896: [rows(20, 300)[:1]]}
     assert choose_sizes(labels, found, 0.5, 300).widths == [512, 896]
@@ -59,7 +59,7 @@ def test_widths_are_chosen_by_average_precision():
 
 
 def test_each_class_has_separate_widths():
-    """Rocks are found in the wide picture alone, shadows in the narrow one alone: each class is asked of its own."""
+    """Rocks are found only in the wide image, shadows only in the narrow image."""
     labels = [(np.array([0, 1]), rows(300, 300)[:, :4])]
     rock, shadow = rows(300, 300)
     shadow[5] = 1

@@ -21,7 +21,7 @@ PAPER = [
 ]
 
 
-PHOTOS = Rules(unit="photo")  # the photos here have short names
+PHOTOS = Rules(unit="photo")  # the names in these tests are not photo keys
 instance_performance_difference = partial(ipd.instance_performance_difference, rules=PHOTOS)
 
 

@@ -1,4 +1,4 @@
-"""A head for masks learns, is stored with the weights, and what it sees lies where the picture shows it."""
+"""Training, storage and inference of masks."""
 
 import json
 from dataclasses import replace
@@ -29,12 +29,12 @@ from polarsim.detect.detectors.compact.training import _mean_iou, fitness_of  # 
 from polarsim.detect.detectors.compact.weights import network  # noqa: E402
 
 PREDICTION = PredictionOptions(device="cpu")
-SIZE = (64, 40)  # width and height of made pictures, px
+SIZE = (64, 40)  # width and height of test images, px
 GROUND, ROCK, SHADOW = range(3)
 
 
 def scene(random) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A bright rock with its dark shadow on grey ground: picture and mask (h, w), boxes (2, 4)."""
+    """Return image and mask (h, w) and boxes (2, 4) of a bright rock with a dark shadow on grey ground."""
     x, y = random.integers(4, 30), random.integers(4, 20)
     picture, mask = np.full(SIZE[::-1], 110, np.uint8), np.zeros(SIZE[::-1], np.uint8)
     boxes = np.array([[x, y, x + 12, y + 12], [x + 12, y, x + 28, y + 12]])
@@ -147,7 +147,7 @@ def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_pat
 def test_external_images_get_masks_of_equal_size(weights, tmp_path, monkeypatch):
     picture, mask, boxes = scene(np.random.default_rng(5))
     found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
-    # This small a training finds few boxes.
+    # After this short training, few boxes are detected.
     monkeypatch.setattr("polarsim.detect.detect_pictures.detect", lambda *_: iter([found]))
     large = cv2.resize(picture, (150, 94), interpolation=cv2.INTER_LINEAR)
     png.write(tmp_path / "a.png", large)
@@ -168,7 +168,7 @@ def test_external_images_get_masks_of_equal_size(weights, tmp_path, monkeypatch)
 
 @pytest.mark.parametrize("size", [(64, 40), (100, 70), (1936, 1216)])
 def test_masks_are_aligned_with_the_image(size):
-    """A network in whose place stand the cells of the bright block, padded pictures and several widths included."""
+    """The network is replaced by the cells of the bright block; includes padding and several widths."""
 
     def bright_cells(pictures):
         assert pictures.shape[1] % 32 == pictures.shape[2] % 32 == 0
@@ -225,7 +225,7 @@ def test_weights_are_chosen_by_boxes_and_masks():
     row = {"val_map50": 0.6, "val_map50_95": 0.3}
     assert fitness_of(row) == pytest.approx(0.06 + 0.27)
     assert fitness_of(row | {"val_mask_iou": 0.5}) == pytest.approx(0.06 + 0.27 + 0.5)
-    assert _mean_iou(np.array([[4, 1, 0], [1, 3, 0], [0, 0, 0]])) == pytest.approx(0.6)  # no shadow: the rock's alone
+    assert _mean_iou(np.array([[4, 1, 0], [1, 3, 0], [0, 0, 0]])) == pytest.approx(0.6)  # only rocks have pixels
     assert _mean_iou(np.diag([9, 0, 0])) == 0
 
 

@@ -12,12 +12,12 @@ UNIT = np.array([[0.0, 0, 100, 100]])
 
 
 def average_precision(labels, predictions, confidences, thresholds=IOU_THRESHOLDS, area=ANY_AREA[0]):
-    """Average precision at each IoU threshold, of the labels of one range of area."""
+    """Return average precision at each IoU threshold for the labels of a range of area."""
     return precision_at_recalls(rank(labels, predictions, confidences, thresholds, [area])).mean(axis=1)
 
 
 def half_missing(share: float) -> np.ndarray:
-    """A box inside `UNIT` whose IoU with it is `share`."""
+    """Return a box inside `UNIT` with IoU `share`."""
     return np.array([[0.0, 0, 100, 100 * share]])
 
 
@@ -46,7 +46,7 @@ def test_a_second_box_on_the_same_label_is_false():
     both = np.concatenate([UNIT, UNIT, UNIT + 1000])
     labels = [np.concatenate([UNIT, UNIT + 1000])]
     found = average_precision(labels, [both], [np.array([0.9, 0.8, 0.7])])
-    np.testing.assert_allclose(found, (51 * 1 + 50 * 2 / 3) / 101)  # the third box is the second right one
+    np.testing.assert_allclose(found, (51 * 1 + 50 * 2 / 3) / 101)  # the third box is the second true positive
 
 
 def test_a_detector_without_detections_has_precision_zero():
@@ -63,7 +63,7 @@ def random_boxes(rng, count):
 
 
 def random_case(rng, pictures=12):
-    """Labels, predictions and confidences of pictures: jittered copies, doubles, ties and strays."""
+    """Return labels, predictions and confidences: jittered copies, duplicates, ties and false positives."""
     labels, predictions, confidences = [], [], []
     for _ in range(pictures):
         label = random_boxes(rng, rng.integers(0, 12))
@@ -77,7 +77,7 @@ def random_case(rng, pictures=12):
 
 
 def coco_precision(labels, predictions, confidences, area=(0, 1e10)):
-    """(t,) average precision by pycocotools, without its limit of 100 boxes a picture; -1 without labels."""
+    """Return average precision (t,) of pycocotools without the limit of 100 boxes per image; -1 without labels."""
     from pycocotools.coco import COCO
     from pycocotools.cocoeval import COCOeval
 

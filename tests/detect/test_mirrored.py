@@ -1,4 +1,4 @@
-"""Looks at a picture and at the mirrored one: as good as the detector either way, and alike from both sides."""
+"""Inference on images and mirrored images."""
 
 import cv2
 import numpy as np
@@ -10,7 +10,7 @@ from polarsim.detect.options import PACKAGED, PredictionOptions
 
 
 def bright_box(pictures, sees=lambda x0, width: True):
-    """A detector of one bright rectangle a picture, class 0, confidence 0.8; `sees` may blind it."""
+    """Return the box of the bright rectangle of each image, class 0, confidence 0.8, if `sees` accepts the position."""
     found = []
     for picture in pictures:
         rows, columns = np.nonzero(picture > 128)
@@ -34,7 +34,7 @@ def test_boxes_found_in_both_images_are_unchanged(pictures):
 
 def test_a_box_found_in_a_single_image_keeps_half_of_its_confidence(pictures):
     def half_blind(shown):
-        return bright_box(shown, lambda x0, width: x0 > width / 2)  # nothing that begins in the left half
+        return bright_box(shown, lambda x0, width: x0 > width / 2)  # only boxes that start in the right half
 
     assert not len(half_blind(pictures)[0])
     for whole, both in zip(bright_box(pictures), detect_with_mirror(half_blind, 0.5)(pictures), strict=True):
@@ -43,7 +43,7 @@ def test_a_box_found_in_a_single_image_keeps_half_of_its_confidence(pictures):
 
 def test_masks_are_the_mean_of_both(pictures):
     def by_column(shown):
-        """What lies left is rock, whatever is shown there."""
+        """Return rock for the left half of every image."""
         share = np.linspace(0, 1, shown.shape[2], dtype=np.float32)
         return np.broadcast_to(np.stack([1 - share, share])[None, :, None], (len(shown), 2, 1, shown.shape[2]))
 
@@ -51,12 +51,12 @@ def test_masks_are_the_mean_of_both(pictures):
 
 
 def test_a_mirrored_picture_has_the_mirrored_boxes():
-    """Whatever the detector learnt of left and right."""
+    """The predictions do not depend on a left-right bias of the detector."""
     options = PredictionOptions(confidence=0.05, nms_iou=0.5, mirrored=True)
     detect = detectors.load_detector(detectors.read_detector(PACKAGED), PACKAGED.parent, options, 1)
     picture = np.full((160, 256), 70, np.uint8)
-    cv2.fillPoly(picture, [np.array([[60, 90], [75, 60], [95, 65], [100, 92]])], 190)  # a lit rock
-    cv2.fillPoly(picture, [np.array([[100, 92], [95, 70], [170, 88], [160, 96]])], 5)  # its shadow
+    cv2.fillPoly(picture, [np.array([[60, 90], [75, 60], [95, 65], [100, 92]])], 190)  # lit rock
+    cv2.fillPoly(picture, [np.array([[100, 92], [95, 70], [170, 88], [160, 96]])], 5)  # shadow
     seen, turned = detect(picture[None])[0], detect(picture[None, :, ::-1].copy())[0]
     assert len(seen)
     turned[:, [0, 2]] = 256 - turned[:, [2, 0]]

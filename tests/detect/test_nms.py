@@ -7,7 +7,7 @@ from polarsim.detect.nms import nms  # noqa: E402
 
 
 def kept_by_definition(boxes, scores, limit):
-    """Greedy: the surest box stays, all that overlap it by more go, and so on."""
+    """Greedy suppression: keep the most confident box, drop boxes that overlap it, repeat."""
     order, kept = np.argsort(-scores, kind="stable").tolist(), []
     while order:
         best, *rest = order
@@ -24,7 +24,7 @@ def test_suppression_agrees_with_its_definition(seed):
     rng = np.random.default_rng(seed)
     low = rng.uniform(0, 200, (300, 2))
     boxes = np.concatenate([low, low + rng.uniform(5, 60, (300, 2))], axis=1).astype(np.float32)
-    boxes += np.float32(7680) * rng.integers(0, 2, (300, 1))  # classes are kept apart by an offset
+    boxes += np.float32(7680) * rng.integers(0, 2, (300, 1))  # an offset separates the classes
     scores = rng.permutation(np.linspace(0.01, 0.99, 300)).astype(np.float32)
     found = nms(torch.from_numpy(boxes), torch.from_numpy(scores), 0.6)
     assert found.dtype == torch.int64

@@ -1,4 +1,4 @@
-"""The detector that comes with polarsim is whole, small, and finds lit lumps."""
+"""The packaged detectors are complete, small, and find lit lumps."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""A YOLO data set of a run is whole where it was packed and unpacked."""
+"""A YOLO data set of a run is complete after packing and unpacking."""
 
 import shutil
 

@@ -27,14 +27,14 @@ def few(keys):
 
 @pytest.fixture
 def twins(world, tmp_path):
-    """A copy of the small world's twins, to be spoilt."""
+    """Copy of the twins, for tests that corrupt files."""
     shutil.copytree(world / "twins", tmp_path / "twins")
     return tmp_path / "twins"
 
 
 @pytest.fixture
 def states(world, few, tmp_path):
-    """Convert pictures; returns key -> state."""
+    """Convert images; return key -> state."""
 
     def convert(pictures, labels=None, options=OPTIONS):
         convert_photos(
@@ -123,7 +123,7 @@ SIZE = (640, 480)
 
 @pytest.fixture
 def views(tmp_path):
-    """What `polarsim render VIEWS.yaml` writes, as far as it is read: three scenes, four cameras, two exposures."""
+    """Write the required output of `polarsim render VIEWS.yaml`: three scenes, four cameras, two exposures."""
     root, rows = tmp_path / "views", []
     for scene, terrains in VIEWED.items():
         for camera in range(4):
@@ -142,7 +142,7 @@ def views(tmp_path):
 
 @pytest.fixture
 def shared_views(views, keys, tmp_path):
-    """Convert the views and share them out; returns the data set's folder."""
+    """Convert and divide the views; return the folder of the data set."""
 
     def share(by, options=OPTIONS, **changes):
         convert_views(views=views, folder=tmp_path / "made", options=options)
@@ -198,8 +198,8 @@ def test_a_folder_without_views_is_an_error(tmp_path):
 
 
 def test_masks_of_photos_and_twins_are_converted(world, keys, tmp_path):
-    """A grey map of one photo, for the others the instance maps of their brackets, where rock 5 has no label."""
-    photos = keys[:9:3]  # each of a bracket of its own
+    """One photo has a grey map, the remaining photos have instance maps in which rock 5 is unlabelled."""
+    photos = keys[:9:3]  # from different brackets
     table = tables.read_parquet(world / "labels.parquet")
     tables.write_parquet(tmp_path / "labels.parquet", table[table["rock"] != 5])
     folder = tmp_path / f"Terrain{photos[0].terrain:02d}"
@@ -231,7 +231,7 @@ def test_an_image_without_mask_is_skipped_with_a_warning(world, few, tmp_path, c
 
 
 def boxes_of(key):
-    """Kind, rock and whole pixels x0, y0, x1, y1 of what a photo of the small world shows."""
+    """Return kind, rock and integer pixels x0, y0, x1, y1 of the objects of a photo."""
     for row in blobs(key)[1]:
         yield row["kind"], row["rock"], [round(row[edge]) for edge in ("x0", "y0", "x1", "y1")]
 

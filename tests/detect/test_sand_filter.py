@@ -1,4 +1,4 @@
-"""Finds off the sandbox's sand are left out where the camera's pose is known."""
+"""Boxes outside the sand are dropped in photos with a known camera pose."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ SIDE_PX = 40.0
 
 
 def standing_at(x, y, kind=0):
-    """(1, 6) box of a rock whose lower side's middle, or of a shadow whose centre, lies at a point of the sand."""
+    """Return the box (1, 6) of a rock or shadow with its foot at a point of the sand."""
     (u, v) = CAMERA.project(np.array([x, y, 0.0]))
     low = v if kind == 0 else v + SIDE_PX / 2
     return np.array([[u - SIDE_PX / 2, low - SIDE_PX, u + SIDE_PX / 2, low, 0.9, kind]])
@@ -56,7 +56,7 @@ def test_higher_sand_covers_less_of_the_photo():
 
 @given(st.floats(-1.95, -0.8))
 def test_the_near_wall_hides_sand(x):
-    """A ray to the sand passes the wall, at 1.2 m, as high as the triangle of camera, wall and sand has it."""
+    """The height of a ray to the sand at the wall (1.2 m) follows from the triangle of camera, wall and sand."""
     above = 1.0 * (x + 2.0) / (x + 3.2)
     if abs(above - SURELY_WALL) > 1e-6:
         u, v = STEEP.project(np.array([x, 0.0, 0.0]))
@@ -65,7 +65,7 @@ def test_the_near_wall_hides_sand(x):
 
 
 def test_a_rock_partly_hidden_by_the_near_wall_is_kept():
-    """Its box ends below at the wall's edge, in the photo, or a little beneath where a detector is a little off."""
+    """The box ends at the edge of the wall in the photo, or slightly below because of detector errors."""
     edge = STEEP.project(np.array([-SANDBOX_HALF_WIDTH, 0.0, SURELY_WALL]))[1]
     box = np.array([[900.0, edge - 60, 990, edge + 3, 0.9, 0]])
     assert on_sand(box, STEEP, 0.0)[0]
@@ -91,7 +91,7 @@ def test_photos_without_a_pose_keep_all_boxes(rigs, kept, tmp_path):
 
 
 def test_the_sand_level_is_read_from_the_ground_mesh(tmp_path):
-    """Frames of published meshes have it where their makers put it."""
+    """The sand level differs between the frames of published meshes."""
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     write_localised(cameras / "PosA.json", RIG)
     for level, kept in ((0.0, 0), (0.2, 1)):
@@ -109,7 +109,7 @@ def test_unpaired_folders_and_missing_ground_are_errors(tmp_path):
 
 
 def test_the_filter_lists_its_input_files(tmp_path):
-    """A prediction that was stopped is not continued with other poses or another ground."""
+    """An interrupted prediction does not resume after a change of poses or ground."""
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     write_ground(meshes)
     write_localised(cameras / "PosA.json", RIG)

@@ -67,7 +67,7 @@ def test_the_validation_part_of_a_strict_split_has_entire_units_if_possible():
     few = draw_split([key for key in GRID if key.terrain < 4], "terrain", OPTIONS)
     assert {key.terrain for key, part in few.items() if part == "val"} == {
         key.terrain for key, part in few.items() if part == "train"
-    }  # of two terrains none can be spared
+    }  # two terrains are too few for a validation terrain
 
 
 @pytest.mark.parametrize(("by", "named"), [("view", "1 A L"), ("position", "1 A"), ("terrain", "1")])

@@ -1,4 +1,4 @@
-"""Stereo depth: a rig, a textured ground with a box on it, and pictures of both cast ray by ray."""
+"""Stereo depth of a textured ground with a box, in ray-cast images of a rig."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def meshes(tmp_path_factory) -> Path:
 
 
 def grey(points: np.ndarray) -> np.ndarray:
-    """Texture of a point in the sandbox: waves of 3 to 30 cm in many directions."""
+    """Return the texture at points of the sandbox: waves of 3 to 30 cm in many directions."""
     random = np.random.default_rng(0)
     waves = random.normal(0, 1, (40, 3))
     waves *= (2 * np.pi / random.uniform(0.03, 0.3, 40) / np.linalg.norm(waves, axis=1))[:, None]
@@ -57,7 +57,7 @@ def grey(points: np.ndarray) -> np.ndarray:
 
 
 def picture(mesh: TerrainMesh, camera: str) -> np.ndarray:
-    """(h, w) uint8 of the scene, a quarter of a photo's size."""
+    """Render the scene (h, w) uint8 at a quarter of the size of a photo."""
     lens, pose = RIG.lens(camera).scaled(SCALE), LOCALISED.sandbox_from(camera)
     directions = pose.rotate(lens.pixel_directions().reshape(-1, 3))
     origins = np.broadcast_to(pose.translation, directions.shape)
@@ -69,7 +69,7 @@ def picture(mesh: TerrainMesh, camera: str) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def scene(meshes):
-    """Mesh, rectification, truth, left and right picture."""
+    """Mesh, rectification, reference depth, left and right image."""
     mesh = read_terrain(meshes, 1)
     rig = rectify(RIG, SCALE)
     truth = depth_truth(mesh, caster(mesh.vertices, mesh.faces), LOCALISED, rig)
@@ -79,12 +79,12 @@ def scene(meshes):
 @given(st.floats(-1, 1), st.floats(-0.6, 0.6), st.floats(1.5, 9))
 def test_rectified_points_have_equal_rows_and_the_expected_disparity(x, y, z):
     rig = rectify(RIG, SCALE)
-    position = np.array([x * z * 0.4, y * z * 0.4, z])  # in the rectified left camera's frame
+    position = np.array([x * z * 0.4, y * z * 0.4, z])  # frame of the rectified left camera
     left = rig.lens.project(position)
     right = rig.lens.project(position - [rig.baseline, 0, 0])
     assert left[1] == pytest.approx(right[1], abs=1e-9)
     assert left[0] - right[0] == pytest.approx(float(rig.disparity(z)), rel=1e-9)
-    # The maps say where a rectified pixel lies in the picture as it was taken; the lens says so too.
+    # The maps from rectified to original pixels agree with the lens model.
     column, row = np.floor(left).astype(int)
     if 0 <= column < rig.lens.width and 0 <= row < rig.lens.height:
         direction = rig.left_from_rectified.rotate(rig.lens.directions(np.array([column + 0.5, row + 0.5])))
@@ -113,7 +113,7 @@ def test_the_reference_depth_of_plane_box_and_occlusion(scene):
     centre = int(np.median(rows))
     hidden = ~truth.shared[centre] & np.isfinite(truth.depth[centre])
     left_of_box = columns[rows == centre].min()
-    assert hidden[left_of_box - 8 : left_of_box - 1].any()  # the box hides what is behind its left edge from the right
+    assert hidden[left_of_box - 8 : left_of_box - 1].any()  # occluded by the left edge of the box in the right image
     assert truth.shared[rows, columns].mean() > 0.8
 
 
@@ -123,8 +123,8 @@ def test_depth_of_a_textured_scene_is_right_and_without_bias(scene):
     asked = truth.shared & (truth.depth < 6)
     error = (rig.disparity(depth) - rig.disparity(truth.depth))[asked]
     assert np.isfinite(error).mean() > 0.9
-    assert np.nanmedian(np.abs(error)) < 0.15  # px of a picture of 484 px; 0.1 seen
-    assert abs(np.nanmedian(error)) < 0.06  # 0.03 seen; 0.25 with the matcher's usual five directions
+    assert np.nanmedian(np.abs(error)) < 0.15  # px at width 484; measured 0.1
+    assert abs(np.nanmedian(error)) < 0.06  # measured 0.03; 0.25 with the default five directions
     assert np.nanmean(np.abs(depth - truth.depth)[asked] > 0.03 * truth.depth[asked]) < 0.2
 
 
@@ -221,7 +221,7 @@ def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):
 
 
 def test_nothing_is_matched_outside_the_right_image(scene):
-    """Black there to the rim, as in shadow: the picture's edge, drawn out, would fit anything."""
+    """With black pixels at the border, as in shadow, the replicated border would match everything."""
     _, rig, _, left, right = scene
     left, right = left.copy(), right.copy()
     left[:, :60], right[:, :20] = 1, 1

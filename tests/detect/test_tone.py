@@ -21,7 +21,7 @@ def test_the_curve_is_the_stretched_light_to_the_power_of_1_over_2_2():
 def test_a_shorter_exposure_gives_an_equal_image_without_clipping():
     long, short = RAMP, (16 + (RAMP - 16) / 4).astype(np.uint16)
     difference = to_8_bits(long).astype(int) - to_8_bits(short)
-    assert np.abs(difference[:, 200:]).max() <= 2  # quantisation of the short one
+    assert np.abs(difference[:, 200:]).max() <= 2  # quantisation of the short exposure
 
 
 def test_noise_of_a_dark_photo_is_not_stretched(rng):
@@ -47,5 +47,5 @@ def test_underexposed_eight_bit_images_are_brightened():
     ramp = np.tile(np.arange(256, dtype=np.uint8), (64, 1))
     np.testing.assert_array_equal(brighten(ramp), ramp)
     np.testing.assert_allclose(brighten(ramp // 4), ramp, atol=5)
-    assert brighten(ramp // 64).max() == 8 * 3  # what is that dark is noise
+    assert brighten(ramp // 64).max() == 8 * 3  # maximum gain
     assert not brighten(np.zeros((8, 8), np.uint8)).any()

@@ -1,4 +1,4 @@
-"""One small detector is trained for this file: it has to learn, and the stage has to hold together around it."""
+"""Training, prediction and evaluation of a small YOLO detector."""
 
 import shutil
 from dataclasses import fields
@@ -148,7 +148,7 @@ def test_an_interrupted_training_resumes(matched, monkeypatch, caplog):
     with monkeypatch.context() as patch:
         patch.setattr(
             "polarsim.detect.detectors.yolo.training._report", stop
-        )  # called when the checkpoint of an epoch is on the disk
+        )  # called after the checkpoint of an epoch is written
         with pytest.raises(KeyboardInterrupt):
             train(matched, "stopped", OPTIONS.model_copy(update={"epochs": 3}))
     assert not (matched / "stopped.pt").exists()
@@ -192,7 +192,7 @@ def test_predictions_agree_with_the_ultralytics_predictor(matched):
         picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=PREDICTION.nms_iou, verbose=False
     )[0].boxes
     table = tables.read_parquet(matched / "real_on_real.parquet")
-    # Ultralytics gives a cell one class, we give it all that are likely enough: only the surest one must be the same.
+    # Ultralytics keeps one class per cell, polarsim all classes above the threshold: compare the most confident box.
     surest = table[table["key"] == key].sort_values("confidence", ascending=False).iloc[0]
     assert surest["confidence"] == pytest.approx(float(found.conf.max()), abs=1e-4)
 
@@ -203,7 +203,7 @@ def test_training_can_start_from_a_polarsim_detector(matched):
     tuned = detectors.read_detector(matched / "tuned.pt")
     assert tuned.start == "real.pt"
     first, second = (tables.read_csv(matched / f"{name}.csv")["val_class_loss"].iloc[0] for name in ("real", "tuned"))
-    assert second < first  # it went on where the other had stopped
+    assert second < first  # starts from the weights of the first training
 
 
 def test_evaluation_in_two_equal_domains(matched, world):
