@@ -35,7 +35,7 @@ def write_found(path, rows):
 
 @pytest.fixture
 def folds(tmp_path):
-    """Three folds of one photo each. Large rocks are detected at 512 px, small rocks at 1,024 px; in 04 all at 1,024 px."""
+    """Three folds of one photo each. Large rocks are detected at 512 px, small rocks at 1,024 px; in 04 all at 1024."""
     found, datasets, labels = {}, {}, []
     for fold, key in KEYS.items():
         rows = finds(key, 512, [LARGE]) + finds(key, 1024, [SMALL]) + finds(key, 512, [LARGE], "shadow")
