@@ -66,7 +66,7 @@ def test_a_known_key_without_a_cover_photo_is_named(made_release, key):
         read(made_release, keys=[key])
 
 
-@pytest.mark.parametrize("scale", [0.5, 1.25])
+@pytest.mark.parametrize("scale", [0.5, 1.1])
 def test_a_cover_of_another_size_gives_the_same_photo_and_boxes(made_release, cover, scale):
     whole = read_cover(made_release / NAME)
     small = cv2.resize(cover, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)

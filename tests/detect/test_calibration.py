@@ -26,11 +26,11 @@ def test_overconfident_and_underconfident_detectors_are_calibrated(slope):
     def share(confidence):
         return 1 / (1 + np.exp(-slope * np.log(confidence / (1 - confidence)) + 0.7))
 
-    labels, found = pictures(random.uniform(0.05, 0.95, 4000), share, random)
+    labels, found = pictures(random.uniform(0.05, 0.95, 2000), share, random)
     (fitted, offset), _ = fit_calibration(labels, found)
     assert fitted == pytest.approx(slope, rel=0.15)
     assert offset == pytest.approx(-0.7, abs=0.15)
-    others = pictures(random.uniform(0.05, 0.95, 4000), share, random)
+    others = pictures(random.uniform(0.05, 0.95, 2000), share, random)
     before, after = (
         calibration_error(others[0], rows)
         for rows in (others[1], [calibrate_boxes(row, ((fitted, offset),)) for row in others[1]])

@@ -16,12 +16,12 @@ from polarsim.errors import DetectError
 torch = pytest.importorskip("torch")
 
 
-@pytest.fixture
-def detector(tmp_path) -> Detector:
+@pytest.fixture(scope="module")
+def detector(tmp_path_factory) -> Detector:
     from polarsim.detect.detectors.yolo.library import ultralytics
 
     torch.manual_seed(0)
-    module = ultralytics(tmp_path).DetectionModel("yolov5n.yaml", nc=2, verbose=False)
+    module = ultralytics(tmp_path_factory.mktemp("yolo")).DetectionModel("yolov5n.yaml", nc=2, verbose=False)
     state = {name: value.half() for name, value in module.state_dict().items()}
     return Detector("yolov5n", 160, 2, "scratch", state)
 

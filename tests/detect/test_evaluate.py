@@ -1,3 +1,4 @@
+import shutil
 from dataclasses import fields
 from pathlib import Path
 
@@ -63,9 +64,10 @@ def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.D
     return tables.read_parquet((out or root) / "detection.parquet")
 
 
-@pytest.fixture
-def tested(tmp_path):
+@pytest.fixture(scope="module")
+def tested(tmp_path_factory):
     """Two domains with equal labels: the detector is good in `real` and bad in `hapke`; one photo is missing."""
+    tmp_path = tmp_path_factory.mktemp("evaluated")
     (tmp_path / "split.csv").write_text(SPLIT)
     for domain, found in (("real", GOOD), ("hapke", BAD)):
         (tmp_path / domain).mkdir()
@@ -74,6 +76,12 @@ def tested(tmp_path):
     tables.write_parquet(tmp_path / "labels.parquet", LABELS)
     run(tmp_path, "photo")
     return tmp_path
+
+
+@pytest.fixture
+def modified(tested, tmp_path):
+    """Copy of `tested` for tests that change files."""
+    return shutil.copytree(tested, tmp_path / "copy")
 
 
 def test_metrics_of_a_domain_agree_with_a_calculation_by_hand(tested):
@@ -122,16 +130,16 @@ def test_a_split_without_shared_views_is_reported(tested):
     assert not tables.read_parquet(tested / "detection.parquet")["leaks_views"].any()
 
 
-def test_corrupt_pictures_of_training_and_test_are_counted(tested):
-    (tested / "real" / "left_out.csv").write_text("key,part\nx,train\ny,val\nz,test\n")
-    (tested / "hapke" / "left_out.csv").write_text("key,part\nx,train\ny,test\nz,test\n")
-    assert run(tested, "view").set_index("evaluated")["left_out"].to_dict() == {"real": 3, "hapke": 4}
+def test_corrupt_images_of_training_and_test_are_counted(modified):
+    (modified / "real" / "left_out.csv").write_text("key,part\nx,train\ny,val\nz,test\n")
+    (modified / "hapke" / "left_out.csv").write_text("key,part\nx,train\ny,test\nz,test\n")
+    assert run(modified, "view").set_index("evaluated")["left_out"].to_dict() == {"real": 3, "hapke": 4}
 
 
-def test_a_strict_split_with_shared_units_is_an_error(tested):
-    (tested / "split.csv").write_text(SPLIT.replace("01_B_off_180_R_0256", "01_A_off_180_L_0512"))
+def test_a_strict_split_with_shared_units_is_an_error(modified):
+    (modified / "split.csv").write_text(SPLIT.replace("01_B_off_180_R_0256", "01_A_off_180_L_0512"))
     with pytest.raises(DetectError):
-        run(tested, "view")
+        run(modified, "view")
 
 
 def test_every_table_names_its_detector_and_its_domains(tested):

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.fusion import fuse
 from polarsim.detect.nms import suppress_by_class
 from polarsim.geometry import boxes
 
+FEW = settings(max_examples=30)
 LIMIT, MOST = 0.5, 300
 NOTHING = np.zeros((0, 6))
 
@@ -32,6 +33,7 @@ def suppressed(found):
     return suppress_by_class(found, LIMIT, MOST)
 
 
+@FEW
 @given(finds(), st.integers(1, 4))
 def test_merging_a_list_with_itself_changes_nothing(found, times):
     own = suppressed(found)
@@ -46,12 +48,14 @@ def in_order(rows):
     return rows[np.lexsort((*rows[:, 3::-1].T, rows[:, 5], -rows[:, 4]))]
 
 
+@FEW
 @given(st.lists(finds(), min_size=2, max_size=4), st.randoms(use_true_random=False))
 def test_the_order_of_detectors_does_not_matter(found, random):
     shuffled = random.sample(found, len(found))
     np.testing.assert_array_equal(fuse(found, LIMIT, MOST), fuse(shuffled, LIMIT, MOST))
 
 
+@FEW
 @given(finds(), st.integers(1, 3))
 def test_a_box_of_a_single_detector_keeps_a_share_of_its_confidence(found, others):
     own = suppressed(found)
@@ -60,6 +64,7 @@ def test_a_box_of_a_single_detector_keeps_a_share_of_its_confidence(found, other
     np.testing.assert_allclose(merged[:, 4], in_order(own)[:, 4] / (1 + others), rtol=1e-12)
 
 
+@FEW
 @given(st.lists(finds(), min_size=1, max_size=4), st.integers(1, 20))
 def test_the_merged_list_is_sorted_suppressed_and_limited(found, most):
     merged = fuse(found, LIMIT, most)

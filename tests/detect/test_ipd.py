@@ -63,7 +63,7 @@ some_performances = st.lists(
 ).map(lambda rows: performances(*rows))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=15)
 @given(some_performances, some_performances)
 def test_ipd_is_symmetric_and_at_most_the_absolute_ipd(first, second):
     there = instance_performance_difference(first, second, resamples=100)

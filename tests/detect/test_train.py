@@ -256,7 +256,7 @@ def test_ultralytics_trains_in_either_precision(matched, tmp_path):
     assert losses[0] == pytest.approx(losses[1], rel=0.1)
 
 
-@pytest.mark.parametrize("model", ["yolov8n", "yolov10n", "yolo11n", "yolo26n"])
+@pytest.mark.parametrize("model", ["yolov10n", "yolo26n"])  # two heads that differ from YOLOv5u, YOLOv8 and YOLO11
 def test_newer_models_train_and_predict_by_name(matched, tmp_path, model):
     options = OPTIONS.model_copy(update={"model": model, "epochs": 1})
     train(tmp_path, model, options, dataset=matched / "real")

@@ -202,7 +202,7 @@ def test_rocks_invisible_in_a_dark_photo_still_occlude(untouched_scene, tmp_path
 
 @pytest.mark.parametrize("kind", BOX_CLASSES)
 def test_an_outline_with_an_inaccurate_box_is_close_to_the_mesh(untouched_scene, tmp_path, kind):
-    pen = [np.array(off) for off in ([7.0, -5, -6, 4], [-6.0, 5, 7, 6], [5.0, 6, 6, -5])]
+    pen = [np.array(off) for off in ([7.0, -5, -6, 4], [-6.0, 5, 7, 6])]
     rings = {rock: true_outline(kind, rock) for rock in BLOCKS}
     for number, off in enumerate(pen):
         boxes = {rock: np.concatenate([ring.min(axis=0), ring.max(axis=0)]) + off for rock, ring in rings.items()}
