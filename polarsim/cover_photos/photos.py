@@ -62,7 +62,7 @@ def read_covers(
     keys : sequence of str
         Known photo keys, which override the match of shadows.
     pairing : Path
-        CSV to write: one row per cover photo and exposure bracket, with the measures of the match.
+        CSV to write: a row per cover photo and exposure bracket, with the measures of the match.
 
     Raises
     ------

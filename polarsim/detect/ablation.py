@@ -1,4 +1,4 @@
-"""Ablation: change of the gap between photos and twins after replacing one component of the twin.
+"""Ablation: change of the gap between photos and twins after replacing a component of the twin.
 
 The same detectors, without further training, are evaluated on photos, twins and modified twins of equal keys. Changes
 are paired by rock and by bootstrap replicate, so an interval refers to the change, not to two separate metrics.
@@ -28,7 +28,7 @@ _DIGITS = 6
 
 
 def effect_of(photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainEvaluation) -> pd.DataFrame:
-    """Return the effect of one component on one detector: one row per class, `ABLATION_COLUMNS` from `images` on.
+    """Return the effect of a component on a detector: a row per class, `ABLATION_COLUMNS` from `images` on.
 
     All three evaluations must have the same keys and options.
     """
@@ -62,7 +62,7 @@ def write_ablation(
     training: TrainingOptions,
     imgsz: int,
 ) -> None:
-    """Write `ABLATION_COLUMNS`, one row per component, detector and class.
+    """Write `ABLATION_COLUMNS`, a row per component, detector and class.
 
     Parameters
     ----------

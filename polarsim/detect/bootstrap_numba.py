@@ -1,4 +1,4 @@
-"""Average precision of bootstrap replicates, compiled: one pass over the predictions per replicate.
+"""Average precision of bootstrap replicates, compiled: a single pass over the predictions per replicate.
 
 Equivalent to `metrics.precision_at_recalls` with the weights of each replicate, which is the reference in a test.
 Resampling changes only the weights of matches. All sums are sums of integers (draw counts), so their order does not

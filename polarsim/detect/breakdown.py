@@ -29,13 +29,13 @@ PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
 MEASURES = ("map50", "map50_95", "iou_mean")
 BREAKDOWN_COLUMNS = BREAKDOWN.without("split", "seed", "trained", "evaluated")
 CURVE_IOUS = (0.5, 0.75)
-CURVE_COLUMNS = CURVES.columns[2:]  # columns for one detector in one domain
+CURVE_COLUMNS = CURVES.columns[2:]  # columns for a detector in a domain
 GROUP_RESAMPLES = 200  # bootstrap replicates of the numerous groups of photos and size classes
 
 
 @dataclass(frozen=True)
 class Matches:
-    """Matched predictions and labels of one detector in one domain, by class."""
+    """Matched predictions and labels of a detector in a domain, by class."""
 
     keys: list[PhotoKey]
     ranked: dict[str, metrics.Ranked]  # areas: all, then SIZES
@@ -127,7 +127,7 @@ def curves(matched: Matches) -> pd.DataFrame:
 
 
 def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resamples: int) -> Iterator[dict[str, object]]:
-    """Yield one row per class and one for all classes, for a mask (p,) of photos and a range of area (0: all)."""
+    """Yield a row per class and a row for all classes, for a mask (p,) of photos and a range of area (0: all)."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 
     unit = np.zeros(len(chosen), int)

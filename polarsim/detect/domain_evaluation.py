@@ -1,4 +1,4 @@
-"""Evaluation of one detector on one domain with bootstrap replicates that all evaluations share."""
+"""Evaluation of a detector on a domain with bootstrap replicates that all evaluations share."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CELL = ["key", "kind", "rock"]
 
 @dataclass(frozen=True)
 class DomainEvaluation:
-    """Metrics of one detector on one domain.
+    """Metrics of a detector on a domain.
 
     Attributes
     ----------

@@ -156,7 +156,7 @@ def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
 def _figures(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
 ) -> dict[str, pd.DataFrame]:
-    """Return the tables of one detector on one domain."""
+    """Return the tables of a detector on a domain."""
     tested_labels = labels[labels["key"].isin(keys)]
     tested_predictions = predictions[predictions["key"].isin(keys)]
     performance = instance_performance(tested_labels, tested_predictions, options.iou_confidence)

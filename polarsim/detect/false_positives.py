@@ -71,7 +71,7 @@ def false_positives_of_photos(
     confidence: float,
     overlap: float = MIN_MATCH_SHARE,
 ) -> pd.DataFrame:
-    """Return one row per photo: key, region, free, false_positives, area; arguments as in `false_positives`.
+    """Return a row per photo: key, region, free, false_positives, area; arguments as in `false_positives`.
 
     `free` is the rock-free area, `area` the part of it that false positives cover; a photo has area 1.
     """

@@ -48,7 +48,7 @@ def fuse(found: Sequence[np.ndarray], nms_iou: float, most: int) -> np.ndarray:
 
 
 def _merged(rows: np.ndarray, detector: np.ndarray, detectors: int, nms_iou: float) -> np.ndarray:
-    """Return a merged box (m, 6) per group of sorted boxes (n, 6) of one class and their detectors (n,)."""
+    """Return a merged box (m, 6) per group of sorted boxes (n, 6) of a class and their detectors (n,)."""
     group_of, surest = _groups(rows[:, :4], nms_iou)
     best = np.zeros((len(surest), detectors))
     np.maximum.at(best, (group_of, detector), rows[:, 4])

@@ -19,7 +19,7 @@ def gather_tables(
     Parameters
     ----------
     parts : mapping of str to sequence of Path
-        Parquet tables by name of the table, each for one split and one training seed.
+        Parquet tables by name of the table, each for a split and a training seed.
     tables : mapping of str to Path
         Parquet tables to write, by the same names.
     splits, seeds : sequences of str and int

@@ -21,7 +21,7 @@ from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey
 from polarsim.schemas.detect import INSTANCES, IPD_ROCKS
 
-INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # columns for one detector in one domain
+INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # columns for a detector in a domain
 ROCK_COLUMNS = IPD_ROCKS.without("split", "seed", "trained", "first", "second")
 Treatment = Literal["zero", "left_out"]
 
@@ -79,7 +79,7 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
     Returns
     -------
     DataFrame
-        Columns key, kind, rock, iou, area_px (area of the label, px^2); one row per label, by photo, kind, rock.
+        Columns key, kind, rock, iou, area_px (area of the label, px^2); a row per label, by photo, kind, rock.
     """
     confident = predictions[predictions["confidence"] >= confidence]
     by_photo = values_by(confident, ["key", "kind"], BOX_COLUMNS)

@@ -38,7 +38,7 @@ def train_detector(
     weights : Path
         Detector to write, see `detectors.write_detector`.
     curve : Path
-        CSV to write, one row per epoch: losses, and mAP on the validation part.
+        CSV to write, a row per epoch: losses, and mAP on the validation part.
     prediction : PredictionOptions
         Inference options of validation, equal to those of the test.
     imgsz : int

@@ -1,4 +1,4 @@
-"""Rock labels of one position in any camera: annotated, fused from several annotations, or projected from meshes.
+"""Rock labels of a position in any camera: annotated, fused from several annotations, or projected from meshes.
 
 A missing annotation is evidence against a rock only if the photo could show the rock: inside the image and lit.
 """
@@ -38,7 +38,7 @@ EDGE_PX, EDGE_SHARE = 2.2, 0.027
 
 
 class PositionRocks:
-    """Rock labels of one position. Results shared by several photos are computed once."""
+    """Rock labels of a position. Results shared by several photos are computed once."""
 
     def __init__(
         self, terrain_rocks: Known, position: str, options: LabelsOptions, annotator: Annotator | None = None

@@ -104,7 +104,7 @@ def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowMinExposures:
 
 
 def choose_seeds(drawings: Drawings, corrections: Drawings, min_exposures: ShadowMinExposures) -> Seeds:
-    """Choose one annotation per position, camera and azimuth.
+    """Choose an annotation per position, camera and azimuth.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Shadow labels of one position in any camera: annotated, averaged with cast shadows, or cast."""
+"""Shadow labels of a position in any camera: annotated, averaged with cast shadows, or cast."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None,
 
 
 class PositionShadows:
-    """Shadow labels of one position. Rays are cast once per camera and lamp."""
+    """Shadow labels of a position. Rays are cast once per camera and lamp."""
 
     def __init__(self, rocks: PositionRocks, options: LabelsOptions) -> None:
         self.rocks, self.world, self.options = rocks, rocks.world, options

@@ -40,7 +40,7 @@ class Trained:
     """Result of a training."""
 
     state: dict[str, Any]  # weights of the best validation, tensors by name in half precision
-    curve: pd.DataFrame  # one row per epoch: epoch, losses, val_map50, val_map50_95, with masks also val_mask_iou
+    curve: pd.DataFrame  # a row per epoch: epoch, losses, val_map50, val_map50_95, with masks also val_mask_iou
 
 
 class Family(Protocol):

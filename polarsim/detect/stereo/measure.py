@@ -40,7 +40,7 @@ def measure_stereo(
     options: StereoOptions,
     threads: int,
 ) -> None:
-    """Compute stereo depth of each pair of images of a terrain; write one row per pair and one row per rock.
+    """Compute stereo depth of each pair of images of a terrain; write a row per pair and a row per rock.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class TrainingState:
     steps: int = 0
     best: dict[str, Any] = field(default_factory=dict)
     best_fitness: float = -1.0
-    curve: list[dict[str, float]] = field(default_factory=list)  # one row per finished epoch
+    curve: list[dict[str, float]] = field(default_factory=list)  # a row per finished epoch
 
 
 class NetworkOutput(NamedTuple):
