@@ -19,7 +19,7 @@ from polarsim.detect.breakdown import (
 )  # fmt: skip
 from polarsim.detect.dataset import count_left_out, read_pictures
 from polarsim.detect.detectors import detector_name
-from polarsim.detect.differences import DIFFERENCE_COLUMNS, paired_differences
+from polarsim.detect.differences import DIFFERENCE_COLUMNS, SIDES, paired_differences
 from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.false_positives import FALSE_POSITIVE_COLUMNS, false_positives
 from polarsim.detect.grouping import BOX_COLUMNS
@@ -41,7 +41,6 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
 from polarsim.schemas.detect import CURVES, DETECTION, INSTANCES, IPD
 
-SIDES = ("trained", "evaluated")
 PAIR = ("trained", "first", "second")
 DETECTION_COLUMNS = DETECTION.without("seed")
 IPD_COLUMNS = IPD.without("split", "seed")
