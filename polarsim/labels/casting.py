@@ -1,7 +1,7 @@
 """Cast shadows of rocks and walls under a near lamp, and bounding boxes of these shadows in a photo.
 
 Positions of lamps and walls have errors of centimetres, which shift the edge of the shadow of a wall by decimetres at a
-low Sun. `shading_height` fits an effective wall height to that edge in the photo, which compensates these errors.
+low Sun. `fit_wall_height` fits an effective wall height to that edge in the photo, which compensates these errors.
 """
 
 from __future__ import annotations

@@ -248,7 +248,7 @@ class PositionRocks:
         return at_border(boxes, size) | at_border(visible.reshape(-1, 4), size)
 
     def _mesh_box(self, camera: CameraSide, rock: int) -> np.ndarray | None:
-        """Return the projected box (4,) of the mesh of a rock; None if less than `MIN_SEEN` is visible."""
+        """Return the projected box (4,) of the mesh of a rock; None if less than `MIN_VISIBLE_SHARE` is visible."""
         body = self.world.bodies.get(rock)
         projection = self.projected(camera, rock) if body is not None and body.meshed else None
         return projection.box if projection is not None and projection.visible_share >= MIN_VISIBLE_SHARE else None

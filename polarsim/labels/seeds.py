@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 DrawingKey = tuple[CameraSide, Azimuth]  # annotation of a position, by camera and lamp
 Ranked = tuple[tuple[bool, bool, int], "Annotated"]  # (is a correction, rover light off, number of boxes), annotation
-MIN_VOTES = 3  # minimum number of annotated brackets for a median, so that an outlier affects only its bracket
+MIN_VOTES = 3  # minimum number of annotated brackets for a median, to limit the effect of outliers
 SAME_LABEL_IOU = 0.1  # minimum IoU of an annotated and a propagated box to copy the rock id
 
 
@@ -95,7 +95,7 @@ def read_drawings(folder: Path, terrain: int) -> Drawings:
 
 
 def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowMinExposures:
-    """Return the minimum exposures of shadows under Sun lamps: `usual_ms`, or shorter if annotated at a shorter one."""
+    """Return the minimum exposures of shadows under Sun lamps: `usual_ms`, or the shortest annotated exposure."""
     annotated_ms: dict[Bracket, int] = {}
     for key, annotated in drawings.items():
         if key.azimuth in SUNS and annotated.shadows is not None and len(annotated.shadows):
@@ -204,7 +204,7 @@ def read_all_corrections(folder: Path) -> dict[PhotoKey, Annotated]:
     for path in sorted(Path(folder).rglob("*.json")):
         for key, annotated in read_coco(path).items():
             if key in corrections:
-                raise FormatError(f"{key} is corrected in two files of {folder}; delete one", path=path)
+                raise FormatError(f"{key} is corrected in two files of {folder}; delete a file", path=path)
             classes = np.array([BOX_CLASSES.index(annotation.kind) for annotation in annotated], int)
             corrections[key] = classes, np.array([annotation.box for annotation in annotated]).reshape(-1, 4)
     return {key: Annotated.of(*corrections[key]) for key in sorted(corrections)}
