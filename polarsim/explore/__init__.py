@@ -1,1 +1,1 @@
-"""A run as a page in the browser, as a Rerun recording, and as a FiftyOne data set: read from its files alone."""
+"""Views of a run's files: browser page, Rerun recording, FiftyOne data set."""

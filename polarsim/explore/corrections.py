@@ -1,4 +1,4 @@
-"""Corrections of a run: boxes that a person put right in the page, one label file a photo."""
+"""Corrections of a run: boxes that were corrected in the page, a label file per photo."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from polarsim.labels.seeds import Annotated, matched_rocks, read_corrections
 from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.run_files.run import PHOTO, Run
 
-MIN_SIDE_PX = 0.01  # of a box: label files have 6 decimals of the photo's width
+MIN_SIDE_PX = 0.01  # minimum side of a box; label files have 6 decimals, relative to the width of the photo
 _SIZE = {"x0": WIDTH, "x1": WIDTH, "y0": HEIGHT, "y1": HEIGHT}
 
-Boxes = list[dict[str, Any]]  # kind, rock, x0, y0, x1, y1 in pixels, as the page has them
+Boxes = list[dict[str, Any]]  # kind, rock, x0, y0, x1, y1 in pixels, as in the page
 
 
 class Corrections:
@@ -29,14 +29,14 @@ class Corrections:
     Attributes
     ----------
     folder
-        The label files `KEY.txt` of corrected photos. It may hold other files that `labels.corrections` reads.
+        Folder with the label files `KEY.txt` of corrected photos and other files for `labels.corrections`.
     """
 
     def __init__(self, run: Run) -> None:
         self.folder = run.folder / "corrections"
         self._run = run
         self._keys = {str(key): key for _, key in run.pictures}
-        self._lock = threading.Lock()  # requests come in threads
+        self._lock = threading.Lock()  # each request has a thread
 
     def __contains__(self, name: str) -> bool:
         """Return whether a text is the key of a photo of the run."""
@@ -45,20 +45,20 @@ class Corrections:
     def read(self) -> dict[str, Boxes]:
         """Return all boxes of each corrected photo by key.
 
-        Rocks are those of the run's labels that the boxes are matched with, as in propagation.
+        Rock ids are from the matched labels of the run, as in propagation.
 
         Raises
         ------
         FormatError
-            A file in the folder that `labels.corrections` refuses.
+            The folder contains an invalid file.
         """
         if not self.folder.is_dir():
             return {}
         with self._lock:
-            found: dict[PhotoKey, Annotated] = {}
+            corrected: dict[PhotoKey, Annotated] = {}
             for terrain in self._run.terrains:
-                found |= read_corrections(self.folder, terrain)
-        return {str(key): self._with_rocks(key, annotated) for key, annotated in sorted(found.items())}
+                corrected |= read_corrections(self.folder, terrain)
+        return {str(key): self._with_rocks(key, annotated) for key, annotated in sorted(corrected.items())}
 
     def save(self, name: str, boxes: object) -> Path:
         """Replace all boxes of a photo and return the written file.
@@ -93,7 +93,7 @@ class Corrections:
         Raises
         ------
         LabelError
-            The photo is corrected in a COCO file, which stays as it is.
+            The photo is corrected in a COCO file, which is not changed.
         """
         with self._lock:
             self._file_of(self._keys[name]).unlink(missing_ok=True)
@@ -107,14 +107,14 @@ class Corrections:
     def _with_rocks(self, key: PhotoKey, annotated: Annotated) -> Boxes:
         labels = self._run.labels(key.terrain, of_twins=not self._has_photo(key))
         labels = labels[labels["key"] == str(key)]
-        found: Boxes = []
+        result: Boxes = []
         for kind, boxes in ((ROCK, annotated.rocks), (SHADOW, annotated.shadows)):
-            own = labels[labels["kind"] == kind]
+            of_kind = labels[labels["kind"] == kind]
             boxes = np.zeros((0, 4)) if boxes is None else boxes
-            rocks = matched_rocks(boxes, own[EDGES].to_numpy(float), own["rock"].to_numpy(int))
+            rocks = matched_rocks(boxes, of_kind[EDGES].to_numpy(float), of_kind["rock"].to_numpy(int))
             for rock, corners in zip(rocks, boxes.round(3), strict=True):
-                found.append({"kind": kind, "rock": int(rock), **dict(zip(EDGES, map(float, corners), strict=True))})
-        return found
+                result.append({"kind": kind, "rock": int(rock), **dict(zip(EDGES, map(float, corners), strict=True))})
+        return result
 
     def _has_photo(self, key: PhotoKey) -> bool:
         return (PHOTO, key) in self._run.pictures
@@ -128,10 +128,10 @@ def _checked(boxes: object) -> tuple[list[str], np.ndarray]:
     for number, box in enumerate(boxes, 1):
         if not isinstance(box, dict) or box.get("kind") not in BOX_CLASSES:
             raise LabelError(f"box {number}: expected an object with kind {' or '.join(BOX_CLASSES)}")
-        for edge, most in _SIZE.items():
+        for edge, maximum in _SIZE.items():
             value = box.get(edge)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= most:
-                raise LabelError(f"box {number}: {edge} is {value!r:.40}, expected a number from 0 to {most}")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= maximum:
+                raise LabelError(f"box {number}: {edge} is {value!r:.40}, expected a number from 0 to {maximum}")
         x0, y0, x1, y1 = (float(box[edge]) for edge in EDGES)
         if min(x1 - x0, y1 - y0) < MIN_SIDE_PX:
             raise LabelError(f"box {number} has no area: expected x0 < x1 and y0 < y1")

@@ -1,4 +1,4 @@
-"""The rover's drives for a map: ground from above, path, picture times, and the pictures that were taken."""
+"""The rover's drives for the page: map of the ground, path, images and their times."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from polarsim.formats.tables import read_parquet
 
 MAP_PX = 900  # longer side of the map
 FRAME_PX = 960  # width of a frame
-LEAST_STEP = 0.02  # metres between points of the path
+MIN_STEP = 0.02  # minimum distance between points of the path, metres
 
 
 def drive_content(folder: Path) -> dict[str, Any]:
-    """A drive: `map` (its position and size, metres), `path` (x, y in turn), `rocks`, `views` with their frames.
+    """Return a drive: `map` (position and size, metres), `path` (x0, y0, x1, y1 ...), `rocks`, `views`.
 
-    A view has the times of its frames, where camera and rover were then (x, y in turn), and by look
-    (`Sun_model_exposure`) the frames that have a picture.
+    A view has the times of the frames, the positions of camera and rover (x0, y0, x1, y1 ...), and in `looks` the
+    frames with an image by picture set (`Sun_model_exposure`).
     """
     ground = _ground(folder)
     trace = read_parquet(folder / "trace.parquet", ["time_s", "x_m", "y_m"])
     positions = trace[["x_m", "y_m"]].to_numpy(float)
-    gone = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
-    kept = np.unique(np.searchsorted(gone, np.arange(0, gone[-1] + LEAST_STEP, LEAST_STEP)).clip(max=len(gone) - 1))
+    distance = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(positions, axis=0).T))])
+    steps = np.arange(0, distance[-1] + MIN_STEP, MIN_STEP)
+    kept = np.unique(np.searchsorted(distance, steps).clip(max=len(distance) - 1))
     rows, columns = ground["level_m"].shape
     cell = float(ground["cell_m"])
     return {
@@ -39,7 +40,7 @@ def drive_content(folder: Path) -> dict[str, Any]:
             "width_m": (columns - 1) * cell,
             "height_m": (rows - 1) * cell,
         },
-        "length_m": round(float(gone[-1]), 3),
+        "length_m": round(float(distance[-1]), 3),
         "path": as_rows(positions[kept]),
         "rocks": _rocks(folder),
         "views": [_view(path, trace) for path in sorted(folder.glob("*/poses.parquet"))],
@@ -47,7 +48,7 @@ def drive_content(folder: Path) -> dict[str, Any]:
 
 
 def _rocks(folder: Path) -> list[dict[str, Any]]:
-    """Rocks of the drive's world: terrain and number there, position and size, metres."""
+    """Return the rocks of the drive's world: terrain and rock id, position and size, metres."""
     path = folder / "world" / "rocks.parquet"
     if not path.exists():
         return []
@@ -61,7 +62,7 @@ def _rocks(folder: Path) -> list[dict[str, Any]]:
 
 def _view(poses: Path, trace: pd.DataFrame) -> dict[str, Any]:
     table = read_parquet(poses, ["frame", "time_s", "x_m", "y_m"])
-    looks = {
+    picture_sets = {
         path.name: sorted(int(picture.stem) for picture in path.glob("[0-9]*.png"))
         for path in sorted(poses.parent.iterdir())
         if path.is_dir() and not path.name.endswith("_labels")
@@ -74,17 +75,17 @@ def _view(poses: Path, trace: pd.DataFrame) -> dict[str, Any]:
         "rover": as_rows(
             np.stack([np.interp(table["time_s"], trace["time_s"], trace[name]) for name in ("x_m", "y_m")], 1)
         ),
-        "looks": {name: frames for name, frames in looks.items() if frames},
+        "looks": {name: frames for name, frames in picture_sets.items() if frames},
     }
 
 
 def drive_pictures(folder: Path) -> dict[str, partial[bytes]]:
-    """What makes each picture of a drive, by its path below the drive: the map and the frames."""
-    found = {"map.jpg": partial(_map, folder)}
+    """Return functions that encode the images of a drive (map and frames) by path below the drive."""
+    encoders = {"map.jpg": partial(_map, folder)}
     for path in sorted(folder.glob("*/*/[0-9]*.png")):
         if not path.parent.name.endswith("_labels"):
-            found[f"{path.parts[-3]}/{path.parts[-2]}/{path.stem}.jpg"] = partial(jpeg, path, FRAME_PX)
-    return found
+            encoders[f"{path.parts[-3]}/{path.parts[-2]}/{path.stem}.jpg"] = partial(jpeg, path, FRAME_PX)
+    return encoders
 
 
 def _ground(folder: Path) -> dict[str, np.ndarray]:
@@ -92,7 +93,7 @@ def _ground(folder: Path) -> dict[str, np.ndarray]:
 
 
 def _map(folder: Path) -> bytes:
-    """The ground from above, north (+y) up, lit from the north-west."""
+    """Return a JPEG of the ground from above, north (+y) up, lit from the north-west."""
     import cv2
 
     ground = _ground(folder)

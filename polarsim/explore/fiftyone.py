@@ -1,4 +1,4 @@
-"""A run as a FiftyOne data set: its own files (metadata.json, samples.json, data/), written without FiftyOne."""
+"""FiftyOne data set of a run: metadata.json, samples.json and data/, written without the package FiftyOne."""
 
 from __future__ import annotations
 
@@ -18,34 +18,35 @@ from polarsim.photo import HEIGHT, WIDTH
 from polarsim.progress import track
 from polarsim.run_files.run import PHOTO, Run
 
-FORM = "fiftyone.types.LegacyFiftyOneDataset"  # the form that FiftyOne reads of any version since 0.8
+FORM = "fiftyone.types.LegacyFiftyOneDataset"  # format supported by FiftyOne since version 0.8
 PARTS = ("terrain", "position", "light", "azimuth", "camera", "exposure_ms")
 
 
 def write_fiftyone(
     run: Run, folder: Path, *, pattern: str = "*", domains: Sequence[str] = (), width: int = WIDTH
 ) -> int:
-    """Write photos and twins with labels and predictions to a new folder; how many samples it has.
+    """Write photos and twins with labels and predictions to a new folder; return the number of samples.
 
-    A sample has the key, its parts, domain, score and defect, labels in `ground_truth` and a field a detector that
-    was tested on its domain. Boxes are shares of the picture: x, y, width, height.
+    A sample has the photo key, the fields of the key, domain, score and defect, labels in `ground_truth`, and a field
+    of predictions per detector tested on the domain. Boxes are x, y, width and height relative to the image size.
 
     Raises
     ------
     ConfigError
-        The folder holds something, or no picture fits.
+        The folder is not empty, or no image is selected.
     """
     check_new_folder(folder)
     if unknown := [domain for domain in domains if domain not in run.domains]:
-        known = ", ".join(run.domains)
-        raise ConfigError(f"no picture of domain {', '.join(unknown)}; domains of this run: {known}", run.folder)
+        raise ConfigError(
+            f"no images of domain {', '.join(unknown)}; domains of this run: {', '.join(run.domains)}", run.folder
+        )
     table = picture_table(run)
     fits = table["key"].map(lambda key: fnmatchcase(key, pattern))
     rows = table[fits & (table["domain"].isin(domains) if domains else True)].to_dict("records")
     if not rows:
-        raise ConfigError(f"no picture of a key like {pattern} in {', '.join(domains) or 'any domain'}", run.folder)
+        raise ConfigError(f"no image with a key like {pattern} in {', '.join(domains) or 'any domain'}", run.folder)
     labels = {of_twins: _by_key(run.all_labels(of_twins=of_twins)) for of_twins in (False, True)}
-    seen = {name: _by_key(shown_predictions(run, name)) for name in run.predictions}
+    predictions = {name: _by_key(shown_predictions(run, name)) for name in run.predictions}
     pictures = {(domain, str(key)): path for (domain, key), path in run.pictures.items()}
     samples = []
     with writing_folder(folder) as temporary:
@@ -55,9 +56,9 @@ def write_fiftyone(
             write_bytes(temporary / name, jpeg(pictures[domain, key], width))
             sample = _sample(row, name)
             sample["ground_truth"] = _detections(labels[domain != PHOTO].get(key))
-            for name, found in seen.items():
-                if key in found and run.domain_of(name.rpartition("_on_")[2]) == domain:
-                    sample[_field(name)] = _detections(found[key])
+            for name, by_key in predictions.items():
+                if key in by_key and run.domain_of(name.rpartition("_on_")[2]) == domain:
+                    sample[_field(name)] = _detections(by_key[key])
             samples.append(sample)
         write_json(temporary / "samples.json", {"samples": samples})
         about = {"source": "polarsim", "run": run.name, "picture_width_px": width}
@@ -77,13 +78,13 @@ def _sample(row: dict[Any, Any], name: str) -> dict[str, Any]:
 
 
 def _field(name: str) -> str:
-    """A prediction file's name as FiftyOne takes it: letters, numbers, underscores."""
+    """Return a valid field name: letters, numbers and underscores."""
     return "".join(letter if letter.isalnum() else "_" for letter in name)
 
 
 def _detections(rows: pd.DataFrame | None) -> dict[str, Any]:
-    found = [] if rows is None else [_detection(row) for row in rows.to_dict("records")]
-    return {"_cls": "Detections", "detections": found}
+    detections = [] if rows is None else [_detection(row) for row in rows.to_dict("records")]
+    return {"_cls": "Detections", "detections": detections}
 
 
 def _detection(row: dict[Any, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Masks as rings of points: what an exposure bracket's labels and twins cover."""
+"""Masks of labels and twins as polygons, for each exposure bracket."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ SIMPLIFY_PX = 1.0
 
 
 def of_photos(polygons: Path) -> list[dict[str, Any]]:
-    """Rings of the labels that a polygon file holds; it does not know of which rock."""
+    """Return the polygons of a polygon file, which has no rock ids."""
     named = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(polygons)]
     return [_ring(kind, NO_ROCK, ring) for kind, ring in named if kind in (ROCK, SHADOW)]
 
 
 def of_twins(instances: Path) -> list[dict[str, Any]]:
-    """Rings of what the pixels of an instance map show: rocks, and ground in their shadows."""
+    """Return the polygons of rocks and shadows in an instance map."""
     ids = png.read(instances)
-    found = []
+    rings = []
     for number in np.unique(ids[ids >= ROCK_IDS]).tolist():
         kind, rock = (SHADOW, number - SHADOW_IDS) if number >= SHADOW_IDS else (ROCK, number - ROCK_IDS)
-        found += [_ring(kind, rock, ring) for ring in outlines(ids == number, SIMPLIFY_PX)]
-    return found
+        rings += [_ring(kind, rock, ring) for ring in outlines(ids == number, SIMPLIFY_PX)]
+    return rings
 
 
 def _ring(kind: str, rock: int, ring: np.ndarray) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Photos and twins as JPEG files: all grey values of the sensor with one curve, so that a page can expose them anew."""
+"""Photos and twins as JPEG files with a fixed tone curve, so that the page can change the exposure."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from polarsim.formats import png
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.tone import to_8bit
 
-SMALL_PX = 240  # width of the pictures in the grid
-QUALITY, SMALL_QUALITY = 88, 80  # of JPEG
+SMALL_PX = 240  # width of the images in the grid
+QUALITY, SMALL_QUALITY = 88, 80  # JPEG quality
 
 
 def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
-    """A picture scaled to a width: linear from black to the sensor's white, then gamma 2.2, the same for all.
+    """Scale an image to a width and encode it: linear from black to the sensor's white, then gamma 2.2.
 
     Raises
     ------
     FormatError
-        No picture.
+        The file is not an image.
     """
     import cv2
 
     pixels = _read(path)
     if min(pixels.shape[:2]) < 1:
-        raise FormatError("a picture without pixels", path=path)
+        raise FormatError("image without pixels", path=path)
     size = (width, max(1, round(width * pixels.shape[0] / pixels.shape[1])))
     if width < pixels.shape[1]:
         pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
@@ -39,7 +39,7 @@ def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
     return content.tobytes()
 
 
-@lru_cache(maxsize=4)  # large and small copies are asked for one after the other
+@lru_cache(maxsize=4)  # large and small copies are encoded in succession
 def _read(path: Path) -> np.ndarray:
     return png.read(path)
 

@@ -1,4 +1,4 @@
-"""A station as a Rerun recording: terrain, cameras, lamps, and under every lamp the photo with its twins and labels."""
+"""Rerun recording of a station: terrain, cameras, lamps, and the photos with twins and labels for each lamp."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from polarsim.run_files import lamps, rigs
 from polarsim.run_files.run import PHOTO, Run
 
 TIMELINE = "lamp"
-PICTURE_PX = 800  # width of the pictures
+PICTURE_PX = 800  # width of the images
 CLASSES = {ROCK: (1, COLOURS[ROCK]), SHADOW: (2, COLOURS[SHADOW])}  # class and colour
 SAND, ROCKS = (150, 144, 132), (196, 176, 140)
 
 
 def write_recording(run: Run, terrain: int, position: str, out: Path) -> int:
-    """Write a station's recording (.rrd); how many pictures it has.
+    """Write the recording (.rrd) of a station; return the number of images.
 
-    The timeline `lamp` counts through lights and azimuths, one exposure of each: the one nearest to 256 ms.
+    The timeline `lamp` has a step for each light and azimuth, with the exposure nearest to 256 ms.
 
     Raises
     ------
@@ -43,7 +43,9 @@ def write_recording(run: Run, terrain: int, position: str, out: Path) -> int:
     localised = rigs.read_all_localised(folder) if folder.exists() else {}
     if not shown or position not in localised:
         known = sorted({f"{key.terrain:02d}_{key.position}" for _, key in run.pictures})
-        raise ConfigError(f"no pictures and cameras of station {terrain:02d}_{position}, there are {', '.join(known)}")
+        raise ConfigError(
+            f"no images and cameras of station {terrain:02d}_{position}, expected one of {', '.join(known)}"
+        )
     recording = rerun.RecordingStream("polarsim", recording_id=f"{run.name}_{terrain:02d}_{position}")
     with writing(out) as temporary:
         recording.save(str(temporary), default_blueprint=_blueprint(run))
@@ -76,10 +78,10 @@ def _rerun() -> ModuleType:
 
 
 def _shown(run: Run, terrain: int, position: str) -> Iterator[tuple[int, PhotoKey]]:
-    """Steps of the timeline, and the photos of each: both cameras."""
-    here = {key for _, key in run.pictures if key.station == (terrain, position)}
+    """Yield the steps of the timeline with the photos of both cameras."""
+    of_station = {key for _, key in run.pictures if key.station == (terrain, position)}
     steps: dict[tuple[str, str], int] = {}
-    for (*_, light, azimuth, _camera), keys in by_bracket(here).items():
+    for (*_, light, azimuth, _camera), keys in by_bracket(of_station).items():
         step = steps.setdefault((light, azimuth), len(steps))
         yield step, min(keys, key=lambda key: (key.stops_off_usual, -key.exposure_ms))
 
@@ -93,7 +95,7 @@ def _blueprint(run: Run) -> Any:
         for domain in run.domains
     ]
     around = parts.Spatial3DView(origin="world", name=f"terrain; {USUAL_EXPOSURE_MS} ms")
-    # Left to itself the viewer may walk through the moments at which this was written, the first without a picture.
+    # By default, the viewer may play the timeline of log times, which starts without an image.
     time = parts.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
     return parts.Blueprint(
         parts.Horizontal(around, parts.Grid(*views, grid_columns=len(views) // 2)), time, collapse_panels=True
@@ -121,7 +123,7 @@ def _log_terrain(rerun: ModuleType, recording: Any, run: Run, terrain: int) -> N
 
 
 def _log_camera(rerun: ModuleType, recording: Any, side: str, camera: Camera) -> None:
-    """Pinhole of the pictures as they are written, without the lens's distortion."""
+    """Log the pinhole camera of the scaled images; lens distortion is ignored."""
     pose, small = camera.world_from_camera, camera.scaled(PICTURE_PX / WIDTH).lens
     recording.log(f"world/{side}", rerun.Transform3D(translation=pose.translation, mat3x3=pose.rotation), static=True)
     pinhole = rerun.Pinhole(
@@ -141,14 +143,14 @@ def _log_photo(rerun: ModuleType, recording: Any, run: Run, key: PhotoKey, label
     boxes = rerun.Boxes2D(
         array=corners,
         array_format=rerun.Box2DFormat.XYXY,
-        labels=[f"{rock} {sure:.2f}" for rock, sure in zip(labels["rock"], labels["confidence"], strict=True)],
+        labels=[f"{rock} {share:.2f}" for rock, share in zip(labels["rock"], labels["confidence"], strict=True)],
         class_ids=[CLASSES[kind][0] for kind in labels["kind"]],
     )
     recording.log(f"world/{key.camera}/{PHOTO}/boxes", boxes)
     polygons = run.polygons(key)
     if polygons.exists():
         rings = of_photos(polygons)
-        lines = [np.array([*one["ring"], *one["ring"][:2]], float).reshape(-1, 2) * scale for one in rings]
-        outlines = rerun.LineStrips2D(lines, class_ids=[CLASSES[one["kind"]][0] for one in rings])
+        lines = [np.array([*ring["ring"], *ring["ring"][:2]], float).reshape(-1, 2) * scale for ring in rings]
+        outlines = rerun.LineStrips2D(lines, class_ids=[CLASSES[ring["kind"]][0] for ring in rings])
         recording.log(f"world/{key.camera}/{PHOTO}/masks", outlines)
     recording.log("photo", rerun.TextLog(str(key)))

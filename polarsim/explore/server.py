@@ -1,4 +1,4 @@
-"""The page on this machine: an HTTP server on 127.0.0.1 for a list of addresses, and for corrections of the run."""
+"""Local HTTP server (127.0.0.1) for the files of the page and for corrections of the run."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from polarsim.explore.site import CORRECTIONS, Files, corrections_content
 
 log = logging.getLogger("polarsim")
 
-HOST = "127.0.0.1"  # never another one: nobody but this machine's users is asked in
-MOST_KEPT = 256 << 20  # bytes of files that were asked for and may be asked for again
-MOST_SENT = 1 << 20  # bytes of the boxes of one photo
-MOST_AT_ONCE = max(4, os.cpu_count() or 1)  # files that are made at the same time
+HOST = "127.0.0.1"  # local interface only, for security
+MAX_CACHE_BYTES = 256 << 20  # maximum size of the cache of files
+MAX_REQUEST_BYTES = 1 << 20  # maximum size of the boxes of a photo
+MAX_WORKERS = max(4, os.cpu_count() or 1)  # maximum number of files computed in parallel
 END_S = 10.0  # maximum time that requests in progress have to end
 PROOF_HEADER = "X-Polarsim-Token"
 TYPES: Mapping[str, str] = {
@@ -49,79 +49,79 @@ HEADERS = {
 }
 
 
-_BELOW = f"/{CORRECTIONS.removesuffix('.json')}/"  # where each photo's correction has its address
+_CORRECTION_PREFIX = f"/{CORRECTIONS.removesuffix('.json')}/"  # of the addresses of single photos
 
 
-class Kept:
-    """What files hold, made once and kept while there is room."""
+class FileCache:
+    """Cache of file contents; the least recently used files are dropped if the cache is full."""
 
-    def __init__(self, files: Files, most: int = MOST_KEPT) -> None:
-        self._files, self._most, self._size = files, most, 0
-        self._kept: OrderedDict[str, bytes] = OrderedDict()
+    def __init__(self, files: Files, max_bytes: int = MAX_CACHE_BYTES) -> None:
+        self._files, self._max_bytes, self._size = files, max_bytes, 0
+        self._contents: OrderedDict[str, bytes] = OrderedDict()
         self._lock = threading.Lock()
-        self._making = threading.BoundedSemaphore(MOST_AT_ONCE)
+        self._workers = threading.BoundedSemaphore(MAX_WORKERS)
         self._closed = False
 
     def close(self) -> None:
-        """Refuse all further reads, those that wait for their turn included."""
+        """Abort all further and waiting reads."""
         self._closed = True
 
     def read(self, name: str) -> bytes | None:
-        """The content of an address; None where there is no such one.
+        """Return the content of an address, or None for an unknown address.
 
         Raises
         ------
         ConnectionAbortedError
-            The server ends.
+            The server is closing.
         """
         if name not in self._files:
             return None
         with self._lock:
-            if name in self._kept:
-                self._kept.move_to_end(name)
-                return self._kept[name]
-        with self._making:
+            if name in self._contents:
+                self._contents.move_to_end(name)
+                return self._contents[name]
+        with self._workers:
             if self._closed:
                 raise ConnectionAbortedError
             content = self._files[name]()
         with self._lock:
-            self._size += len(content) - len(self._kept.get(name, b""))
-            self._kept[name] = content
-            while self._size > self._most and len(self._kept) > 1:
-                self._size -= len(self._kept.popitem(last=False)[1])
+            self._size += len(content) - len(self._contents.get(name, b""))
+            self._contents[name] = content
+            while self._size > self._max_bytes and len(self._contents) > 1:
+                self._size -= len(self._contents.popitem(last=False)[1])
         return content
 
 
 def server(files: Files, port: int = 0, corrections: Corrections | None = None) -> Server:
-    """A server that is bound and not yet running; port 0 takes a free one.
+    """Return a bound server that is not running yet; port 0 selects a free port.
 
-    Without `corrections`, nothing can be sent to it.
+    Without `corrections`, the server accepts no changes.
 
     Raises
     ------
     ConfigError
-        The port is taken.
+        The port is in use.
     """
-    kept = Kept(files)
+    cache = FileCache(files)
 
     class Handler(_Handler):
-        content = kept
+        content = cache
         saved = corrections
-        token = secrets.token_urlsafe(32)  # known to the page alone: foreign pages cannot read what this server answers
+        token = secrets.token_urlsafe(32)  # secret: pages of other origins cannot read the server's answers
 
     try:
         return Server((HOST, port), Handler)
     except OSError as error:
-        raise ConfigError(f"port {port} of {HOST} cannot be used, {error.strerror}: name another by --port") from error
+        raise ConfigError(f"port {port} of {HOST} is not available ({error.strerror}): choose a --port") from error
 
 
 class Server(ThreadingHTTPServer):
-    """Answers each connection in a thread, and waits for its threads at the end.
+    """HTTP server with a thread per connection that waits for the threads when it is closed.
 
-    A thread that is in a C++ library while the interpreter ends makes the process abort, so that no thread is a daemon.
+    The threads are not daemons: a thread inside a C++ library at interpreter exit would abort the process.
     """
 
-    daemon_threads, block_on_close = False, False  # `server_close` has its own, bounded way of waiting
+    daemon_threads, block_on_close = False, False  # `server_close` waits with a time limit
 
     def __init__(self, address: tuple[str, int], handler: type[_Handler]) -> None:
         self._content = handler.content
@@ -130,7 +130,7 @@ class Server(ThreadingHTTPServer):
         super().__init__(address, handler)
 
     def serve_until_stopped(self) -> None:
-        """Serve until `KeyboardInterrupt`, which is raised here and never in the middle of accepting a connection."""
+        """Serve until `KeyboardInterrupt`, which is raised in this thread and not while a connection is accepted."""
         accepting = threading.Thread(target=self.serve_forever, args=(0.1,))
         accepting.start()
         try:
@@ -141,7 +141,7 @@ class Server(ThreadingHTTPServer):
             accepting.join()
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer a connection; the server knows of it meanwhile."""
+        """Answer a connection and register the thread meanwhile."""
         with self._guard:
             self._connections[threading.current_thread()] = request
             ended = self._closed
@@ -177,38 +177,40 @@ class Server(ThreadingHTTPServer):
             return bool(self._connections)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that left while it was answered is no error."""
+        """Ignore connections that are closed by the browser."""
         if not isinstance(sys.exc_info()[1], ConnectionError):
             super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers GET and HEAD for addresses that are in the list, letter by letter; nothing is decoded or joined.
+    """Request handler: GET and HEAD of listed addresses, compared literally without decoding.
 
-    PUT and DELETE of `data/corrections/KEY` save and remove the boxes of a photo. They need the token that the page
-    read in `data/corrections.json`, so that no other page can send them.
+    PUT and DELETE of `data/corrections/KEY` save and remove the boxes of a photo. They require the token in
+    `data/corrections.json`, which pages of other origins cannot read.
     """
 
-    content: Kept
+    content: FileCache
     saved: Corrections | None
     token: str
     protocol_version = "HTTP/1.1"
-    wbufsize = 1 << 16  # head and content leave together: apart, the second waits 40 ms for the first one's receipt
+    wbufsize = 1 << 16  # sends header and content together; separate packets cost 40 ms (delayed acknowledgement)
     server_version, sys_version = "polarsim", ""
 
-    def do_GET(self) -> None:  # as http.server calls it
+    def do_GET(self) -> None:  # called by http.server
         self._answer(with_content=True)
 
     def do_HEAD(self) -> None:
         self._answer(with_content=False)
 
     def _answer(self, *, with_content: bool) -> None:
-        if not self._asked_by_name():
+        if not self._is_local_host():
             return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
         name = self.path.partition("?")[0].removeprefix("/") or "index.html"
         try:
             if name == CORRECTIONS and self.saved:
-                content: bytes | None = corrections_content(self.saved, self.token)  # anew: others write the files too
+                content: bytes | None = corrections_content(
+                    self.saved, self.token
+                )  # not cached: other programs write these files
             else:
                 content = self.content.read(name)
         except PolarsimError as error:
@@ -228,18 +230,18 @@ class _Handler(BaseHTTPRequestHandler):
         self._change()
 
     def _change(self) -> None:
-        """Save or remove the correction of one photo."""
-        self.close_connection = True  # a refused request may have content that nobody reads
-        refused = self._why_refused()
-        if refused:
-            return self._refuse(refused)
+        """Save or remove the correction of a photo."""
+        self.close_connection = True  # the content of a refused request is not read
+        status = self._refusal()
+        if status:
+            return self._refuse(status)
         assert self.saved is not None
-        name = self.path.removeprefix(_BELOW)
-        if not self.path.startswith(_BELOW) or name not in self.saved:
+        name = self.path.removeprefix(_CORRECTION_PREFIX)
+        if not self.path.startswith(_CORRECTION_PREFIX) or name not in self.saved:
             return self._refuse(HTTPStatus.NOT_FOUND)
         try:
             if self.command == "PUT":
-                self.saved.save(name, self._sent())
+                self.saved.save(name, self._request_content())
             else:
                 self.saved.drop(name)
         except LabelError as error:
@@ -250,17 +252,17 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(HTTPStatus.OK, b"{}", "json", with_content=True, packed=False)
         return None
 
-    def _why_refused(self) -> HTTPStatus | None:
-        """The status that refuses a request to change something; None where the page of this server sent it."""
-        if not self._asked_by_name():
+    def _refusal(self) -> HTTPStatus | None:
+        """Return the status of a refused change, or None for a valid request of this server's page."""
+        if not self._is_local_host():
             return HTTPStatus.MISDIRECTED_REQUEST
         if self.saved is None:
             return HTTPStatus.NOT_IMPLEMENTED
-        own = f"http://{self.headers.get('Host')}"
-        from_own_page = self.headers.get("Origin", own) == own
-        from_own_page &= self.headers.get("Sec-Fetch-Site", "same-origin") == "same-origin"
+        origin = f"http://{self.headers.get('Host')}"
+        same_origin = self.headers.get("Origin", origin) == origin
+        same_origin &= self.headers.get("Sec-Fetch-Site", "same-origin") == "same-origin"
         token = self.headers.get(PROOF_HEADER, "").encode()
-        if not from_own_page or not secrets.compare_digest(token, self.token.encode()):
+        if not same_origin or not secrets.compare_digest(token, self.token.encode()):
             return HTTPStatus.FORBIDDEN
         if self.command == "DELETE":
             return None
@@ -269,15 +271,15 @@ class _Handler(BaseHTTPRequestHandler):
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
             return HTTPStatus.LENGTH_REQUIRED
-        return HTTPStatus.REQUEST_ENTITY_TOO_LARGE if int(length[:12]) > MOST_SENT else None
+        return HTTPStatus.REQUEST_ENTITY_TOO_LARGE if int(length[:12]) > MAX_REQUEST_BYTES else None
 
-    def _sent(self) -> object:
-        """The content of a request.
+    def _request_content(self) -> object:
+        """Read the JSON content of a request.
 
         Raises
         ------
         LabelError
-            It is no JSON, or its end is missing.
+            The content is incomplete or not valid JSON.
         """
         length = int(self.headers["Content-Length"])
         content = self.rfile.read(length)
@@ -286,10 +288,10 @@ class _Handler(BaseHTTPRequestHandler):
                 raise ValueError("incomplete")
             return json.loads(content)
         except (ValueError, RecursionError) as error:
-            raise LabelError(f"no readable boxes, {error}") from error
+            raise LabelError(f"invalid boxes: {error}") from error
 
-    def _asked_by_name(self) -> bool:
-        """Whether the request names this machine: a foreign name that leads here is a trick of another page."""
+    def _is_local_host(self) -> bool:
+        """Return whether the request names the local host; other names indicate DNS rebinding."""
         host = self.headers.get("Host", "").rpartition(":")[0]
         return host in (HOST, "localhost")
 
@@ -305,7 +307,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_header("Content-Encoding", "gzip")
         if self.close_connection:
             self.send_header("Connection", "close")
-        # Pictures are asked for whenever the page is scrolled; tables and the page itself may be made anew meanwhile.
+        # Images are requested while scrolling and may be cached; tables and the page may change.
         self.send_header("Cache-Control", "private, max-age=600" if kind == "jpg" else "no-cache")
         for name, value in HEADERS.items():
             self.send_header(name, value)

@@ -1,4 +1,4 @@
-"""The page of a run: every file it consists of by its address, made when it is asked for."""
+"""The page of a run: all files by address, computed on request."""
 
 from __future__ import annotations
 
@@ -21,21 +21,18 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
 from polarsim.run_files.run import PHOTO, Run
 
-Files = dict[str, Callable[[], bytes]]  # by address below the page, without a slash in front
-WIDTH_PX = WIDTH // 2  # of the pictures
+Files = dict[str, Callable[[], bytes]]  # by address below the page, without leading slash
+WIDTH_PX = WIDTH // 2  # width of the images
 CORRECTIONS = "data/corrections.json"
 
 
 def site(run: Run, width: int = WIDTH_PX) -> Files:
-    """Every file of a run's page.
-
-    The list is complete: an address that is not in it has no file, whatever lies on the disk.
-    """
+    """Return all files of a run's page; the server answers no other addresses."""
     return {**page_files(), **_tables(run), **_terrains(run), **_pictures(run, width), **_drives(run)}
 
 
 def page_files() -> Files:
-    """The page itself: HTML, style, modules, and the library they use with its licence."""
+    """Return the static files: HTML, CSS, JavaScript modules, and a library with licence."""
     page = resources.files("polarsim.explore") / "page"
     vendor = {f"vendor/{part.name}": part for part in (page / "vendor").iterdir()}
     named = {part.name: part for part in page.iterdir()} | vendor
@@ -43,12 +40,12 @@ def page_files() -> Files:
 
 
 def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
-    """Write the page to a new folder for any static host; how many files it has.
+    """Write the page to a new folder for a static web server; return the number of files.
 
     Raises
     ------
     ConfigError
-        The folder holds something.
+        The folder is not empty.
     """
     check_new_folder(folder)
     files = site(run, width)
@@ -61,7 +58,7 @@ def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
 
 
 def overview(run: Run) -> dict[str, Any]:
-    """What the page asks first: what there is to ask for."""
+    """Return the content of `data/run.json`: the available data."""
     return {
         "run": run.name,
         "terrains": list(run.terrains),
@@ -77,7 +74,7 @@ def overview(run: Run) -> dict[str, Any]:
 
 
 def corrections_content(corrections: Corrections, token: str | None = None) -> bytes:
-    """Return the corrections of a run as the page reads them; without a token the page can save none."""
+    """Return the content of `data/corrections.json`; without a token the page cannot save corrections."""
     content = {"folder": str(corrections.folder), "photos": corrections.read(), "token": token}
     return _json(lambda: content)
 

@@ -1,4 +1,4 @@
-"""A terrain for the 3-D view: thinned meshes with what is known of each vertex, cameras, lamps."""
+"""A terrain for the 3-D view: decimated meshes with vertex attributes, cameras, lamps."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from polarsim.run_files import lamps, rigs
 from polarsim.run_files.run import Run
 from polarsim.run_files.scene import mesh_files
 
-GROUND_CELL, ROCK_CELL = 0.018, 0.008  # metres to which the ground's and rocks' vertices are thinned
-REACH = 0.06  # metres within which a measured error belongs to a vertex
+GROUND_CELL, ROCK_CELL = 0.018, 0.008  # cell sizes of vertex clustering, metres
+REACH = 0.06  # maximum distance between a measured error and a vertex, metres
 
-Trees = dict[int, tuple[cKDTree, np.ndarray]]  # by rock: where errors were measured, and these, mm
+Trees = dict[int, tuple[cKDTree, np.ndarray]]  # by rock: points of measured errors, and the errors, mm
 
 
-@lru_cache(maxsize=2)  # vertices and faces are asked for one after the other
+@lru_cache(maxsize=2)  # vertices and faces are requested in succession
 def thinned_terrain(run: Run, terrain: int) -> tuple[pd.DataFrame, pd.DataFrame] | None:
-    """Vertices and faces of a terrain's ground and rocks, thinned for looking at; None where it has no meshes.
+    """Return tables of vertices and faces of decimated ground and rocks; None if the terrain has no meshes.
 
-    Vertices have x, y, z (sandbox, metres), the normal nx, ny, nz, rock (-1: ground), support (0 to 1: filled in or
-    scanned) and error_mm (from the true surface, below 0 inside it; NaN where it is not known); faces a, b, c.
+    Vertices: x, y, z (sandbox frame, metres), normal nx, ny, nz, rock (-1: ground), support (0: interpolated, 1:
+    scanned) and error_mm (signed distance from the true surface, negative inside; NaN if not known). Faces: a, b, c.
     """
     folder = run.folder / "meshes" / f"Terrain{terrain:02d}"
     if not (folder / obj.ground_name(terrain)).exists():
@@ -40,9 +40,9 @@ def thinned_terrain(run: Run, terrain: int) -> tuple[pd.DataFrame, pd.DataFrame]
     for rock, path in mesh_files(folder, terrain).items():
         full = obj.read(path)
         mesh, cluster = clustered(full, GROUND_CELL if rock == NO_ROCK else ROCK_CELL)
-        known = supports.get(path.name, np.ones(len(full.vertices)))
+        support = supports.get(path.name, np.ones(len(full.vertices)))
         columns = [*mesh.vertices.T, *mesh.normals().T, np.full(len(mesh.vertices), float(rock))]
-        columns += [_mean(known, cluster), _nearest(errors.get(rock), mesh.vertices)]
+        columns += [_mean(support, cluster), _nearest(errors.get(rock), mesh.vertices)]
         vertices.append(np.stack(columns, axis=1))
         faces.append(mesh.faces + start)
         start += len(mesh.vertices)
@@ -52,9 +52,9 @@ def thinned_terrain(run: Run, terrain: int) -> tuple[pd.DataFrame, pd.DataFrame]
 
 
 def clustered(mesh: Mesh, cell: float) -> tuple[Mesh, np.ndarray]:
-    """The mesh with all vertices of a cube of a grid put together at their mean; and which vertex each became, (v,).
+    """Decimate a mesh by vertex clustering on a grid; return the mesh and the new index of each vertex (v,).
 
-    For looking at: holes may open. -1 stands for vertices that no face is left of.
+    The index is -1 for vertices without remaining faces. The result is for display only and may have holes.
     """
     cells = np.floor(mesh.vertices / cell).astype(np.int64)
     cells -= cells.min(axis=0)
@@ -65,19 +65,19 @@ def clustered(mesh: Mesh, cell: float) -> tuple[Mesh, np.ndarray]:
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
     used, numbers = np.unique(faces, return_inverse=True)
-    became = np.full(len(means), -1)
-    became[used] = np.arange(len(used))
-    return Mesh(means[used], numbers.reshape(faces.shape)), became[cluster]
+    new_index = np.full(len(means), -1)
+    new_index[used] = np.arange(len(used))
+    return Mesh(means[used], numbers.reshape(faces.shape)), new_index[cluster]
 
 
 def _mean(values: np.ndarray, cluster: np.ndarray) -> np.ndarray:
-    """Mean value of the vertices that became one."""
+    """Return the mean value of each cluster of vertices."""
     kept = cluster >= 0
     return np.asarray(np.bincount(cluster[kept], values[kept]) / np.maximum(np.bincount(cluster[kept]), 1))
 
 
 def _supports(folder: Path) -> dict[str, np.ndarray]:
-    """Support of every vertex by mesh; empty where no scan tells."""
+    """Return the support of every vertex by mesh; empty without scans."""
     path = folder / "support.parquet"
     if not path.exists():
         return {}
@@ -96,7 +96,7 @@ def _errors(run: Run, terrain: int) -> Trees:
 
 
 def _nearest(tree: tuple[cKDTree, np.ndarray] | None, vertices: np.ndarray) -> np.ndarray:
-    """The error that was measured nearest to each vertex; NaN farther away than `REACH`."""
+    """Return the nearest measured error of each vertex, or NaN beyond `REACH`."""
     if tree is None:
         return np.full(len(vertices), np.nan)
     _, nearest = tree[0].query(vertices, distance_upper_bound=REACH)
@@ -104,7 +104,7 @@ def _nearest(tree: tuple[cKDTree, np.ndarray] | None, vertices: np.ndarray) -> n
 
 
 def surroundings(run: Run, terrain: int) -> dict[str, Any]:
-    """Cameras and lamps of a terrain in the sandbox frame: metres, lenses in pixels."""
+    """Return cameras and lamps of a terrain in the sandbox frame, metres; lenses in pixels."""
     folder = run.folder / "cameras" / f"Terrain{terrain:02d}"
     localised = rigs.read_all_localised(folder) if folder.exists() else {}
     cameras = [

@@ -1,4 +1,4 @@
-"""A made-up run of one terrain with all that the explorer shows: two rocks, one station, small pictures, one drive."""
+"""A small run for the explorer: one terrain and station, two rocks, small images, one drive."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ RIG = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.r
 
 
 def boxes_of(key: PhotoKey) -> dict[tuple[str, int], np.ndarray]:
-    """Boxes (4,) by kind and rock: those of the meshes, shadows beside them."""
+    """Return boxes (4,) by kind and rock: rocks at the meshes, shadows next to the rocks."""
     found = {}
     for rock, mesh in MESHES.items():
         pixels = RIG.project(key.camera, mesh.vertices)
@@ -53,7 +53,7 @@ def label_rows(keys: list[PhotoKey]) -> list[dict[str, object]]:
 
 
 def picture(key: PhotoKey, gain: float) -> np.ndarray:
-    """12-bit values that grow with the exposure; rocks are brighter than the ground, shadows darker."""
+    """Return 12-bit values proportional to the exposure, with bright rocks and dark shadows."""
     light = np.full(SIZE, gain * key.exposure_ms * (0.2 if key.azimuth == "no" else 1.0))
     scale = SIZE[1] / WIDTH
     for (kind, _), box in sorted(boxes_of(key).items(), reverse=True):

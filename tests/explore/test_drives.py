@@ -9,7 +9,7 @@ from polarsim.rover.drive.trace import write_trace
 from tests.rover.driven import trace
 
 
-def test_a_drive_keeps_its_length_and_its_frames(made):
+def test_a_drive_has_the_true_length_and_all_frames(made):
     folder = made / "rover/seed0"
     told = drive_content(folder)
     places = read_parquet(folder / "trace.parquet")[["x_m", "y_m"]].to_numpy()
@@ -23,7 +23,7 @@ def test_a_drive_keeps_its_length_and_its_frames(made):
     assert told["rocks"][1] == {"rock": "3.2", "x_m": 4.0, "y_m": 1.0, "radius_m": 0.06}
 
 
-def test_what_the_rover_writes_is_read(tmp_path):
+def test_files_of_the_rover_are_read(tmp_path):
     write_trace(tmp_path, trace())
     told = drive_content(tmp_path)
     assert told["length_m"] == pytest.approx(0.2 * 6, abs=0.01)

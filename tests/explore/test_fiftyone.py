@@ -1,4 +1,4 @@
-"""The files as FiftyOne's importer reads them: `LegacyFiftyOneDatasetImporter` of 1.22.1 read a folder like this."""
+"""FiftyOne data set in the format of `LegacyFiftyOneDatasetImporter`, checked with version 1.22.1."""
 
 import json
 
@@ -25,7 +25,7 @@ def own():
     return [key for key in KEYS if key.light == "off"]
 
 
-def test_every_sample_has_its_picture_and_what_is_known_of_it(samples):
+def test_every_sample_has_an_image_and_metadata(samples):
     folder, rows = samples
     first = next(row for row in rows if (row["key"], row["domain"]) == (str(KEYS[0]), "photo"))
     assert (first["tags"], first["score"], first["exposure_ms"]) == (["dark"], 0.9, KEYS[0].exposure_ms)
@@ -36,7 +36,7 @@ def test_every_sample_has_its_picture_and_what_is_known_of_it(samples):
     assert (about["media_type"], about["info"]["run"]) == ("image", "made")
 
 
-def test_boxes_are_shares_of_the_picture_with_rock_and_confidence(samples):
+def test_boxes_are_relative_to_the_image_size(samples):
     row = next(row for row in samples[1] if (row["key"], row["domain"]) == (str(SEED), "photo"))
     found = row["ground_truth"]["detections"]
     assert row["ground_truth"]["_cls"] == "Detections"
@@ -48,7 +48,7 @@ def test_boxes_are_shares_of_the_picture_with_rock_and_confidence(samples):
     assert (big["_cls"], big["confidence"], big["source"]) == ("Detection", 0.99, "seed")
 
 
-def test_predictions_are_a_field_of_the_photos_that_were_tested(samples):
+def test_predictions_are_fields_of_test_photos(samples):
     with_field = [row for row in samples[1] if "photo_seed0_analog_on_analog" in row]
     assert {row["key"] for row in with_field} == {str(key) for key in KEYS[:6]}
     assert {row["domain"] for row in with_field} == {"photo"}
@@ -56,7 +56,7 @@ def test_predictions_are_a_field_of_the_photos_that_were_tested(samples):
     assert [one["false_positive"] for one in detections] == [False, True, False]
 
 
-def test_a_folder_that_holds_something_and_keys_that_fit_nothing_are_refused(made, tmp_path):
+def test_non_empty_folders_and_unmatched_keys_are_errors(made, tmp_path):
     (tmp_path / "mine").write_text("")
     with pytest.raises(ConfigError):
         write_fiftyone(Run.at(made), tmp_path)
@@ -65,7 +65,7 @@ def test_a_folder_that_holds_something_and_keys_that_fit_nothing_are_refused(mad
     assert not (tmp_path / "new").exists()
 
 
-def test_the_command_says_how_the_folder_is_opened(polarsim, made, tmp_path):
+def test_the_command_prints_how_to_open_the_folder(polarsim, made, tmp_path):
     arguments = ("--results", made.parent, "--keys", str(SEED), "--domain", "photo", "--width", 242)
     done = polarsim("fiftyone", "made", tmp_path / "set", *arguments)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""The code that takes the gallery's pictures of the explorer."""
+"""Screenshots of the explorer for the gallery."""
 
 import runpy
 import shutil
@@ -12,7 +12,7 @@ SCRIPT = Path(__file__).parents[2] / "docs/explorer_pictures.py"
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Chromium: apt-get install chromium")
-def test_it_takes_every_picture_that_the_gallery_shows(made, tmp_path):
+def test_all_screenshots_of_the_gallery_are_written(made, tmp_path):
     runpy.run_path(str(SCRIPT))["write_pictures"](made, tmp_path)
     shown = {path.name for path in (SCRIPT.parent / "gallery").glob("explorer_*.webp")}
     assert {path.name for path in tmp_path.iterdir()} == shown

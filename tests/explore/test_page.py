@@ -1,4 +1,4 @@
-"""The page in a real browser: every control, no error in the console, no request to anybody else, no barrier.
+"""The page in a real browser: controls, no console errors, no requests to other hosts, accessibility.
 
 Needs Chromium, which is no package of Python's; skips where there is none.
 """
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-ge
 
 
 def is_wrong(message) -> bool:
-    """Whether a line of the console is an error or a warning; how fast a software GPU copies pixels is neither."""
+    """Return whether a console message is an error or warning, except for the performance of a software GPU."""
     return message.type in ("error", "warning") and "GL Driver Message" not in message.text
 
 
@@ -69,7 +69,7 @@ def browser():
 
 @pytest.fixture
 def page(browser, address):
-    """An empty page; in the end nothing was wrong with it, and nobody else was asked."""
+    """Open an empty page; after the test, check for console errors and requests to other hosts."""
     with opened_page(browser, address) as opened:
         yield opened
 
@@ -100,7 +100,7 @@ def shown(page, address: str, state: str = ""):
 
 
 def until(page, true: str | Callable[[], bool]) -> None:
-    """Wait for an expression of the page, or a call here, to be true; Playwright's own way breaks the page's policy."""
+    """Wait for an expression of the page or a Python call to be true; wait_for_function violates the page's policy."""
     ends = time.monotonic() + 60  # a loaded machine draws slowly
     while not (page.evaluate(true) if isinstance(true, str) else true()):
         assert time.monotonic() < ends, true
@@ -108,12 +108,12 @@ def until(page, true: str | Callable[[], bool]) -> None:
 
 
 def compared(page, state: str, key: PhotoKey = SEED):
-    """Wait until both pictures of a key are drawn."""
+    """Wait until both images of a key are displayed."""
     page.wait_for_selector(f"[data-drawn='{key} {state}']")
 
 
 def pixels(page, canvas: int) -> np.ndarray:
-    """(h, w, 4) of what a canvas of the comparison holds, an eighth of its size."""
+    """Return the pixels (h, w, 4) of a canvas of the comparison, reduced to an eighth."""
     script = """number => { const one = document.querySelectorAll('#compare canvas')[number];
         const [w, h] = [one.width >> 3, one.height >> 3];
         const pen = new OffscreenCanvas(w, h).getContext('2d', { willReadFrequently: true });
@@ -130,7 +130,7 @@ def address_of(page) -> dict[str, str]:
     )
 
 
-def test_views_of_one_picture_begin_with_the_first(page, address):
+def test_views_of_an_image_start_with_the_first_image(page, address):
     for view in ("compare", "correct"):
         shown(page, address, f"view={view}&f.camera=R")
         until(page, lambda: address_of(page).get("key") == min(str(key) for key in KEYS if key.camera == "R"))
@@ -139,7 +139,7 @@ def test_views_of_one_picture_begin_with_the_first(page, address):
     assert not page.locator("#compare .stage").is_visible()
 
 
-def test_short_exposures_are_brightened_and_long_ones_keep_their_white(page, address):
+def test_short_exposures_are_brightened(page, address):
     shown(page, address, "f.domain=hapke&f.camera=L&f.light=off&f.azimuth=30")
     gain = {}
     for exposure in ("0064", "1024"):
@@ -150,11 +150,11 @@ def test_short_exposures_are_brightened_and_long_ones_keep_their_white(page, add
     assert gain["0064"] > 1.3
 
 
-def test_filters_leave_the_pictures_that_fit(page, address):
+def test_filters_select_images(page, address):
     shown(page, address)
     count = page.locator("#count")
-    assert count.inner_text() == f"{3 * len(KEYS)} of {3 * len(KEYS)} pictures"
-    assert page.locator(".tile").count() < 60  # what fits on the screen, and a little more
+    assert count.inner_text() == f"{3 * len(KEYS)} of {3 * len(KEYS)} images"
+    assert page.locator(".tile").count() < 60  # visible tiles and a margin
     wanted = {"camera": "L", "light": "on", "azimuth": "30", "domain": "hapke"}
     for field, value in wanted.items():
         page.locator(f"input[name={field}][value='{value}']").check()
@@ -163,18 +163,18 @@ def test_filters_leave_the_pictures_that_fit(page, address):
     assert page.locator(".tile").first.get_attribute("data-key") == "03_A_on_30_L_0064"
     until(page, lambda: address_of(page).get("f.light") == "on")
     page.locator("#reset").click()
-    page.locator("input[name=score-most]").fill("0.7")
-    page.locator("input[name=score-most]").press("Enter")
+    page.locator("input[name=score-maximum]").fill("0.7")
+    page.locator("input[name=score-maximum]").press("Enter")
     right = sum(key.camera == "R" for key in KEYS)
     assert count.inner_text().startswith(f"{right + 2 * len(KEYS)} of")  # photos of 0.6, and all twins with 0.5
     page.locator("#reset").click()
     page.locator("input[name=defect][value=dark]").check()
     assert count.inner_text().startswith("1 of")
     page.locator("#reset").click()
-    page.locator("input[name=confidence-least]").fill("0.9")
-    page.locator("input[name=confidence-least]").press("Enter")
+    page.locator("input[name=confidence-minimum]").fill("0.9")
+    page.locator("input[name=confidence-minimum]").press("Enter")
     assert count.inner_text().startswith("0 of")
-    assert "All pictures" in count.inner_text()
+    assert "All images" in count.inner_text()
     page.locator("#reset").click()
     page.get_by_label("sort by").select_option("score")
     assert page.locator(".tile small").first.inner_text().startswith(("hapke, score 0.50", "principled, score 0.50"))
@@ -189,7 +189,7 @@ def test_a_tile_opens_the_comparison_and_the_slider_divides_it(page, address):
     until(page, lambda: address_of(page).get("split") == "20")
 
 
-def test_any_two_of_the_pictures_stand_side_by_side(page, address):
+def test_any_two_images_can_be_compared(page, address):
     shown(page, address, f"view=compare&key={SEED}&left=principled")
     for side in ("photo", *MODELS, "difference", "olat"):
         page.get_by_label("right", exact=True).select_option(side)
@@ -201,7 +201,7 @@ def test_any_two_of_the_pictures_stand_side_by_side(page, address):
             assert red == green == blue > 20
 
 
-def test_an_olat_sum_of_the_photos_own_lamps_is_its_twin(page, address):
+def test_the_olat_sum_of_the_lamps_of_a_photo_is_its_twin(page, address):
     key = PhotoKey.parse("03_A_off_30_L_0064")
     shown(page, address, f"view=compare&key={key}&left=hapke&right=olat&auto=0")
     compared(page, "hapke olat", key)
@@ -212,7 +212,7 @@ def test_an_olat_sum_of_the_photos_own_lamps_is_its_twin(page, address):
     until(page, lambda: pixels(page, 0)[1, 1, 0] == pytest.approx(twin * 4 ** (1 / 2.2), abs=3))
 
 
-def test_the_exposure_slider_walks_through_the_bracket(page, address):
+def test_the_exposure_slider_selects_photos_of_the_bracket(page, address):
     shown(page, address, f"view=compare&key={SEED}&auto=0")
     compared(page, "photo hapke")
     before = pixels(page, 1)[1, 1, 0]
@@ -249,12 +249,12 @@ def test_predictions_are_drawn_where_the_detector_was_tested(page, address):
     shown(page, address, f"view=compare&key={KEYS[0]}&show=p&detector=photo/seed0/analog_on_analog")
     until(page, "document.querySelectorAll('#compare svg .seen').length === 3")
     assert page.locator("#compare svg .seen.false").count() == 1
-    until(page, "document.querySelector('#told').textContent === '3 predictions'")
+    until(page, "document.querySelector('#prediction-count').textContent === '3 predictions'")
     page.get_by_label("confidence", exact=True).fill("0.7")
-    until(page, "document.querySelector('#told').textContent === '2 predictions'")
+    until(page, "document.querySelector('#prediction-count').textContent === '2 predictions'")
     shown(page, address, f"view=compare&key={KEYS[-1]}&show=b")
     page.get_by_label("detector", exact=True).select_option("photo/seed0/analog_on_analog")
-    until(page, "document.querySelector('#told').textContent.includes('not tested')")
+    until(page, "document.querySelector('#prediction-count').textContent.includes('not tested')")
 
 
 def test_a_rock_is_found_in_photos_tables_and_3d(page, address):
@@ -265,7 +265,7 @@ def test_a_rock_is_found_in_photos_tables_and_3d(page, address):
     assert "size_m" in panel.inner_text()
     assert panel.locator(".crop").count() == len({key.bracket for key in KEYS})
     panel.locator("#rock-photos").click()
-    until(page, "document.querySelector('#count').textContent.includes('those of rock 1')")
+    until(page, "document.querySelector('#count').textContent.includes('with rock 1')")
     panel.get_by_role("button", name="in 3-D").click()
     page.wait_for_selector("#scene[data-drawn]")
     until(page, lambda: address_of(page).get("rock") == "3.1")
@@ -297,7 +297,7 @@ def test_the_terrain_is_drawn_in_every_colour(page, address):
     assert any(name.startswith("Sun lamp") for name in names)
 
 
-def test_a_click_in_3d_chooses_the_rock(page, address):
+def test_a_click_in_3d_selects_the_rock(page, address):
     page.set_viewport_size({"width": 900, "height": 500})
     shown(page, address, "view=terrain&orbit=-1.571,1.55,3,0.5,0.4,0.05")
     page.wait_for_selector("#scene[data-drawn]")
@@ -325,7 +325,7 @@ def test_false_positives_are_listed_by_confidence(page, address):
     until(page, "document.querySelectorAll('#detectors .crop').length === 6")
     counts = page.locator("#counts").inner_text()
     assert "18 predictions" in counts  # six photos; confidences 0.9, 0.8, 0.6
-    assert "6 right" in counts
+    assert "6 correct" in counts
     assert "6 of 12 labels missed" in counts
     page.get_by_label("confidence", exact=True).fill("0.85")
     until(page, "document.querySelector('#detectors .list').textContent.includes('No false positive')")
@@ -344,19 +344,19 @@ def test_a_drive_is_on_the_map_with_its_frames(page, address):
     page.locator("#rover img[src$='front_left/1_hapke_0064/00002.jpg']").wait_for()
     page.locator("#status").click()
     page.keyboard.press("ArrowRight")
-    page.get_by_text("No picture was taken here.").wait_for()
+    page.get_by_text("No image of this frame.").wait_for()
     page.locator("#rover .stone").first.click()
     page.locator("#rock h2", has_text="Rock 1").wait_for()
 
 
-def test_a_box_that_is_put_right_is_downloaded_as_a_correction(browser, made, tmp_path):
+def test_a_corrected_box_is_downloaded_as_a_correction(browser, made, tmp_path):
     run = shutil.copytree(made, tmp_path / made.name)
     with served(run) as address, opened_page(browser, address) as page:
         put_right(page, address)
         with page.expect_download() as waiting:
             page.locator("#download").click()
         waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
-        until(page, "document.querySelector('#kept').textContent.startsWith('saved in ')")
+        until(page, "document.querySelector('#save-status').textContent.startsWith('saved in ')")
     is_put_right(tmp_path / "corrections")
     is_put_right(run / "corrections")
 
@@ -391,13 +391,13 @@ def is_put_right(folder):
     assert len(found[SEED].shadows) == 2
 
 
-def test_corrections_are_there_at_the_next_start_until_they_are_dropped(browser, made, tmp_path):
+def test_corrections_persist_until_they_are_discarded(browser, made, tmp_path):
     run = shutil.copytree(made, tmp_path / made.name)
     kept = run / "corrections"
     state = f"view=correct&key={SEED}&rock=3.1"
     with served(run) as address, opened_page(browser, address) as page:
         put_right(page, address)
-        until(page, lambda: kept.exists() and page.locator("#kept").inner_text().startswith(f"saved in {kept}:"))
+        until(page, lambda: kept.exists() and page.locator("#save-status").inner_text().startswith(f"saved in {kept}:"))
         before = [one["x0"] for one in edited(page)]
     with served(run) as address, opened_page(browser, address) as page:  # another port, another browser
         shown(page, address, state)
@@ -428,7 +428,7 @@ def test_corrections_are_there_at_the_next_start_until_they_are_dropped(browser,
 
 
 def edited(page) -> list[dict[str, float]]:
-    """Edges of the editor's boxes."""
+    """Return the edges of the editor's boxes."""
     script = "all => all.map((one) => ({ x0: one.x.baseVal.value, width: one.width.baseVal.value }))"
     return page.locator("#editor rect.box").evaluate_all(script)
 
@@ -444,7 +444,7 @@ def test_boxes_cannot_be_dragged_out_of_the_photo(browser, made, tmp_path):
         page.mouse.down()
         page.mouse.move(3, 790, steps=3)
         page.mouse.up()
-        until(page, "document.querySelector('#kept').textContent.startsWith('saved in ')")
+        until(page, "document.querySelector('#save-status').textContent.startsWith('saved in ')")
     moved = read_corrections(run / "corrections", 3)[SEED].rocks[0]
     size = boxes_of(SEED)["rock", 1][2:] - boxes_of(SEED)["rock", 1][:2]
     np.testing.assert_allclose(moved, [0, HEIGHT - size[1], size[0], HEIGHT], atol=2e-3)
@@ -457,12 +457,12 @@ def test_a_correction_that_cannot_be_saved_is_named_and_can_be_downloaded(browse
         shown(page, address, f"view=correct&key={SEED}&rock=3.1")
         page.wait_for_selector("#editor .edited")
     page.keyboard.press("ArrowRight")  # after the server ended
-    until(page, "document.querySelector('#kept').textContent.startsWith('1 photo not saved')")
+    until(page, "document.querySelector('#save-status').textContent.startsWith('1 photo not saved')")
     assert page.locator("#download").is_enabled()
     page.close()
 
 
-def test_a_written_page_offers_the_download_alone(browser, made, tmp_path):
+def test_a_written_page_offers_the_download_only(browser, made, tmp_path):
     write_site(Run.at(made), tmp_path / "page", 242)
     files = {str(path.relative_to(tmp_path / "page")): path.read_bytes for path in (tmp_path / "page").rglob("*.*")}
     with server(files) as running:
@@ -471,7 +471,7 @@ def test_a_written_page_offers_the_download_alone(browser, made, tmp_path):
         address = f"http://127.0.0.1:{running.server_address[1]}/"
         with opened_page(browser, address) as page:
             put_right(page, address)
-            assert page.locator("#kept").inner_text().startswith("1 photo not saved: this page has no server")
+            assert page.locator("#save-status").inner_text().startswith("1 photo not saved: this page has no server")
             with page.expect_download() as waiting:
                 page.locator("#download").click()
             waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
@@ -482,7 +482,7 @@ def test_a_written_page_offers_the_download_alone(browser, made, tmp_path):
 
 @pytest.mark.parametrize("view", ["compare", "correct"])
 @pytest.mark.parametrize("key", ["99_Z_off_30_L_0256", "03_B_off_30_L_0256", "what"])
-def test_a_key_that_the_run_does_not_have_is_named(page, address, view, key):
+def test_an_unknown_key_is_named(page, address, view, key):
     shown(page, address, f"view={view}&key={key}")
     note = page.locator(f"#{view} .empty")
     note.wait_for()
@@ -490,14 +490,14 @@ def test_a_key_that_the_run_does_not_have_is_named(page, address, view, key):
     assert page.locator(f"#{view} input, #{view} #editor").locator("visible=true").count() == 0
 
 
-def test_what_followed_from_a_seed_is_told(page, address):
+def test_labels_that_depend_on_a_seed_are_counted(page, address):
     shown(page, address, f"view=correct&key={SEED}&seed={SEED}")
-    told = page.locator("#followed")
-    told.wait_for()
-    assert told.inner_text() == "without it, of the labels of 5 photos 4 would move, 1 would be gone"
+    effect = page.locator("#seed-effect")
+    effect.wait_for()
+    assert effect.inner_text() == "labels without this seed, in 5 photos: 4 moved, 1 removed"
 
 
-def test_an_address_brings_everything_back(page, address):
+def test_an_address_restores_the_state(page, address):
     state = f"view=compare&key={SEED}&left=hapke&right=difference&split=30&ev=-1.5&show=bm&rock=3.2&labels=twins"
     shown(page, address, state)
     compared(page, "hapke difference")
@@ -508,7 +508,7 @@ def test_an_address_brings_everything_back(page, address):
     page.wait_for_selector("#photos:not([hidden])")
 
 
-def test_keys_lead_through_the_views_and_the_help(page, address):
+def test_keys_switch_views_and_open_the_help(page, address):
     shown(page, address, f"key={SEED}&f.domain=photo")
     for number, view in enumerate(VIEWS, 1):
         page.keyboard.press(str(number))
@@ -526,7 +526,7 @@ def test_keys_lead_through_the_views_and_the_help(page, address):
 KEYS_IN_ORDER = sorted(str(key) for key in KEYS)
 
 
-def test_there_is_no_barrier(page, address):
+def test_the_page_is_accessible(page, address):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe-playwright-python").Axe()
     shown(page, address, f"key={SEED}&rock=3.1&seed={SEED}&show=bmilp&detector=photo/seed0/analog_on_analog")
     for view in VIEWS:
@@ -536,8 +536,8 @@ def test_there_is_no_barrier(page, address):
         assert [(view, one["id"], [node["html"][:120] for node in one["nodes"]][:3]) for one in found] == []
 
 
-def test_a_run_without_photos_meshes_or_detectors_shows_what_it_has(browser, made, tmp_path):
-    """As the published release: labels and twins."""
+def test_a_run_without_photos_meshes_and_detectors_is_shown(browser, made, tmp_path):
+    """Labels and twins only, as in runs of the published release."""
     for part in ("labels", "renders/hapke", "renders/tables", "renders/instances"):
         shutil.copytree(made / part, tmp_path / "bare" / part)
     wrong = []
@@ -546,7 +546,7 @@ def test_a_run_without_photos_meshes_or_detectors_shows_what_it_has(browser, mad
         page.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
         page.on("pageerror", lambda error: wrong.append(str(error)))
         shown(page, address)
-        assert page.locator("#count").inner_text() == f"{len(KEYS)} of {len(KEYS)} pictures"
+        assert page.locator("#count").inner_text() == f"{len(KEYS)} of {len(KEYS)} images"
         page.locator(f"[data-key='{KEYS[1]}']").click()
         compared(page, "photo hapke", KEYS[1])
         assert page.locator("#compare .tag.left").inner_text() == "photo: not there"

@@ -1,4 +1,4 @@
-"""Recordings differ from call to call (Rerun numbers rows anew), so entities and counts are compared, not bytes."""
+"""Rerun recordings; row numbers differ between calls, so entities and counts are compared, not bytes."""
 
 import subprocess
 import sys
@@ -36,14 +36,14 @@ def test_a_station_is_recorded_with_all_its_entities(polarsim, made, tmp_path):
     assert (tmp_path / "a.rrd").stat().st_size < 20e6
 
 
-def test_the_viewer_is_told_to_stand_at_a_lamp(made):
+def test_the_viewer_is_paused_on_the_timeline_of_lamps(made):
     pytest.importorskip("rerun", reason="needs Rerun: pip install polarsim[rerun]")
     panel = recording._blueprint(Run.at(made)).time_panel
     assert panel.timeline == "lamp"
     assert panel.play_state == "paused"
 
 
-def test_a_station_that_is_not_there_is_named(made, tmp_path):
+def test_an_unknown_station_is_an_error(made, tmp_path):
     pytest.importorskip("rerun", reason="needs Rerun: pip install polarsim[rerun]")
     with pytest.raises(ConfigError):
         recording.write_recording(Run.at(made), 3, "C", tmp_path / "c.rrd")
@@ -51,13 +51,13 @@ def test_a_station_that_is_not_there_is_named(made, tmp_path):
 
 
 @pytest.mark.parametrize("station", ["03", "A_03", "x", ""])
-def test_what_is_no_station_ends_in_one_line(polarsim, made, station):
+def test_an_invalid_station_is_an_error_of_one_line(polarsim, made, station):
     done = polarsim("rerun", "made", station, "--results", made.parent)
     assert done.returncode == 1
     assert "expected terrain and position such as 03_A" in done.stderr
 
 
-def test_without_rerun_the_extra_is_named(polarsim, made, monkeypatch):
+def test_without_rerun_the_message_names_the_extra(polarsim, made, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     done = polarsim("rerun", "made", "03_A", "--results", made.parent)
     assert (done.returncode, done.stderr) == (1, "error: Rerun is not installed: pip install polarsim[rerun]\n")

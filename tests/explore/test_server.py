@@ -1,4 +1,4 @@
-"""What the server answers, asked byte by byte: a client library would put paths right before it sends them."""
+"""Answers of the server to raw requests; client libraries would normalise paths."""
 
 import gzip
 import json
@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import polarsim
 from polarsim.errors import ConfigError, FormatError
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.server import HOST, MOST_SENT, Kept, server
+from polarsim.explore.server import HOST, MAX_REQUEST_BYTES, FileCache, server
 from polarsim.formats import yolo
 from polarsim.formats.coco import write_coco
 from polarsim.formats.files import write_text
@@ -65,7 +65,7 @@ def asked(served, target: str, method: str = "GET", host: str | None = None, con
     return answer, content
 
 
-def test_it_listens_on_this_machine_alone(served):
+def test_it_listens_on_the_local_interface_only(served):
     assert served.server_address[0] == HOST == "127.0.0.1"
     own = socket.gethostbyname(socket.gethostname())
     if not own.startswith("127."):
@@ -77,7 +77,7 @@ def test_it_listens_on_this_machine_alone(served):
 
 
 @pytest.mark.parametrize("target", ["/", "/index.html", "/index.html?a=1"])
-def test_what_is_in_the_list_is_answered(served, target):
+def test_listed_addresses_are_answered(served, target):
     answer, content = asked(served, target)
     assert (answer.status, content) == (200, b"<!doctype html>")
     assert answer.headers["Content-Type"].startswith("text/html")
@@ -93,13 +93,13 @@ def test_what_is_in_the_list_is_answered(served, target):
         "/%252e%252e/etc/passwd", "/data%5ca.json", "/%2fetc%2fpasswd", "/..;/etc/passwd",
     ],
 )  # fmt: skip
-def test_everything_else_has_no_file(served, target):
+def test_other_addresses_are_not_found(served, target):
     answer, content = asked(served, target)
     assert answer.status == 404
     assert content == b"404 Not Found\n"
 
 
-def test_neither_files_nor_links_of_the_disk_are_reached(served):
+def test_files_and_links_on_the_disk_are_not_served(served):
     for path in served.outside:
         for target in (str(path), f"/..{path}", f"/{'../' * 12}{path}", f"/data/..%2f..{path}"):
             answer, content = asked(served, target)
@@ -108,42 +108,42 @@ def test_neither_files_nor_links_of_the_disk_are_reached(served):
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example:80", "[::1]:80", ""])
-def test_a_foreign_name_that_leads_here_is_refused(served, host):
+def test_other_host_names_are_refused(served, host):
     answer, _ = asked(served, "/index.html", host=host or "0.0.0.0:80")
     assert answer.status == 421
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "TRACE", "CONNECT"])
-def test_nothing_can_be_sent_to_it(served, method):
+def test_other_methods_are_refused(served, method):
     assert asked(served, "/index.html", method)[0].status == 501
 
 
-def test_head_tells_the_size_without_the_content(served):
+def test_head_has_the_size_without_the_content(served):
     answer, content = asked(served, "/data/a.json", "HEAD")
     assert (answer.status, answer.headers["Content-Length"], content) == (200, "2", b"")
 
 
-def test_texts_are_packed_for_those_who_ask(served):
+def test_texts_are_compressed_on_request(served):
     answer, content = asked(served, "/index.html", Accept_Encoding="gzip")
     assert answer.headers["Content-Encoding"] == "gzip"
     assert gzip.decompress(content) == b"<!doctype html>"
 
 
-def test_a_broken_picture_is_one_answer_and_no_end(served, caplog):
+def test_an_invalid_image_is_an_error_of_a_single_request(served, caplog):
     assert asked(served, "/data/broken.jpg")[0].status == 500
     assert "x.png: no readable picture" in caplog.text
     assert asked(served, "/")[0].status == 200
 
 
-def test_a_taken_port_is_said_in_one_line(served):
+def test_a_port_in_use_is_an_error(served):
     with pytest.raises(ConfigError):
         server({}, served.server_address[1])
 
 
-def test_what_was_made_is_kept_while_there_is_room():
+def test_the_cache_drops_the_least_recently_used_files():
     made = []
     files = {name: lambda name=name: made.append(name) or bytes(10) for name in "abc"}
-    kept = Kept(files, most=20)
+    kept = FileCache(files, max_bytes=20)
     for name in "aabac":
         kept.read(name)
     assert made == ["a", "b", "c"]
@@ -163,7 +163,7 @@ def test_no_other_module_of_polarsim_listens():
 
 @pytest.fixture
 def run(tmp_path):
-    """A run of labels and pictures that a test may correct."""
+    """Return a writable run with labels and images."""
     return Run.at(make_run(tmp_path / "results"))
 
 
@@ -184,7 +184,7 @@ def corrections_of(running) -> dict:
 
 
 def change(running, key=SEED, method="PUT", boxes: object = (), **headers: str):
-    """Send boxes as the page does; other headers replace its own, None leaves one out."""
+    """Send boxes as the page does; `headers` replace the page's headers, None omits a header."""
     content = boxes if isinstance(boxes, bytes) else json.dumps(list(boxes)).encode()
     content = content if method == "PUT" else b""
     usual = {
@@ -239,7 +239,7 @@ BROKEN_BOXES = [
 ]  # fmt: skip
 
 
-def test_boxes_that_no_photo_has_are_refused_and_nothing_is_changed(run):
+def test_invalid_boxes_are_refused_without_a_change(run):
     with correcting(run) as running:
         assert change(running, boxes=[box()])[0].status == 200
         before = (run.folder / f"corrections/{SEED}.txt").read_text()
@@ -247,7 +247,7 @@ def test_boxes_that_no_photo_has_are_refused_and_nothing_is_changed(run):
             answer, content = change(running, boxes=boxes)
             assert answer.status == 422, boxes
             assert content.decode().count("\n") == 1
-        assert change(running, boxes=b" " * (MOST_SENT + 1))[0].status == 413
+        assert change(running, boxes=b" " * (MAX_REQUEST_BYTES + 1))[0].status == 413
         assert change(running, boxes=[], Content_Length=None)[0].status == 411
     assert (run.folder / f"corrections/{SEED}.txt").read_text() == before
     assert files(run) == [f"corrections/{SEED}.txt"]
@@ -256,7 +256,7 @@ def test_boxes_that_no_photo_has_are_refused_and_nothing_is_changed(run):
 @pytest.mark.parametrize(
     "key", ["03_B_off_30_L_0256", "09_A_off_30_L_0256", "../seeds/x", "..%2f..%2fx", "", "x.txt", f"{SEED}.txt", "%00"]
 )
-def test_photos_that_the_run_does_not_have_cannot_be_corrected(run, key):
+def test_unknown_photos_cannot_be_corrected(run, key):
     with correcting(run) as running:
         for method in ("PUT", "DELETE"):
             assert change(running, key, method, [box()])[0].status == 404
@@ -282,7 +282,7 @@ def test_photos_that_the_run_does_not_have_cannot_be_corrected(run, key):
         (421, {"host": "evil.example:80"}),
     ],
 )
-def test_other_pages_can_correct_nothing(run, status, headers):
+def test_requests_of_other_pages_are_refused(run, status, headers):
     with correcting(run) as running:
         assert change(running, boxes=[box()], **headers)[0].status == status
         if status != 415:
@@ -292,7 +292,7 @@ def test_other_pages_can_correct_nothing(run, status, headers):
     assert files(run) == []
 
 
-def test_the_token_is_another_one_at_each_start(run):
+def test_the_token_changes_at_each_start(run):
     tokens = set()
     for _ in range(2):
         with correcting(run) as running:
@@ -302,7 +302,7 @@ def test_the_token_is_another_one_at_each_start(run):
 
 
 def test_class_numbers_follow_the_class_list_of_the_folder(run):
-    """labelImg writes the list in its own order, and `labels.corrections` takes the names."""
+    """labelImg writes its own order of classes; `labels.corrections` uses the names."""
     write_text(run.folder / "corrections/classes.txt", "shadow\nboulder\nrock\n")
     with correcting(run) as running:
         change(running, boxes=[box("rock"), box("shadow", 100, 100, 200, 200)])
@@ -314,7 +314,7 @@ def test_class_numbers_follow_the_class_list_of_the_folder(run):
         assert change(running, boxes=[box("shadow")])[0].status == 422
 
 
-def test_files_of_others_in_the_folder_are_kept_and_read(run):
+def test_other_files_in_the_folder_are_kept_and_read(run):
     below = run.folder / f"corrections/Terrain03/{SEED}.txt"
     yolo.write_boxes(below, np.array([0]), np.array([[10.0, 20, 40, 60]]))
     write_coco(run.folder / "corrections/cvat.json", {KEYS[1]: []})
@@ -327,7 +327,7 @@ def test_files_of_others_in_the_folder_are_kept_and_read(run):
     assert set(read_corrections(run.folder / "corrections", 3)) == {SEED, KEYS[1]}
 
 
-def test_a_broken_file_in_the_folder_is_named(run):
+def test_errors_name_an_invalid_file_in_the_folder(run):
     write_text(run.folder / f"corrections/{SEED}.txt", "0 what\n")
     with correcting(run) as running:
         answer, content = asked(running, "/data/corrections.json")
@@ -358,7 +358,7 @@ SLOW = """
 import cv2, numpy, polarsim.cli, polarsim.explore.site as site
 image = numpy.zeros((600, 900), numpy.uint8)
 def decoded(path, width):
-    for _ in range(40):  # a thread is in a C++ library nearly all the time
+    for _ in range(15):  # most of the time, a thread is inside a C++ library
         cv2.GaussianBlur(image, (31, 31), 0)
     return b""
 site.jpeg = decoded
@@ -366,9 +366,9 @@ polarsim.cli.main()
 """
 
 
-@pytest.mark.parametrize("after_s", [0.1, 0.2, 0.4])
-def test_ctrl_c_while_pictures_load_ends_without_a_crash(made, after_s):
-    """Threads that decode pictures while the interpreter ends make the process abort."""
+@pytest.mark.parametrize("after_s", [0.1, 0.3])
+def test_ctrl_c_during_loading_ends_without_a_crash(made, after_s):
+    """Threads that decode images at interpreter exit would abort the process."""
     call = (sys.executable, "-u", "-c", SLOW, "explore", made.name, "--no-browser", "--results", made.parent)
     started = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     connections = []
@@ -379,7 +379,7 @@ def test_ctrl_c_while_pictures_load_ends_without_a_crash(made, after_s):
             address = f"/data/pictures/hapke/{key}.jpg"
             connection.sendall(f"GET {address} HTTP/1.1\r\nHost: {HOST}:{port}\r\n\r\n".encode())
             connections.append(connection)
-        connections.append(socket.create_connection((HOST, port), timeout=10))  # a browser keeps one in reserve
+        connections.append(socket.create_connection((HOST, port), timeout=10))  # browsers keep an idle connection
         time.sleep(after_s)
         started.send_signal(signal.SIGINT)
         out, err = started.communicate(timeout=60)
@@ -391,7 +391,7 @@ def test_ctrl_c_while_pictures_load_ends_without_a_crash(made, after_s):
     assert "ended" in out
 
 
-def test_requests_that_never_end_do_not_keep_the_server(monkeypatch):
+def test_endless_requests_do_not_block_the_end_of_the_server(monkeypatch):
     monkeypatch.setattr("polarsim.explore.server.END_S", 0.2)
     going = threading.Event()
     with server({"stuck.jpg": lambda: bytes(going.wait(30))}) as running:

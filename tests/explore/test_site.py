@@ -1,4 +1,4 @@
-"""The page as files: small, complete, on its own."""
+"""Files of the page: size, completeness, no external references."""
 
 import gzip
 import re
@@ -25,14 +25,14 @@ def test_the_page_is_small(page):
     assert sum(len(gzip.compress(content)) for content in page.values()) < MOST_PACKED
 
 
-def test_the_page_asks_nobody_outside(page):
+def test_the_page_has_no_external_references(page):
     for name, content in page.items():
         if not name.startswith("vendor/"):
             outside = set(re.findall(r"(?:https?:)?//[a-z][\w.-]+\.[a-z]{2,}", content.decode()))
             assert outside <= {"//www.w3.org", "http://www.w3.org"}, name  # names of SVG, never asked
 
 
-def test_every_module_that_is_imported_is_there(page):
+def test_every_imported_module_exists(page):
     for name, content in page.items():
         if name.endswith(".js") and "/" not in name:
             wanted = re.findall(r"from '\./([\w.]+)'", content.decode())
@@ -41,7 +41,7 @@ def test_every_module_that_is_imported_is_there(page):
     assert set(re.findall(r'(?:src|href)="([^"#]+)"', html)) <= set(page)
 
 
-def test_what_others_wrote_has_its_licence_beside_it(page):
+def test_third_party_files_have_a_licence(page):
     libraries = [name for name in page if name.startswith("vendor/") and name.endswith(".js")]
     assert libraries
     for name in libraries:
@@ -49,7 +49,7 @@ def test_what_others_wrote_has_its_licence_beside_it(page):
         assert "Copyright" in licence
 
 
-def test_a_written_page_is_what_is_served(made, tmp_path):
+def test_a_written_page_equals_the_served_page(made, tmp_path):
     files = site(Run.at(made), 320)
     count = write_site(Run.at(made), tmp_path / "page", 320)
     written = {str(path.relative_to(tmp_path / "page")) for path in (tmp_path / "page").rglob("*") if path.is_file()}
@@ -60,15 +60,15 @@ def test_a_written_page_is_what_is_served(made, tmp_path):
         assert (tmp_path / "page" / name).read_bytes() == files[name]()
 
 
-def test_nothing_is_overwritten(made, tmp_path):
+def test_existing_files_are_not_overwritten(made, tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(ConfigError):
         write_site(Run.at(made), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_pictures_keep_ratios_of_light(made, tmp_path):
-    """One curve for all: where a twin gets half the light, its code is 2 ** (1 / 2.2) times lower."""
+def test_images_preserve_ratios_of_light(made, tmp_path):
+    """The tone curve is fixed: half the light gives a code lower by a factor of 2 ** (1 / 2.2)."""
     files, key = site(Run.at(made), 242), next(key for key in KEYS if key.exposure_ms == 64 and key.azimuth == "30")
     values = {}
     for domain, gain in (("photo", 2.0), ("hapke", 1.8)):

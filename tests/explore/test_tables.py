@@ -23,7 +23,7 @@ from tests.made_terrain import make_sand
 from .made_run import KEYS, MODELS, RIG, SEED, boxes_of
 
 
-def test_every_picture_has_a_row_with_its_score_and_what_it_shows(made):
+def test_every_image_has_a_row_with_score_and_counts(made):
     table = picture_table(Run.at(made)).set_index(["key", "domain"])
     assert len(table) == len(KEYS) * 3
     photo, twin = table.loc[(str(SEED), "photo")], table.loc[(str(SEED), "hapke")]
@@ -35,19 +35,19 @@ def test_every_picture_has_a_row_with_its_score_and_what_it_shows(made):
     assert table.loc[(str(KEYS[0]), "photo"), "defect"] == "dark"
 
 
-def test_a_folder_without_a_run_is_said_to_be_none(tmp_path):
+def test_a_folder_without_a_run_is_an_error(tmp_path):
     with pytest.raises(ConfigError):
         Run.at(tmp_path / "nothing")
 
 
-def test_the_overview_is_json_and_names_all_there_is(made):
+def test_the_overview_is_json_and_lists_the_available_data(made):
     told = json.loads(json.dumps(overview(Run.at(made))))
     assert told["domains"] == ["photo", *MODELS]
     assert told["predictions"] == ["photo/seed0/analog_on_analog"]
     assert (told["drives"], told["seeds"], told["undone"]) == (["seed0"], [str(SEED)], [str(SEED)])
 
 
-def test_predictions_are_right_once_and_false_where_no_label_is(made):
+def test_predictions_are_matched_once_and_false_positives_without_label(made):
     seen = shown_predictions(Run.at(made), "photo/seed0/analog_on_analog")
     first = seen[seen["key"] == str(KEYS[0])]
     assert first["confidence"].tolist() == [0.9, 0.8, 0.6]  # the unsure one is left out
@@ -58,7 +58,7 @@ def test_predictions_are_right_once_and_false_where_no_label_is(made):
 
 @st.composite
 def predictions(draw):
-    """Boxes of both classes: anywhere, as small parts of labels, and around labels."""
+    """Strategy for boxes of both classes: anywhere, small parts of labels, and around labels."""
     rows = []
     for key in draw(st.lists(st.sampled_from(KEYS), min_size=1, max_size=4, unique=True)):
         anchors = [np.zeros(4), *boxes_of(key).values()]
@@ -93,7 +93,7 @@ def test_the_explorer_counts_the_false_positives_of_the_table(made, rows):
 
 
 class _Predicted(Run):
-    """A run whose detector predicts the boxes of a test."""
+    """Return a run whose detector predicts the given boxes."""
 
     predictions = found = None
 
@@ -101,7 +101,7 @@ class _Predicted(Run):
         return self.found
 
 
-def test_thinned_meshes_keep_shape_and_what_is_known_of_vertices(made):
+def test_decimated_meshes_keep_shape_and_vertex_attributes(made):
     vertices, faces = thinned_terrain(Run.at(made), 3)
     assert faces.to_numpy().max() < len(vertices)
     assert set(vertices["rock"]) == {-1, 1, 2}
@@ -111,7 +111,7 @@ def test_thinned_meshes_keep_shape_and_what_is_known_of_vertices(made):
     assert np.linalg.norm(own[["nx", "ny", "nz"]], axis=1) == pytest.approx(1)
 
 
-def test_vertices_of_a_cube_of_the_grid_become_their_mean():
+def test_vertices_of_a_grid_cell_are_replaced_by_their_mean():
     sand = make_sand()
     thin, became = clustered(sand, 0.2)
     assert len(thin.vertices) < len(sand.vertices) / 5
@@ -121,7 +121,7 @@ def test_vertices_of_a_cube_of_the_grid_become_their_mean():
     assert np.abs(thin.vertices[:, 2]).max() < 0.031
 
 
-def test_cameras_are_told_as_they_stand(made):
+def test_cameras_have_the_localised_poses(made):
     around = surroundings(Run.at(made), 3)
     left = next(one for one in around["cameras"] if one["camera"] == "L")
     pose = np.array(left["sandbox_from_camera"]).reshape(4, 4)
@@ -129,7 +129,7 @@ def test_cameras_are_told_as_they_stand(made):
     assert set(around["lamps"]) == {"30", "180", "270", "350"}
 
 
-def test_rings_of_twins_cover_what_the_pixels_show(made):
+def test_polygons_of_twins_cover_the_pixels_of_the_instance_map(made):
     rings = of_twins(made / "renders/instances/Terrain03/03_A_off_30_L.png")
     (ring,) = [one["ring"] for one in rings if (one["kind"], one["rock"]) == ("rock", 1)]
     points = np.array(ring).reshape(-1, 2)
@@ -137,13 +137,13 @@ def test_rings_of_twins_cover_what_the_pixels_show(made):
     assert abs(signed_area(points.astype(float))) == pytest.approx((x1 - x0) * (y1 - y0), rel=0.02)
 
 
-def test_facts_of_rocks_need_no_table_but_that_of_rocks(made):
+def test_facts_of_rocks_require_the_table_of_rocks_only(made):
     assert facts_of_rocks(Run.at(made), 3)["size_m"].tolist() == [0.2, 0.06]
     assert facts_of_rocks(Run(made / "nothing"), 3).empty
 
 
-def test_columns_of_all_of_nasas_photos_are_small():
-    """5,280 photos and two models: what the page reads before it shows anything."""
+def test_the_table_of_all_of_nasas_photos_is_small():
+    """5,280 photos and two models, loaded at the start of the page."""
     keys = np.repeat([f"03_A_off_30_L_{number:04d}" for number in range(5280)], 3)
     table = pd.DataFrame({"key": keys, "domain": np.tile(["photo", "hapke", "principled"], 5280)})
     for name in ("terrain", "exposure_ms", "rocks", "shadows"):

@@ -39,28 +39,28 @@ def trained(tmp_path_factory):
     return run
 
 
-def test_weights_are_read_back_and_their_cards_tell_training_and_scores(trained, tmp_path):
+def test_weights_are_read_back_and_cards_describe_training_and_scores(trained, tmp_path):
     publish(trained, tmp_path, ["detectors"])
     for name in ("hapke", "real"):
-        found = read_detector(tmp_path / f"detectors/position/seed0/{name}.pt")
-        wanted = read_detector(trained / f"detect/position/seed0/detectors/{name}.pt")
-        assert found.state.keys() == wanted.state.keys()
-        assert all(torch.equal(found.state[part], wanted.state[part]) for part in wanted.state)
-    own, foreign = ((tmp_path / f"detectors/position/seed0/{name}.md").read_text() for name in ("hapke", "real"))
-    assert "| analog | rock | 8 | 106 | 0.625 [0.500, 0.750] | 0.250 [0.125, 0.375] |" in own
-    assert "0.900" not in own  # another seed's
-    assert "compact (polarsim's own), start packaged, epochs 3, image width 640 px" in own
-    assert "42 pictures to train on, 7 to choose the weights by" in own
-    assert "BSD-3-Clause" in own
-    assert "trained on too" not in own
-    assert "AGPL-3.0" in foreign
-    assert "NASA Ames" in foreign
-    assert "trained on too" in foreign
+        published = read_detector(tmp_path / f"detectors/position/seed0/{name}.pt")
+        original = read_detector(trained / f"detect/position/seed0/detectors/{name}.pt")
+        assert published.state.keys() == original.state.keys()
+        assert all(torch.equal(published.state[part], original.state[part]) for part in original.state)
+    compact, yolo = ((tmp_path / f"detectors/position/seed0/{name}.md").read_text() for name in ("hapke", "real"))
+    assert "| analog | rock | 8 | 106 | 0.625 [0.500, 0.750] | 0.250 [0.125, 0.375] |" in compact
+    assert "0.900" not in compact  # score of another seed
+    assert "compact (polarsim's own), start packaged, epochs 3, image width 640 px" in compact
+    assert "42 images for training, 7 for" in compact
+    assert "BSD-3-Clause" in compact
+    assert "share views" not in compact
+    assert "AGPL-3.0" in yolo
+    assert "NASA Ames" in yolo
+    assert "share views" in yolo
     first = content(tmp_path / "detectors")
     publish(trained, tmp_path / "again", ["detectors"])
     assert content(tmp_path / "again/detectors") == first
 
 
-def test_a_run_without_detectors_is_refused(run, tmp_path):
+def test_publishing_detectors_of_a_run_without_detectors_is_an_error(run, tmp_path):
     with pytest.raises(ConfigError):
         publish(run, tmp_path, ["detectors"])

@@ -1,4 +1,4 @@
-// Two pictures of one key under a slider: photo, twins, their difference, a sum over lamps.
+// Two images of a photo key under a slider: photo, twins, difference, sum over lamps.
 
 import { bracketOf, has, keyOf, known, nearestExposure, parts, pictureUrl, run } from './data.js';
 import { chooser, h, renew, s, slider, soon, toggle } from './dom.js';
@@ -10,16 +10,16 @@ import { set, shows, state, switchMark } from './state.js';
 const LAMPS = [['30', 'off', '30'], ['180', 'off', '180'], ['270', 'off', '270'], ['350', 'off', '350'], ['rover', 'on', 'no']];
 const MARKS = [['b', 'boxes'], ['m', 'masks'], ['i', 'ids'], ['l', 'lines'], ['p', 'predictions']];
 
-let controls = null, marks = null, canvases = [], svg = null, divider = null, tags = [], note = null, frame = null, told = null;
+let controls = null, marks = null, canvases = [], svg = null, divider = null, tags = [], note = null, frame = null, status = null;
 
 export function build(section) {
   controls = h('div', { class: 'bar' });
   marks = h('div', { class: 'bar' });
-  canvases = [h('canvas', { role: 'img', 'aria-label': 'right picture' }), h('canvas', { role: 'img', 'aria-label': 'left picture' })];
+  canvases = [h('canvas', { role: 'img', 'aria-label': 'right image' }), h('canvas', { role: 'img', 'aria-label': 'left image' })];
   svg = s('svg', { viewBox: `0 0 ${run.about.width} ${run.about.height}`, role: 'img', 'aria-label': 'labels' });
   divider = h('div', { class: 'divider' });
   tags = [h('span', { class: 'tag left' }), h('span', { class: 'tag right' })];
-  told = h('span', { role: 'status', id: 'told' });
+  status = h('span', { role: 'status', id: 'prediction-count' });
   note = h('p', { class: 'empty', role: 'status' });
   frame = h('div', { class: 'frame', onpointermove: drag, onpointerdown: drag }, ...canvases, svg, divider, ...tags);
   section.append(h('div', { class: 'column' }, controls, marks, note, h('div', { class: 'stage' }, frame)));
@@ -40,7 +40,7 @@ const model = () => [state.right, state.left, run.about.domains[1]].find((one) =
 
 export const twinOf = () => state.right || run.about.domains[1] || 'photo';
 
-/** Draw everything anew. */
+/** Redraw the view. */
 export const refresh = soon(async () => {
   const shown = known(state.key);
   note.hidden = shown;
@@ -49,7 +49,7 @@ export const refresh = soon(async () => {
   if (!shown) return;
   drawControls();
   const [{ seen }] = await Promise.all([overlay.draw(svg, state.key), drawPictures()]);
-  told.textContent = !shows('p') || !state.detector ? '' : seen ? `${seen.length} predictions` : 'the detector was not tested on this photo';
+  status.textContent = !shows('p') || !state.detector ? '' : seen ? `${seen.length} predictions` : 'the detector was not tested on this photo';
 });
 
 function drawControls() {
@@ -62,14 +62,14 @@ function drawControls() {
     slider('divider', { min: 0, max: 100, step: 1, value: state.split, shown: (value) => `${value} %` }, (split) => set({ split })),
     slider('exposure', { min: 0, max: times.length - 1, step: 1, value: times.indexOf(exposure), disabled: times.length < 2, shown: (index) => `${times[index]} ms` }, change),
     slider('brightness', { min: -6, max: 6, step: 0.5, value: state.ev, shown: (value) => `${value > 0 ? '+' : ''}${value} stops` }, (ev) => set({ ev })),
-    toggle('auto', Boolean(state.auto), (on) => set({ auto: on ? 1 : 0 }), 'White is the photo\'s 99.7th percentile; else the sensor\'s 4095'),
+    toggle('auto', Boolean(state.auto), (on) => set({ auto: on ? 1 : 0 }), 'On: white is the 99.7th percentile of the photo. Off: white is 4095 DN'),
   ]);
   renew(marks, () => [
     ...MARKS.map(([mark, text]) => toggle(text, shows(mark), () => switchMark(mark), `key ${mark}`)),
     chooser('labels of', [['photo', 'photos (propagated)'], ['twins', 'twins (rendered)']], state.labels, (labels) => set({ labels })),
     chooser('detector', [['', 'none'], ...run.about.predictions], state.detector, (detector) => set({ detector, show: shows('p') ? state.show : `${state.show}p` })),
-    ...(shows('p') && state.detector ? [slider('confidence', { min: 0.05, max: 0.99, step: 0.01, value: state.confidence, shown: (value) => `from ${value.toFixed(2)}` }, (confidence) => set({ confidence }))] : []),
-    told,
+    ...(shows('p') && state.detector ? [slider('confidence', { min: 0.05, max: 0.99, step: 0.01, value: state.confidence, shown: (value) => `≥ ${value.toFixed(2)}` }, (confidence) => set({ confidence }))] : []),
+    status,
     h('button', { type: 'button', text: 'correct', onclick: () => set({ view: 'correct' }) }),
     ...(needsLamps() ? lampSliders() : []),
   ]);
@@ -77,10 +77,10 @@ function drawControls() {
 
 const needsLamps = () => state.left === 'olat' || twinOf() === 'olat';
 
-/** Weights of the lamps: those that the photo was lit by, unless the state says otherwise. */
+/** Weights of the lamps in the state, by default those of the photo. */
 function weights() {
-  const told = state.lamps.split(',').map(Number);
-  if (state.lamps && told.length === LAMPS.length) return told;
+  const values = state.lamps.split(',').map(Number);
+  if (state.lamps && values.length === LAMPS.length) return values;
   const { azimuth, light } = parts(state.key);
   return LAMPS.map(([name]) => Number(name === azimuth || (name === 'rover' && light === 'on')));
 }
@@ -98,7 +98,7 @@ async function drawPictures() {
   const reference = await read(pictureUrl(has('photo', key) ? 'photo' : model() ?? 'photo', key)).catch(() => null);
   const gain = 2 ** state.ev / (state.auto && reference ? whiteOf(reference) : 1);
   const pictures = await Promise.all([pictureOf(twinOf(), key, gain), pictureOf(state.left, key, gain)]);
-  if (key !== state.key) return; // another one was asked for meanwhile
+  if (key !== state.key) return; // the selection has changed
   pictures.forEach((data, index) => {
     const canvas = canvases[index];
     canvas.hidden = !data;
@@ -107,9 +107,9 @@ async function drawPictures() {
     canvas.height = data.height;
     canvas.getContext('2d').putImageData(data, 0, 0);
   });
-  const name = (side) => ({ difference: `${model()} over photo, blue to orange: -2 to 2 stops`, olat: `sum of ${model()} under one lamp each` })[side] ?? side;
-  tags[0].textContent = `${name(state.left)}${pictures[1] ? '' : ': not there'}`;
-  tags[1].textContent = `${name(twinOf())}${pictures[0] ? '' : ': not there'}`;
+  const name = (side) => ({ difference: `log2(${model()} / photo), blue to orange: -2 to 2 stops`, olat: `weighted sum of ${model()} twins, a lamp each` })[side] ?? side;
+  tags[0].textContent = `${name(state.left)}${pictures[1] ? '' : ': not available'}`;
+  tags[1].textContent = `${name(twinOf())}${pictures[0] ? '' : ': not available'}`;
   drawSplit();
   frame.dataset.drawn = `${key} ${state.left} ${twinOf()}`;
 }
@@ -117,8 +117,8 @@ async function drawPictures() {
 export function drawSplit() {
   canvases[1].style.clipPath = `inset(0 ${100 - state.split}% 0 0)`;
   divider.style.left = `${state.split}%`;
-  const [input, said] = controls.querySelectorAll('input[aria-label="divider"], input[aria-label="divider"] + output');
-  if (input) { input.value = state.split; said.textContent = `${state.split} %`; }
+  const [input, output] = controls.querySelectorAll('input[aria-label="divider"], input[aria-label="divider"] + output');
+  if (input) { input.value = state.split; output.textContent = `${state.split} %`; }
 }
 
 async function pictureOf(side, key, gain) {
@@ -132,30 +132,30 @@ async function pictureOf(side, key, gain) {
   }
 }
 
-/** Twins under one lamp each, brought to the photo's exposure and added up. */
+/** Weighted sum of the twins of single lamps, scaled to the photo's exposure. */
 async function sumOf(key, gain) {
-  const own = parts(key), chosen = [];
+  const fields = parts(key), chosen = [];
   weights().forEach((weight, index) => {
     const [, light, azimuth] = LAMPS[index];
-    const bracket = bracketOf(keyOf({ ...own, light, azimuth }));
-    const exposure = nearestExposure(bracket, azimuth === 'no' ? 8192 : own.exposure);
-    const single = keyOf({ ...own, light, azimuth, exposure });
-    if (weight > 0 && has(model(), single)) chosen.push([single, (weight * own.exposure) / exposure]);
+    const bracket = bracketOf(keyOf({ ...fields, light, azimuth }));
+    const exposure = nearestExposure(bracket, azimuth === 'no' ? 8192 : fields.exposure);
+    const single = keyOf({ ...fields, light, azimuth, exposure });
+    if (weight > 0 && has(model(), single)) chosen.push([single, (weight * fields.exposure) / exposure]);
   });
   if (!chosen.length) return null;
   const pictures = await Promise.all(chosen.map(([single]) => read(pictureUrl(model(), single))));
   return summed(pictures, chosen.map(([, weight]) => weight), gain);
 }
 
-/** The exposure `by` steps on in the bracket. */
+/** Select the exposure `by` steps further in the bracket. */
 export function stepExposure(by) {
   if (!known(state.key)) return;
-  const own = parts(state.key), times = run.brackets.get(bracketOf(state.key)) ?? [];
-  const next = times[times.indexOf(own.exposure) + by];
-  if (next) set({ key: keyOf({ ...own, exposure: next }) });
+  const fields = parts(state.key), times = run.brackets.get(bracketOf(state.key)) ?? [];
+  const next = times[times.indexOf(fields.exposure) + by];
+  if (next) set({ key: keyOf({ ...fields, exposure: next }) });
 }
 
-/** Choose the rock after the chosen one among those of the photo. */
+/** Select the next rock of the photo. */
 export async function nextRock() {
   if (!known(state.key)) return;
   const { terrain } = parts(state.key);

@@ -1,4 +1,4 @@
-// One annotation on its whole bracket, on the other camera and under the other Suns; its box is put right here.
+// Editor of boxes, with previews on the exposure bracket, in the other camera and under other Suns.
 
 import { bracketOf, has, keyOf, known, nearestExposure, parts, pictureUrl, row, run, table } from './data.js';
 import { Corrections, clipped, coco, dragged, grip } from './corrections.js';
@@ -9,21 +9,21 @@ import { set, state } from './state.js';
 import { read, whiteOf } from './picture.js';
 
 const SUNS = ['30', '180', '270', '350'];
-const SAME = ['x0', 'y0', 'x1', 'y1'];
+const EDGES = ['x0', 'y0', 'x1', 'y1'];
 
-let controls = null, editor = null, panels = null, note = null, seeds = null, corrections = null, opened = null, kept = null;
+let controls = null, editor = null, panels = null, note = null, seeds = null, corrections = null, opened = null, saveStatus = null;
 let boxes = [], propagated = [], chosen = -1, near = true, drag = null;
 
 export function build(section) {
-  opened = Corrections.open(tellKept).then((found) => { corrections = found; return ''; }, (error) => error.message);
+  opened = Corrections.open(showSaveStatus).then((found) => { corrections = found; return ''; }, (error) => error.message);
   addEventListener('beforeunload', (event) => { if (corrections?.unsaved.size) event.preventDefault(); });
   controls = h('div', { class: 'bar' });
-  kept = h('span', { role: 'status', id: 'kept' });
+  saveStatus = h('span', { role: 'status', id: 'save-status' });
   note = h('p', { class: 'empty', role: 'status' });
   editor = s('svg', { id: 'editor', tabindex: 0, role: 'application', 'aria-label': 'editor of boxes', style: 'width:100%;height:100%;touch-action:none' });
-  panels = h('div', { class: 'panels', role: 'region', 'aria-label': 'The same on other photos', tabindex: 0 });
+  panels = h('div', { class: 'panels', role: 'region', 'aria-label': 'Selected label in other photos', tabindex: 0 });
   seeds = h('div', { class: 'bar', id: 'seeds' });
-  section.append(h('div', { class: 'column' }, controls, h('div', { class: 'bar' }, kept), note, h('div', { class: 'work' }, h('div', { class: 'stage' }, editor), panels), seeds));
+  section.append(h('div', { class: 'column' }, controls, h('div', { class: 'bar' }, saveStatus), note, h('div', { class: 'work' }, h('div', { class: 'stage' }, editor), panels), seeds));
   listen();
 }
 
@@ -35,7 +35,7 @@ export const refresh = soon(async () => {
   controls.hidden = panels.parentElement.hidden = !shown;
   if (shown) {
     const key = state.key;
-    propagated = (await labels(key, false)).map(({ kind, rock, ...rest }) => clipped({ kind, rock, ...Object.fromEntries(SAME.map((edge) => [edge, rest[edge]])) }, run.about)).filter(Boolean);
+    propagated = (await labels(key, false)).map(({ kind, rock, ...rest }) => clipped({ kind, rock, ...Object.fromEntries(EDGES.map((edge) => [edge, rest[edge]])) }, run.about)).filter(Boolean);
     if (key !== state.key) return;
     const wanted = boxes[chosen];
     boxes = corrections.of(key) ?? propagated;
@@ -44,13 +44,13 @@ export const refresh = soon(async () => {
     if (state.rock && boxes[chosen]?.rock !== rockNow()) chosen = boxes.findIndex((one) => one.rock === rockNow() && one.kind === state.kind);
     if (chosen < 0) chosen = boxes.findIndex((one) => one.rock === rockNow());
     drawAll();
-    if (chosen >= 0 && document.activeElement === document.body) editor.focus({ preventScroll: true }); // arrow keys move the box
+    if (chosen >= 0 && document.activeElement === document.body) editor.focus({ preventScroll: true }); // for arrow keys
   }
   await drawSeeds();
 });
 
-function tellKept() {
-  kept.textContent = corrections.message;
+function showSaveStatus() {
+  saveStatus.textContent = corrections.message;
 }
 
 const rockNow = () => (state.rock.startsWith(`${parts(state.key).terrain}.`) ? Number(state.rock.split('.')[1]) : -2);
@@ -71,25 +71,25 @@ function drawControls() {
     h('button', { type: 'button', text: 'new rock', onclick: () => add('rock') }),
     h('button', { type: 'button', text: 'new shadow', onclick: () => add('shadow') }),
     h('button', { type: 'button', text: 'delete box', disabled: chosen < 0, onclick: remove }),
-    h('button', { type: 'button', text: 'undo', id: 'undo', disabled: !corrections.past.length, onclick: () => { corrections.undo(); take(); } }),
-    h('button', { type: 'button', text: 'revert photo', id: 'revert', disabled: !now, title: 'Drop the correction of this photo', onclick: () => { corrections.drop(state.key); take(); } }),
-    h('button', { type: 'button', text: 'drop corrections', id: 'drop', disabled: !count, title: 'Drop the corrections of all photos', onclick: dropAll }),
+    h('button', { type: 'button', text: 'undo', id: 'undo', disabled: !corrections.past.length, onclick: () => { corrections.undo(); showCorrections(); } }),
+    h('button', { type: 'button', text: 'revert photo', id: 'revert', disabled: !now, title: 'Discard the correction of this photo', onclick: () => { corrections.drop(state.key); showCorrections(); } }),
+    h('button', { type: 'button', text: 'discard corrections', id: 'drop', disabled: !count, title: 'Discard the corrections of all photos', onclick: dropAll }),
     h('button', { type: 'button', id: 'download', text: `download corrections (${photos(count)})`, disabled: !count, onclick: download,
-      title: 'A COCO file: put it into a folder of its own and name that as labels.corrections' }),
+      title: 'COCO file: put it into a separate folder and set labels.corrections to this folder' }),
   ]);
-  tellKept();
+  showSaveStatus();
 }
 
 const photos = (count) => `${count} ${count === 1 ? 'photo' : 'photos'}`;
 
 function dropAll() {
-  if (!confirm(`Drop the corrections of ${photos(corrections.keys.length)}?`)) return;
+  if (!confirm(`Discard the corrections of ${photos(corrections.keys.length)}?`)) return;
   corrections.dropAll();
-  take();
+  showCorrections();
 }
 
-/** Show what the corrections hold. */
-function take() {
+/** Show the boxes of the corrections. */
+function showCorrections() {
   boxes = corrections.of(state.key) ?? propagated;
   chosen = Math.min(chosen, boxes.length - 1);
   drawAll();
@@ -108,7 +108,7 @@ function add(kind) {
   const one = { kind, rock: -1, x0, y0, x1: x0 + side, y1: y0 + side };
   chosen = boxes.length;
   change([...boxes, one]);
-  set({ rock: '' }); // the new box is of no known rock
+  set({ rock: '' }); // the new box has no rock id
 }
 
 function remove() {
@@ -124,7 +124,7 @@ function download() {
   URL.revokeObjectURL(link.href);
 }
 
-/** The part of the photo that the editor shows. */
+/** View box of the editor, pixels of the photo. */
 function sight() {
   const { width, height } = run.about, one = boxes[chosen];
   if (!near || !one) return [0, 0, width, height];
@@ -151,26 +151,26 @@ async function drawEditor() {
   }
 }
 
-/** Photos that show the same: the bracket, the other camera, the other Suns. */
+/** Photos of the same station: the bracket, the other camera, the other Suns. */
 function siblings() {
-  const own = parts(state.key);
-  const near256 = (change) => {
-    const other = { ...own, ...change };
-    const exposure = nearestExposure(bracketOf(keyOf(other)), own.exposure);
-    return Number.isFinite(exposure) ? [keyOf({ ...other, exposure })] : [];
+  const fields = parts(state.key);
+  const sameExposure = (change) => {
+    const changed = { ...fields, ...change };
+    const exposure = nearestExposure(bracketOf(keyOf(changed)), fields.exposure);
+    return Number.isFinite(exposure) ? [keyOf({ ...changed, exposure })] : [];
   };
-  const bracket = (run.brackets.get(bracketOf(state.key)) ?? []).map((exposure) => keyOf({ ...own, exposure }));
+  const bracket = (run.brackets.get(bracketOf(state.key)) ?? []).map((exposure) => keyOf({ ...fields, exposure }));
   return [
     ...bracket.filter((key) => key !== state.key).map((key) => [key, 'exposure', true]),
-    ...near256({ camera: own.camera === 'L' ? 'R' : 'L' }).map((key) => [key, 'other camera', false]),
-    ...SUNS.filter((azimuth) => azimuth !== own.azimuth).flatMap((azimuth) => near256({ azimuth }).map((key) => [key, `Sun ${azimuth}`, true])),
+    ...sameExposure({ camera: fields.camera === 'L' ? 'R' : 'L' }).map((key) => [key, 'other camera', false]),
+    ...SUNS.filter((azimuth) => azimuth !== fields.azimuth).flatMap((azimuth) => sameExposure({ azimuth }).map((key) => [key, `Sun ${azimuth}`, true])),
   ];
 }
 
 let drawn = 0;
 async function drawPanels() {
   const one = boxes[chosen], turn = (drawn += 1);
-  if (!one) { panels.replaceChildren(h('p', { class: 'note', text: 'Choose a box: it is shown here on its whole exposure bracket, in the other camera and under the other Suns.' })); return; }
+  if (!one) { panels.replaceChildren(h('p', { class: 'note', text: 'Select a box to show it in the photos of the exposure bracket, of the other camera and of other Suns.' })); return; }
   const before = propagated.find((other) => other.rock === one.rock && other.kind === one.kind && one.rock >= 0);
   const found = await Promise.all(siblings().map(async ([key, what, sameCamera]) => {
     const own = await labels(key, false);
@@ -187,11 +187,11 @@ async function drawPanels() {
   }));
 }
 
-/** Where the box should lie on another photo: the same for a camera that stands still, moved alike for the other one. */
+/** Expected box in another photo: the same for the same camera, displaced by the same amount for the other camera. */
 function expected(one, before, label, still) {
   if (still) return one;
   if (!label || !before) return null;
-  return Object.fromEntries(SAME.map((edge) => [edge, label[edge] + one[edge] - before[edge]]));
+  return Object.fromEntries(EDGES.map((edge) => [edge, label[edge] + one[edge] - before[edge]]));
 }
 
 function listen() {
@@ -222,7 +222,7 @@ function listen() {
   });
   editor.addEventListener('pointerup', () => {
     if (!drag) return;
-    const { box } = drag, moved = SAME.some((edge) => boxes[chosen][edge] !== box[edge]);
+    const { box } = drag, moved = EDGES.some((edge) => boxes[chosen][edge] !== box[edge]);
     drag = null;
     if (moved) change(boxes);
   });
@@ -237,33 +237,32 @@ function listen() {
   });
 }
 
-/** What followed from a seed, where the run knows, and how it is taken back. */
+/** Show the labels that depend on a seed, if the run has this table. */
 async function drawSeeds() {
   const { seeds: all, undone } = run.about;
   const seed = all.includes(state.seed) ? state.seed : '';
-  const told = seed && undone.includes(seed) ? await table(`data/undone/${seed}.arrow`) : null;
+  const changes = seed && undone.includes(seed) ? await table(`data/undone/${seed}.arrow`) : null;
   renew(seeds, () => [
-    chooser('what followed from the seed', [['', 'none'], ...all], seed, (value) => set({ seed: value })),
-    ...(seed && !told ? [h('span', {}, 'ask ', h('code', { text: `polarsim undo ${seed} --run ${run.about.run}` }), ' and open the page anew')] : []),
-    ...(told ? followed(told) : []),
+    chooser('labels that depend on the seed', [['', 'none'], ...all], seed, (value) => set({ seed: value })),
+    ...(seed && !changes ? [h('span', {}, 'run ', h('code', { text: `polarsim undo ${seed} --run ${run.about.run}` }), ' and reload the page')] : []),
+    ...(changes ? dependents(changes) : []),
   ]);
 }
 
-const WORDS = { gone: 'would be gone', moved: 'would move', new: 'would be new' };
+const EFFECTS = { gone: 'removed', moved: 'moved', new: 'new' };
 
-function followed(told) {
+function dependents(changes) {
   const photos = new Map();
-  for (let k = 0; k < told.rows; k += 1) {
-    const { key, change: what } = row(told, k);
+  for (let k = 0; k < changes.rows; k += 1) {
+    const { key, change: effect } = row(changes, k);
     if (!photos.has(key)) photos.set(key, {});
-    photos.get(key)[what] = (photos.get(key)[what] ?? 0) + 1;
+    photos.get(key)[effect] = (photos.get(key)[effect] ?? 0) + 1;
   }
-  const say = (counts) => Object.entries(counts).map(([what, count]) => `${count} ${what}`).join(', ');
+  const list = (counts) => Object.entries(counts).map(([effect, count]) => `${count} ${EFFECTS[effect]}`).join(', ');
   const total = {};
-  for (const counts of photos.values()) for (const [what, count] of Object.entries(counts)) total[what] = (total[what] ?? 0) + count;
-  const text = Object.entries(total).map(([what, count]) => `${count} ${WORDS[what]}`).join(', ');
+  for (const counts of photos.values()) for (const [effect, count] of Object.entries(counts)) total[effect] = (total[effect] ?? 0) + count;
   return [
-    h('span', { id: 'followed', text: `without it, of the labels of ${photos.size} photos ${text || 'nothing would change'}` }),
-    chooser('on', [['', 'a photo'], ...[...photos].map(([key, counts]) => [key, `${key}: ${say(counts)}`])], '', (key) => key && set({ key })),
+    h('span', { id: 'seed-effect', text: `labels without this seed, in ${photos.size} photos: ${list(total) || 'no change'}` }),
+    chooser('in', [['', 'a photo'], ...[...photos].map(([key, counts]) => [key, `${key}: ${list(counts)}`])], '', (key) => key && set({ key })),
   ];
 }

@@ -1,70 +1,70 @@
-// Boxes that a person put right, photo by photo: saved by the server that sent the page, undone, downloaded as COCO.
+// Corrected boxes by photo: saved by the local server, undone, downloaded as COCO.
 
 const KINDS = ['rock', 'shadow'];
 const URL_OF = 'data/corrections';
-const LEAST_PX = 0.01; // side of a box, as the server has it
+const MIN_SIDE_PX = 0.01; // minimum side of a box, as in the server
 
 export class Corrections {
-  /** `about` is the content of data/corrections.json; `tell` is called after every change of `message`. */
-  constructor({ photos, folder, token }, tell) {
-    Object.assign(this, { photos, folder, token, tell, past: [], unsaved: new Set(), sending: null, problem: '' });
+  /** The first argument is the content of data/corrections.json; `notify` is called after every change of `message`. */
+  constructor({ photos, folder, token }, notify) {
+    Object.assign(this, { photos, folder, token, notify, past: [], unsaved: new Set(), sending: null, problem: '' });
   }
 
   /** Read the corrections of the run. */
-  static async open(tell) {
+  static async open(notify) {
     const answer = await fetch(`${URL_OF}.json`, { cache: 'no-store' });
     if (!answer.ok) throw new Error(`corrections cannot be read: ${(await answer.text()).trim()}`);
-    return new Corrections(await answer.json(), tell);
+    return new Corrections(await answer.json(), notify);
   }
 
   get keys() { return Object.keys(this.photos).sort(); }
 
   of(key) { return this.photos[key]; }
 
-  /** Where the corrections are kept, in words. */
+  /** Text on the state of saving. */
   get message() {
     const count = this.unsaved.size, photos = `${count} ${count === 1 ? 'photo' : 'photos'}`;
-    if (!this.token) return count ? `${photos} not saved: this page has no server. Download the corrections before you leave` : '';
+    if (!this.token) return count ? `${photos} not saved: this page has no server. Download the corrections before closing the page` : '';
     if (this.problem) return `${photos} not saved: ${this.problem}`;
     if (count) return 'saving ...';
-    return this.keys.length ? `saved in ${this.folder}: name it as labels.corrections and run again` : '';
+    return this.keys.length ? `saved in ${this.folder}: set labels.corrections to this folder and run the workflow again` : '';
   }
 
-  /** All boxes of a photo from now on; what was before can be had back. */
-  put(key, boxes) { this.#become({ ...this.photos, [key]: boxes }); }
+  /** Replace all boxes of a photo; can be undone. */
+  put(key, boxes) { this.#change({ ...this.photos, [key]: boxes }); }
 
-  /** The photo is as the run labelled it. */
+  /** Discard the correction of a photo. */
   drop(key) {
-    const { [key]: _, ...others } = this.photos;
-    this.#become(others);
+    const { [key]: _, ...remaining } = this.photos;
+    this.#change(remaining);
   }
 
-  /** Every photo is as the run labelled it. */
-  dropAll() { this.#become({}); }
+  /** Discard the corrections of all photos. */
+  dropAll() { this.#change({}); }
 
   undo() {
     if (!this.past.length) return false;
-    this.#take(this.past.pop());
+    this.#replace(this.past.pop());
     return true;
   }
 
-  #become(photos) {
+  #change(photos) {
     this.past.push(this.photos);
     if (this.past.length > 200) this.past.shift();
-    this.#take(photos);
+    this.#replace(photos);
   }
 
-  #take(photos) {
+  #replace(photos) {
     const before = this.photos;
     this.photos = photos;
     for (const key of new Set([...Object.keys(before), ...Object.keys(photos)])) if (before[key] !== photos[key]) this.unsaved.add(key);
     this.save();
   }
 
-  /** Send every photo that the server does not have as it is now; photos that it refuses stay unsaved. */
+  /** Send all changed photos to the server; photos refused by the server remain unsaved. */
   save() {
-    if (this.token) this.sending ??= this.#sendAll().finally(() => { this.sending = null; this.tell(); });
-    this.tell();
+    if (this.token) this.sending ??= this.#sendAll().finally(() => { this.sending = null; this.notify(); });
+    this.notify();
     return this.sending;
   }
 
@@ -89,19 +89,19 @@ export class Corrections {
     const headers = { 'X-Polarsim-Token': this.token, 'Content-Type': 'application/json' };
     const request = boxes ? { method: 'PUT', headers, body: JSON.stringify(boxes) } : { method: 'DELETE', headers };
     let answer;
-    try { answer = await fetch(`${URL_OF}/${key}`, request); } catch { throw new Error('the server does not answer. Download the corrections'); }
-    if (answer.status === 403) throw new Error('the server was started anew. Download the corrections, then reload the page');
+    try { answer = await fetch(`${URL_OF}/${key}`, request); } catch { throw new Error('the server does not respond. Download the corrections'); }
+    if (answer.status === 403) throw new Error('the server was restarted. Download the corrections, then reload the page');
     if (!answer.ok) throw new Error((await answer.text()).trim());
   }
 }
 
-/** The part of a box that is inside the photo; null where none is. */
+/** The part of a box inside the photo, or null. */
 export function clipped(box, { width, height }) {
   const part = { ...box, x0: Math.max(0, box.x0), y0: Math.max(0, box.y0), x1: Math.min(width, box.x1), y1: Math.min(height, box.y1) };
-  return Math.min(part.x1 - part.x0, part.y1 - part.y0) >= LEAST_PX ? part : null;
+  return Math.min(part.x1 - part.x0, part.y1 - part.y0) >= MIN_SIDE_PX ? part : null;
 }
 
-/** A COCO file that `labels.corrections` reads: every photo with all its boxes. */
+/** COCO file for `labels.corrections` with all boxes of every corrected photo. */
 export function coco(photos, { width, height }) {
   const keys = Object.keys(photos).sort();
   const annotations = keys.flatMap((key, image) => photos[key].map((one) => ({
@@ -118,8 +118,8 @@ export function coco(photos, { width, height }) {
 }
 
 /**
- * The box after a drag by (dx, dy) pixels of what was taken: some of the letters w e n s, or all of it. It stays inside
- * the photo and at least a pixel wide and high.
+ * The box after dragging the edges in `grip` (letters w e n s, or '' for the box) by (dx, dy) pixels. The result is
+ * inside the photo and at least a pixel wide and high.
  */
 export function dragged(box, grip, dx, dy, { width, height }) {
   const within = (value, low, high) => Math.max(low, Math.min(high, value));
@@ -139,7 +139,7 @@ export function dragged(box, grip, dx, dy, { width, height }) {
   return moved;
 }
 
-/** What of a box lies at a point: letters of its edges within reach, '' in the middle, null outside. */
+/** The edges of a box within `reach` of a point (letters w e n s), '' inside the box, null outside. */
 export function grip(box, x, y, reach) {
   const near = (a, b) => Math.abs(a - b) <= reach;
   if (x < box.x0 - reach || x > box.x1 + reach || y < box.y0 - reach || y > box.y1 + reach) return null;

@@ -1,53 +1,53 @@
-// The run's files: columns of tables, each asked for once.
+// Files of the run: tables and JSON, each loaded once.
 
-const asked = new Map();
+const answers = new Map();
 
 function once(url, read) {
-  if (!asked.has(url)) {
+  if (!answers.has(url)) {
     const answer = fetch(url).then((response) => {
       if (!response.ok) throw new Error(`${url}: ${response.status}`);
       return read(response);
     });
-    answer.catch(() => asked.delete(url));
-    asked.set(url, answer);
+    answer.catch(() => answers.delete(url));
+    answers.set(url, answer);
   }
-  return asked.get(url);
+  return answers.get(url);
 }
 
 /** A JSON file. */
 export const json = (url) => once(url, (response) => response.json());
 
 /**
- * A table: `rows`, and by name its columns as typed arrays. A column of texts has a number in each row, and
- * `values[name]` lists what the numbers stand for.
+ * A table: number of `rows`, and `columns` by name as typed arrays. A column of texts contains codes, and
+ * `values[name]` lists the texts by code.
  */
 export const table = (url) => once(url, async (response) => columnsOf(await response.arrayBuffer()));
 
 export function columnsOf(content) {
   const arrow = globalThis.fl.tableFromIPC(content);
-  const found = { rows: arrow.numRows, columns: {}, values: {} };
+  const result = { rows: arrow.numRows, columns: {}, values: {} };
   for (const { name, type } of arrow.schema.fields) {
     const column = arrow.getChild(name);
     const batch = column.data[0];
     if (batch && batch.dictionary) {
-      found.columns[name] = batch.values;
-      found.values[name] = [...batch.dictionary];
+      result.columns[name] = batch.values;
+      result.values[name] = [...batch.dictionary];
     } else {
-      if (type.indices) found.values[name] = []; // texts, and no row
-      found.columns[name] = arrow.numRows ? column.toArray() : new Float32Array(0);
+      if (type.indices) result.values[name] = []; // column of texts without rows
+      result.columns[name] = arrow.numRows ? column.toArray() : new Float32Array(0);
     }
   }
-  return found;
+  return result;
 }
 
 /** One row of a table as an object. */
 export function row(of, number) {
-  const found = {};
+  const result = {};
   for (const [name, column] of Object.entries(of.columns)) {
     const value = column[number];
-    found[name] = of.values[name] ? of.values[name][value] : value;
+    result[name] = of.values[name] ? of.values[name][value] : value;
   }
-  return found;
+  return result;
 }
 
 /** The rows of each key of a table that is sorted by key: Map of key -> [first, end). */
@@ -83,7 +83,7 @@ export function keyOf({ terrain, position, light, azimuth, camera, exposure }) {
 
 export const bracketOf = (key) => key.slice(0, key.lastIndexOf('_'));
 
-/** The run: what there is, and a row a picture. Filled by `open`. */
+/** The run: available data and the table of images. Loaded by `open`. */
 export const run = { about: null, pictures: null, rows: new Map(), brackets: new Map() };
 
 export async function open() {
@@ -109,7 +109,7 @@ export const pictureUrl = (domain, key) => `data/pictures/${domain}/${key}.jpg`;
 export const smallUrl = (domain, key) => `data/small/${domain}/${key}.jpg`;
 export const labelsOf = (terrain, ofTwins) => table(`data/labels/${ofTwins ? 'twins' : 'photo'}/${terrain}.arrow`);
 
-/** The exposure of a bracket that is nearest to the wanted one, by stops. */
+/** The exposure of a bracket nearest to the wanted exposure, in stops. */
 export function nearestExposure(bracket, wanted) {
   const off = (exposure) => Math.abs(Math.log2(exposure / wanted));
   return (run.brackets.get(bracket) ?? []).reduce((best, one) => (off(one) < off(best) ? one : best), Infinity);

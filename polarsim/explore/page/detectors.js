@@ -1,25 +1,25 @@
-// What detectors see: right, wrong and missed at a confidence, false positives sorted by how sure they were.
+// Predictions of detectors at a confidence threshold: counts of correct and missed labels, list of false positives.
 
 import { has, labelsOf, parts, pictureUrl, row, run, spans, table } from './data.js';
 import { chooser, h, renew, slider, soon } from './dom.js';
 import { crop, outline } from './overlay.js';
 import { set, shows, state } from './state.js';
 
-const MOST = 120; // of the list
-const FALSE_POSITIVES = 'false positives are rocks: on no rock label, centre in a tile without rock labels, as in tables/false_positives';
-const SORTS = [['confidence', 'confidence, surest first'], ['size', 'size, largest first'], ['key', 'photo']];
+const MAX_ITEMS = 120; // of the list
+const FALSE_POSITIVES = 'false positives (rocks only): no overlap with a rock label, centre in a tile without rock labels, as in tables/false_positives';
+const SORTS = [['confidence', 'confidence, highest first'], ['size', 'size, largest first'], ['key', 'photo']];
 
-let controls = null, figures = null, list = null, order = 'confidence';
+let controls = null, metrics = null, list = null, order = 'confidence';
 
 export function build(section) {
   controls = h('div', { class: 'bar' });
-  figures = h('div', { class: 'bar', role: 'status', id: 'counts' });
+  metrics = h('div', { class: 'bar', role: 'status', id: 'counts' });
   list = h('div', { class: 'list', role: 'region', 'aria-label': 'False positives', tabindex: 0 });
-  section.append(h('div', { class: 'column' }, controls, figures, h('div', { class: 'stage', style: 'background:none' }, list)));
+  section.append(h('div', { class: 'column' }, controls, metrics, h('div', { class: 'stage', style: 'background:none' }, list)));
 }
 
 const nameNow = () => state.detector || run.about.predictions[0] || '';
-const domainOf = (name) => { const seen = name.slice(name.lastIndexOf('_on_') + 4); return run.about.domains.includes(seen) ? seen : 'photo'; };
+const domainOf = (name) => { const domain = name.slice(name.lastIndexOf('_on_') + 4); return run.about.domains.includes(domain) ? domain : 'photo'; };
 
 export const refresh = soon(async () => {
   const name = nameNow();
@@ -27,26 +27,26 @@ export const refresh = soon(async () => {
   renew(controls, () => [
     chooser('detector', run.about.predictions, name, (detector) => set({ detector })),
     chooser('kind', ['rock', 'shadow'], state.kind, (kind) => set({ kind })),
-    slider('confidence', { min: 0.05, max: 0.99, step: 0.01, value: state.confidence, shown: (value) => `from ${value.toFixed(2)}` }, (confidence) => set({ confidence })),
+    slider('confidence', { min: 0.05, max: 0.99, step: 0.01, value: state.confidence, shown: (value) => `≥ ${value.toFixed(2)}` }, (confidence) => set({ confidence })),
     chooser('sort by', SORTS, order, (value) => { order = value; refresh(); }),
   ]);
-  const seen = await table(`data/predictions/${name}.arrow`);
-  await count(seen, name);
-  drawList(seen, domainOf(name));
+  const predictions = await table(`data/predictions/${name}.arrow`);
+  await count(predictions, name);
+  drawList(predictions, domainOf(name));
 });
 
-/** Rows of a kind that are sure enough. */
-function sure(seen) {
-  const { confidence, kind } = seen.columns, code = seen.values.kind.indexOf(state.kind), found = [];
-  for (let k = 0; k < seen.rows; k += 1) if (kind[k] === code && confidence[k] >= state.confidence) found.push(k);
+/** Rows of the selected kind above the confidence threshold. */
+function sure(predictions) {
+  const { confidence, kind } = predictions.columns, code = predictions.values.kind.indexOf(state.kind), found = [];
+  for (let k = 0; k < predictions.rows; k += 1) if (kind[k] === code && confidence[k] >= state.confidence) found.push(k);
   return found;
 }
 
-async function count(seen, name) {
-  const rows = sure(seen);
-  const right = rows.filter((k) => seen.columns.right[k]).length;
-  const wrong = rows.filter((k) => seen.columns.false_positive[k]).length;
-  const keys = [...spans(seen).keys()];
+async function count(predictions, name) {
+  const rows = sure(predictions);
+  const right = rows.filter((k) => predictions.columns.right[k]).length;
+  const wrong = rows.filter((k) => predictions.columns.false_positive[k]).length;
+  const keys = [...spans(predictions).keys()];
   const tables = await Promise.all([...new Set(keys.map((key) => parts(key).terrain))].map((terrain) => labelsOf(terrain, domainOf(name) !== 'photo')));
   let labelled = 0;
   for (const labels of tables) {
@@ -57,24 +57,24 @@ async function count(seen, name) {
     }
   }
   const share = (part, of) => (of ? (part / of).toFixed(3) : '-');
-  figures.replaceChildren(...[
-    `${keys.length} photos`, `${rows.length} predictions`, `${right} right (IoU 0.5)`, `${labelled - right} of ${labelled} labels missed`,
+  metrics.replaceChildren(...[
+    `${keys.length} photos`, `${rows.length} predictions`, `${right} correct (IoU 0.5)`, `${labelled - right} of ${labelled} labels missed`,
     `precision ${share(right, rows.length)}`, `recall ${share(right, labelled)}`, state.kind === 'rock' ? `${wrong} false positives` : FALSE_POSITIVES,
   ].map((text) => h('span', { text, title: text.endsWith('false positives') ? FALSE_POSITIVES : '' })));
 }
 
-function drawList(seen, domain) {
-  const { x0, y0, x1, y1, confidence, false_positive: wrong } = seen.columns;
+function drawList(predictions, domain) {
+  const { x0, y0, x1, y1, confidence, false_positive: wrong } = predictions.columns;
   const size = (k) => (x1[k] - x0[k]) * (y1[k] - y0[k]);
   const by = { confidence: (a, b) => confidence[b] - confidence[a], size: (a, b) => size(b) - size(a), key: (a, b) => a - b }[order];
-  const rows = sure(seen).filter((k) => wrong[k]).sort(by);
-  const items = rows.slice(0, MOST).map((k) => {
-    const one = row(seen, k);
+  const rows = sure(predictions).filter((k) => wrong[k]).sort(by);
+  const items = rows.slice(0, MAX_ITEMS).map((k) => {
+    const one = row(predictions, k);
     return h('button', {
       type: 'button', class: 'crop', 'aria-label': `${one.key}, confidence ${one.confidence.toFixed(2)}`,
       onclick: () => set({ view: 'compare', key: one.key, detector: nameNow(), show: shows('p') ? state.show : `${state.show}p`, ...(domain === 'photo' ? {} : { right: domain }) }),
     }, has(domain, one.key) ? crop(pictureUrl(domain, one.key), one, outline(one, 'seen false')) : null,
     h('small', { text: `${one.confidence.toFixed(2)}  ${one.key}` }));
   });
-  list.replaceChildren(...(items.length ? items : [h('p', { class: 'empty', text: state.kind === 'rock' ? 'No false positive has this confidence.' : 'Shadows are not counted as false positives.' })]));
+  list.replaceChildren(...(items.length ? items : [h('p', { class: 'empty', text: state.kind === 'rock' ? 'No false positive above this confidence.' : 'Shadows are not counted as false positives.' })]));
 }

@@ -1,13 +1,13 @@
-// Elements made in one line, and the few controls that all views share.
+// Functions that create elements, and the controls common to all views.
 
 const SVG = 'http://www.w3.org/2000/svg';
 
-/** An element: attributes by name, `on...` are listeners, `text` its text; then its children. */
+/** Create an HTML element from attributes (`on...`: listeners, `text`: text content) and children. */
 export function h(tag, attributes = {}, ...children) {
   return fill(document.createElement(tag), attributes, children);
 }
 
-/** The same for SVG. */
+/** Create an SVG element. */
 export function s(tag, attributes = {}, ...children) {
   return fill(document.createElementNS(SVG, tag), attributes, children);
 }
@@ -26,7 +26,7 @@ function fill(element, attributes, children) {
 /** A labelled control. */
 export const labelled = (text, control) => h('label', {}, text, control);
 
-/** A labelled list to choose from; options are texts or [value, text]. */
+/** A labelled select element; options are texts or [value, text]. */
 export function chooser(text, options, value, change) {
   const list = h('select', { 'aria-label': text, onchange: () => change(list.value) }, options.map((option) => {
     const [name, shown] = Array.isArray(option) ? option : [option, option];
@@ -35,28 +35,28 @@ export function chooser(text, options, value, change) {
   return labelled(text, list);
 }
 
-/** A button that stays pressed. */
+/** A toggle button. */
 export function toggle(text, on, change, title = '') {
   return h('button', { type: 'button', 'aria-pressed': String(on), title, onclick: () => change(!on), text });
 }
 
-/** A labelled slider; `shown` makes the text beside it out of its value. */
+/** A labelled slider; `shown` formats the value. */
 export function slider(text, { min, max, step, value, shown = String, disabled = false }, change) {
-  const said = h('output', { text: shown(value) });
+  const output = h('output', { text: shown(value) });
   const input = h('input', {
     type: 'range', min, max, step, value, disabled, 'aria-label': text,
-    oninput: () => { said.textContent = shown(Number(input.value)); change(Number(input.value)); },
+    oninput: () => { output.textContent = shown(Number(input.value)); change(Number(input.value)); },
   });
-  return labelled(text, h('span', { class: 'bar', style: 'padding:0' }, input, said));
+  return labelled(text, h('span', { class: 'bar', style: 'padding:0' }, input, output));
 }
 
-/** Waits a moment for further calls before it makes the last one. */
+/** Delay a call; further calls within the delay replace the first. */
 export function soon(call, milliseconds = 30) {
   let timer = 0;
   return (...values) => { clearTimeout(timer); timer = setTimeout(() => call(...values), milliseconds); };
 }
 
-/** Put new children in the place of old ones; the control that had the focus has it again, and no drag is torn. */
+/** Replace the children; restore the focus, and wait for the end of a drag of a slider. */
 export function renew(container, make) {
   const active = container.contains(document.activeElement) ? document.activeElement : null;
   if (active && active.type === 'range' && active.matches(':active')) {

@@ -1,10 +1,10 @@
-// Which pictures are shown: columns against what is allowed, row by row.
+// Filters of the table of images.
 
 import { FIELDS, RANGES, set, state } from './state.js';
 import { run } from './data.js';
 import { h } from './dom.js';
 
-/** Distinct values of a field, in order, each with the numbers that stand for it. */
+/** Sorted distinct values of a field with their codes. */
 export function valuesOf(field) {
   const { columns, values } = run.pictures;
   if (values[field]) return values[field].map((value, code) => [value, code]).sort(byOrder);
@@ -13,7 +13,7 @@ export function valuesOf(field) {
 
 const byOrder = ([a], [b]) => (Number(a) - Number(b)) || String(a).localeCompare(String(b));
 
-/** Rows that fit the state's filters; `among` are keys that alone count, all where it is null. */
+/** Rows that pass the filters of the state; `among` limits the keys, null for all keys. */
 export function filtered(among = null) {
   const { columns, rows } = run.pictures;
   const tests = FIELDS.filter((field) => state[`f.${field}`]).map((field) => {
@@ -26,13 +26,13 @@ export function filtered(among = null) {
     return [columns[field], low, high];
   });
   const keys = among && new Set(run.pictures.values.key.map((key, code) => [key, code]).filter(([key]) => among.has(key)).map(([, code]) => code));
-  const found = [];
+  const matching = [];
   for (let row = 0; row < rows; row += 1) {
     if (tests.every(([column, allowed]) => allowed.has(column[row]))
       && ranges.every(([column, low, high]) => column[row] >= low && column[row] <= high)
-      && (!keys || keys.has(columns.key[row]))) found.push(row);
+      && (!keys || keys.has(columns.key[row]))) matching.push(row);
   }
-  return sorted(found);
+  return sorted(matching);
 }
 
 function sorted(rows) {
@@ -42,8 +42,8 @@ function sorted(rows) {
   return rows.sort((a, b) => last(column[a]) - last(column[b]) || a - b);
 }
 
-/** Why a view of one picture shows none. */
-export const unknown = (key) => (key ? `This run has no picture ${key}. Choose one in Photos.` : 'No picture passes the filters of the grid. "All pictures" in Photos resets them.');
+/** Message for a view without an image. */
+export const unknown = (key) => (key ? `This run has no image ${key}. Select an image in Photos.` : 'No image passes the filters of the grid. "All images" in Photos resets the filters.');
 
 const NAMES = { exposure_ms: 'exposure, ms', light: 'rover light', azimuth: 'Sun azimuth' };
 
@@ -63,7 +63,7 @@ export function form() {
   });
   const ranges = RANGES.map((field) => {
     const ends = (state[`f.${field}`] || '..').split('..');
-    const inputs = ['least', 'most'].map((end, index) => h('input', {
+    const inputs = ['minimum', 'maximum'].map((end, index) => h('input', {
       type: 'number', min: 0, max: 1, step: 0.01, value: ends[index] ?? '', 'aria-label': `${end} ${field}`, name: `${field}-${end}`,
       onchange: (event) => {
         ends[index] = event.target.value;
@@ -74,5 +74,5 @@ export function form() {
     return h('fieldset', { title: meaning }, h('legend', { text: field }), inputs[0], ' to ', inputs[1]);
   });
   const reset = () => set(Object.fromEntries([...FIELDS, ...RANGES].map((field) => [`f.${field}`, '']).concat([['only', '']])));
-  return h('form', { onsubmit: (event) => event.preventDefault() }, boxes, ranges, h('button', { type: 'button', id: 'reset', onclick: reset, text: 'All pictures' }));
+  return h('form', { onsubmit: (event) => event.preventDefault() }, boxes, ranges, h('button', { type: 'button', id: 'reset', onclick: reset, text: 'All images' }));
 }

@@ -1,4 +1,4 @@
-// The photo grid: as many tiles as fit on the screen, however many pictures there are.
+// Grid of images; only the visible tiles are created.
 
 import { domainAt, keyAt, labelsOf, run, smallUrl } from './data.js';
 import { chooser, h, renew } from './dom.js';
@@ -6,9 +6,9 @@ import { filtered, form } from './filters.js';
 import { set, state } from './state.js';
 import { brightening } from './picture.js';
 
-const WIDE = 190, HIGH = 160, EDGE = 6, MARGIN = 2; // pixels of a tile and of the edge; rows beyond the screen
+const WIDE = 190, HIGH = 160, EDGE = 6, MARGIN = 2; // sizes of tile and edge, pixels; extra rows above and below the visible part
 
-let page = null, list = null, inner = null, said = null, filters = null;
+let page = null, list = null, inner = null, count = null, filters = null;
 export let shown = []; // rows of the pictures that pass the filters
 const tiles = new Map();
 
@@ -16,15 +16,15 @@ export function build(section) {
   page = section;
   filters = h('div', { class: 'side' });
   inner = h('div', { style: 'position:relative' });
-  list = h('div', { class: 'grid', tabindex: 0, role: 'region', 'aria-label': 'Pictures', onscroll: draw }, inner);
-  said = h('span', { id: 'count', role: 'status' });
+  list = h('div', { class: 'grid', tabindex: 0, role: 'region', 'aria-label': 'Images', onscroll: draw }, inner);
+  count = h('span', { id: 'count', role: 'status' });
   const sort = chooser('sort by', ['key', 'score', 'confidence', 'least_confidence', 'rocks'], state.sort, (value) => set({ sort: value }));
   section.className = 'split';
-  section.append(filters, h('div', { class: 'column' }, h('div', { class: 'bar' }, said, sort), list));
+  section.append(filters, h('div', { class: 'column' }, h('div', { class: 'bar' }, count, sort), list));
   addEventListener('resize', draw);
 }
 
-/** Keys of the photos that show the chosen rock, where the grid is limited to it. */
+/** Keys of the photos with the rock that the grid is limited to, or null. */
 async function among() {
   if (!state.only) return null;
   const [terrain, rock] = state.only.split('.').map(Number);
@@ -43,8 +43,8 @@ export async function refresh(changed = new Set(['all'])) {
   const start = performance.now();
   shown = filtered(keys);
   const took = performance.now() - start;
-  said.textContent = `${shown.length} of ${run.pictures.rows} pictures${state.only ? `, those of rock ${state.only.split('.')[1]}` : ''}${shown.length ? '' : ': "All pictures" resets the filters'}`;
-  said.dataset.ms = took.toFixed(1);
+  count.textContent = `${shown.length} of ${run.pictures.rows} images${state.only ? ` with rock ${state.only.split('.')[1]}` : ''}${shown.length ? '' : ': "All images" resets the filters'}`;
+  count.dataset.ms = took.toFixed(1);
   renew(filters, () => [form()]);
   for (const tile of tiles.values()) tile.remove();
   tiles.clear();
@@ -74,7 +74,7 @@ function tileOf(row) {
     picture, h('span', { text: key }), h('small', { text: `${domain}, score ${figure('score')}, conf. ${figure('confidence')}` }));
 }
 
-/** Shows a short exposure as bright as a long one: recognition, not measurement, is what the grid is for. */
+/** Normalise the brightness of short exposures for display. */
 function brighten(picture) {
   picture.style.filter = `brightness(${brightening(picture)})`;
 }
@@ -85,7 +85,7 @@ export function choose(row) {
   set({ view: 'compare', key, ...left });
 }
 
-/** The picture `step` on among those shown. */
+/** Select the photo `by` steps further in the grid. */
 export function step(by) {
   const photos = [...new Set(shown.map(keyAt))];
   if (!photos.length) return;

@@ -1,4 +1,4 @@
-// Where it starts: the run is read, views are built when they are first asked for, keys and address lead everywhere.
+// Start of the page: loads the run, builds views on first use, handles keys and address.
 
 import { keyAt, open, run } from './data.js';
 import { h } from './dom.js';
@@ -15,7 +15,7 @@ const VIEWS = [
   ['photos', 'Photos', grid], ['compare', 'Compare', compare], ['terrain', '3-D', terrain],
   ['detectors', 'Detectors', detectors], ['rover', 'Rover', rover], ['correct', 'Correct', correct],
 ];
-const OF_ONE_PICTURE = new Set(['compare', 'correct']); // without a choice the first that passes the filters
+const OF_ONE_PICTURE = new Set(['compare', 'correct']); // default: first image of the grid
 const built = new Set();
 
 function show() {
@@ -74,21 +74,21 @@ async function start() {
     built.add('photos');
     document.getElementById('help-open').addEventListener('click', () => document.getElementById('help').showModal());
     document.addEventListener('keydown', key);
-    await grid.refresh(); // arrow keys walk through what it shows, whatever the view
-    const tell = async (changed) => {
+    await grid.refresh(); // arrow keys of other views use the order of the grid
+    const update = async (changed) => {
       try {
         await refresh(changed);
-        status.textContent = `terrains ${run.about.terrains.join(', ')}: ${run.pictures.rows} pictures`;
+        status.textContent = `terrains ${run.about.terrains.join(', ')}: ${run.pictures.rows} images`;
       } catch (error) {
-        status.textContent = `not there: ${error.message}`;
+        status.textContent = `not available: ${error.message}`;
         console.warn(error);
       }
     };
-    onChange(tell);
-    await tell(new Set(['all']));
+    onChange(update);
+    await update(new Set(['all']));
     document.body.dataset.ready = 'yes';
   } catch (error) {
-    status.textContent = `cannot be shown: ${error.message}`;
+    status.textContent = `the run cannot be loaded: ${error.message}`;
     throw error;
   }
 }

@@ -1,4 +1,4 @@
-// 4 x 4 matrices in column order, as WebGL takes them.
+// 4 x 4 matrices in column-major order for WebGL.
 
 export function product(a, b) {
   const out = new Float32Array(16);
@@ -12,7 +12,7 @@ export function product(a, b) {
   return out;
 }
 
-/** Perspective out of the tangents of half the field of view. */
+/** Perspective projection from the tangents of half the field of view. */
 export function perspective(tanX, tanY, near, far) {
   const out = new Float32Array(16);
   out[0] = 1 / tanX;
@@ -23,14 +23,14 @@ export function perspective(tanX, tanY, near, far) {
   return out;
 }
 
-/** A view of `target` from `eye`, +z up. */
+/** View matrix from `eye` towards `target`, +z up. */
 export function looking(eye, target) {
   const back = unit(minus(eye, target));
   const right = unit(cross([0, 0, 1], back));
   return rigid(right, cross(back, right), back, eye);
 }
 
-/** The view of a camera (x right, y down, z forward) whose pose, 16 numbers row by row, is sandbox_from_camera. */
+/** View matrix of a camera (x right, y down, z forward); `pose` is sandbox_from_camera, 16 numbers, row-major. */
 export function throughCamera(pose) {
   const axis = (column, sign) => [0, 1, 2].map((row) => sign * pose[4 * row + column]);
   return rigid(axis(0, 1), axis(1, -1), axis(2, -1), [pose[3], pose[7], pose[11]]);
@@ -40,7 +40,7 @@ function rigid(x, y, z, eye) {
   return Float32Array.from([x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, -dot(x, eye), -dot(y, eye), -dot(z, eye), 1]);
 }
 
-/** Where a point lies in the view's unit cube; w tells whether it is in front. */
+/** Normalised device coordinates of a point and w, which is positive in front of the camera. */
 export function project(matrix, [x, y, z]) {
   const at = (row) => matrix[row] * x + matrix[4 + row] * y + matrix[8 + row] * z + matrix[12 + row];
   const w = at(3);

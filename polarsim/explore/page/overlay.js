@@ -1,18 +1,18 @@
-// What lies on a picture: boxes, masks, rock ids, lines from shadows to rocks, predictions.
+// Overlay of an image: boxes, masks, rock ids, lines from shadows to rocks, predictions.
 
 import { bracketOf, json, labelsOf, parts, rowsOf, run, spans, table } from './data.js';
 import { s } from './dom.js';
 import { gainOf } from './picture.js';
 import { set, shows, state } from './state.js';
 
-export const DOUBTFUL = 0.5; // labels that are less sure are dashed
+export const DOUBTFUL = 0.5; // labels with lower confidence are dashed
 
-/** The labels of a photo, or of its twins. */
+/** The labels of a photo or of its twins. */
 export async function labels(key, ofTwins) {
   return rowsOf(await labelsOf(parts(key).terrain, ofTwins), key);
 }
 
-/** What the chosen detector sees in a photo, as sure as the slider wants; null where it was not asked about it. */
+/** Predictions in a photo above the confidence threshold; null if the detector was not tested on the photo. */
 export async function predictions(key, name = state.detector) {
   if (!name) return null;
   const all = await table(`data/predictions/${name}.arrow`);
@@ -20,7 +20,7 @@ export async function predictions(key, name = state.detector) {
   return rowsOf(all, key).filter((one) => one.confidence >= state.confidence);
 }
 
-/** Draw all that is switched on into an SVG whose units are pixels of the photo. */
+/** Draw the enabled marks into an SVG in pixels of the photo. */
 export async function draw(svg, key) {
   const ofTwins = state.labels !== 'photo';
   const [own, rings, seen] = await Promise.all([
@@ -28,7 +28,7 @@ export async function draw(svg, key) {
     shows('m') ? json(`data/outlines/${ofTwins ? 'twins' : 'photo'}/${bracketOf(key)}.json`).catch(() => []) : [],
     shows('p') ? predictions(key) : null,
   ]);
-  const kinds = [...own].sort((a, b) => b.kind.localeCompare(a.kind)); // rocks lie on top
+  const kinds = [...own].sort((a, b) => b.kind.localeCompare(a.kind)); // rocks above shadows
   svg.replaceChildren(
     ...rings.map(({ kind, ring }) => s('polygon', { class: `mask ${kind}`, points: ring.join(' ') })),
     ...(shows('l') ? links(own) : []),
@@ -45,11 +45,11 @@ const centre = (one) => [(one.x0 + one.x1) / 2, (one.y0 + one.y1) / 2];
 function box(one, more) {
   const { terrain } = parts(state.key);
   const chosen = one.rock >= 0 && state.rock === `${terrain}.${one.rock}` && !more.startsWith('seen');
-  const what = `${one.kind} ${one.rock < 0 ? 'of no known rock' : one.rock}, confidence ${one.confidence.toFixed(2)}${one.source ? `, ${one.source}` : ''}`;
+  const description = `${one.kind} ${one.rock < 0 ? 'without rock id' : one.rock}, confidence ${one.confidence.toFixed(2)}${one.source ? `, ${one.source}` : ''}`;
   return s('rect', {
     class: `box ${one.kind} ${more} ${chosen ? 'chosen' : ''}`, x: one.x0, y: one.y0, width: one.x1 - one.x0, height: one.y1 - one.y0,
     'data-rock': one.rock, onclick: () => one.rock >= 0 && set({ rock: `${terrain}.${one.rock}` }),
-  }, s('title', { text: what }));
+  }, s('title', { text: description }));
 }
 
 function tag(one) {
@@ -58,7 +58,7 @@ function tag(one) {
   return s('text', { class: one.kind, x: one.x0, y: one.kind === 'rock' ? one.y0 - 6 : one.y1 + 20, text: `${one.rock}${sure}` });
 }
 
-/** From every shadow to the rock of its number that is nearest. */
+/** Lines from every shadow to the nearest label of the same rock. */
 function links(own) {
   const rocks = own.filter((one) => one.kind === 'rock' && one.rock >= 0);
   return own.filter((one) => one.kind === 'shadow').flatMap((shadow) => {
@@ -70,7 +70,7 @@ function links(own) {
   });
 }
 
-/** A part of a picture around a box, as an SVG that shows nothing else. */
+/** Crop of an image around a box, as SVG. */
 export function crop(url, one, more = [], margin = 0.6) {
   const { width, height } = run.about;
   const [x, y] = centre(one);

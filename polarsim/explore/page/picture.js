@@ -1,23 +1,23 @@
-// Grey values of pictures, and pictures made of them: exposed anew, compared, summed over lamps.
+// Grey values of images: exposure, difference, sum over lamps.
 
 export const GAMMA = 2.2;
-const WHITE_SHARE = 0.997; // of the pixels; brighter ones are shown white
-const FLOOR = 4 / 4079; // of the sensor's range: differences of less than the noise are none
-const MOST_STOPS = 2; // of a difference at the ends of its colours
+const WHITE_SHARE = 0.997; // share of pixels below white
+const FLOOR = 4 / 4079; // share of the sensor's range, suppresses differences within the noise
+const MAX_STOPS = 2; // difference at the saturated colours
 
 const linear = Float32Array.from({ length: 256 }, (_, code) => (code / 255) ** GAMMA);
 const stops = Float32Array.from(linear, (value) => Math.log2(value + FLOOR));
 
 const loaded = new Map();
-const MOST_KEPT = 24;
+const CACHE_SIZE = 24;
 
-/** A picture's codes (gamma 2.2 of its share of the sensor's range), with width and height. */
+/** Load an image: width, height, and codes (share of the sensor's range with gamma 2.2). */
 export function read(url) {
   if (loaded.has(url)) return loaded.get(url);
   const answer = decode(url);
   answer.catch(() => loaded.delete(url));
   loaded.set(url, answer);
-  if (loaded.size > MOST_KEPT) loaded.delete(loaded.keys().next().value);
+  if (loaded.size > CACHE_SIZE) loaded.delete(loaded.keys().next().value);
   return answer;
 }
 
@@ -34,7 +34,7 @@ async function decode(url) {
   return { width, height, codes };
 }
 
-/** Mean code of a small picture that is loaded, 0 to 1. */
+/** Mean code of a loaded small image, 0 to 1. */
 function meanBrightness(picture) {
   const pen = new OffscreenCanvas(16, 10).getContext('2d');
   pen.drawImage(picture, 0, 0, 16, 10);
@@ -46,7 +46,7 @@ function meanBrightness(picture) {
 
 const gains = new Map();
 
-/** By how much a style must brighten a picture that its small copy shows to be dark; 1 where there is none. */
+/** Brightness factor for a dark image, computed from the small copy; 1 without a small copy. */
 export function gainOf(small) {
   if (!gains.has(small)) {
     const picture = new Image();
@@ -56,10 +56,10 @@ export function gainOf(small) {
   return gains.get(small);
 }
 
-/** Gain of a style that makes the mean of a loaded picture one that people can look at; white stays white. */
+/** Brightness factor (CSS) that raises the mean of a loaded image to 0.38. */
 export const brightening = (picture) => Number(Math.min(8, Math.max(1, 0.38 / Math.max(meanBrightness(picture), 0.01))).toFixed(2));
 
-/** What is shown white without a slider's help: share of the sensor's range. */
+/** White level of an image in automatic mode, share of the sensor's range. */
 export function whiteOf({ codes }) {
   const count = new Uint32Array(256);
   for (const code of codes) count[code] += 1;
@@ -68,7 +68,7 @@ export function whiteOf({ codes }) {
   return Math.max(linear[code], 40 / 4079);
 }
 
-/** A picture at a gain. */
+/** An image multiplied by a gain. */
 export function exposed({ width, height, codes }, gain) {
   const shade = Uint8ClampedArray.from(linear, (value) => Math.round(255 * Math.min(1, value * gain) ** (1 / GAMMA)));
   const data = new ImageData(width, height), pixels = new Uint32Array(data.data.buffer);
@@ -77,32 +77,32 @@ export function exposed({ width, height, codes }, gain) {
   return data;
 }
 
-/** How much brighter `second` is than `first`: blue where darker, black where even, orange where brighter. */
+/** Colour-coded log ratio of `second` to `first`: blue where darker, black where equal, orange where brighter. */
 export function difference(first, second) {
-  if (first.codes.length !== second.codes.length) throw new Error('pictures of two sizes have no difference');
+  if (first.codes.length !== second.codes.length) throw new Error('the images have different sizes');
   const data = new ImageData(first.width, first.height), pixels = new Uint32Array(data.data.buffer);
   const colours = Uint32Array.from({ length: 513 }, (_, index) => diverging((index - 256) / 256));
   for (let index = 0; index < pixels.length; index += 1) {
-    const off = (stops[second.codes[index]] - stops[first.codes[index]]) / MOST_STOPS;
+    const off = (stops[second.codes[index]] - stops[first.codes[index]]) / MAX_STOPS;
     pixels[index] = colours[256 + Math.round(256 * Math.max(-1, Math.min(1, off)))];
   }
   return data;
 }
 
-/** Blue over black to orange, apart for colour-blind eyes too: value -1 to 1, as the canvas keeps a pixel. */
+/** Colour of a value from -1 (blue) over 0 (black) to 1 (orange), suitable for colour-blind readers, as a pixel. */
 export function diverging(value) {
   const [r, g, b] = value < 0 ? [70, 190, 255] : [255, 140, 0];
   const share = Math.abs(value) ** 0.7;
   return (0xff000000 | (Math.round(b * share) << 16) | (Math.round(g * share) << 8) | Math.round(r * share)) >>> 0;
 }
 
-/** The sum of pictures under one lamp each, with weights, at a gain. */
+/** Weighted sum of images of single lamps, multiplied by a gain. */
 export function summed(pictures, weights, gain) {
   const { width, height } = pictures[0];
   const sum = new Float32Array(width * height);
   pictures.forEach(({ codes }, number) => {
-    const own = linear.map((value) => value * weights[number]);
-    for (let index = 0; index < sum.length; index += 1) sum[index] += own[codes[index]];
+    const weighted = linear.map((value) => value * weights[number]);
+    for (let index = 0; index < sum.length; index += 1) sum[index] += weighted[codes[index]];
   });
   const data = new ImageData(width, height), pixels = new Uint32Array(data.data.buffer);
   const shade = Uint32Array.from({ length: 4096 }, (_, value) => {

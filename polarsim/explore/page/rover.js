@@ -1,4 +1,4 @@
-// A drive on the map, with the frames that its cameras took.
+// A drive on the map, with the images of the cameras.
 
 import { json, run } from './data.js';
 import { chooser, h, renew, s, slider, soon } from './dom.js';
@@ -21,7 +21,7 @@ const looksOf = (view) => Object.keys(view?.looks ?? {});
 export const refresh = soon(async () => {
   note.hidden = run.about.drives.length > 0;
   map.parentElement.hidden = !note.hidden;
-  note.textContent = 'This run has no drive; rover.run of the configuration makes one.';
+  note.textContent = 'This run has no drive; set rover.run in the configuration.';
   if (!run.about.drives.length) return;
   drive = await json(`data/drives/${nameNow()}.json`);
   const view = viewNow(), looks = looksOf(view), look = looks.includes(state.look) ? state.look : looks[0];
@@ -36,11 +36,11 @@ export const refresh = soon(async () => {
     h('span', { text: `${drive.length_m.toFixed(1)} m` }),
   ]);
   drawMap(view, index);
-  const there = view && look && view.looks[look].includes(frames[index]);
-  const url = there ? `data/drives/${nameNow()}/${view.name}/${look}/${String(frames[index]).padStart(5, '0')}.jpg` : '';
-  picture.replaceChildren(there
+  const available = view && look && view.looks[look].includes(frames[index]);
+  const url = available ? `data/drives/${nameNow()}/${view.name}/${look}/${String(frames[index]).padStart(5, '0')}.jpg` : '';
+  picture.replaceChildren(available
     ? h('img', { src: url, alt: `frame ${frames[index]} of ${view.name}`, style: 'width:100%;height:100%;object-fit:contain' })
-    : h('p', { class: 'empty', text: 'No picture was taken here.' }));
+    : h('p', { class: 'empty', text: 'No image of this frame.' }));
 });
 
 function drawMap(view, index) {
@@ -62,7 +62,7 @@ function drawMap(view, index) {
     s('polyline', { points, fill: 'none', stroke: '#56b4e9', 'stroke-width': 0.006 * size }), ...dots));
 }
 
-/** The camera of a frame, and a line from it to the rover. */
+/** Mark of the camera of a frame, and a line to the rover. */
 const sightOf = ([x, y], [u, v], size) => [
   s('line', { x1: x, y1: y, x2: u, y2: v, stroke: '#fff', 'stroke-width': 0.002 * size, 'stroke-dasharray': `${0.01 * size}` }),
   s('circle', { cx: x, cy: y, r: 0.009 * size, fill: 'none', stroke: '#fff', 'stroke-width': 0.003 * size, class: 'camera' }),
@@ -75,7 +75,7 @@ const rockOf = (one, [u, v]) => s('circle', {
 
 const pairs = (numbers) => Array.from({ length: numbers.length / 2 }, (_, k) => [numbers[2 * k], numbers[2 * k + 1]]);
 
-/** The frame `by` steps on. */
+/** Select the frame `by` steps further. */
 export function step(by) {
   const frames = drive ? viewNow()?.frames ?? [] : [];
   const next = frames[Math.max(0, frames.indexOf(state.frame)) + by];

@@ -1,4 +1,4 @@
-// What is shown, kept in the address: every state is a link.
+// State of the page, stored in the address, so that every state has a link.
 
 const defaults = {
   view: 'photos', key: '', left: 'photo', right: '', split: 50, ev: 0, auto: 1, show: 'bil', labels: 'photo',
@@ -13,7 +13,7 @@ for (const field of RANGES) defaults[`f.${field}`] = '';
 export const state = { ...defaults };
 const listeners = [];
 
-/** Calls `listener(changed names)` after every change. */
+/** Register `listener(changed names)`, called after every change. */
 export const onChange = (listener) => listeners.push(listener);
 
 /** Change some of the state. */
@@ -27,24 +27,24 @@ export function set(changes) {
   for (const listener of listeners) listener(changed);
 }
 
-/** The state as the part of an address behind `#`; only what is not as usual. */
+/** The state as the fragment of an address; default values are omitted. */
 export function asText() {
-  const told = Object.keys(defaults).filter((name) => state[name] !== defaults[name]);
-  return told.map((name) => `${name}=${encodeURIComponent(state[name])}`).join('&');
+  const changed = Object.keys(defaults).filter((name) => state[name] !== defaults[name]);
+  return changed.map((name) => `${name}=${encodeURIComponent(state[name])}`).join('&');
 }
 
-/** What an address says; names and kinds of values that are not known are passed over. */
+/** Parse the fragment of an address; unknown names and invalid values are ignored. */
 export function parse(text) {
-  const found = { ...defaults };
+  const parsed = { ...defaults };
   for (const part of text.replace(/^#/, '').split('&')) {
     const [name, value = ''] = part.split('=');
     if (!(name in defaults)) continue;
-    let told = '';
-    try { told = decodeURIComponent(value); } catch { continue; }
-    if (typeof defaults[name] !== 'number') found[name] = told;
-    else if (Number.isFinite(Number(told))) found[name] = Number(told);
+    let decoded = '';
+    try { decoded = decodeURIComponent(value); } catch { continue; }
+    if (typeof defaults[name] !== 'number') parsed[name] = decoded;
+    else if (Number.isFinite(Number(decoded))) parsed[name] = Number(decoded);
   }
-  return found;
+  return parsed;
 }
 
 let pending = 0;
@@ -53,7 +53,7 @@ function writeAddress() { // browsers refuse more than a few hundred changes of 
   pending = setTimeout(() => history.replaceState(null, '', `#${asText()}`), 120);
 }
 
-/** Take the state of the address, now and whenever it is edited. */
+/** Set the state from the address, now and after every edit of the address. */
 export function followAddress() {
   Object.assign(state, parse(location.hash));
   addEventListener('hashchange', () => set(parse(location.hash)));

@@ -1,4 +1,4 @@
-// The terrain in 3-D: meshes coloured by what is known of them, cameras with their frustums, lamps.
+// The terrain in 3-D: meshes coloured by vertex attributes, camera frustums, lamps.
 
 import { json, row, run, table } from './data.js';
 import { chooser, h, renew, soon } from './dom.js';
@@ -7,7 +7,7 @@ import { set, state } from './state.js';
 
 const MOST_MM = 10, UNKNOWN = [90, 90, 96];
 const COLOURS = [['lit', 'light'], ['id', 'rock ids'], ['error_mm', 'error'], ['support', 'support']];
-// Okabe and Ito's colours without black: apart for colour-blind eyes.
+// Okabe and Ito's colours without black, for colour-blind readers.
 const PALETTE = [[230, 159, 0], [86, 180, 233], [0, 158, 115], [240, 228, 66], [0, 114, 178], [213, 94, 0], [204, 121, 167]];
 const LAMP = [255, 240, 140], CAMERA = [255, 255, 255];
 
@@ -21,19 +21,19 @@ void main() {
 const PAINT = `#version 300 es
 precision mediump float; in vec3 shade; out vec4 colour; void main() { colour = vec4(shade, 1.0); }`;
 
-let canvas = null, gl = null, program = null, controls = null, names = null, legend = null, said = null;
+let canvas = null, gl = null, program = null, controls = null, names = null, legend = null, message = null;
 let shown = null; // {terrain, mesh, index, count, rock, lines, marks, around}
 let orbit = { yaw: -0.6, pitch: 0.7, far: 6, at: [0, 0, 0] };
 
 export function build(section) {
   controls = h('div', { class: 'bar' });
-  canvas = h('canvas', { id: 'scene', tabindex: 0, role: 'img', 'aria-label': 'terrain in 3-D; drag to turn, wheel to zoom' });
+  canvas = h('canvas', { id: 'scene', tabindex: 0, role: 'img', 'aria-label': 'terrain in 3-D; drag to rotate, wheel to zoom' });
   names = h('div');
   legend = h('div', { class: 'legend' });
-  said = h('p', { class: 'empty', role: 'status' });
-  section.append(h('div', { class: 'column' }, controls, said, h('div', { class: 'stage' }, canvas, names, legend)));
+  message = h('p', { class: 'empty', role: 'status' });
+  section.append(h('div', { class: 'column' }, controls, message, h('div', { class: 'stage' }, canvas, names, legend)));
   gl = canvas.getContext('webgl2', { antialias: true, preserveDrawingBuffer: true });
-  if (!gl) { said.textContent = 'This browser has no WebGL 2.'; return; }
+  if (!gl) { message.textContent = 'This browser does not support WebGL 2.'; return; }
   program = link(SOLID, PAINT);
   gl.enable(gl.DEPTH_TEST);
   listen();
@@ -73,7 +73,7 @@ export async function refresh(changed) {
 }
 
 async function load(terrain) {
-  said.textContent = `reading terrain ${terrain} ...`;
+  message.textContent = `loading terrain ${terrain} ...`;
   const [around, vertices, faces] = await Promise.all([
     json(`data/terrain/${terrain}.json`),
     ...['vertices', 'faces'].map((name) => (run.about.meshes.includes(terrain) ? table(`data/terrain/${terrain}/${name}.arrow`) : null)),
@@ -94,8 +94,8 @@ async function load(terrain) {
   }
   shown.lines = linesOf(around);
   gl.bindVertexArray(null);
-  said.textContent = vertices ? '' : 'This terrain has no meshes.';
-  said.hidden = Boolean(vertices);
+  message.textContent = vertices ? '' : 'This terrain has no meshes.';
+  message.hidden = Boolean(vertices);
 }
 
 function buffer(kind, content) {
@@ -148,7 +148,7 @@ function linesOf({ cameras, lamps, rover_lights: rovers }) {
   return { array: made, count: positions.length / 3 };
 }
 
-/** Colours of the vertices by what is asked for. */
+/** Set the colours of the vertices by the selected attribute. */
 function paint() {
   const { table: vertices } = shown;
   if (!vertices) return;
@@ -174,12 +174,12 @@ const known = (value) => mix([0, 34, 78], [253, 231, 55], value); // the ends of
 
 function drawLegend() {
   const strip = (make) => h('i', { style: `background:linear-gradient(90deg,${[0, 0.25, 0.5, 0.75, 1].map((t) => `rgb(${make(t)})`)})` });
-  const told = {
+  const legends = {
     lit: ['Amber: the chosen rock.'], id: ['Every rock in a colour; neighbours may share one.'],
     error_mm: [`inside the true surface by ${MOST_MM} mm`, strip((t) => off(2 * t - 1)), `outside by ${MOST_MM} mm; dark grey: not known`],
-    support: ['filled in', strip(known), 'scanned'],
+    support: ['interpolated', strip(known), 'scanned'],
   };
-  legend.replaceChildren(...(told[state.colour] ?? told.lit));
+  legend.replaceChildren(...(legends[state.colour] ?? legends.lit));
 }
 
 function view() {
@@ -196,7 +196,7 @@ function view() {
 
 let waiting = false;
 
-/** Draw at the browser's next frame, once however often it was asked for. */
+/** Draw at the browser's next frame; repeated calls are merged. */
 function draw() {
   if (waiting) return;
   waiting = true;
@@ -238,7 +238,7 @@ function drawInto(matrixNow, flat) {
   gl.bindVertexArray(null);
 }
 
-/** The rock under a point of the canvas: the scene is drawn once in colours that are numbers, and one pixel is read. */
+/** The rock at a point of the canvas, by rendering the scene with rock ids as colours and reading a pixel. */
 function pick(x, y) {
   const { rock } = shown.table.columns;
   const numbers = new Uint8Array(3 * rock.length);
