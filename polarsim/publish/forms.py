@@ -64,7 +64,7 @@ FORMS: dict[str, Form] = {
         croissant.write_croissant, croissant.croissant_bytes, croissant.NEEDS,
     ),
     "hf": Form(
-        "Folder for Hugging Face's `datasets`, one configuration per domain: `<domain>/<split>/KEY.png` with 16 bits, "
+        "Folder for Hugging Face's `datasets`, a configuration per domain: `<domain>/<split>/KEY.png` with 16 bits, "
         "`ids/KEY.png` (1000 + k: rock k, 2000 + k: shadow of rock k; 65534, 65535: rock or shadow without id), and "
         "`metadata.parquet` with key, pose, lens and objects (bbox x y w h, category 0 rock 1 shadow, masks as COCO "
         "RLE). Read it with `load_dataset(FOLDER, DOMAIN)`.",
@@ -89,20 +89,20 @@ FORMS: dict[str, Form] = {
         detection_sets.write_yolo, detection_sets.yolo_bytes, by_part=True,
     ),
     "kitti": Form(
-        "One data set per domain in the layout of KITTI's devkit: rectified pairs (8 bits, `training/image_2` left, "
+        "A data set per domain in the layout of KITTI's devkit: rectified pairs (8 bits, `training/image_2` left, "
         "`image_3` right), `calib`, `label_2` (Rock, Shadow; without 3D boxes), `disp_noc_0` and `disp_occ_0` "
         "(disparity of the meshes in 1/256 px; 0 for no disparity or 256 px and more), `ImageSets`, and `keys.csv` "
         "with the photo keys. The laser frame in `calib` is the sandbox frame.",
         stereo_set.write_kitti, stereo_set.kitti_bytes, by_part=True,
     ),
     "colmap": Form(
-        "One COLMAP model per domain and terrain: `images/KEY.png` (8 bits), `sparse/0/*.txt` with lenses, the rig, "
+        "A COLMAP model per domain and terrain: `images/KEY.png` (8 bits), `sparse/0/*.txt` with lenses, the rig, "
         "poses in the sandbox frame, and points sampled on the meshes. The light varies between images; "
         "`--subset azimuth=180,light=off` selects a single light.",
         reconstruction.write_colmap, reconstruction.reconstruction_bytes,
     ),
     "nerfstudio": Form(
-        "One folder per domain and terrain for nerfstudio and Gaussian splatting: `images/KEY.png` (8 bits), "
+        "A folder per domain and terrain for nerfstudio and Gaussian splatting: `images/KEY.png` (8 bits), "
         "`transforms.json`, `points.ply` sampled on the meshes. `--subset azimuth=180,light=off` selects a single "
         "light.",
         reconstruction.write_nerfstudio, reconstruction.reconstruction_bytes,

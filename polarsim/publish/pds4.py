@@ -193,12 +193,12 @@ def write_pds4(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 _TABLES = {
-    "pictures": "One row per image.",
-    "labels": "One row per rock or shadow in an image: box and masks.",
-    "poses": "One row per camera: pose in the sandbox frame and lens.",
-    "lamps": "One row per lamp of a terrain.",
-    "rocks": "One row per rock of a terrain.",
-    "maps": "One row per map of depth, normals or photometric angles.",
+    "pictures": "A row per image.",
+    "labels": "A row per rock or shadow in an image: box and masks.",
+    "poses": "A row per camera: pose in the sandbox frame and lens.",
+    "lamps": "A row per lamp of a terrain.",
+    "rocks": "A row per rock of a terrain.",
+    "maps": "A row per map of depth, normals or photometric angles.",
 }
 
 

@@ -92,7 +92,7 @@ def quaternion(pose: Pose) -> dict[str, float]:
 
 
 def pictures(catalogue: Catalogue, bundle: Bundle | None = None) -> pd.DataFrame:
-    """Return one row per image, with checksums of the files in the bundle, if given."""
+    """Return a row per image, with checksums of the files in the bundle, if given."""
     rows = []
     for picture in catalogue.pictures:
         file = PICTURE_FILE.format(name=picture.name)
@@ -113,7 +113,7 @@ def pictures(catalogue: Catalogue, bundle: Bundle | None = None) -> pd.DataFrame
 
 
 def labels(catalogue: Catalogue) -> pd.DataFrame:
-    """Return one row per label of every image."""
+    """Return a row per label of every image."""
     rows = [row for picture in catalogue.pictures for row in label_rows(catalogue, picture)]
     columns = [
         "picture", "label", "kind", "rock", "shadow_of", "source", "confidence", "x0", "y0", "x1", "y1", "area_px",
@@ -148,7 +148,7 @@ def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, Any
 
 
 def poses(catalogue: Catalogue) -> pd.DataFrame:
-    """Return one row per camera of every localised position: pose and lens."""
+    """Return a row per camera of every localised position: pose and lens."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         for position, localised in sorted(terrain.rigs.items()):
@@ -178,7 +178,7 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
 
 
 def lamps(catalogue: Catalogue) -> pd.DataFrame:
-    """Return one row per Sun lamp of a terrain and per rover light of a localised position."""
+    """Return a row per Sun lamp of a terrain and per rover light of a localised position."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         named = [(name, position, terrain.sun_origin(name)) for name, position in terrain.suns.items()]
@@ -193,7 +193,7 @@ def lamps(catalogue: Catalogue) -> pd.DataFrame:
 
 
 def rocks(catalogue: Catalogue) -> pd.DataFrame:
-    """Return one row per rock that has a mesh or is listed in the run's rocks."""
+    """Return a row per rock that has a mesh or is listed in the run's rocks."""
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         rows_of = [] if terrain.rocks is None else terrain.rocks.to_dict("records")
@@ -257,7 +257,7 @@ def copy_maps(catalogue: Catalogue, bundle: Bundle) -> None:
 
 
 def maps(catalogue: Catalogue) -> pd.DataFrame:
-    """Return one row per map."""
+    """Return a row per map."""
     rows = []
     for name, path in catalogue.maps():
         unit, step, meaning = MAPS[name]

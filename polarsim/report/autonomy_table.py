@@ -85,7 +85,7 @@ def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping
 
 
 def format_autonomy(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per kind of drive and one column per metric in `SHOWN`, with intervals."""
+    """Return a row per kind of drive and a column per metric in `SHOWN`, with intervals."""
     rows = []
     for key, part in table.groupby(_KEYS, sort=False):
         metrics = part.set_index("metric")
@@ -95,7 +95,7 @@ def format_autonomy(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def format_effects(effects: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per level of a variable and one column per metric, with the change."""
+    """Return a row per level of a variable and a column per metric, with the change."""
     rows = []
     for key, part in effects.groupby(["mode", "axis", "level"], sort=False):
         metrics = part.set_index("metric")
@@ -111,7 +111,7 @@ def format_effects(effects: pd.DataFrame) -> pd.DataFrame:
 
 
 def format_rank(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per mode, gap and driving metric: coefficients with intervals."""
+    """Return a row per mode, gap and driving metric: coefficients with intervals."""
     rows = []
     for row in table.to_dict("records"):
         coefficients = {

@@ -32,7 +32,7 @@ TRAINED_ON = {RENDERED: "scenes", FINE_TUNED: "scenes, photos"}
 
 
 def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -> None:
-    """Write tables/covers.{csv,md,tex,parquet} from the scores of the covers stage, one file per training method."""
+    """Write tables/covers.{csv,md,tex,parquet} from the scores of the covers stage, a file per training method."""
     table = pd.concat([read_parquet(path, COVER_SCORES.columns) for path in scores], ignore_index=True)
     first = table.iloc[0]
     trained = (

@@ -44,7 +44,7 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], o
 
 
 def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Return one row per kind, training domain and evaluated domain in the paper's order.
+    """Return a row per kind, training domain and evaluated domain in the paper's order.
 
     Columns `paper_*` contain the paper's values, which exist for rocks in NASA's photos and the twins only.
     """
@@ -66,7 +66,7 @@ def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def format_detection(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per detector and one column per evaluated domain, followed by the paper's columns."""
+    """Return a row per detector and a column per evaluated domain, followed by the paper's columns."""
     return _format(table, _cell)
 
 

@@ -98,7 +98,7 @@ def tabulate_false_positives(
 
 
 def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per region, detector and domain."""
+    """Return a row per region, detector and domain."""
     columns = ["where", "T", "E", "terrains", "photos", "per photo", "share of area, %"]
     rows = []
     for split, matched in by_splits(table):
@@ -136,7 +136,7 @@ def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per kind, detector and domain and one column per group, from rows with a single `by`."""
+    """Return a row per kind, detector and domain and a column per group, from rows with a single `by`."""
     groups = list(dict.fromkeys(table["group"]))
     names = ["kind", "trained", "evaluated"]
     rows = []
@@ -172,7 +172,7 @@ def tidy_differences(differences: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def format_differences(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per comparison: both detectors, both values, the difference with interval."""
+    """Return a row per comparison: both detectors, both values, the difference with interval."""
     rows = []
     several = len(set(table["split"])) > 1
     for key, part in table.groupby(["kind", "split", "metric", "against", *DOMAINS], sort=False):

@@ -16,7 +16,7 @@ from polarsim.report.layout import MISSING, format_value, origin_note, with_orig
 from polarsim.scoring.complaints import complaints
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 
-CAPTION = "Metrics of every stage, one column per terrain. Unit 1: share or ratio; against: reference of the metric."
+CAPTION = "Metrics of every stage, a column per terrain. Unit 1: share or ratio; against: reference of the metric."
 ROW_NAMES = ("stage", "subject", "metric", "unit", "against")
 _SHOWN = {"mm": 2, "px": 2, "deg": 4, "1": 3, "%": 1, "m": 3}  # decimals by unit
 RUNS_CAPTION = (
@@ -59,7 +59,7 @@ def sort_by_stage(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def format_evaluation(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per metric and one column per terrain; the four metrics of a box score share a row."""
+    """Return a row per metric and a column per terrain; the four metrics of a box score share a row."""
     terrains = sorted(set(table["terrain"]))
     order: list[tuple[str, ...]] = []
     shown: dict[tuple[tuple[str, ...], int], str] = {}
@@ -100,7 +100,7 @@ def shown_value(value: float, unit: str) -> str:
 def compare_runs(*, runs: Sequence[Path], stem: Path, common: bool = False, differences: bool = False) -> pd.DataFrame:
     """Write the available metrics of several runs as stem.{csv,md,tex,parquet} and return the rows.
 
-    CSV and Parquet have one row per run, terrain and metric. Markdown and LaTeX have one row per metric and one column
+    CSV and Parquet have a row per run, terrain and metric. Markdown and LaTeX have a row per metric and one column
     per terrain; a cell lists the values of all runs.
 
     Parameters
@@ -181,7 +181,7 @@ def _read_metrics(run: Path) -> pd.DataFrame:
 
 
 def format_runs(table: pd.DataFrame, runs: Sequence[str], *, differences: bool = False) -> pd.DataFrame:
-    """Return one row per metric: a column per terrain with the values of all runs, and the medians of the runs.
+    """Return a row per metric: a column per terrain with the values of all runs, and the medians of the runs.
 
     `differences` adds the median of each further run minus that of the first run.
     """

@@ -62,7 +62,7 @@ def tidy_gap(ablation: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def format_gap(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per component and detector, from the rows of one class."""
+    """Return a row per component and detector, from the rows of one class."""
     rows = []
     for split, split_rows in by_splits(table):
         for (component, trained), part in split_rows.groupby(["component", "trained"], sort=False):

@@ -48,7 +48,7 @@ def largest(table: pd.DataFrame, count: int) -> pd.DataFrame:
 
 
 def format_ipd_rocks(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per rock for every detector and pair of domains, largest difference first."""
+    """Return a row per rock for every detector and pair of domains, largest difference first."""
     columns = ["T", "domains", "terrain", "rock", "photos", "mean IoU, first", "mean IoU, second", "difference"]
     rows = []
     varied = [name for name in ("split", SEED) if name in table.columns and len(set(table[name])) > 1]

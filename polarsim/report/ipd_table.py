@@ -32,7 +32,7 @@ def tabulate_ipd(*, ipd: Path, stem: Path, origin: dict[str, str], detection: Pa
 
 
 def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Return one row per kind, detector and pair of domains in the paper's order; `paper_ipd` is the paper's value."""
+    """Return a row per kind, detector and pair of domains in the paper's order; `paper_ipd` is the paper's value."""
     rows = []
     for entry in ipd[list(detect.IPD.columns)].to_dict("records"):
         trained, *pair = (paper.display_name(str(entry[name]), source) for name in ("trained", "first", "second"))
@@ -46,7 +46,7 @@ def tidy_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
 
 
 def format_ipd(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per detector and one column per pair of domains, followed by the paper's columns, if any."""
+    """Return a row per detector and a column per pair of domains, followed by the paper's columns, if any."""
     pairs = sorted(set(zip(table["first"], table["second"], strict=True)), key=_pair_order)
     published = [pair for pair in pairs if pair in paper.PAIRS and table["paper_ipd"].notna().any()]
     rows = []

@@ -55,7 +55,7 @@ def tabulate_labels(
 
 
 def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with `COLUMNS`: one row per kind, task and group that has a box.
+    """Return a table with `COLUMNS`: a row per kind, task and group that has a box.
 
     All groups except `size` are properties of the photo. For `size`, true boxes and labels are grouped by box size.
     """
@@ -123,7 +123,7 @@ def _sorted(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _task_block(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per task: pooled number of true boxes, precision, recall and confidence, then F1 per terrain."""
+    """Return a row per task: pooled number of true boxes, precision, recall and confidence, then F1 per terrain."""
     pooled = rows[rows["group"] == "all"].set_index("task")
     shown = _cells(rows.assign(value=rows["value"].where(rows["group"] == "all", "T" + rows["value"])), "task")
     for number, name in enumerate(("truth_boxes", "precision", "recall", "confidence"), 1):
@@ -132,6 +132,6 @@ def _task_block(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _cells(rows: pd.DataFrame, side: str) -> pd.DataFrame:
-    """Return one row per value of column `side` and one column per value of the group, with cells "F1 (mIoU)"."""
+    """Return a row per value of column `side` and a column per value of the group, with cells "F1 (mIoU)"."""
     text = [f"{f1:.3f} ({miou:.3f})" for f1, miou in zip(rows["f1"], rows["miou"], strict=True)]
     return grid(rows, side, [cell.replace("nan", MISSING) for cell in text])

@@ -79,7 +79,7 @@ def write_blocks(
 
 
 def grid(rows: pd.DataFrame, side: str, text: Sequence[str]) -> pd.DataFrame:
-    """Pivot the texts of rows: one row per value of column `side`, one column per value of `value`, order kept."""
+    """Pivot the texts of rows: a row per value of column `side`, a column per value of `value`, order kept."""
     sides, values = (list(dict.fromkeys(rows[name])) for name in (side, "value"))
     shown = rows.assign(text=text).pivot_table("text", side, "value", aggfunc="first")
     return shown.reindex(index=sides, columns=values).fillna(MISSING).rename_axis(columns=None).reset_index()

@@ -30,7 +30,7 @@ def tabulate_masks(*, scores: Path, stem: Path, origin: dict[str, str]) -> None:
 
 
 def tidy_masks(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per region and photo, and a row per region for all photos."""
+    """Return a row per region and photo, and a row per region for all photos."""
     rows = []
     for (region, key), part in table.groupby(["region", "key"], sort=False):
         row: dict[str, object] = {"region": region, "photo": key, "photos": int(part["photos"].iloc[0])}

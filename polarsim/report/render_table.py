@@ -38,7 +38,7 @@ def tabulate_render(
 
 
 def likeness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with `COLUMNS`: one row per model and group of photos."""
+    """Return a table with `COLUMNS`: a row per model and group of photos."""
     parts = []
     for group in GROUPS:
         groups = pairs.assign(value="all" if group == "all" else _names(pairs, group)).groupby(["model", "value"])
@@ -79,7 +79,7 @@ def format_table(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _cells(rows: pd.DataFrame, metrics: Sequence[str], forms: Sequence[str]) -> pd.DataFrame:
-    """Return one row per subject and one column per value of the group."""
+    """Return a row per subject and a column per value of the group."""
     text = [
         " / ".join(MISSING if np.isnan(value) else form.format(value) for value, form in zip(row, forms, strict=True))
         for row in rows[list(metrics)].to_numpy()

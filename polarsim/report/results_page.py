@@ -115,7 +115,7 @@ def _facts(files: PageFiles, run: RunFacts) -> dict[str, str]:
 
 
 def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.DataFrame:
-    """Return the numbers of training, validation and test images, one row per split and domain."""
+    """Return the numbers of training, validation and test images, a row per split and domain."""
     rows = []
     for (split, domain), folder in datasets.items():
         pictures = read_json(folder / "dataset.json")["pictures"]

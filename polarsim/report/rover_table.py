@@ -62,7 +62,7 @@ def _write(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, s
 
 
 def drive_rows(each: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per drive and one column per metric with unit."""
+    """Return a row per drive and a column per metric with unit."""
     named = each.assign(metric=(each["metric"] + " " + each["unit"]).str.strip())
     order = list(dict.fromkeys(named["metric"]))
     wide = named.pivot_table(index=["seed", "control", "ended"], columns="metric", values="value", dropna=False)

@@ -53,7 +53,7 @@ def title_suffix(table: pd.DataFrame) -> str:
 
 
 def seed_means(rows: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:
-    """Average metrics over seeds: one row per value of the columns `by`.
+    """Average metrics over seeds: a row per value of the columns `by`.
 
     Columns `<name>_sd` are sample standard deviations, NaN for a single seed. Columns `<name>_low` and `<name>_high`,
     if present, are the minimum and maximum over the intervals of all seeds. Other columns are copied from the first

@@ -101,7 +101,7 @@ def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.Data
 
 
 def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
-    """Return one row per pair of scans; without scans, one row per position with the fit of the boxes."""
+    """Return a row per pair of scans; without scans, a row per position with the fit of the boxes."""
     scans = folder / ALIGNMENT_FILE
     if scans.exists():
         pairs = read_csv(scans).rename(columns={"pair": "between"}).assign(terrain=terrain, evidence="scans")

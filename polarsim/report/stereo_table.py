@@ -36,7 +36,7 @@ def tabulate_stereo(*, stereo: Path, instances: Path, ipd: Path, stem: Path, ori
 
 
 def tidy_stereo(pairs: pd.DataFrame, rocks: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Return one row per domain and terrain, and one per domain for all terrains."""
+    """Return a row per domain and terrain, and one per domain for all terrains."""
     rocks = rocks.assign(terrain=rocks["key"].str[:2].astype("int64"))
     rows = []
     for domain in paper.sorted_domains({str(name) for name in pairs["domain"]}):
@@ -54,7 +54,7 @@ def tidy_stereo(pairs: pd.DataFrame, rocks: pd.DataFrame, source: str) -> pd.Dat
 
 
 def format_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
-    """Return one row per pair of domains: number of paired rocks, `ipd` and `ipd_abs` with intervals."""
+    """Return a row per pair of domains: number of paired rocks, `ipd` and `ipd_abs` with intervals."""
     rows = []
     for entry in ipd.to_dict("records"):
         pair = paper.ordered_pair(*(paper.display_name(str(entry[name]), source) for name in ("first", "second")))

@@ -195,8 +195,8 @@ def test_the_table_marks_fine_tuned_detectors(scored, tmp_path):
         ("| 01", "scenes"), ("| 01", "scenes, photos"), ("| 03", "scenes"), ("| 03", "scenes, photos"),
     ]  # fmt: skip
     notes = (tmp_path / "covers.md").read_text()
-    assert "from scratch, 7 epochs of 2 pictures of scenes, 2 folds" in notes
-    assert "after that 3 epochs of 11 pictures, windows of the labelled cover photos" in notes
+    assert "from scratch, 7 epochs of 2 images of scenes, 2 folds" in notes
+    assert "fine-tuned for 3 epochs of 11 images" in notes
 
 
 def test_every_photo_has_a_panel_with_labels_and_confident_boxes(tmp_path):

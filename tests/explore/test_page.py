@@ -549,7 +549,7 @@ def test_a_run_without_photos_meshes_and_detectors_is_shown(browser, made, tmp_p
         assert page.locator("#count").inner_text() == f"{len(KEYS)} of {len(KEYS)} images"
         page.locator(f"[data-key='{KEYS[1]}']").click()
         compared(page, "photo hapke", KEYS[1])
-        assert page.locator("#compare .tag.left").inner_text() == "photo: not there"
+        assert page.locator("#compare .tag.left").inner_text() == "photo: not available"
         for view in VIEWS:
             page.locator(f"#tab-{view}").click()
             page.wait_for_timeout(250)

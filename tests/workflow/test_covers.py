@@ -108,6 +108,6 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert class_masks.read(run / "covers/folds/03/masks/03_A_off_30_L_0256.png").shape == (HEIGHT, WIDTH)
     assert [png.read(run / f"figures/{name}.png").shape[1] for name in ("covers", "scenes")] == [1600, 1600]
     page = (run / "results.html").read_text()
-    assert "Real cover photos of terrains left out" in page
-    assert "Masks of real cover photos" in page
-    assert "What was compared" not in page  # of domains: there are none
+    assert "Real cover photos of held-out terrains" in page
+    assert "IoU of class masks" in page
+    assert "<h2>Domains</h2>" not in page  # of domains: there are none

@@ -28,7 +28,7 @@ _MARKS = {
 
 
 def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[str, str]) -> None:
-    """Draw one row per mode: the map at the end of the mode's first drive, and images of the front camera."""
+    """Draw a row per mode: the map at the end of the mode's first drive, and images of the front camera."""
     first = {folder.name.split("_")[0]: folder for folder in reversed(folders)}
     chosen = [first[mode] for mode in MODES if mode in first]
     with page(figure, FIGURE_WIDTH, _ROW_PX * len(chosen) + 110) as sheet:

@@ -34,7 +34,7 @@ def line_style(number: int) -> dict[str, str]:
 
 
 def draw_brdf(figure: Path, panels: Mapping[str, Curves], width_px: int = 1600) -> None:
-    """Write a figure with one panel per title; a model has the same line style in all panels."""
+    """Write a figure with a panel per title; a model has the same line style in all panels."""
     names = list(dict.fromkeys(name for curves in panels.values() for name in curves))
     styles = {name: line_style(number) for number, name in enumerate(names)}
     with page(figure, width_px, round(width_px * 0.5)) as sheet:

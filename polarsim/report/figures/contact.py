@@ -52,7 +52,7 @@ class Tile:
 def draw_contact(
     *, keys: Iterable[PhotoKey], labels: Path, pictures: Iterable[Path], figure: Path, width: int = SHEET_WIDTH
 ) -> None:
-    """Write the sheet: one row per Sun azimuth, one column per camera and state of the rover light.
+    """Write the sheet: a row per Sun azimuth, a column per camera and state of the rover light.
 
     A tile shows the exposure with the most labels of a bracket (the nearest to 256 ms if there are several). Labels
     are dashed if the confidence is below 0.5 or in the lowest tenth of the terrain.

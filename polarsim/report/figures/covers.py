@@ -23,7 +23,7 @@ _MIN_IOU = 0.5  # of a correct prediction
 
 
 def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write one panel per cover photo with labels and predictions of rocks.
+    """Write a panel per cover photo with labels and predictions of rocks.
 
     Parameters
     ----------

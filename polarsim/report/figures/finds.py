@@ -77,7 +77,7 @@ def draw_finds(
 
 
 def draw_gap_rocks(results: DetectorResults, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write the figure of one detector: one row per pair of domains, two crops per rock with label and best prediction.
+    """Write the figure of one detector: a row per pair of domains, two crops per rock with label and best prediction.
 
     Rocks are selected by the mean difference of IoU over photos, and shown in the photo with the largest difference.
     """

@@ -41,7 +41,7 @@ def draw_label_scores(
 
 
 def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write histograms of edge errors from `label_pairs`: one row per kind, one column per edge, one line per task."""
+    """Write histograms of edge errors from `label_pairs`: a row per kind, a column per edge, a line per task."""
     table = read_parquet(pairs, LABEL_PAIRS.columns)
     errors = edge_errors(table)
     name = TRUTH_NAMES[table["against"].iloc[0]] if len(table) else ""

@@ -18,7 +18,7 @@ TICKS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1)
 
 
 def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write the reliability diagram from tables/reliability.parquet, one panel per kind."""
+    """Write the reliability diagram from tables/reliability.parquet, a panel per kind."""
     bins = read_parquet(reliability, list(COLUMNS))
     with page(figure, width, round(width * 0.7)) as sheet:
         if not len(bins):

@@ -41,7 +41,7 @@ def draw_residuals(
     figure: Path,
     width: int = FIGURE_WIDTH,
 ) -> None:
-    """Write one panel per position: consensus of the seed boxes, boxes of projected meshes, arrows between them.
+    """Write a panel per position: consensus of the seed boxes, boxes of projected meshes, arrows between them.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ _TITLE_PX = 40
 
 
 def draw_scenes(*, scenes: Mapping[int, Path], figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write one row per terrain; `scenes` are folders with `images/NAME.png` and `labels/NAME.txt` by terrain."""
+    """Write a row per terrain; `scenes` are folders with `images/NAME.png` and `labels/NAME.txt` by terrain."""
     column = width // _COLUMNS
     chosen = {terrain: _spread(folder) for terrain, folder in sorted(scenes.items())}
     first = png.read(next(path for paths in chosen.values() for path in paths))

@@ -65,7 +65,7 @@ def read_detector_results(
 
 
 def draw_predictions(results: DetectorResults, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write the figure of one detector: one row per domain, one column per test photo; white levels differ."""
+    """Write the figure of one detector: a row per domain, a column per test photo; white levels differ."""
     keys, domains = shown_keys(results.instances), list(results.predictions)
     column = width // max(1, len(keys))
     height = round(column * HEIGHT / WIDTH) + _TITLE_PX
