@@ -1,1 +1,1 @@
-"""Export of a run to public data formats: a catalogue of the run's files, and one writer per format."""
+"""Export of a run to public data formats: a catalogue of the run's files, and a writer per format."""

@@ -17,7 +17,7 @@ from polarsim.schemas.detect import PREDICTIONS
 from tests.made_terrain import ROCKS, make_cube, make_sand
 
 TERRAIN, FOLDER = 3, "Terrain03"
-SIZE = (152, 242)  # rows and columns of the pictures: an eighth of a photo
+SIZE = (152, 242)  # rows and columns of the images, an eighth of a photo
 MODELS = ("hapke", "principled")
 KEYS = [
     key
@@ -125,7 +125,7 @@ def _write_scores(run: Path) -> None:
     states.loc[0, "state"] = "dark"
     write_csv(run / "detect/pictures/analog/pictures.csv", states)
     seen = []
-    for key in KEYS[:6]:  # the big rock twice, the small one never, and something in a corner
+    for key in KEYS[:6]:  # two boxes for the large rock, no box for the small rock, a false positive in a corner
         x0, y0, x1, y1 = boxes_of(key)["rock", 1]
         found = ((0.9, x0, y0, x1, y1), (0.6, x0 + 2, y0, x1, y1 + 2), (0.8, 20, 1100, 90, 1190), (0.01, 0, 0, 9, 9))
         seen += [dict(zip(PREDICTIONS.columns, (str(key), "rock", *one), strict=True)) for one in found]

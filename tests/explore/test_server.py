@@ -147,7 +147,7 @@ def test_the_cache_drops_the_least_recently_used_files():
     for name in "aabac":
         kept.read(name)
     assert made == ["a", "b", "c"]
-    kept.read("b")  # the one that was not asked for longest had to go
+    kept.read("b")  # the least recently used file was dropped
     assert made == ["a", "b", "c", "b"]
     assert kept.read("d") is None
 
@@ -213,12 +213,12 @@ def test_a_saved_correction_is_read_by_the_next_run_and_the_next_server(run):
     with correcting(run) as running:
         assert corrections_of(running)["photos"] == {}
         assert change(running, boxes=sent)[0].status == 200
-        assert change(running, KEYS[1], boxes=[])[0].status == 200  # neither a rock nor a shadow
+        assert change(running, KEYS[1], boxes=[])[0].status == 200  # no rocks and shadows
     found = read_corrections(run.folder / "corrections", 3)
     assert set(found) == {SEED, KEYS[1]}
     np.testing.assert_allclose(found[SEED].rocks, [rock, [0, 0, WIDTH, HEIGHT], [5, 6, 7.5, 9]], atol=2e-3)
     np.testing.assert_allclose(found[SEED].shadows, [shadow], atol=2e-3)
-    with correcting(Run.at(run.folder)) as running:  # another port, another token
+    with correcting(Run.at(run.folder)) as running:  # new port and token
         photos = corrections_of(running)["photos"]
         assert set(photos) == {str(SEED), str(KEYS[1])}
         assert photos[str(KEYS[1])] == []
@@ -288,7 +288,7 @@ def test_requests_of_other_pages_are_refused(run, status, headers):
         if status != 415:
             assert change(running, method="DELETE", **headers)[0].status == status
         assert asked(running, f"/data/corrections/{SEED}", "POST")[0].status == 501
-        assert asked(running, "/index.html", "OPTIONS")[0].status == 501  # a browser asks so for a foreign page
+        assert asked(running, "/index.html", "OPTIONS")[0].status == 501  # preflight request of a foreign page
     assert files(run) == []
 
 
@@ -321,7 +321,7 @@ def test_other_files_in_the_folder_are_kept_and_read(run):
     with correcting(run) as running:
         assert set(corrections_of(running)["photos"]) == {str(SEED), str(KEYS[1])}
         assert change(running, boxes=[])[0].status == 200
-        assert below.read_text() == ""  # not a second file of the photo, which a run refuses
+        assert below.read_text() == ""  # no second file of the photo, which would be an error
         assert change(running, KEYS[1], boxes=[box()])[0].status == 422
         assert change(running, KEYS[1], "DELETE")[0].status == 422
     assert set(read_corrections(run.folder / "corrections", 3)) == {SEED, KEYS[1]}

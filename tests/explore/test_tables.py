@@ -50,8 +50,8 @@ def test_the_overview_is_json_and_lists_the_available_data(made):
 def test_predictions_are_matched_once_and_false_positives_without_label(made):
     seen = shown_predictions(Run.at(made), "photo/seed0/analog_on_analog")
     first = seen[seen["key"] == str(KEYS[0])]
-    assert first["confidence"].tolist() == [0.9, 0.8, 0.6]  # the unsure one is left out
-    assert first["right"].tolist() == [True, False, False]  # the second box of the same rock is not right
+    assert first["confidence"].tolist() == [0.9, 0.8, 0.6]  # the prediction of low confidence is excluded
+    assert first["right"].tolist() == [True, False, False]  # a rock is matched once
     assert first["false_positive"].tolist() == [False, True, False]
     assert first["rock"].tolist() == [1, -1, 1]
 

@@ -1,1 +1,1 @@
-"""Figures of the report; each function reads files and writes one or two PNG files."""
+"""Figures of the report; each function reads files and writes PNG files."""

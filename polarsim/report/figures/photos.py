@@ -31,7 +31,7 @@ def draw_photos(
     Parameters
     ----------
     stand_ins
-        Models whose twins replace missing photos.
+        Reflectance models; the twins replace missing photos.
     comparisons, contacts
         Figures to write, in the order of `positions`.
     """
@@ -51,7 +51,7 @@ def draw_photos(
 
 
 def shown_photo(keys: Sequence[PhotoKey]) -> PhotoKey:
-    """Return the photo shown for a position, preferably Sun azimuth 30, rover light off, left camera, near 256 ms."""
+    """Return the photo of a position with Sun azimuth 30, rover light off, camera L and near 256 ms, if available."""
 
     def rank(key: PhotoKey) -> tuple[bool, str, str, float]:
         return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS))
