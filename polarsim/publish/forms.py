@@ -77,15 +77,14 @@ FORMS: dict[str, Form] = {
         front=partial(huggingface.front, parquet=True), by_part=True,
     ),
     "coco": Form(
-        "`images/<domain>/KEY.png` with 16 bits and `annotations/<domain>_<part>.json`: boxes, visible masks as runs "
-        "and, of twins, amodal masks (`amodal_segmentation`, `amodal_bbox`, `visible_share`); a shadow names the "
-        "annotation of its rock in `shadow_of`. `pycocotools` reads it.",
+        "`images/<domain>/KEY.png` with 16 bits and `annotations/<domain>_<part>.json`: boxes, visible masks (RLE) "
+        "and, for twins, amodal masks (`amodal_segmentation`, `amodal_bbox`, `visible_share`); `shadow_of` is the id "
+        "of the rock annotation that casts a shadow. Readable by `pycocotools`.",
         detection_sets.write_coco, detection_sets.coco_bytes, by_part=True,
     ),
     "yolo": Form(
-        "A data set a domain for YOLO trainers: `<domain>.yaml`, `<domain>/images/<part>/KEY.png` with 8 bits (by the "
-        "curve that the run's own detectors are trained with, `detect.pictures`), `<domain>/labels/<part>/KEY.txt` "
-        "(0 rock, 1 shadow).",
+        "A data set per domain for YOLO trainers: `<domain>.yaml`, `<domain>/images/<part>/KEY.png` with 8 bits (tone "
+        "curve of the run's detectors, `detect.pictures`), `<domain>/labels/<part>/KEY.txt` (0 rock, 1 shadow).",
         detection_sets.write_yolo, detection_sets.yolo_bytes, by_part=True,
     ),
     "kitti": Form(

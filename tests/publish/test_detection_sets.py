@@ -67,7 +67,7 @@ def test_yolo_boxes_are_accurate_to_a_hundredth_of_a_pixel(published, catalogue)
             images = folder / stated["path"] / stated[one.part]
             picture = png.read(images / f"{one.key}.png")
             assert (picture.shape, picture.dtype) == (SIZE[::-1], np.uint8)
-            text = str(images / f"{one.key}.txt").replace("/images/", "/labels/")  # as trainers find it
+            text = str(images / f"{one.key}.txt").replace("/images/", "/labels/")  # rule of YOLO trainers
             classes, boxes = yolo.read_boxes(text, SIZE)
             labels = catalogue.labels(one)
             assert [BOX_CLASSES[number] for number in classes] == [label.kind for label in labels]

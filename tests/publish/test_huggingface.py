@@ -21,7 +21,7 @@ def load(published, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("form", ["hf", "parquet"])
-def test_values_boxes_masks_and_ids_come_back_bit_for_bit(load, catalogue, form):
+def test_values_boxes_masks_and_ids_are_read_back_exactly(load, catalogue, form):
     for domain in catalogue.domains:
         found = {row["key"]: row for part in load(form, domain).values() for row in part}
         assert set(found) == {str(one.key) for one in catalogue.of_domain(domain)}
@@ -40,17 +40,17 @@ def test_values_boxes_masks_and_ids_come_back_bit_for_bit(load, catalogue, form)
 
 
 @pytest.mark.parametrize("form", ["hf", "parquet"])
-def test_splits_are_the_runs(load, form):
+def test_splits_are_those_of_the_run(load, form):
     found = {split: {row["azimuth"] for row in part} for split, part in load(form, "analog").items()}
     assert found == {"train": {"180"}, "test": {"30"}}
 
 
-def test_a_shadow_names_the_object_that_throws_it(load):
+def test_a_shadow_refers_to_the_rock_that_casts_it(load):
     objects = load("parquet", "analog")["train"][0]["objects"]
     assert [one["shadow_of"] for one in objects] == [-1, -1, 0, 1, -1]
 
 
-def test_pictures_are_shared_out_to_files_of_a_size(catalogue, monkeypatch):
+def test_shards_have_a_maximum_size(catalogue, monkeypatch):
     pictures = catalogue.of_domain("analog")
     largest = max(one.path.stat().st_size for one in pictures)
     monkeypatch.setattr(huggingface, "SHARD", 2 * largest)
@@ -59,7 +59,7 @@ def test_pictures_are_shared_out_to_files_of_a_size(catalogue, monkeypatch):
     assert [one for shard in shards for one in shard] == pictures
 
 
-def test_splits_go_together_where_no_picture_of_one_has_a_label(tmp_path, monkeypatch):
+def test_a_split_without_labels_has_the_same_column_types(tmp_path, monkeypatch):
     monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
     run = make_run(tmp_path)
     dark = {key: [] if PARTS[key] == "test" else photo_labels(key) for key in KEYS}

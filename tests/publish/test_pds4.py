@@ -115,7 +115,7 @@ def test_tables_have_the_origin_of_values(published):
     assert "Frames: sandbox" in text
 
 
-def test_collections_list_their_products_and_checksums_hold(published):
+def test_collections_list_all_products_and_checksums_are_correct(published):
     folder = published("pds4")
     for collection in sorted(folder.rglob("collection.csv")):
         rows = [line.split(",")[1].removesuffix("::1.0") for line in collection.read_text().split()]

@@ -39,11 +39,11 @@ def test_gltf_keeps_meshes_names_and_ids(published, catalogue):
         matrix = scene.graph.get(name)[0][:3, :3]
         np.testing.assert_allclose(body.vertices @ matrix.T, wanted.vertices @ Y_UP.T, atol=1e-6)
     support = scene.geometry["rock4"].vertex_attributes["_SUPPORT"].ravel()
-    np.testing.assert_allclose(support, np.linspace(0, 1, 162), atol=1e-6)  # as the run's table has it
+    np.testing.assert_allclose(support, np.linspace(0, 1, 162), atol=1e-6)  # values of the run's table
 
 
-def test_gltf_obeys_the_rules_that_the_validator_calls_errors(published):
-    """Of Khronos' validator: references, alignment and bounds of accessors, unit normals, used extensions, trees."""
+def test_gltf_conforms_to_the_error_rules_of_the_validator(published):
+    """Khronos' validator: references, alignment and bounds of accessors, unit normals, used extensions, trees."""
     tree, binary = chunks(published("gltf") / "terrain01.glb")
     assert tree["asset"]["version"] == "2.0"
     assert set(tree.get("extensionsUsed", [])) == set(tree.get("extensions", {})) == {"KHR_lights_punctual"}
@@ -80,7 +80,7 @@ def read(tree, binary, number):
     return np.frombuffer(binary, kind, accessor["count"] * parts, start).reshape(-1, parts)
 
 
-def test_gltf_cameras_show_a_point_where_ours_do_and_lamps_stand_where_they_stood(published, catalogue):
+def test_gltf_cameras_project_points_correctly_and_lamps_have_the_true_positions(published, catalogue):
     tree, _ = chunks(published("gltf") / "terrain01.glb")
     terrain = catalogue.terrains[1]
     nodes = {one["name"]: one for one in tree["nodes"]}
@@ -130,7 +130,7 @@ def test_usd_keeps_meshes_with_semantics(stage, catalogue):
         assert rock == -1 or list(labels["rock_id"]) == [str(rock)]
 
 
-def test_usd_cameras_show_a_point_where_a_pinhole_of_ours_does(stage, catalogue):
+def test_usd_cameras_project_points_like_a_pinhole_camera(stage, catalogue):
     from pxr import Gf, UsdGeom
 
     localised = catalogue.terrains[1].rigs["A"]

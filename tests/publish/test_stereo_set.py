@@ -14,7 +14,7 @@ def pairs(folder, domain):
     return [(row["name"], PhotoKey.parse(row["left"])) for row in table.to_dict("records")]
 
 
-def test_the_devkits_folders_hold_a_file_of_each_kind_for_every_pair(published, catalogue):
+def test_every_pair_has_all_files_of_the_devkit(published, catalogue):
     folder = published("kitti")
     for domain in catalogue.domains:
         names = {name for name, _ in pairs(folder, domain)}
@@ -54,7 +54,7 @@ def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published,
     np.testing.assert_allclose(places["L"][:, 1], places["R"][:, 1], atol=1e-6)  # same rows
 
 
-def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published, catalogue):
+def test_boxes_contain_the_rectified_box_to_a_hundredth_of_a_pixel(published, catalogue):
     from polarsim.detect.stereo.rectify import rectify
 
     folder, localised = published("kitti"), catalogue.terrains[1].rigs["A"]
@@ -67,7 +67,7 @@ def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published
         assert [occluded for *_, occluded in found] == [0, 1, 3, 3, 0]
         for (_, box, *_), label in zip(found, labels, strict=True):
             corners = rectified_edges(label.box, localised.rig.left, turned)
-            middle = cv2.undistortPoints(  # OpenCV takes the box's middle to a place inside the box that was read
+            middle = cv2.undistortPoints(  # the centre of the box, rectified by OpenCV, is inside the box read back
                 (label.box.reshape(2, 2).mean(axis=0) - 0.5)[None],
                 localised.rig.left.opencv_matrix(),
                 np.array(localised.rig.left.distortion),
@@ -80,8 +80,8 @@ def test_boxes_read_back_hold_the_turned_box_to_a_hundredth_of_a_pixel(published
             assert again.truncated == 0
 
 
-def test_disparity_and_calibration_give_the_meshes_back(published):
-    """As the devkit has it: depth is focal length times baseline over disparity, pixels count from their centres."""
+def test_points_from_disparity_and_calibration_are_on_the_meshes(published):
+    """Convention of the devkit: depth = focal length * baseline / disparity, integer coordinates at pixel centres."""
     training = published("kitti") / "hapke/training"
     found = read_calibration(training / "calib/000000.txt")
     everywhere, shared = (disparity_of(png.read(training / name / "000000.png")) for name in DISPARITIES[::-1])
@@ -97,11 +97,13 @@ def test_disparity_and_calibration_give_the_meshes_back(published):
     points = (np.linalg.inv(laser) @ np.c_[camera, np.ones(len(row))].T)[:3].T
     near = np.min([np.linalg.norm(points - [x, y, r / 2], axis=1) - r for x, y, r in ROCK_PLACES.values()], axis=0)
     surface = np.minimum(np.abs(points[:, 2]), np.abs(near))
-    assert np.quantile(surface, 0.99) < 0.006  # a step of disparity is millimetres here; balls have flat faces
-    assert (near < 0.004).sum() > 200  # rocks are there
+    assert (
+        np.quantile(surface, 0.99) < 0.006
+    )  # the disparity resolution corresponds to millimetres; spheres have flat faces
+    assert (near < 0.004).sum() > 200  # points on rocks
 
 
-def test_disparities_that_kitti_cannot_hold_are_none():
+def test_disparities_outside_the_range_of_kitti_are_0():
     steps = kitti.disparity_picture(np.array([[np.nan, 0.001, 1.5, 255.99, 256.0, 400.0]]))
     assert steps.tolist() == [[0, 0, 384, 65533, 0, 0]]
     np.testing.assert_array_equal(disparity_of(steps)[0, :3], [np.nan, np.nan, 1.5])

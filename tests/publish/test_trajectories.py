@@ -12,7 +12,7 @@ from evo.tools import file_interface
 NAME = "seed0_1_hapke_0256"
 
 
-def test_evo_reads_eurocs_states_and_stamps(drives_published, drive):
+def test_evo_reads_euroc_states_and_stamps(drives_published, drive):
     folder = drives_published("euroc") / NAME / "mav0"
     found = file_interface.read_euroc_csv_trajectory(folder / "state_groundtruth_estimate0/data.csv")
     table = read_parquet(drive / "trace.parquet")
@@ -24,7 +24,7 @@ def test_evo_reads_eurocs_states_and_stamps(drives_published, drive):
     np.testing.assert_array_equal(imu[:, 6], table["az_m_s2"])
 
 
-def test_eurocs_cameras_have_pictures_at_their_stamps_and_a_mount(drives_published, drive):
+def test_euroc_cameras_have_images_with_stamps_and_a_mount(drives_published, drive):
     folder = drives_published("euroc") / NAME / "mav0"
     lines = (folder / "cam0/data.csv").read_text().splitlines()[1:]
     frames = read_parquet(drive / "front_end_cam/poses.parquet")
@@ -35,12 +35,12 @@ def test_eurocs_cameras_have_pictures_at_their_stamps_and_a_mount(drives_publish
     stated = yaml.safe_load((folder / "cam0/sensor.yaml").read_text())["T_BS"]
     base_from_camera = np.array(stated["data"]).reshape(stated["rows"], stated["cols"])
     row = frames.iloc[0]
-    # At the start the rover stands at (1, 0, 0.25) and looks west, half a turn about z.
+    # Initial pose of the rover: position (1, 0, 0.25), heading west (180 degrees about z).
     world_from_base = np.array([[-1.0, 0, 0, 1], [0, -1, 0, 0], [0, 0, 1, 0.25], [0, 0, 0, 1]])
     np.testing.assert_allclose((world_from_base @ base_from_camera)[:3, 3], row[["x_m", "y_m", "z_m"]], atol=1e-9)
 
 
-def test_evo_reads_tums_camera_poses_and_finds_no_error(drives_published, drive):
+def test_evo_reads_tum_camera_poses_without_error(drives_published, drive):
     folder = drives_published("tum") / NAME / "front_end_cam"
     truth = file_interface.read_tum_trajectory_file(folder / "groundtruth.txt")
     frames = read_parquet(drive / "front_end_cam/poses.parquet")
