@@ -71,7 +71,13 @@ def publish(
     parts = {name: _limit_size(_with_part(catalogue, FORMS[name]), FORMS[name], size_limit) for name in names}
     check_space(out, sum(_size(part, FORMS[name]) for name, part in parts.items()))
     for name, part in parts.items():
-        recipe = {"form": name, "run": part.name, "config": part.config, "subset": subset, "max_size": max_size}
+        recipe: dict[str, Any] = {
+            "form": name,
+            "run": part.name,
+            "config": part.config,
+            "subset": subset,
+            "max_size": max_size,
+        }
         recipe |= {"split": part.split}
         recipe |= {"photos": photos, "polarsim": __version__, "code": _code(name)}
         _write(name, part, out / name, recipe, replace)
