@@ -27,7 +27,7 @@ CAMERA_MATRIX_RIGHT: 2065.6 0 952.098 0 2061.9 606.559 0 0 1
 DISTORTION_COEFFICIENTS_RIGHT: -0.114041 0.178219 -0.000146877 -0.00112736
 ROTATION_MATRIX: 0.999997 0.00172602 0.0019164 -0.00172807 0.999998 0.00106908 -0.00191455 -0.00107239 0.999998
 TRANSLATION_VECTOR: -0.301556 0.000599 0.001489
-"""  # of terrain 11, as its file has it
+"""  # file of terrain 11
 
 
 def index(tmp_path, source, *, terrain=11, positions="ABC", seeds=None, grid=None):
@@ -60,7 +60,7 @@ def photo(tmp_path_factory):
 
 @pytest.fixture
 def release(tmp_path):
-    """The least that a release can hold: one seed and one mesh."""
+    """A release with a single seed and a single mesh."""
     root = tmp_path / "release"
     write(root / "Labels/Terrain11/11_A_off_30_L_0256.txt", BOX)
     write(root / "TerrainMeshes/Terrain11/terrain11_rock2.obj", TRIANGLE)
@@ -219,7 +219,15 @@ def test_only_the_positions_of_the_run_are_taken(tmp_path, polar, release, photo
     assert len(read_parquet(out / "photos.parquet")) == 0
 
 
-def test_photos_are_indexed_and_gaps_are_one_warning(tmp_path, polar, photo, caplog):
+@pytest.fixture
+def checked(monkeypatch):
+    """Photos of the calibration checks, which are replaced because SIFT takes a second per photo."""
+    calls = []
+    monkeypatch.setattr("polarsim.acquire.index.check_calibration", lambda photos, *_: calls.append(list(photos)))
+    return calls
+
+
+def test_photos_are_indexed_and_gaps_are_a_single_warning(tmp_path, polar, photo, caplog, checked):
     left = add_photo(photo, polar, "11_A_off_30_L_0256")
     add_photo(photo, polar, "11_A_off_30_R_0256")
     add_photo(photo, polar, "11_C_on_no_L_8192")
@@ -227,16 +235,18 @@ def test_photos_are_indexed_and_gaps_are_one_warning(tmp_path, polar, photo, cap
         table = read_parquet(index(tmp_path, polar, positions="AC") / "photos.parquet")
     assert table["key"].tolist() == ["11_A_off_30_L_0256", "11_A_off_30_R_0256", "11_C_on_no_L_8192"]
     assert table["path"][0] == left.as_posix()
+    assert [[str(key) for key in photos] for photos in checked] == [table["key"].tolist()]
     (warning,) = [record.getMessage() for record in caplog.records]
     assert "3 photos found, 293 of the grid missing, 1 without the photo of the second camera" in warning  # of 2 x 148
 
 
-def test_only_photos_of_the_runs_grid_are_missed(tmp_path, polar, photo, caplog):
+def test_only_photos_of_the_grid_of_the_run_are_reported_as_missing(tmp_path, polar, photo, caplog, checked):
     add_photo(photo, polar, "11_A_off_30_L_0256")
     add_photo(photo, polar, "11_A_off_30_R_0256")
     grid = GridOptions(lights=["off"], azimuths=["30"], exposures_ms=[256])
     with caplog.at_level(logging.WARNING):
         index(tmp_path, polar, positions="A", grid=grid)
+    assert checked
     assert not caplog.records
 
 

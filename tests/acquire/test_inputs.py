@@ -1,10 +1,10 @@
-"""What Snakemake watches of a local source."""
+"""Input files of a local source for Snakemake."""
 
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import SeedOptions, SourceOptions
 
 
-def test_a_ground_that_was_added_to_a_release_is_watched(tmp_path):
+def test_a_ground_that_was_added_to_a_release_is_an_input(tmp_path):
     folder = tmp_path / "TerrainMeshes/Terrain04"
     folder.mkdir(parents=True)
     (folder / "terrain04_rock2.obj").touch()

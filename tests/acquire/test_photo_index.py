@@ -61,19 +61,19 @@ GRID = [key for key in photo_grid(1) if key.position == "A"]
 
 
 @pytest.mark.parametrize(
-    ("lost", "told"),
+    ("lost", "messages"),
     [
         ([], []),
         ([KEY], ["1 of the grid missing, 1 without the photo of the second camera, such as 01_A_off_180_R_0256"]),
         ([KEY, KEY.other_camera], [f"2 of the grid missing, 0 without the photo of the second camera, such as {KEY}"]),
     ],
 )
-def test_gaps_are_photos_of_the_grid_and_photos_without_partner(tmp_path, caplog, lost, told):
+def test_gaps_are_photos_of_the_grid_and_photos_without_second_camera(tmp_path, caplog, lost, messages):
     log_gaps([key for key in GRID if key not in lost], GRID, tmp_path)
-    assert [record.getMessage().partition(" photos found, ")[2] for record in caplog.records] == told
+    assert [record.getMessage().partition(" photos found, ")[2] for record in caplog.records] == messages
 
 
-def test_gaps_are_one_warning_that_counts_them(tmp_path, caplog):
+def test_gaps_are_a_single_warning_with_counts(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         log_gaps([KEY], GRID, tmp_path)
     (line,) = [record.getMessage() for record in caplog.records]

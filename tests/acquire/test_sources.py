@@ -1,4 +1,4 @@
-"""A data source is one class that implements the protocol, under one name."""
+"""Data sources: classes that implement the protocol, with a name."""
 
 import re
 
@@ -15,7 +15,7 @@ from polarsim.sources.source import DataSource, TerrainContent, path_texts
 
 
 class SandboxSource:
-    """A user's own sandbox: one cloud for each position, no photos."""
+    """Sandbox of a user with a cloud for each position, without photos."""
 
     domain = "real"
     has_photos = False
@@ -59,7 +59,7 @@ def sandbox(monkeypatch, tmp_path) -> SourceOptions:
     return SourceOptions(kind="sandbox", root=tmp_path)
 
 
-def test_a_registered_source_is_indexed_and_watched(sandbox, tmp_path):
+def test_a_registered_source_is_indexed_and_has_inputs(sandbox, tmp_path):
     out = {name: tmp_path / "out" / name for name in ("photos", "calibration", "inventory", "seeds")}
     index_terrain(terrain=5, positions=["A"], source=sandbox, seed_options="none", **out)
     assert read_inventory(out["inventory"]).clouds == {"A": (tmp_path / "scans/5/A.xyz").as_posix()}
@@ -67,7 +67,7 @@ def test_a_registered_source_is_indexed_and_watched(sandbox, tmp_path):
     assert raw_inputs(5, sandbox, "none") == [tmp_path / f"scans/5/{position}.xyz" for position in "AB"]
 
 
-def test_a_configuration_takes_the_properties_of_its_source(sandbox):
+def test_a_configuration_has_the_properties_of_the_source(sandbox):
     config = parse_config({"source": sandbox.model_dump(mode="json"), "labels": {"seeds": "none"}})
     assert (config.photo_domain, config.domains) == ("real", ())
 

@@ -1,12 +1,14 @@
-"""A calibration is compared with the photos; photos here are textured planes seen through the stated rig."""
+"""Check of a calibration against photos: rendered images of a textured plane from the stated rig."""
 
 import logging
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
 import pytest
 
+from polarsim.acquire import stereo_check
 from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError
 from polarsim.formats import png
@@ -19,8 +21,8 @@ RIG = stated_rig()
 EXCHANGED = StereoRig(RIG.left, RIG.right, Pose(RIG.left_from_right.rotation, -RIG.left_from_right.translation))
 
 
-def seen(lens, left_from_camera):
-    """A photo of a plane 3 m in front of the left camera, covered with blurred noise."""
+def rendered(lens, left_from_camera):
+    """Render a plane 3 m in front of the left camera with blurred noise as texture."""
     texture = cv2.GaussianBlur(np.random.default_rng(0).uniform(0, 4000, (1000, 1400)).astype(np.float32), (0, 0), 4)
     texture = np.clip((texture - 2000) * 8 + 2000, 16, 4095)
     rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
@@ -31,13 +33,21 @@ def seen(lens, left_from_camera):
     return cv2.remap(texture, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR).astype(np.uint16)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _cached_features():
+    """Detect the features of each photo once: SIFT takes a second per photo."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(stereo_check, "_features", cache(stereo_check._features))
+        yield
+
+
 @pytest.fixture(scope="module")
 def photos(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pair")
-    found = {LEFT: folder / "left.png", LEFT.other_camera: folder / "right.png"}
-    png.write(found[LEFT], seen(RIG.left, Pose.identity()))
-    png.write(found[LEFT.other_camera], seen(RIG.right, RIG.left_from_right))
-    return found
+    paths = {LEFT: folder / "left.png", LEFT.other_camera: folder / "right.png"}
+    png.write(paths[LEFT], rendered(RIG.left, Pose.identity()))
+    png.write(paths[LEFT.other_camera], rendered(RIG.right, RIG.left_from_right))
+    return paths
 
 
 def test_the_calibration_of_the_photos_passes(photos, tmp_path):
@@ -54,21 +64,21 @@ def test_the_calibration_of_the_photos_passes(photos, tmp_path):
     ],
     ids=["sign of the baseline", "lenses exchanged", "half size", "tilted by 0.6 degrees"],
 )
-def test_another_calibration_is_an_error_with_its_file(photos, tmp_path, rig):
+def test_a_wrong_calibration_is_an_error_with_the_file(photos, tmp_path, rig):
     with pytest.raises(FormatError) as caught:
         check_calibration(photos, rig, tmp_path / "stereo.calibration")
     assert caught.value.path == tmp_path / "stereo.calibration"
 
 
 def test_exchanged_photos_are_an_error(photos, tmp_path):
-    other = {LEFT: photos[LEFT.other_camera], LEFT.other_camera: photos[LEFT]}
+    exchanged = {LEFT: photos[LEFT.other_camera], LEFT.other_camera: photos[LEFT]}
     with pytest.raises(FormatError):
-        check_calibration(other, RIG, tmp_path / "stereo.calibration")
+        check_calibration(exchanged, RIG, tmp_path / "stereo.calibration")
     with pytest.raises(FormatError):
-        check_calibration(other, RIG, None)
+        check_calibration(exchanged, RIG, None)
 
 
-def test_the_stated_calibration_only_warns_where_it_does_not_fit(photos, caplog):
+def test_the_stated_calibration_causes_a_warning_instead_of_an_error(photos, caplog):
     with caplog.at_level(logging.WARNING):
         check_calibration(photos, replace(RIG, left=RIG.right, right=RIG.left), None)
     assert len(caplog.records) == 1

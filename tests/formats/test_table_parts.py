@@ -14,27 +14,27 @@ ITEMS = [f"{n:04d}" for n in range(23)]
 
 
 def rows_of(items):
-    """An item has as many rows as its last digit says."""
+    """Return a table in which the last digit of an item is the number of rows."""
     rows = [(item, n / 3) for item in items for n in range(int(item[-1]))]
     table = pd.DataFrame(rows, columns=["key", "value"])
     return table.astype({"key": "str", "value": "float64"})
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)
 @given(size=st.integers(1, 30))
-def test_the_table_is_the_same_whatever_the_size_of_its_parts(tmp_path_factory, size):
+def test_the_table_does_not_depend_on_the_size_of_parts(tmp_path_factory, size):
     path = tmp_path_factory.mktemp("parts") / "table.parquet"
     write_in_parts(path, ITEMS, rows_of, size, "x")
     pd.testing.assert_frame_equal(tables.read_parquet(path), rows_of(ITEMS))
     assert [file.name for file in path.parent.iterdir()] == ["table.parquet"]
 
 
-def test_work_that_was_stopped_goes_on_after_its_last_part(tmp_path):
-    asked = []
+def test_interrupted_work_resumes_after_the_last_part(tmp_path):
+    starts = []
 
     def stopping(items):
-        asked.append(items[0])
-        if len(asked) == 3:
+        starts.append(items[0])
+        if len(starts) == 3:
             raise KeyboardInterrupt
         return rows_of(items)
 
@@ -43,11 +43,11 @@ def test_work_that_was_stopped_goes_on_after_its_last_part(tmp_path):
             write_in_parts(tmp_path / "table.parquet", ITEMS, stopping, 10, "x")
         except KeyboardInterrupt:
             assert not (tmp_path / "table.parquet").exists()
-    assert asked == ["0000", "0010", "0020", "0020"]
+    assert starts == ["0000", "0010", "0020", "0020"]
     pd.testing.assert_frame_equal(tables.read_parquet(tmp_path / "table.parquet"), rows_of(ITEMS))
 
 
-def test_parts_of_other_work_are_thrown_away(tmp_path):
+def test_parts_with_another_identity_are_deleted(tmp_path):
     def stop(items):
         if items[0] == "0020":
             raise KeyboardInterrupt
@@ -59,21 +59,21 @@ def test_parts_of_other_work_are_thrown_away(tmp_path):
     pd.testing.assert_frame_equal(tables.read_parquet(tmp_path / "table.parquet"), rows_of(ITEMS))
 
 
-def test_the_rows_of_one_part_at_most_are_held(tmp_path):
-    alive: list[weakref.ref] = []
+def test_at_most_a_single_part_is_in_memory(tmp_path):
+    tables_of_parts: list[weakref.ref] = []
 
-    def remembered(items):
-        gc.collect()
-        assert not [one for one in alive if one() is not None]
+    def recorded(items):
+        gc.collect(0)  # a full collection takes seconds in a large test process
+        assert not [table for table in tables_of_parts if table() is not None]
         table = rows_of(items)
-        alive.append(weakref.ref(table))
+        tables_of_parts.append(weakref.ref(table))
         return table
 
-    write_in_parts(tmp_path / "table.parquet", ITEMS, remembered, 4, "x")
-    assert len(alive) == 6
+    write_in_parts(tmp_path / "table.parquet", ITEMS, recorded, 4, "x")
+    assert len(tables_of_parts) == 6
 
 
-def test_a_digest_tells_contents_names_and_words_apart(tmp_path):
+def test_a_digest_depends_on_contents_names_and_texts(tmp_path):
     for name, text in (("a", "1"), ("b", "1"), ("c", "2")):
         (tmp_path / name).write_text(text)
     a, b, c = (tmp_path / name for name in "abc")
