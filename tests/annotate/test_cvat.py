@@ -7,7 +7,7 @@ from polarsim.formats import coco
 from polarsim.photo import PhotoKey
 
 
-def test_every_attribute_is_declared_to_cvat_which_drops_others(tmp_path):
+def test_every_attribute_is_declared_because_cvat_drops_undeclared_attributes(tmp_path):
     box = coco.Annotation("rock", 7, np.array([100.0, 200, 150, 230]), None, "fused", 0.8)
     coco.write_coco(tmp_path / "boxes.json", {PhotoKey.parse("01_A_off_30_L_0256"): [box]})
     written = json.loads((tmp_path / "boxes.json").read_text())["annotations"][0]
@@ -17,7 +17,7 @@ def test_every_attribute_is_declared_to_cvat_which_drops_others(tmp_path):
         assert {attribute["name"] for attribute in entry["attributes"]} == set(written["attributes"])
 
 
-def test_a_source_among_attributes_comes_back(tmp_path):
+def test_a_source_in_attributes_reads_back(tmp_path):
     content = {
         "images": [{"id": 1, "file_name": "01_A_off_30_L_0256.png"}],
         "categories": [{"id": 1, "name": "rock"}],

@@ -50,7 +50,7 @@ def names(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_labelimg_gets_pictures_boxes_and_classes_and_nothing_else(tmp_path, run):
+def test_the_export_for_labelimg_has_images_boxes_and_classes(tmp_path, run):
     assert export(folder=tmp_path / "out", run=run, tool="labelimg") == len(KEYS)
     assert names(tmp_path / "out") == {f"{key}.{end}" for key in KEYS for end in ("png", "txt")} | {"classes.txt"}
     assert (tmp_path / "out/classes.txt").read_text() == "rock\nshadow\n"
@@ -63,7 +63,7 @@ def test_labelimg_gets_pictures_boxes_and_classes_and_nothing_else(tmp_path, run
 
 @settings(max_examples=15, deadline=None)
 @given(drawn=BOXES)
-def test_what_was_exported_reads_back_to_a_hundredth_of_a_pixel(tmp_path_factory, drawn):
+def test_exported_boxes_read_back_with_an_error_below_a_hundredth_of_a_pixel(tmp_path_factory, drawn):
     folder = tmp_path_factory.mktemp("export")
     export(folder=folder / "out", run=make_run(folder / "demo", {KEYS[0]: drawn, KEYS[1]: []}), tool="labelimg")
     found = read_annotated(folder / "out")
@@ -78,7 +78,7 @@ def test_what_was_exported_reads_back_to_a_hundredth_of_a_pixel(tmp_path_factory
     assert (apart.min(axis=1, initial=1) < 0.01).all()
 
 
-def test_terrains_and_keys_are_chosen_by_number_and_pattern(tmp_path, run):
+def test_terrains_are_selected_by_number_and_photos_by_pattern(tmp_path, run):
     export(folder=tmp_path / "one", run=run, terrains=[3], tool="labelimg")
     assert {key.terrain for key in read_annotated(tmp_path / "one")} == {3}
     export(folder=tmp_path / "two", run=run, pattern="*_L_*", tool="labelimg")
@@ -88,7 +88,7 @@ def test_terrains_and_keys_are_chosen_by_number_and_pattern(tmp_path, run):
     assert not (tmp_path / "three").exists()
 
 
-def test_twins_stand_in_for_photos(tmp_path, run):
+def test_twins_can_be_exported_instead_of_photos(tmp_path, run):
     with pytest.raises(LabelError):
         export(folder=tmp_path / "out", run=run, domain="hapke", tool="labelimg")
     png.write(run / f"renders/hapke/Terrain03/{KEYS[2]}.png", np.full((38, 60), 4095, np.uint16))
@@ -97,7 +97,7 @@ def test_twins_stand_in_for_photos(tmp_path, run):
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_labels_that_a_person_may_have_edited_are_never_overwritten(tmp_path, run, tool):
+def test_a_folder_with_labels_is_not_overwritten(tmp_path, run, tool):
     (tmp_path / "out").mkdir()
     (tmp_path / "out/01_A_off_30_L_0256.txt").write_text("edited")
     with pytest.raises(ConfigError):
@@ -105,7 +105,7 @@ def test_labels_that_a_person_may_have_edited_are_never_overwritten(tmp_path, ru
     assert (tmp_path / "out/01_A_off_30_L_0256.txt").read_text() == "edited"
 
 
-def test_an_empty_folder_is_taken_and_an_unknown_tool_is_not(tmp_path, run):
+def test_an_empty_folder_is_used_and_an_unknown_tool_is_an_error(tmp_path, run):
     (tmp_path / "out").mkdir()
     export(folder=tmp_path / "out", run=run, tool="cvat")
     assert names(tmp_path / "out")
@@ -113,7 +113,7 @@ def test_an_empty_folder_is_taken_and_an_unknown_tool_is_not(tmp_path, run):
         export(folder=tmp_path / "other", run=run, tool="paint")
 
 
-def test_cvat_gets_coco_in_its_layout_and_the_labels_of_its_task(tmp_path, run):
+def test_the_export_for_cvat_has_coco_and_labels_of_the_task(tmp_path, run):
     export(folder=tmp_path / "out", run=run, tool="cvat")
     pictures = {f"images/{key}.png" for key in KEYS}
     assert names(tmp_path / "out") == pictures | {"annotations/instances_default.json", "labels.json"}
@@ -124,7 +124,7 @@ def test_cvat_gets_coco_in_its_layout_and_the_labels_of_its_task(tmp_path, run):
     assert [entry["name"] for entry in labels] == [category["name"] for category in document["categories"]]
 
 
-def test_label_studio_finds_every_picture_below_the_folder_that_it_serves(tmp_path, run):
+def test_paths_for_label_studio_are_below_the_served_folder(tmp_path, run):
     folder = tmp_path / "to check"
     export(folder=folder, run=run, tool="label-studio")
     assert names(folder) == {f"images/{key}.png" for key in KEYS} | {"tasks.json", "interface.xml"}

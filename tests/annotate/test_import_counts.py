@@ -75,7 +75,7 @@ def cvat(*shapes, name=f"{KEY}.png"):
         ),
     ],
 )
-def test_every_shape_of_cvat_with_an_area_becomes_the_box_around_it(tmp_path, shape, box, form):
+def test_every_shape_of_cvat_with_an_area_becomes_a_box(tmp_path, shape, box, form):
     done = import_labels(write(tmp_path / "a.xml", cvat(shape)), tmp_path / "out")
     assert read_back(tmp_path / "out") == [("rock", box)]
     assert (done.read, done.skipped) == ({form: 1}, {})
@@ -91,7 +91,7 @@ def test_every_shape_of_cvat_with_an_area_becomes_the_box_around_it(tmp_path, sh
         ('<hologram label="rock"/>', "hologram"),
     ],
 )
-def test_a_shape_without_a_box_is_counted_and_its_photo_is_never_one_without_labels(tmp_path, shape, form):
+def test_a_shape_without_box_is_counted_and_the_photo_is_not_empty(tmp_path, shape, form):
     sound = '<box label="rock" xtl="900" ytl="590" xbr="1000" ybr="610"/>'
     content = cvat(shape).replace("</annotations>", cvat(sound, name=f"{OTHER}.png").removeprefix("<annotations>"))
     done = import_labels(write(tmp_path / "a.xml", content), tmp_path / "out", keep_empty=True)
@@ -136,7 +136,7 @@ def test_every_shape_is_either_read_or_skipped(tmp_path_factory, forms):
         cvat('<box xtl="90" ytl="50" xbr="100" ybr="60"/>'),
     ],
 )
-def test_xml_that_cannot_be_meant_is_refused_with_the_element(tmp_path, content):
+def test_invalid_xml_is_an_error_with_the_element(tmp_path, content):
     with pytest.raises(FormatError):
         import_labels(write(tmp_path / "a.xml", content), tmp_path / "out", form="cvat")
     assert not (tmp_path / "out").exists()
@@ -172,13 +172,13 @@ ELLIPSE = {"x": 700 / WIDTH * 100, "y": 500 / HEIGHT * 100, "radiusX": 40 / WIDT
         ),
     ],
 )
-def test_every_region_of_label_studio_with_an_area_becomes_the_box_around_it(tmp_path, results, box):
+def test_every_region_of_label_studio_with_an_area_becomes_a_box(tmp_path, results, box):
     done = import_labels(write(tmp_path / "a.json", [studio(*results)]), tmp_path / "out")
     assert read_back(tmp_path / "out") == [("rock", [round(value, 1) for value in box])]
     assert (done.boxes, done.skipped) == (1, {})
 
 
-def test_runs_of_a_brush_are_those_of_label_studio_s_own_converter():
+def test_runs_of_a_brush_are_decoded_as_by_label_studio():
     opacity = decode_brush(BRUSH, 20 * 12 * 4).reshape(12, 20, 4)[..., 3]
     expected = np.zeros((12, 20), int)
     expected[3:8, 5:14] = 255
@@ -202,7 +202,7 @@ def packed(mask):
     return [int(text[i : i + 8], 2) for i in range(0, len(text), 8)]
 
 
-def test_a_brush_on_a_smaller_copy_is_boxed_in_pixels_of_the_photo(tmp_path):
+def test_the_box_of_a_brush_on_a_resized_image_is_in_pixels_of_the_photo(tmp_path):
     mask = np.zeros((76, 121), bool)  # a sixteenth of the photo
     mask[10:14, 30:36] = True
     brush = result("brushlabels", {"format": "rle", "rle": packed(mask), "brushlabels": ["shadow"]},
@@ -232,7 +232,7 @@ def test_a_region_without_a_box_is_counted(tmp_path, results, form):
 
 @pytest.mark.parametrize("control", ["label", "bbox", "rocks", "tag-1"])
 @pytest.mark.parametrize("field", ["image", "img", "photo_url"])
-def test_rows_of_json_min_may_have_any_names_of_controls_and_pictures(tmp_path, control, field):
+def test_json_min_may_have_any_names_of_controls_and_images(tmp_path, control, field):
     rectangle = percent(BOX) | {"rectanglelabels": ["rock"], "original_width": WIDTH, "original_height": HEIGHT}
     ellipse = ELLIPSE | {"rotation": 0, "ellipselabels": ["shadow"]}
     row = {
@@ -247,7 +247,7 @@ def test_rows_of_json_min_may_have_any_names_of_controls_and_pictures(tmp_path, 
     assert done.read == {"rectangle": 1, "ellipse": 1}
 
 
-def test_predictions_count_only_where_no_task_was_annotated(tmp_path):
+def test_predictions_are_used_only_without_annotations(tmp_path):
     rectangle = result("rectanglelabels", {**percent(BOX), "rectanglelabels": ["rock"]})
     predicted = {"data": {"image": f"{KEY}.png"}, "predictions": [{"result": [rectangle]}]}
     done = import_labels(write(tmp_path / "a.json", [predicted]), tmp_path / "alone")
@@ -271,7 +271,7 @@ def test_predictions_count_only_where_no_task_was_annotated(tmp_path):
         {},
     ],
 )
-def test_json_that_cannot_be_meant_is_refused_without_inner_names(tmp_path, content):
+def test_invalid_json_is_an_error_without_internal_names(tmp_path, content):
     with pytest.raises(FormatError) as caught:
         import_labels(write(tmp_path / "a.json", content), tmp_path / "out")
     assert not any(word in str(caught.value) for word in ("KeyError", "AttributeError", "_Runs", "TypeError"))
@@ -333,7 +333,7 @@ def coco_file(*annotations, name=f"{KEY}.png", width=WIDTH, height=HEIGHT):
         ({"segmentation": {"size": [1216, 1936], "counts": [12180, 4, 2341992]}}, [10, 20, 11, 24], "mask"),
     ],
 )
-def test_every_annotation_of_coco_becomes_the_box_around_it(tmp_path, annotation, box, form):
+def test_every_annotation_of_coco_becomes_a_box(tmp_path, annotation, box, form):
     if form == "crowd region":
         annotation["segmentation"]["counts"][2] = WIDTH * HEIGHT - 12184
     done = import_labels(write(tmp_path / "a.json", coco_file(annotation)), tmp_path / "out")
@@ -341,7 +341,7 @@ def test_every_annotation_of_coco_becomes_the_box_around_it(tmp_path, annotation
     assert done.read == {form: 1}
 
 
-def test_a_coco_file_of_smaller_copies_is_scaled_and_one_of_another_shape_refused(tmp_path):
+def test_boxes_of_resized_images_are_scaled_and_other_aspects_are_errors(tmp_path):
     content = coco_file({"bbox": [250, 150, 50, 20]}, width=968, height=608)
     import_labels(write(tmp_path / "a.json", content), tmp_path / "out")
     assert read_back(tmp_path / "out") == [("rock", BOX.tolist())]
@@ -362,7 +362,7 @@ def test_a_coco_file_of_smaller_copies_is_scaled_and_one_of_another_shape_refuse
         [{"bbox": [100, 100, 60, 40], "segmentation": [3, "a"]}],
     ],
 )
-def test_implausible_boxes_of_coco_are_refused_with_the_annotation(tmp_path, annotations):
+def test_implausible_boxes_of_coco_are_errors_with_the_annotation(tmp_path, annotations):
     with pytest.raises(FormatError) as caught:
         import_labels(write(tmp_path / "a.json", coco_file(*annotations)), tmp_path / "out")
     assert "_Runs" not in str(caught.value)
@@ -384,7 +384,7 @@ LINES = "1 0.5 0.5 0.05 0.05\n0 0.45 0.52 0.06 0.02\n"  # the first is the rock 
     ],
 )
 @pytest.mark.parametrize("handed", [".", "labels", "labels/train"])
-def test_a_class_list_counts_in_any_form_in_the_folder_or_up_to_two_above(tmp_path, file, content, handed):
+def test_class_lists_of_any_form_are_used_from_the_folder_or_up_to_two_above(tmp_path, file, content, handed):
     write(tmp_path / f"set/labels/train/{KEY}.txt", LINES)
     write(tmp_path / "set" / file, content)
     done = import_labels(tmp_path / "set" / handed, tmp_path / "out")
@@ -392,7 +392,7 @@ def test_a_class_list_counts_in_any_form_in_the_folder_or_up_to_two_above(tmp_pa
     assert any(file.rsplit("/", 1)[-1] in line for line in done.notes)
 
 
-def test_a_class_list_in_another_folder_of_the_data_set_counts(tmp_path):
+def test_a_class_list_in_another_folder_of_the_data_set_is_used(tmp_path):
     write(tmp_path / f"set/labels/train/{KEY}.txt", LINES)
     write(tmp_path / "set/meta/data.yaml", "names: [shadow, rock]\n")
     import_labels(tmp_path / "set", tmp_path / "out")
@@ -420,7 +420,7 @@ def test_without_a_class_list_the_default_is_stated(tmp_path, polarsim):
         {"data.yaml": "names: [rock, shadow]\nkpt_shape: [4, 3]"},
     ],
 )
-def test_a_class_list_that_leaves_a_doubt_is_refused(tmp_path, files):
+def test_an_ambiguous_class_list_is_an_error(tmp_path, files):
     write(tmp_path / f"set/labels/{KEY}.txt", LINES)
     for name, content in files.items():
         write(tmp_path / "set" / name, content)
@@ -455,7 +455,7 @@ def test_names_of_roboflow_are_read_and_other_files_counted(tmp_path):
         "0 968 608 97 61",
     ],
 )
-def test_yolo_lines_that_cannot_be_meant_are_refused_with_their_line(tmp_path, lines):
+def test_invalid_yolo_lines_are_errors_with_the_line(tmp_path, lines):
     path = write(tmp_path / f"set/{KEY}.txt", lines + "\n")
     with pytest.raises(FormatError):
         import_labels(tmp_path / "set", tmp_path / "out")
@@ -508,13 +508,13 @@ def test_exports_are_read_as_they_were_downloaded(tmp_path, form, how):
     assert not any("tmp/tmp" in note for note in done.notes)
 
 
-def test_an_archive_without_labels_is_refused_with_what_was_found(tmp_path):
+def test_an_archive_without_labels_is_an_error_with_the_files(tmp_path):
     write(tmp_path / "set/images/one.png", "no picture")
     with pytest.raises(FormatError, match=r"set\.zip"):
         import_labels(zipped(tmp_path / "set", tmp_path / "set.zip"), tmp_path / "out")
 
 
-def test_a_folder_of_two_forms_or_of_none_is_refused_with_what_was_found(tmp_path):
+def test_a_folder_of_two_formats_or_of_none_is_an_error_with_the_files(tmp_path):
     write(tmp_path / "set/annotations.xml", cvat(SHAPES["box"]))
     write(tmp_path / "set/instances.json", coco_file({"bbox": [900, 590, 100, 20]}))
     with pytest.raises(FormatError, match=r"annotations\.xml.*instances\.json"):
@@ -540,7 +540,7 @@ ROWS = st.lists(
 @settings(max_examples=10)
 @given(drawn=ROWS)
 @pytest.mark.parametrize("tool", ["cvat", "label-studio"])
-def test_own_exports_come_back(tmp_path_factory, tool, drawn):
+def test_exports_of_polarsim_read_back(tmp_path_factory, tool, drawn):
     folder = tmp_path_factory.mktemp("own")
     boxes = [np.array([x, y, x + width, y + height], float) for _, x, y, width, height in drawn]
     if tool == "cvat":
@@ -567,7 +567,7 @@ def test_own_exports_come_back(tmp_path_factory, tool, drawn):
 
 
 @pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (968, 608)])
-def test_finds_of_detect_come_back_from_its_coco_and_label_files(tmp_path, size):
+def test_detections_read_back_from_coco_and_label_files(tmp_path, size):
     box = np.array([100, 100, 150, 130], float)
     found = coco.Annotation("shadow", -1, box, confidence=0.7312)
     image = {"id": 1, "file_name": f"../photos/{KEY}.png", "width": size[0], "height": size[1]}

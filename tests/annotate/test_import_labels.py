@@ -186,20 +186,20 @@ def test_other_names_are_said(tmp_path):
         ("a.csv", ""),
     ],
 )
-def test_what_is_no_export_is_one_line_with_the_file(tmp_path, name, text):
+def test_a_file_that_is_no_export_is_a_one_line_error(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(FormatError):
         import_labels(tmp_path / name, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_holds_something_is_refused(tmp_path):
+def test_a_folder_with_files_is_an_error(tmp_path):
     source = write_source(tmp_path / "export", "cvat")
     with pytest.raises(ConfigError):
         import_labels(source, tmp_path / "export")
 
 
-def test_the_command_says_what_to_write_into_the_configuration(tmp_path, polarsim):
+def test_the_command_prints_the_configuration_of_the_seeds(tmp_path, polarsim):
     source = write_source(tmp_path / "export", "cvat")
     done = polarsim("import", source, tmp_path / "mine", "--as", "seeds")
     assert done.returncode == 0, done.stderr

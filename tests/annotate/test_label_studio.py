@@ -27,7 +27,7 @@ def results(rows):
     ]
 
 
-def test_positions_are_percent_of_the_picture():
+def test_positions_are_percentages_of_the_image_size():
     ((rectangle,), _) = results([label("rock", 7, (193.6, 608, 387.2, 912), 0.75)])
     assert rectangle["value"] == {
         "x": 10, "y": 50, "width": 10, "height": 25, "rotation": 0, "rectanglelabels": ["rock"],
@@ -41,7 +41,7 @@ def test_positions_are_percent_of_the_picture():
 @given(
     box=st.tuples(st.floats(0, 1900), st.floats(0, 1200), st.floats(1, 36), st.floats(1, 16)),
 )
-def test_pixels_come_back_by_label_studio_s_own_formula(box):
+def test_pixels_are_recovered_by_label_studio_s_formula(box):
     x, y, width, height = box
     ((rectangle,), _) = results([label("shadow", NO_ROCK, (x, y, x + width, y + height))])
     value = rectangle["value"]
@@ -53,7 +53,7 @@ def test_pixels_come_back_by_label_studio_s_own_formula(box):
     np.testing.assert_allclose(found, box, atol=0.01)
 
 
-def test_a_shadow_is_tied_to_the_rock_of_its_number_and_to_no_other():
+def test_a_shadow_is_related_only_to_the_rock_with_the_same_id():
     rows = [
         label("rock", 7, (10, 10, 20, 20)),
         label("rock", NO_ROCK, (30, 10, 40, 20)),
@@ -68,13 +68,13 @@ def test_a_shadow_is_tied_to_the_rock_of_its_number_and_to_no_other():
     assert by_id[relation["to_id"]]["value"]["x"] * 19.36 == pytest.approx(10, abs=1e-3)
 
 
-def test_every_photo_has_a_task_with_its_picture_also_without_labels():
+def test_every_photo_has_a_task_with_the_image():
     (task,) = label_studio_tasks(label_table([]), [KEY], "out/images")
     assert task["data"] == {"image": f"/data/local-files/?d=out/images/{KEY}.png", "key": str(KEY)}
     assert task["predictions"][0]["result"] == []
 
 
-def test_the_interface_names_what_rectangles_refer_to():
+def test_the_interface_has_the_names_in_rectangles():
     ((rectangle,), _) = results([label("rock", 7, (10, 10, 20, 20))])
     interface = ElementTree.fromstring(label_studio_interface())
     (image,), (labels,) = interface.findall("Image"), interface.findall("RectangleLabels")

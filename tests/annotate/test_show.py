@@ -32,7 +32,7 @@ def count(pixels, kind):
     return int((pixels == COLOURS[kind]).all(axis=-1).sum())
 
 
-def test_a_photo_is_shown_with_its_own_labels_and_no_others(tmp_path):
+def test_a_photo_is_shown_with_only_the_labels_of_the_photo(tmp_path):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rows = [label(), label("shadow", box=(100, 300, 380, 500)), label(key=OTHER, box=(1000, 800, 1400, 1100))]
     write_parquet(tmp_path / "labels.parquet", label_table(rows))
@@ -46,7 +46,7 @@ def test_a_photo_is_shown_with_its_own_labels_and_no_others(tmp_path):
     assert count(shown[700:1216], "rock") == 0
 
 
-def test_rows_and_table_make_the_same_picture_twice_the_same_bytes(tmp_path):
+def test_rows_and_table_make_the_same_bytes(tmp_path):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rows = [label(confidence=0.4), label("shadow")]
     write_parquet(tmp_path / "labels.parquet", label_table(rows))
@@ -56,7 +56,7 @@ def test_rows_and_table_make_the_same_picture_twice_the_same_bytes(tmp_path):
     assert png.read(tmp_path / "a.png").shape[1] == 968
 
 
-def test_only_the_wanted_kind_is_drawn(tmp_path):
+def test_only_the_selected_kind_is_drawn(tmp_path):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     show(
         key=KEY,
@@ -70,7 +70,7 @@ def test_only_the_wanted_kind_is_drawn(tmp_path):
     assert count(shown, "shadow") > 0
 
 
-def test_regions_are_tinted_only_where_their_kind_is_wanted(tmp_path):
+def test_only_masks_of_selected_kinds_are_tinted(tmp_path):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rock, shadow = np.zeros((1216, 1936), bool), np.zeros((1216, 1936), bool)
     rock[600:700, 100:200], shadow[600:700, 300:400] = True, True
@@ -101,18 +101,18 @@ def test_a_line_joins_the_centres_of_a_shadow_and_its_rock():
     assert not on[820:].any()
 
 
-def test_of_two_rocks_with_the_shadow_s_number_the_nearest_gets_the_line():
+def test_the_line_ends_at_the_nearest_rock_with_the_id_of_the_shadow():
     on = linked(label(box=(0, 0, 100, 100)), label(box=(800, 0, 900, 100)), label("shadow", box=(1000, 0, 1100, 100)))
     assert on[50, 900:990].any()
     assert not on[:, :790].any()
 
 
-def test_shadows_without_rock_or_with_another_s_number_have_no_line():
+def test_shadows_without_rock_have_no_line():
     assert not linked(label(rock=-1), label("shadow", rock=-1, box=(900, 700, 999, 800))).any()
     assert not linked(label(rock=7), label("shadow", rock=8, box=(900, 700, 999, 800))).any()
 
 
-def test_labels_that_are_in_doubt_have_gaps_in_their_boxes():
+def test_labels_of_low_confidence_have_dashed_boxes():
     marks = Marks(doubtful_below=0.5)
     rows = [label(confidence=0.4), label(rock=8, confidence=0.6, box=(400, 600, 800, 800))]
     drawn = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(rows), marks=marks)
@@ -121,7 +121,7 @@ def test_labels_that_are_in_doubt_have_gaps_in_their_boxes():
     assert 0.4 < doubtful.mean() < 0.6
 
 
-def test_numbers_of_neighbouring_rocks_do_not_cover_each_other():
+def test_ids_of_adjacent_rocks_do_not_overlap():
     rows = [label(rock=100 + n, box=(400 + 6 * n, 300, 440 + 6 * n, 340)) for n in range(4)]
     together = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(rows))
     alone = [draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table([row])) for row in rows]
@@ -134,13 +134,13 @@ def test_numbers_of_neighbouring_rocks_do_not_cover_each_other():
     assert ink(together) > 0.9 * sum(map(ink, alone))
 
 
-def test_a_picture_of_half_size_gets_its_labels_where_they_belong():
+def test_labels_are_scaled_to_an_image_of_half_size():
     drawn = draw_labels(np.zeros((608, 968, 3), np.uint8), label_table([label()]))
     assert tuple(drawn[150, 300]) == COLOURS["rock"]
     assert tuple(drawn[200, 200]) == COLOURS["rock"]
 
 
-def test_a_photo_without_labels_is_shown_all_the_same(tmp_path):
+def test_a_photo_without_labels_is_shown(tmp_path):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 16, np.uint16))
     show(key=KEY, picture=tmp_path / "photo.png", labels=[], out=tmp_path / "out.png")
     assert not png.read(tmp_path / "out.png")[:1216].any()
@@ -154,7 +154,7 @@ def test_a_photo_without_labels_is_shown_all_the_same(tmp_path):
         ({"labels": [label("crater")]}, FormatError),
     ],
 )
-def test_what_cannot_be_shown_is_refused_in_one_line_and_nothing_is_written(tmp_path, change, error):
+def test_an_invalid_input_is_a_one_line_error_without_output(tmp_path, change, error):
     png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     arguments = {"key": KEY, "picture": tmp_path / "photo.png", "labels": [label()], "out": tmp_path / "out.png"}
     with pytest.raises(error) as caught:
@@ -163,7 +163,7 @@ def test_what_cannot_be_shown_is_refused_in_one_line_and_nothing_is_written(tmp_
     assert [path.name for path in tmp_path.iterdir()] == ["photo.png"]
 
 
-def test_a_missing_picture_is_named(tmp_path):
+def test_a_missing_image_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"none\.png"):
         show(key=KEY, picture=tmp_path / "none.png", labels=[], out=tmp_path / "out.png")
 
@@ -174,7 +174,7 @@ def test_tone_keeps_black_black_and_maps_white_to_white():
     assert shown.tolist() == [0, 0, 255, round(255 * 0.5 ** (1 / 2.2)), 255]
 
 
-def test_a_photo_of_nothing_stays_dark_and_pictures_of_eight_bits_stay_as_they_are(rng):
+def test_a_dark_photo_remains_dark_and_8_bit_images_are_unchanged(rng):
     noise = (BLACK_LEVEL + rng.integers(0, 4, (50, 50))).astype(np.uint16)
     assert to_8bit(noise).max() < 90
     grey = rng.integers(0, 256, (5, 6)).astype(np.uint8)

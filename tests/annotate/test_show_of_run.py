@@ -53,7 +53,7 @@ def run(tmp_path):
 
 
 @pytest.mark.parametrize("domain", ["photo", "hapke"])
-def test_masks_of_photos_come_from_polygons_and_those_of_twins_from_what_they_show(tmp_path, run, domain):
+def test_masks_are_polygons_for_photos_and_instances_for_twins(tmp_path, run, domain):
     for name, masks in (("plain", False), ("filled", True)):
         show_of_run(key=LEFT, run=Run(run), domain=domain, out=tmp_path / f"{name}.png", masks=masks)
     plain, filled = (png.read(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
@@ -64,7 +64,7 @@ def test_masks_of_photos_come_from_polygons_and_those_of_twins_from_what_they_sh
         assert (np.sign(filled[dark] - grey) == np.sign(np.array(COLOURS[kind]) - grey)).all()
 
 
-def test_a_photo_that_is_not_there_is_shown_by_its_twin_and_never_by_the_cover_photo(tmp_path, run, caplog):
+def test_a_missing_photo_is_replaced_by_a_twin_not_by_a_cover_photo(tmp_path, run, caplog):
     right = next(key for key in KEYS if key.camera == "R")
     cover = tmp_path / "cover_photo_indexed_03_A.png"
     png.write(cover, np.zeros((1216, 1936, 3), np.uint8))
@@ -78,7 +78,7 @@ def test_a_photo_that_is_not_there_is_shown_by_its_twin_and_never_by_the_cover_p
         show_of_run(key=right, run=Run(run), domain="photo", out=tmp_path / "other.png")
 
 
-def test_a_picture_or_polygons_that_the_run_has_not_are_named(tmp_path, run):
+def test_missing_images_and_polygons_are_errors(tmp_path, run):
     with pytest.raises(LabelError):
         show_of_run(key=LEFT, run=Run(run), domain="lambert", out=tmp_path / "out.png")
     with pytest.raises(FormatError, match=f"{KEYS[0]}.txt"):

@@ -29,7 +29,7 @@ def line(number, x, y, width, height):
 
 
 @given(drawn=DRAWN, names=CLASS_LISTS, newline=st.sampled_from(["\n", "\r\n"]))
-def test_names_in_classes_txt_decide_whatever_their_order_and_line_ends(tmp_path_factory, drawn, names, newline):
+def test_classes_are_identified_by_name_for_any_order_and_line_ends(tmp_path_factory, drawn, names, newline):
     folder = tmp_path_factory.mktemp("annotated")
     (folder / "classes.txt").write_bytes("".join(name + newline for name in names).encode())
     lines = [line(names.index(name), *box) for name, *box in drawn]
@@ -40,7 +40,7 @@ def test_names_in_classes_txt_decide_whatever_their_order_and_line_ends(tmp_path
     np.testing.assert_allclose(boxes, wanted, atol=0.01)
 
 
-def test_the_other_order_of_rock_and_shadow_swaps_the_classes(tmp_path):
+def test_the_reverse_order_of_rock_and_shadow_swaps_the_classes(tmp_path):
     yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1, 1]), np.array([[5, 5, 50, 60]] * 3, float))
     (tmp_path / "classes.txt").write_text("rock\nshadow\n")
     assert read_annotated(tmp_path)[KEY][0].tolist() == [0, 1, 1]
@@ -48,12 +48,12 @@ def test_the_other_order_of_rock_and_shadow_swaps_the_classes(tmp_path):
     assert read_annotated(tmp_path)[KEY][0].tolist() == [1, 0, 0]
 
 
-def test_without_a_class_list_the_release_s_order_holds(tmp_path):
+def test_without_a_class_list_the_order_of_the_release_is_used(tmp_path):
     yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1]), np.array([[5, 5, 50, 60]] * 2, float))
     assert read_annotated(tmp_path)[KEY][0].tolist() == [0, 1]
 
 
-def test_pictures_and_copies_are_no_labels_and_terrain_folders_have_lists_of_their_own(tmp_path, caplog):
+def test_images_and_copies_are_skipped_and_terrain_folders_have_separate_class_lists(tmp_path, caplog):
     for name in (f"{KEY}.png", "notes.md", f"{KEY} copy.txt"):
         (tmp_path / name).write_text("nothing to read here")
     (tmp_path / f"{KEY}.txt").write_text("0 0.5 0.5 0.1 0.1\n")
@@ -82,7 +82,7 @@ def test_pictures_and_copies_are_no_labels_and_terrain_folders_have_lists_of_the
         ("rock\nrock\n", "0 0.5 0.5 0.1 0.1\n"),
     ],
 )
-def test_what_is_broken_is_named_in_one_line(tmp_path, names, text):
+def test_an_invalid_file_is_a_one_line_error(tmp_path, names, text):
     (tmp_path / "classes.txt").write_text(names)
     (tmp_path / f"{KEY}.txt").write_text(text)
     with pytest.raises(FormatError) as caught:
@@ -90,7 +90,7 @@ def test_what_is_broken_is_named_in_one_line(tmp_path, names, text):
     assert len(str(caught.value).splitlines()) == 1
 
 
-def test_a_missing_folder_and_a_photo_with_two_files_are_refused(tmp_path):
+def test_a_missing_folder_and_a_photo_with_two_files_are_errors(tmp_path):
     with pytest.raises(FormatError):
         read_annotated(tmp_path / "nowhere")
     (tmp_path / "Terrain01").mkdir()

@@ -9,7 +9,7 @@ TABLE = pd.DataFrame(
 )
 
 
-def test_columns_come_back_as_narrow_numbers_and_texts():
+def test_columns_read_back_as_narrow_numbers_and_texts():
     back = pa.ipc.open_file(arrow.encode(TABLE)).read_pandas()
     assert back["key"].tolist() == ["b", "a", "b"]
     assert back["rock"].dtype == np.int32
@@ -18,7 +18,7 @@ def test_columns_come_back_as_narrow_numbers_and_texts():
     assert back["right"].tolist() == [1, 0, 1]
 
 
-def test_there_is_one_batch_without_nulls_so_that_columns_are_arrays():
+def test_a_table_is_a_single_batch_without_nulls():
     file = pa.ipc.open_file(arrow.encode(TABLE))
     assert file.num_record_batches == 1
     assert all(column.null_count == 0 for column in file.read_all().columns)

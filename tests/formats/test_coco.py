@@ -57,7 +57,7 @@ def same(first: Annotation, second: Annotation) -> bool:
     return all(same_values) and all(np.allclose(*pair, atol=2e-3) for pair in boxes)  # three decimals
 
 
-def test_pycocotools_finds_the_masks_areas_and_boxes(written):
+def test_pycocotools_reads_the_same_masks_areas_and_boxes(written):
     coco = opened(written)
     (photo,) = [image for image in coco.dataset["images"] if image["file_name"] == "01_A_off_30_L_0256.png"]
     rows = coco.loadAnns(coco.getAnnIds(imgIds=[photo["id"]]))
@@ -72,7 +72,7 @@ def test_pycocotools_finds_the_masks_areas_and_boxes(written):
         assert row["bbox"] == [x0, y0, x1 - x0, y1 - y0]
 
 
-def test_a_shadow_points_at_its_rock_on_the_same_photo(written):
+def test_a_shadow_refers_to_the_rock_in_the_same_photo(written):
     rows = json.loads(written.read_text())["annotations"]
     rock = next(row for row in rows if row["rock"] == 12 and row["category_id"] == 1)
     shadows = {row["rock"]: row["shadow_of"] for row in rows if row["category_id"] == 2}
@@ -88,7 +88,7 @@ def test_photos_without_labels_are_listed_with_the_parts_of_their_key(written):
     assert {name: other[name] for name in (*parts, "width", "height")} == {**parts, "width": 1936, "height": 1216}
 
 
-def test_every_photo_has_an_id_of_its_own():
+def test_every_photo_has_a_unique_id():
     ids = [image_id(key) for key in GRID]
     assert len(set(ids)) == len(GRID)
     assert min(ids) > 0
@@ -129,7 +129,7 @@ def test_annotations_read_back(tmp_path_factory, photos):
         assert all(same(a, b) for a, b in zip(found[key], rows, strict=True))
 
 
-def test_amodal_fields_stand_where_they_are_known_and_nowhere_else(tmp_path):
+def test_amodal_fields_are_written_only_if_known(tmp_path):
     seen, whole = rle.encode(np.ones((20, 30)), 100, 200), rle.encode(np.ones((20, 40)), 100, 200)
     box, whole_box = np.array([100.0, 200, 130, 220]), np.array([100.0, 200, 140, 220])
     labels = [Annotation(ROCK, 7, box, seen, amodal=Amodal(whole, whole_box)), Annotation(ROCK, 8, box, seen)]
@@ -188,7 +188,7 @@ SQUARE[20:24, 10:14] = True
     "name",
     ["01_A_off_30_L_0256.jpg", "data/01_A_off_30_L_0256.png", r"..\..\upload\4\cb0618f6-01_A_off_30_L_0256.png"],
 )
-def test_photos_are_known_in_folders_under_prefixes_and_with_other_suffixes(tmp_path, name):
+def test_photo_keys_are_found_in_folders_after_prefixes_and_with_other_suffixes(tmp_path, name):
     assert list(read_coco(foreign(tmp_path, image={"file_name": name}))) == [KEY]
 
 
@@ -205,12 +205,12 @@ def test_masks_are_read_from_polygons_and_from_plain_runs(tmp_path, segmentation
     np.testing.assert_array_equal(found.mask.mask(), SQUARE)
 
 
-def test_categories_go_by_name(tmp_path):
+def test_categories_are_identified_by_name(tmp_path):
     ((found,),) = read_coco(foreign(tmp_path, annotation={"category_id": 1})).values()
     assert found.kind == SHADOW
 
 
-def test_a_box_that_is_missing_is_that_of_the_mask(tmp_path):
+def test_a_missing_box_is_computed_from_the_mask(tmp_path):
     own = {"bbox": [], "segmentation": [[10, 20, 14, 20, 14, 24, 10, 24]]}
     ((found,),) = read_coco(foreign(tmp_path, annotation=own)).values()
     np.testing.assert_allclose(found.box, [10, 20, 14, 24])
@@ -221,7 +221,7 @@ def test_a_box_that_is_missing_is_that_of_the_mask(tmp_path):
     [({}, NO_ROCK), ({"rock": 4}, 4), ({"attributes": {"rock": "4", "occluded": False}}, 4),
      ({"attributes": {"rock": ""}}, NO_ROCK), ({"attributes": None, "rock": None}, NO_ROCK)],
 )  # fmt: skip
-def test_rock_ids_may_stand_among_attributes_or_be_missing(tmp_path, own, rock):
+def test_rock_ids_may_be_attributes_or_missing(tmp_path, own, rock):
     ((found,),) = read_coco(foreign(tmp_path, annotation=own)).values()
     assert (found.rock, found.source, found.confidence) == (rock, "", 1.0)
 
@@ -247,7 +247,7 @@ def test_rock_ids_may_stand_among_attributes_or_be_missing(tmp_path, own, rock):
         {"image": {"file_name": "holiday.png"}},
     ],
 )
-def test_a_broken_file_is_refused_in_one_line(tmp_path, changes):
+def test_an_invalid_file_is_a_one_line_error(tmp_path, changes):
     path = foreign(tmp_path, **changes)
     with pytest.raises(FormatError) as caught:
         read_coco(path)
@@ -256,27 +256,27 @@ def test_a_broken_file_is_refused_in_one_line(tmp_path, changes):
 
 
 @pytest.mark.parametrize("folders", [("", ""), ("a/", "b/")])
-def test_a_photo_that_is_listed_twice_is_refused(tmp_path, folders):
+def test_a_photo_that_is_listed_twice_is_an_error(tmp_path, folders):
     images = [{"id": n, "file_name": f"{folder}{KEY}.png"} for n, folder in enumerate(folders)]
     with pytest.raises(FormatError, match=str(KEY)):
         read_coco(foreign(tmp_path, images=images, annotations=[]))
 
 
-def test_an_image_id_that_comes_twice_is_refused(tmp_path):
+def test_a_repeated_image_id_is_an_error(tmp_path):
     images = [{"id": 5, "file_name": f"{key}.png"} for key in (KEY, OTHER)]
     with pytest.raises(FormatError):
         read_coco(foreign(tmp_path, images=images))
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"images": 3}', b"[" * 5000])
-def test_a_file_that_is_no_coco_is_refused_in_one_line(tmp_path, content):
+def test_a_file_that_is_no_coco_is_a_one_line_error(tmp_path, content):
     (tmp_path / "a.json").write_bytes(content)
     with pytest.raises(FormatError, match=r"a\.json") as caught:
         read_coco(tmp_path / "a.json")
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_refused_by_name(tmp_path):
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"none\.json"):
         read_coco(tmp_path / "none.json")
 
@@ -293,7 +293,7 @@ json_values = st.recursive(
 
 @settings(deadline=None)
 @given(values=st.dictionaries(st.sampled_from(["bbox", "segmentation", "rock", "attributes", "id"]), json_values))
-def test_any_annotation_is_read_or_refused_in_one_line(tmp_path_factory, values):
+def test_any_annotation_is_read_or_a_one_line_error(tmp_path_factory, values):
     path = foreign(tmp_path_factory.mktemp("coco"), annotation=values)
     reason = f"{path}: "
     try:

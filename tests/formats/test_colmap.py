@@ -28,7 +28,7 @@ def number(low, high):
     st.tuples(number(500, 4000), number(500, 4000), number(1, 1936), number(1, 1216)),
     st.tuples(*[number(-0.2, 0.2)] * 5),
 )
-def test_what_was_written_is_read_back(tmp_path_factory, position, lens, distortion):
+def test_a_model_reads_back(tmp_path_factory, position, lens, distortion):
     rig = StereoRig(Lens(*lens, distortion), stated_rig().right, RIGHT_OF_LEFT)
     localised = LocalisedRig(rig, looking(np.array(position[:3]), *position[3:]))
     folder = tmp_path_factory.mktemp("model") / "colmap"
@@ -56,7 +56,7 @@ def test_colmap_projects_points_to_the_same_pixels(tmp_path, camera):
         np.testing.assert_allclose(localised.project(camera, points), np.array(seen), atol=1e-6)
 
 
-def test_both_cameras_of_a_position_are_one_frame_of_one_rig(tmp_path):
+def test_both_cameras_of_a_position_belong_to_the_same_frame_of_the_rig(tmp_path):
     write_model(tmp_path / "colmap", LOCALISED)
     model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
     assert (model.num_rigs(), model.num_frames(), model.num_images(), model.num_cameras()) == (1, 2, 4, 2)
@@ -71,7 +71,7 @@ def test_the_same_rigs_give_the_same_bytes(tmp_path):
         assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
 
 
-def test_positions_with_different_rigs_are_refused(tmp_path):
+def test_positions_with_different_rigs_are_an_error(tmp_path):
     other = StereoRig(stated_rig().left, stated_rig().right, RIGHT_OF_LEFT)
     with pytest.raises(FormatError) as error:
         write_model(
@@ -87,7 +87,7 @@ PHOTO = b"not decoded here"
 @pytest.mark.parametrize(
     "named", ["my data/Pos{}/Cam{}_7_0256.png", "a\tb/Pos{}_Cam{} (1).PNG", "Würfel/Pos{}_Cam{}.png"]
 )
-def test_photos_with_blanks_in_their_paths_are_found_by_colmap_and_by_us(tmp_path, named):
+def test_photos_with_blanks_in_paths_are_linked(tmp_path, named):
     pictures = {(p, camera): f"../{named.format(p, camera)}" for p in LOCALISED for camera in "LR"}
     for name in pictures.values():
         (tmp_path / "colmap" / name).resolve().parent.mkdir(parents=True, exist_ok=True)
@@ -101,7 +101,7 @@ def test_photos_with_blanks_in_their_paths_are_found_by_colmap_and_by_us(tmp_pat
         np.testing.assert_allclose(image.project_point([0.9, 0.7, 0.1]), expected[0], atol=1e-6)
 
 
-def test_photos_that_are_gone_are_named_by_their_view(tmp_path):
+def test_missing_photos_are_named_by_position_and_camera(tmp_path):
     pictures = {(p, camera): f"../my data/Pos{p}/Cam{camera}_7.png" for p in LOCALISED for camera in "LR"}
     write_model(tmp_path / "colmap", LOCALISED, pictures)
     model = pycolmap.Reconstruction(str(tmp_path / "colmap"))

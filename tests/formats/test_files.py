@@ -28,7 +28,7 @@ def test_a_file_appears_only_when_it_is_complete(tmp_path):
 
 
 @pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt])
-def test_an_interrupted_write_keeps_the_old_file_and_leaves_nothing_else(tmp_path, interruption):
+def test_an_interrupted_write_keeps_only_the_old_file(tmp_path, interruption):
     target = tmp_path / "table.csv"
     target.write_text("old")
 
@@ -43,7 +43,7 @@ def test_an_interrupted_write_keeps_the_old_file_and_leaves_nothing_else(tmp_pat
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_full_disk_is_one_line_with_the_file(tmp_path):
+def test_a_full_disk_is_a_one_line_error_with_the_file(tmp_path):
     def write_on_full_disk():
         with writing(tmp_path / "table.csv") as temporary:
             temporary.write_text("half")
@@ -54,14 +54,14 @@ def test_a_full_disk_is_one_line_with_the_file(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_is_a_file_is_one_line(tmp_path):
+def test_a_file_instead_of_a_folder_is_a_one_line_error(tmp_path):
     (tmp_path / "results").write_text("a file")
     with pytest.raises(PolarsimError, match=r"results/run/table\.csv"):
         write_text(tmp_path / "results" / "run" / "table.csv", "x")
 
 
 @pytest.mark.parametrize("links", [True, False])
-def test_a_shared_file_stays_what_it_was_when_the_source_is_replaced(tmp_path, monkeypatch, links):
+def test_a_shared_file_does_not_change_when_the_source_is_replaced(tmp_path, monkeypatch, links):
     def refused(*_):
         raise OSError(errno.EXDEV, "Invalid cross-device link")
 
@@ -76,7 +76,7 @@ def test_a_shared_file_stays_what_it_was_when_the_source_is_replaced(tmp_path, m
 
 
 @pytest.mark.parametrize("interruption", [ValueError, KeyboardInterrupt])
-def test_an_interrupted_folder_keeps_the_old_one(tmp_path, interruption):
+def test_an_interrupted_write_keeps_the_old_folder(tmp_path, interruption):
     target = tmp_path / "seeds"
     target.mkdir()
     (target / "old.txt").write_text("old")
@@ -91,7 +91,7 @@ def test_an_interrupted_folder_keeps_the_old_one(tmp_path, interruption):
     assert list(tmp_path.rglob("*.txt")) == [target / "old.txt"]
 
 
-def test_a_folder_is_replaced_as_a_whole(tmp_path):
+def test_a_folder_is_replaced_completely(tmp_path):
     for name in ("old", "new"):
         with writing_folder(tmp_path / "seeds") as temporary:
             (temporary / f"{name}.txt").write_text(name)
@@ -105,19 +105,19 @@ def test_json_has_sorted_keys_and_reads_back(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"{", b"\xff\xfe", b""])
-def test_broken_json_is_one_line_with_the_file(tmp_path, content):
+def test_invalid_json_is_a_one_line_error_with_the_file(tmp_path, content):
     (tmp_path / "a.json").write_bytes(content)
     with pytest.raises(FormatError, match=r"a\.json") as caught:
         read_json(tmp_path / "a.json")
     assert "\n" not in str(caught.value)
 
 
-def test_missing_json_is_one_line_with_the_file(tmp_path):
+def test_missing_json_is_an_error_with_the_file(tmp_path):
     with pytest.raises(FormatError, match=r"none\.json"):
         read_json(tmp_path / "none.json")
 
 
-def test_a_folder_that_is_replaced_is_never_half_there(tmp_path, monkeypatch):
+def test_a_folder_is_renamed_before_it_is_deleted(tmp_path, monkeypatch):
     """Whoever is killed while the former one is removed leaves the new one, not a half of the former."""
     target = tmp_path / "clouds"
     for content in ("old", "new"):
@@ -130,7 +130,7 @@ def test_a_folder_that_is_replaced_is_never_half_there(tmp_path, monkeypatch):
         monkeypatch.undo()
 
 
-def test_a_folder_to_write_is_new_or_empty(tmp_path):
+def test_only_new_or_empty_folders_may_be_written(tmp_path):
     check_new_folder(tmp_path / "new")
     check_new_folder(tmp_path)
     (tmp_path / "file").write_text("")

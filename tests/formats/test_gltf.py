@@ -9,7 +9,7 @@ BODY = trimesh.creation.icosphere(1, 0.1)
 ROCK = Mesh(np.asarray(BODY.vertices) + np.array([0.3, 0.2, 0.05]), np.asarray(BODY.faces, np.int64))
 
 
-def test_a_terrain_stands_upright_in_a_viewer_with_its_parts_by_name(tmp_path):
+def test_a_terrain_is_upright_and_has_named_parts(tmp_path):
     support = np.linspace(0, 1, len(ROCK.vertices))
     gltf.write(tmp_path / gltf.name(7), {gltf.GROUND: GROUND, "rock4": ROCK}, {"rock4": support})
     scene = trimesh.load(tmp_path / "terrain07.glb", process=False)

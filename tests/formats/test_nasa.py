@@ -43,7 +43,7 @@ def test_rectifying_the_real_calibration_gives_the_matrix_of_the_real_range_maps
     assert lens.cy - 0.5 == pytest.approx(600.1, abs=0.1)
 
 
-def test_the_right_camera_stands_a_baseline_to_the_right(calibration):
+def test_the_right_camera_is_a_baseline_to_the_right(calibration):
     rig = nasa.read_calibration(calibration(TERRAIN_11))
     assert rig.left_from_right.translation[0] == pytest.approx(0.3016, abs=1e-3)  # +x is right
     assert rig.left.cx == 964.405 + 0.5
@@ -72,7 +72,7 @@ def test_order_unknown_keys_and_other_lines_do_not_matter(calibration):
         ("2068.44 0 964.405 0 2064.29 593.512", "1034.22 0 482.2 0 1032.1 296.8"),
     ],
 )
-def test_a_broken_calibration_is_refused_with_the_file_and_the_reason(calibration, old, new):
+def test_an_invalid_calibration_is_an_error_with_file_and_reason(calibration, old, new):
     path = calibration(TERRAIN_11.replace(old, new))
     with pytest.raises(FormatError) as caught:
         nasa.read_calibration(path)
@@ -81,7 +81,7 @@ def test_a_broken_calibration_is_refused_with_the_file_and_the_reason(calibratio
 
 
 @pytest.mark.parametrize("zeros", [3, 7, 9])
-def test_distortion_terms_of_richer_models_are_accepted_where_they_are_zero(calibration, zeros):
+def test_zero_distortion_terms_of_other_models_are_accepted(calibration, zeros):
     terms = f"-0.00112736 0.02{' 0' * zeros}"
     rig = nasa.read_calibration(calibration(TERRAIN_11.replace("-0.00112736", terms)))
     assert rig.right.distortion[4] == 0.02
@@ -95,7 +95,7 @@ numbers = st.floats(-0.2, 0.2)
     focal=st.floats(1500, 2500), centre=st.tuples(st.floats(900, 1000), st.floats(550, 650)),
     terms=st.tuples(numbers, numbers, numbers, numbers, numbers), rotvec=st.tuples(numbers, numbers, numbers),
 )  # fmt: skip
-def test_a_calibration_survives_writing_and_reading(tmp_path_factory, focal, centre, terms, rotvec):
+def test_a_calibration_reads_back(tmp_path_factory, focal, centre, terms, rotvec):
     lens = Lens(focal, focal * 0.99, *centre, terms)
     rig = StereoRig(
         lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, 0.0]))
@@ -114,7 +114,7 @@ def points_with_gaps(rng):
     return points
 
 
-def test_a_range_map_survives_writing_and_reading(tmp_path, rng):
+def test_a_range_map_reads_back(tmp_path, rng):
     points = points_with_gaps(rng)
     nasa.write_range_map(tmp_path / "map.tif", points)
     np.testing.assert_allclose(nasa.read_range_map(tmp_path / "map.tif", SIZE), points, rtol=1e-6)
@@ -142,13 +142,13 @@ def test_a_range_map_with_bands_first_and_a_fourth_band_is_read_the_same(tmp_pat
         np.ones((8, 12, 3), np.complex64),
     ],
 )
-def test_a_tiff_that_is_no_range_map_is_refused(tmp_path, stored):
+def test_a_tiff_that_is_no_range_map_is_an_error(tmp_path, stored):
     tifffile.imwrite(tmp_path / "map.tif", stored, photometric="minisblack")
     with pytest.raises(FormatError):
         nasa.read_range_map(tmp_path / "map.tif", SIZE)
 
 
-def test_a_huge_declared_size_is_refused_before_pixels_are_read(tmp_path, rng):
+def test_a_huge_declared_size_is_an_error_before_pixels_are_read(tmp_path, rng):
     nasa.write_range_map(tmp_path / "map.tif", points_with_gaps(rng))
     data = bytearray((tmp_path / "map.tif").read_bytes())
     with tifffile.TiffFile(tmp_path / "map.tif") as tiff:
@@ -162,7 +162,7 @@ def test_a_huge_declared_size_is_refused_before_pixels_are_read(tmp_path, rng):
 
 
 @pytest.mark.parametrize("name", ["a.xyz", "b.txt", "c.pts"])
-def test_a_cloud_survives_writing_and_reading_to_a_twentieth_of_a_millimetre(tmp_path, rng, name):
+def test_a_cloud_reads_back_with_an_error_below_a_twentieth_of_a_millimetre(tmp_path, rng, name):
     points = rng.normal(0, 3, (200, 3))
     nasa.write_cloud(tmp_path / name, points, rng.integers(0, 255, 200))
     np.testing.assert_allclose(nasa.read_cloud(tmp_path / name), points, atol=0.5e-4 + 1e-9)
@@ -173,7 +173,7 @@ def test_a_cloud_is_written_as_lines_of_millimetres(tmp_path):
     assert (tmp_path / "a.xyz").read_text() == "1234.6 -500 0 7\n"
 
 
-def test_headers_counts_and_commas_of_other_programs_are_understood(tmp_path):
+def test_headers_counts_and_commas_of_other_programs_are_read(tmp_path):
     (tmp_path / "a.pts").write_text("2\n1000 2000 3000 5 0 0 0\n4000 5000 6000 5 0 0 0\n")
     (tmp_path / "b.txt").write_text("// X,Y,Z\n1000,2000,3000\n4000,5000,6000\n")
     for name in ("a.pts", "b.txt"):
@@ -200,14 +200,14 @@ def clouds(draw):
 
 @settings(deadline=None, max_examples=150)
 @given(cloud=clouds())
-def test_every_spelling_of_a_cloud_is_the_same_cloud(tmp_path_factory, cloud):
+def test_all_notations_of_a_cloud_give_the_same_cloud(tmp_path_factory, cloud):
     path = tmp_path_factory.getbasetemp() / "a.xyz"
     path.write_bytes(cloud[1])
     np.testing.assert_allclose(nasa.read_cloud(path, unit_m=1.0), cloud[0], rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize("row", ["nan 2 3", "1 2 nan", "1 NaN 3"])
-def test_a_point_with_a_coordinate_that_is_no_number_is_left_out_and_counted(tmp_path, caplog, row):
+def test_points_with_missing_coordinates_are_skipped_and_counted(tmp_path, caplog, row):
     (tmp_path / "a.xyz").write_text(f"1 2 3\n{row}\nnan nan nan\n4 5 6\n")
     np.testing.assert_array_equal(nasa.read_cloud(tmp_path / "a.xyz", unit_m=1.0), [[1, 2, 3], [4, 5, 6]])
     assert [line for line in caplog.messages if "1 points skipped" in line]
@@ -216,7 +216,7 @@ def test_a_point_with_a_coordinate_that_is_no_number_is_left_out_and_counted(tmp
 @pytest.mark.parametrize(
     ("text", "line"), [("1 2 3\n\n4 5\n", 3), ("x y z\n1 2 3\n4 five 6\n", 3), ("1;2;3\n4;5\n", 2)]
 )
-def test_a_line_that_is_no_point_is_named(tmp_path, text, line):
+def test_an_invalid_line_is_an_error_with_the_line_number(tmp_path, text, line):
     (tmp_path / "a.xyz").write_text(text)
     with pytest.raises(FormatError) as caught:
         nasa.read_cloud(tmp_path / "a.xyz")
@@ -224,14 +224,14 @@ def test_a_line_that_is_no_point_is_named(tmp_path, text, line):
 
 
 @pytest.mark.parametrize("name", ["a.pts", "a.txt", "a.xyz"])
-def test_matrices_of_a_ptx_file_are_no_points(tmp_path, name):
+def test_a_ptx_file_is_an_error(tmp_path, name):
     header = "2\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
     (tmp_path / name).write_text(f"{header}1 2 3 0.5\n4 5 6 0.5\n")
     with pytest.raises(FormatError):
         nasa.read_cloud(tmp_path / name)
 
 
-def test_clouds_of_other_formats_are_named_and_left_out(tmp_path, caplog):
+def test_clouds_of_other_formats_are_skipped_with_a_warning(tmp_path, caplog):
     (tmp_path / "Terrain01_A").mkdir()
     for name in ("PosA.ptx", "PosC.xyz"):
         (tmp_path / "Terrain01_A" / name).write_text("1 2 3\n")
@@ -253,7 +253,7 @@ def range_map(path, marks, kind="float32", tag=None, factor=1.0):
 
 @pytest.mark.parametrize("kind", ["float32", "float64", "int32"])
 @pytest.mark.parametrize("mark", [0, -9999, 9999, 99999, -32768, 32767, 1e6])
-def test_marks_of_no_data_are_no_points(tmp_path, mark, kind):
+def test_no_data_values_are_not_points(tmp_path, mark, kind):
     for number, path in enumerate(
         (
             range_map(tmp_path / "untagged.tif", [mark] * 3, kind),
@@ -267,13 +267,13 @@ def test_marks_of_no_data_are_no_points(tmp_path, mark, kind):
 
 
 @pytest.mark.parametrize("factor", [0.001, 1000])
-def test_a_range_map_in_another_unit_is_refused(tmp_path, factor):
+def test_a_range_map_in_another_unit_is_an_error(tmp_path, factor):
     with pytest.raises(FormatError):
         nasa.read_range_map(range_map(tmp_path / "a.tif", 0, factor=factor), (16, 12))
 
 
 @pytest.mark.parametrize("compression", ["lzw", "zstd", "lerc"])
-def test_a_compression_that_needs_another_package_is_named(tmp_path, compression):
+def test_a_compression_that_needs_a_package_is_named(tmp_path, compression):
     rasterio = pytest.importorskip("rasterio")
     profile = {"width": 16, "height": 12, "count": 3, "dtype": "float32", "compress": compression}
     with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", **profile) as file:
@@ -283,14 +283,14 @@ def test_a_compression_that_needs_another_package_is_named(tmp_path, compression
 
 
 @pytest.mark.parametrize("name", ["CamL_7_0256.PNG", "CamL_7_0256.Png"])
-def test_photos_are_found_in_any_case_of_their_ending(tmp_path, name):
+def test_suffixes_of_photos_may_be_upper_or_lower_case(tmp_path, name):
     path = tmp_path / "PosA_1500_Loff/Sun_30" / name
     path.parent.mkdir(parents=True)
     path.touch()
     assert [str(key) for key, _ in nasa.find_photos(tmp_path, 1)] == ["01_A_off_30_L_0256"]
 
 
-def test_a_ply_cloud_is_read_in_millimetres_unless_told_otherwise(tmp_path):
+def test_a_ply_cloud_is_read_in_millimetres_by_default(tmp_path):
     header = (
         "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
     )
@@ -304,7 +304,7 @@ def test_a_ply_cloud_is_read_in_millimetres_unless_told_otherwise(tmp_path):
     [("a.xyz", ""), ("a.xyz", "1 2\n3 4\n"), ("a.xyz", "1 2 3\n4 5\n"), ("a.las", "1 2 3\n"),
      ("a.xyz", "nan nan nan\n"), ("a.ply", "ply\nnonsense"), ("a.xyz", "1 2 3\nx y z\n"), ("a.pts", "\x00\x01\x02")],
 )  # fmt: skip
-def test_a_file_that_is_no_cloud_is_refused(tmp_path, name, text):
+def test_a_file_that_is_no_cloud_is_an_error(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(FormatError):
         nasa.read_cloud(tmp_path / name)
@@ -319,7 +319,7 @@ READERS = {
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_damaged_bytes_give_a_format_error_or_a_result_and_nothing_else(tmp_path, rng, name):
+def test_damaged_bytes_give_a_format_error_or_a_result(tmp_path, rng, name):
     path = tmp_path / name
     if name.endswith("calibration"):
         path.write_text(TERRAIN_11)
@@ -347,7 +347,7 @@ def test_damaged_bytes_give_a_format_error_or_a_result_and_nothing_else(tmp_path
     assert all(name in text and "\n" not in text for text in complaints)
 
 
-def test_every_reader_names_a_file_that_is_missing(tmp_path):
+def test_a_missing_file_is_an_error_of_every_reader(tmp_path):
     for name, read in READERS.items():
         with pytest.raises(FormatError, match=name):
             read(tmp_path / name)
@@ -358,7 +358,7 @@ def touch(path):
     path.touch()
 
 
-def test_photos_are_found_by_pattern_whatever_their_middle_token(tmp_path):
+def test_the_middle_token_of_photo_names_is_ignored(tmp_path):
     key = PhotoKey(11, "A", "off", "30", "L", 256)
     dark = PhotoKey(11, "A", "on", "no", "R", 8192)
     touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_259659217_0256.png")
@@ -374,7 +374,7 @@ def test_photos_are_found_by_pattern_whatever_their_middle_token(tmp_path):
      "PosA_1500_Loff/Sun_30/CamL_1_0300.png", "PosH_1500_Loff/Sun_30/CamL_1_0256.png",
      "PosA_1500_Loff/Sun_30/CamL_0256.png", "a/b/PosA_1500_Loff/Sun_30/CamL_1_0256.png"],
 )  # fmt: skip
-def test_other_pictures_are_strays_that_are_named_and_left_out(tmp_path, caplog, name):
+def test_other_images_are_skipped_with_a_warning(tmp_path, caplog, name):
     touch(tmp_path / name)
     with caplog.at_level(logging.WARNING, logger="polarsim"):
         assert nasa.find_photos(tmp_path, 11) == []
@@ -382,7 +382,7 @@ def test_other_pictures_are_strays_that_are_named_and_left_out(tmp_path, caplog,
     assert name.split("/")[-1] in caplog.text
 
 
-def test_two_files_of_one_photo_are_refused(tmp_path):
+def test_two_files_of_a_photo_are_an_error(tmp_path):
     touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_1_0256.png")
     touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_2_0256.png")
     with pytest.raises(FormatError, match="11_A_off_30_L_0256"):
@@ -397,14 +397,14 @@ keys = st.builds(
 
 @settings(max_examples=20)
 @given(wanted=st.sets(keys, min_size=1, max_size=12))
-def test_photos_are_found_where_the_writer_put_them(tmp_path_factory, wanted):
+def test_photos_are_found_at_their_written_paths(tmp_path_factory, wanted):
     folder = tmp_path_factory.mktemp("terrain")
     for key in wanted:
         touch(nasa.photo_path(folder, key, "123"))
     assert nasa.find_photos(folder, 3) == [(key, nasa.photo_path(folder, key, "123")) for key in sorted(wanted)]
 
 
-def test_folders_of_terrains_are_found_at_the_root_or_one_level_deeper(tmp_path):
+def test_folders_of_terrains_are_found_in_the_root_or_a_subfolder(tmp_path):
     (tmp_path / "download/Terrain03_MeanDistr").mkdir(parents=True)
     (tmp_path / "Terrain11_FreshCrater").mkdir()
     (tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain06").mkdir(parents=True)  # bears no name: not a terrain's folder
@@ -413,7 +413,7 @@ def test_folders_of_terrains_are_found_at_the_root_or_one_level_deeper(tmp_path)
     assert nasa.find_terrain_folder(tmp_path, 6) is None
 
 
-def test_two_folders_of_one_terrain_are_refused(tmp_path):
+def test_two_folders_of_a_terrain_are_an_error(tmp_path):
     (tmp_path / "Terrain11_FreshCrater").mkdir()
     (tmp_path / "Terrain11_Other").mkdir()
     with pytest.raises(FormatError):

@@ -27,7 +27,7 @@ def read_text(tmp_path, text):
     vertices=arrays.arrays(float, (5, 3), elements=st.floats(-9, 9)),
     faces=arrays.arrays(np.int64, st.tuples(st.integers(1, 9), st.just(3)), elements=st.integers(0, 4)),
 )
-def test_a_written_mesh_comes_back_to_a_micrometre(tmp_path_factory, vertices, faces):
+def test_a_mesh_reads_back_with_an_error_below_a_micrometre(tmp_path_factory, vertices, faces):
     path = tmp_path_factory.mktemp("obj") / "rock.obj"
     obj.write(path, Mesh(vertices, faces), "rock")
     back = obj.read(path)
@@ -46,14 +46,14 @@ def test_trimesh_reads_the_same_triangles(tmp_path):
     "faces",
     ["f 1 2 3\nf 2 4 3\n", "f 1//1 2//2 3//3\nf 2//2 4//4 3//3\n", "f 1/7/1 2/8/2 3/9/3\nf 2/1/2 4/1/4 3/1/3\n"],
 )
-def test_faces_may_name_texture_and_normals(tmp_path, faces):
+def test_faces_may_have_texture_and_normals(tmp_path, faces):
     np.testing.assert_array_equal(read_text(tmp_path, PLAIN + faces).faces, [[0, 1, 2], [1, 3, 2]])
 
 
 @pytest.mark.parametrize(
     "faces", ["f 1 2 4 3\n", "f -4 -3 -1 -2\n", "l 1 2\nf 1//1 2//1 4//1\nl 2 3\nf 1//1 4//1 3//1\n"]
 )
-def test_quads_relative_numbers_and_stray_lines_are_read(tmp_path, faces):
+def test_quads_relative_numbers_and_unknown_lines_are_read(tmp_path, faces):
     np.testing.assert_array_equal(read_text(tmp_path, PLAIN + faces).faces, [[0, 1, 3], [0, 3, 2]])
 
 
@@ -95,7 +95,7 @@ def spellings(draw):
 
 @settings(deadline=None, max_examples=150)
 @given(files=spellings())
-def test_every_spelling_of_a_mesh_is_the_same_mesh(tmp_path_factory, files):
+def test_all_notations_of_a_mesh_give_the_same_mesh(tmp_path_factory, files):
     folder = tmp_path_factory.getbasetemp()
     meshes = []
     for name, content in zip(("plain", "other"), files, strict=True):
@@ -114,7 +114,7 @@ LINES = (
 
 @settings(deadline=None, max_examples=150)
 @given(lines=st.lists(st.sampled_from(LINES), min_size=3, max_size=12), first=st.booleans())
-def test_the_quick_reader_accepts_what_the_other_one_accepts(lines, first):
+def test_the_fast_reader_accepts_the_files_of_the_reference(lines, first):
     """Plain blocks of vertices and triangles with any other lines before, between and after them."""
     half = len(lines) // 2
     blocks = ["v 0 0 1", "v 1 0 1", "v 0 1 1", *lines[half:][:2], "f 1 2 3", "f 2 1 3"]
@@ -142,18 +142,18 @@ def test_the_quick_reader_accepts_what_the_other_one_accepts(lines, first):
         PLAIN + "v nan 0 0\nf 1 2 3\n",
     ],
 )
-def test_a_broken_file_is_refused_with_position_and_reason(tmp_path, text):
+def test_an_invalid_file_is_an_error_with_line_and_reason(tmp_path, text):
     with pytest.raises(FormatError):
         read_text(tmp_path, text)
 
 
-def test_a_missing_file_is_refused_by_name(tmp_path):
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"terrain01_rock1\.obj"):
         obj.read(tmp_path / "terrain01_rock1.obj")
 
 
 @pytest.mark.release
-def test_the_quick_reader_obeys_the_one_that_reads_line_by_line(release_root):
+def test_the_fast_reader_agrees_with_the_reference(release_root):
     paths = sorted((release_root / "TerrainMeshes" / "Terrain11").glob("*.obj"))
     quick = [path for path in paths if obj._plain_triangles(path.read_bytes()) is not None]
     assert quick
@@ -163,7 +163,7 @@ def test_the_quick_reader_obeys_the_one_that_reads_line_by_line(release_root):
         np.testing.assert_array_equal(obj.read(path).faces, slow.faces)
 
 
-def test_the_full_mesh_stands_before_its_decimated_copy(tmp_path):
+def test_the_full_mesh_is_preferred_to_the_decimated_mesh(tmp_path):
     for name in (
         "terrain04_rock2_decimate-005.obj",
         "terrain04_rock2.obj",
@@ -177,7 +177,7 @@ def test_the_full_mesh_stands_before_its_decimated_copy(tmp_path):
     }
 
 
-def test_a_name_tells_terrain_rock_and_copy():
+def test_a_name_has_terrain_rock_and_decimation():
     assert obj.parse_rock_name(obj.rock_name(4, 12, decimated=True)) == (4, 12, True)
     assert obj.parse_rock_name("terrain01_ground.obj") is None
 
@@ -188,5 +188,5 @@ def test_normals_of_an_outward_mesh_point_outward():
 
 
 @pytest.mark.parametrize("faces", ["f 1 2  3\n", "f 1 2 3 \n", "f 1/7/1 2//2 3//3\nf 2//2 4 3\n", "f +1 2 3\n"])
-def test_what_the_quick_reader_does_not_know_is_read_line_by_line(tmp_path, faces):
+def test_files_that_the_fast_reader_does_not_support_are_read_line_by_line(tmp_path, faces):
     np.testing.assert_array_equal(read_text(tmp_path, PLAIN + faces).faces[0], [0, 1, 2])

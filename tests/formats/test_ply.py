@@ -13,7 +13,7 @@ def cloud_of(rng, count):
 
 
 @pytest.mark.parametrize("count", [0, 1, 500])
-def test_a_written_cloud_comes_back(rng, tmp_path, count):
+def test_a_cloud_reads_back(rng, tmp_path, count):
     cloud = cloud_of(rng, count)
     ply.write(tmp_path / "rock1.ply", cloud)
     back = ply.read(tmp_path / "rock1.ply")
@@ -30,7 +30,7 @@ def test_open3d_reads_the_same_points_and_normals(rng, tmp_path):
     np.testing.assert_allclose(np.asarray(read.normals), cloud.normals, atol=1e-6)
 
 
-def test_a_cut_off_file_is_refused_by_name(rng, tmp_path):
+def test_a_truncated_file_is_an_error(rng, tmp_path):
     path = tmp_path / "rock1.ply"
     ply.write(path, cloud_of(rng, 10))
     path.write_bytes(path.read_bytes()[:-5])
@@ -46,19 +46,19 @@ def test_a_cut_off_file_is_refused_by_name(rng, tmp_path):
         b"ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty float x\nend_header\n",
     ],
 )
-def test_other_files_are_refused_with_a_reason(tmp_path, content):
+def test_other_files_are_errors(tmp_path, content):
     path = tmp_path / "rock1.ply"
     path.write_bytes(content)
     with pytest.raises(FormatError):
         ply.read(path)
 
 
-def test_a_missing_file_is_refused_by_name(tmp_path):
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"rock9\.ply"):
         ply.read(tmp_path / "rock9.ply")
 
 
-def test_a_value_that_is_not_finite_is_refused(rng, tmp_path):
+def test_a_value_that_is_not_finite_is_an_error(rng, tmp_path):
     cloud = cloud_of(rng, 3)
     cloud.points[1, 2] = np.nan
     ply.write(tmp_path / "rock1.ply", cloud)

@@ -36,13 +36,13 @@ def ramp(rng) -> np.ndarray:
     return rng.integers(16, 4096, (SMALL[1], SMALL[0]), dtype=np.uint16)
 
 
-def test_a_16_bit_picture_of_another_writer_is_read(tmp_path, ramp):
+def test_a_16_bit_image_of_opencv_is_read(tmp_path, ramp):
     (tmp_path / "a.png").write_bytes(written_by_hand(ramp, 16, 0))
     np.testing.assert_array_equal(png.read_photo(tmp_path / "a.png", SMALL), ramp)
 
 
 @pytest.mark.parametrize(("kind", "shape"), [("uint16", (16, 24)), ("uint8", (16, 24)), ("uint8", (16, 24, 3))])
-def test_pictures_read_back_bit_by_bit(tmp_path, rng, kind, shape):
+def test_images_read_back_exactly(tmp_path, rng, kind, shape):
     pixels = rng.integers(0, np.iinfo(kind).max, shape, dtype=kind, endpoint=True)
     png.write(tmp_path / "a.png", pixels)
     np.testing.assert_array_equal(png.read(tmp_path / "a.png"), pixels)
@@ -67,7 +67,7 @@ def repeated_rows(seed: int = 0) -> list[np.ndarray]:
     return [np.tile(rng.integers(0, 256, (1, width), np.uint8), (4, 1)) for width in (5, 6, 7, 9, 12, 20)]
 
 
-def test_threads_with_other_stacks_give_the_same_bytes():
+def test_threads_with_different_stacks_give_the_same_bytes():
     images = repeated_rows()
     expected = [png.encode(image) for image in images]
     found, done = [], threading.Event()
@@ -118,20 +118,20 @@ def test_encoded_images_decode_to_their_pixels(height, width, kind, seed):
         np.full((16, 24), 4096, np.uint16),
     ],
 )
-def test_a_photo_of_another_size_or_depth_is_refused(tmp_path, pixels):
+def test_a_photo_of_another_size_or_depth_is_an_error(tmp_path, pixels):
     png.write(tmp_path / "a.png", pixels)
     with pytest.raises(FormatError, match=r"a\.png"):
         png.read_photo(tmp_path / "a.png", SMALL)
 
 
-def test_a_missing_picture_and_one_that_is_none_are_refused(tmp_path):
+def test_a_missing_and_an_invalid_image_are_errors(tmp_path):
     (tmp_path / "text.png").write_text("no picture")
     for name in ("none.png", "text.png"):
         with pytest.raises(FormatError, match=name):
             png.read(tmp_path / name)
 
 
-def test_a_picture_that_cannot_be_written_is_one_line(tmp_path, ramp):
+def test_an_image_that_cannot_be_written_is_a_one_line_error(tmp_path, ramp):
     (tmp_path / "file").write_text("")
     with pytest.raises(PolarsimError, match=r"file/a\.png"):
         png.write(tmp_path / "file" / "a.png", ramp)
@@ -143,14 +143,14 @@ def test_the_header_states_size_bits_and_channels(bits, colour, channels):
     assert png.parse_header(content) == png.Header(5, 3, bits, channels)
 
 
-def test_the_header_of_a_written_photo_is_nasas(tmp_path):
+def test_the_header_of_a_written_photo_equals_nasas(tmp_path):
     png.write(tmp_path / "a.png", np.full((HEIGHT, WIDTH), 16, np.uint16))
     assert png.parse_header((tmp_path / "a.png").read_bytes()) == png.Header(1936, 1216, 16, 1)
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_a_cut_or_changed_file_never_has_a_header(ramp, data):
+def test_a_truncated_or_changed_file_is_an_error(ramp, data):
     content = bytearray(written_by_hand(ramp, 16, 0))
     position = data.draw(st.integers(0, len(content) - 1))
     if data.draw(st.booleans()):
@@ -196,7 +196,7 @@ def test_images_are_upright_as_viewers_show_them(tmp_path, rng, name, orientatio
                 assert np.asarray(ImageOps.exif_transpose(image)).shape[:2] == pixels.shape[:2]
 
 
-def test_an_orientation_after_the_pixels_counts_too(tmp_path):
+def test_an_orientation_after_the_pixels_is_applied(tmp_path):
     content = written_by_hand(np.arange(12, dtype=np.uint8).reshape(3, 4), 8, 0)
     exif = Image.Exif()
     exif[0x0112] = 6
@@ -214,7 +214,7 @@ def test_images_of_large_cameras_are_read(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
-def test_images_above_the_limit_are_refused_by_their_size(tmp_path, monkeypatch, name):
+def test_images_above_the_limit_are_errors(tmp_path, monkeypatch, name):
     monkeypatch.setattr(png, "MAX_PIXELS", 100)
     Image.fromarray(np.zeros((10, 11), np.uint8)).save(tmp_path / name)
     with pytest.raises(FormatError):

@@ -34,7 +34,7 @@ def test_only_exact_names_are_label_files(tmp_path):
     assert {path.name for path in release.stray_files(tmp_path, 1)} == set(strays)
 
 
-def test_a_release_without_a_folder_has_no_file_of_it(tmp_path):
+def test_a_missing_folder_has_no_files(tmp_path):
     assert release.label_files(tmp_path, 1) == {}
     assert release.polygon_files(tmp_path, 1) == {}
     assert release.mesh_files(tmp_path, 1) == {}
@@ -51,7 +51,7 @@ def test_polygons_of_another_terrain_are_strays(tmp_path):
     assert [path.name for path in release.stray_files(tmp_path, 11)] == ["09_A_off_no_R_0032.txt"]
 
 
-def test_full_meshes_go_before_decimated_ones_and_other_names_are_strays(tmp_path):
+def test_full_meshes_are_preferred_and_other_names_are_strays(tmp_path):
     folder = "TerrainMeshes/Terrain01"
     names = ["rock2.obj", "rock2_decimate-005.obj", "rock10_decimate-005.obj", "ground.obj"]
     make(tmp_path, *(f"{folder}/terrain01_{name}" for name in names), content=TRIANGLE)
@@ -90,7 +90,7 @@ def test_a_photo_with_two_label_files_is_an_error(tmp_path):
         release.key_files(tmp_path)
 
 
-def test_strays_are_logged_in_one_line_with_their_number_and_examples(tmp_path, caplog):
+def test_strays_are_logged_in_a_single_line_with_number_and_examples(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         release.log_strays([tmp_path / f"{letter} copy.txt" for letter in "abcdef"], "here")
         release.log_strays([], "there")
@@ -100,7 +100,7 @@ def test_strays_are_logged_in_one_line_with_their_number_and_examples(tmp_path, 
 
 
 @pytest.mark.release
-def test_the_published_folders_hold_what_was_counted(release_root):
+def test_the_published_folders_have_the_known_numbers_of_files(release_root):
     # shared facts on the labels, 1.1 and 1.4; terrain 04 without its impossible exposure
     assert {t: len(release.label_files(release_root, t)) for t in (1, 3, 4, 8, 11)} == {
         1: 280, 3: 347, 4: 359, 8: 353, 11: 347,

@@ -21,13 +21,13 @@ def of_coco(mask: np.ndarray) -> str:
 
 @settings(deadline=None)
 @given(mask=any_mask)
-def test_runs_are_those_of_pycocotools(mask):
+def test_runs_equal_those_of_pycocotools(mask):
     assert rle.encode(mask, size=mask.shape[::-1]).counts == of_coco(mask)
 
 
 @settings(deadline=None)
 @given(mask=any_mask, left=st.integers(0, 1927), top=st.integers(0, 1207))
-def test_a_part_of_a_photo_has_the_runs_of_the_whole_photo(mask, left, top):
+def test_a_part_of_a_photo_has_the_same_runs_as_the_photo(mask, left, top):
     whole = np.zeros((1216, 1936), bool)
     whole[top : top + mask.shape[0], left : left + mask.shape[1]] = mask
     assert rle.encode(mask, left, top).counts == of_coco(whole)
@@ -35,13 +35,13 @@ def test_a_part_of_a_photo_has_the_runs_of_the_whole_photo(mask, left, top):
 
 @settings(deadline=None)
 @given(mask=any_mask)
-def test_a_mask_comes_back_from_the_runs_of_pycocotools(mask):
+def test_runs_of_pycocotools_decode_to_the_mask(mask):
     found = rle.from_text(of_coco(mask), mask.shape[::-1])
     np.testing.assert_array_equal(found.mask(), mask)
     assert found.area == mask.sum()
 
 
-def test_long_runs_take_several_signs():
+def test_long_runs_need_several_characters():
     mask = np.zeros((1216, 1936), bool)
     mask[:, 300:1700] = True
     found = rle.encode(mask)
@@ -56,14 +56,14 @@ def test_plain_lengths_are_compressed():
 
 
 @pytest.mark.parametrize("runs", [[], [5], [7], [1, 6], [-1, 7], [2, -1, 5]])
-def test_lengths_that_do_not_fill_the_picture_are_refused(runs):
+def test_lengths_that_do_not_fill_the_image_are_errors(runs):
     with pytest.raises(FormatError):
         rle.from_runs(runs, (2, 3))
 
 
 @settings(deadline=None)
 @given(text=st.text(st.sampled_from(string.printable + "é€"), max_size=20))
-def test_any_text_is_a_mask_of_the_picture_or_refused(text):
+def test_any_text_is_a_mask_or_an_error(text):
     reason = ""
     try:
         assert rle.from_text(text, (4, 3)).mask().shape == (3, 4)

@@ -17,7 +17,7 @@ def test_only_rocks_in_left_seeds_of_the_terrain_are_read(tmp_path):
     assert read_rock_boxes(tmp_path, 3) == {}
 
 
-def test_a_seed_whose_name_is_no_photos_is_named(tmp_path):
+def test_a_seed_without_photo_key_is_an_error(tmp_path):
     (tmp_path / "notes.txt").write_text("")
     with pytest.raises(LabelError, match=r"notes\.txt"):
         read_rock_boxes(tmp_path, 1)

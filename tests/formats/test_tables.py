@@ -6,7 +6,7 @@ from polarsim.formats.tables import read_csv, read_parquet, write_csv, write_par
 
 
 @pytest.mark.parametrize(("read", "write"), [(read_csv, write_csv), (read_parquet, write_parquet)])
-def test_a_column_that_is_missing_is_named(tmp_path, read, write):
+def test_a_missing_column_is_an_error(tmp_path, read, write):
     path = tmp_path / "table"
     write(path, pd.DataFrame({"detector": ["compact"], "imgsz": [320]}))
     assert read(path, ["imgsz"]).columns.tolist() == ["detector", "imgsz"]

@@ -68,7 +68,7 @@ def test_every_reader_of_text_reads_every_encoding(tmp_path, name):
 
 @pytest.mark.parametrize("name", READERS)
 @pytest.mark.parametrize("content", [b"\0\1\2\3" * 20, codecs.BOM_UTF16_LE + b"1", b"PK\3\4\0\0" * 9])
-def test_binary_content_is_one_line(tmp_path, name, content):
+def test_binary_content_is_a_one_line_error(tmp_path, name, content):
     file, _, read = READERS[name]
     (tmp_path / file).write_bytes(content)
     with pytest.raises(PolarsimError) as caught:
@@ -81,6 +81,6 @@ def test_binary_content_is_one_line(tmp_path, name, content):
 @given(
     text=st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])), encoding=st.sampled_from(UNICODE)
 )
-def test_a_text_comes_back_from_every_encoding(text, encoding):
+def test_a_text_reads_back_from_every_encoding(text, encoding):
     if encoding != "utf-8" or not text.startswith("\ufeff"):
         assert decode_text(encoded(text, encoding)) == text

@@ -16,7 +16,7 @@ PLAIN = st.recursive(
 
 
 @given(content=st.dictionaries(NAMES, PLAIN, max_size=4), flow=st.booleans())
-def test_what_yaml_itself_writes_is_read_unchanged(content, flow):
+def test_the_output_of_pyyaml_reads_back(content, flow):
     assert parse_yaml(yaml.safe_dump(content, default_flow_style=flow)) == content
 
 
@@ -31,7 +31,7 @@ def test_what_yaml_itself_writes_is_read_unchanged(content, flow):
         ("1: a\n1: b\n", 2),
     ],
 )
-def test_a_key_given_twice_is_an_error_with_its_line(tmp_path, text, line):
+def test_a_repeated_key_is_an_error_with_the_line(tmp_path, text, line):
     path = tmp_path / "mine.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError) as caught:
@@ -55,11 +55,11 @@ def test_numbers_that_yaml_reads_in_another_base_are_errors(number, text):
 
 
 @pytest.mark.parametrize("text", ["0", "-0", "0.5", "1e3", "0e0", "2026-11-27", "01_A_off_180_L_0256", "0256.png"])
-def test_other_plain_values_with_zeros_stay_what_they_are(text):
+def test_other_plain_values_with_zeros_are_unchanged(text):
     assert parse_yaml(text) == yaml.safe_load(text)
 
 
-def test_a_configuration_with_two_sections_of_one_name_is_refused(tmp_path):
+def test_a_configuration_with_a_repeated_section_is_an_error(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("source: {kind: analog}\nlabels:\n  min_contrast_dn: 20\nlabels:\n  corrections: null\n")
     with pytest.raises(ConfigError) as caught:
@@ -73,7 +73,7 @@ def test_values_on_the_command_line_follow_the_same_rules():
 
 
 @pytest.mark.parametrize("text", ["a: &a [*a]\n", "a: &a {b: *a}\n", "&a [1, [*a]]\n"])
-def test_a_value_that_contains_itself_is_refused(text):
+def test_a_value_that_contains_itself_is_an_error(text):
     with pytest.raises(ConfigError) as error:
         parse_yaml(text)
     assert "\n" not in str(error.value)

@@ -63,7 +63,7 @@ def test_no_box_is_an_empty_file(tmp_path):
         "rock 0.5 0.5 0.1 0.1",
     ],
 )
-def test_a_broken_line_is_named_with_file_line_and_reason(tmp_path, line):
+def test_an_invalid_line_is_an_error_with_file_line_and_reason(tmp_path, line):
     path = tmp_path / "a.txt"
     path.write_text(f"0 0.5 0.5 0.1 0.1\n\n{line}\n")
     with pytest.raises(FormatError) as caught:
@@ -73,19 +73,19 @@ def test_a_broken_line_is_named_with_file_line_and_reason(tmp_path, line):
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe0 0.5", "0 0.5 0.5 0.1 0.１".encode(), b"0 0.5 0.5 0.1 0.1_0"])
-def test_bytes_that_are_no_text_or_no_digits_are_refused(tmp_path, content):
+def test_bytes_that_are_no_text_or_no_digits_are_errors(tmp_path, content):
     (tmp_path / "a.txt").write_bytes(content)
     with pytest.raises(FormatError, match=r"a\.txt"):
         yolo.read_boxes(tmp_path / "a.txt")
 
 
-def test_a_missing_file_is_refused_by_name(tmp_path):
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"none\.txt"):
         yolo.read_boxes(tmp_path / "none.txt")
 
 
 @given(text=st.text(alphabet=string.digits + " .-e\n\tx", max_size=80))
-def test_any_text_is_read_or_refused_in_one_line(tmp_path_factory, text):
+def test_any_text_is_read_or_a_one_line_error(tmp_path_factory, text):
     path = tmp_path_factory.mktemp("yolo") / "a.txt"
     path.write_text(text)
     for read in (yolo.read_boxes, yolo.read_polygons):
@@ -118,7 +118,7 @@ def test_polygons_read_back(tmp_path):
         "2 0.1 0.1 0.2 x 0.3 0.1",
     ],
 )
-def test_a_broken_polygon_is_named_with_file_line_and_reason(tmp_path, line):
+def test_an_invalid_polygon_is_an_error_with_file_line_and_reason(tmp_path, line):
     path = tmp_path / "a.txt"
     path.write_text(f"{line}\n")
     with pytest.raises(FormatError) as caught:

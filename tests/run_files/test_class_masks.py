@@ -9,7 +9,7 @@ from polarsim.run_files import class_masks
 from polarsim.run_files.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 
 
-def test_a_mask_comes_back_as_it_was_written(tmp_path):
+def test_a_mask_reads_back(tmp_path):
     mask = np.array([[0, 1, 2, 255], [2, 2, 0, 0]], np.uint8)
     class_masks.write(tmp_path / "a.png", mask)
     np.testing.assert_array_equal(class_masks.read(tmp_path / "a.png"), mask)
@@ -23,7 +23,7 @@ def test_a_mask_comes_back_as_it_was_written(tmp_path):
         np.zeros((4, 4, 3), np.uint8),
     ],
 )
-def test_other_pictures_are_refused(tmp_path, pixels):
+def test_other_images_are_errors(tmp_path, pixels):
     png.write(tmp_path / "a.png", pixels)
     with pytest.raises(FormatError, match=r"a\.png"):
         class_masks.read(tmp_path / "a.png")

@@ -26,7 +26,7 @@ FIT = Fitted(
 FOUND = FittedMaterials(True, False, {"lambert": FIT}, np.arange(8))
 
 
-def test_what_is_written_is_read(tmp_path):
+def test_a_fit_reads_back(tmp_path):
     write_materials(tmp_path / "fit", MESH, FOUND)
     again = read_materials(tmp_path / "fit", MESH)
     assert (again.falloff, again.vignetting, list(again.models)) == (True, False, ["lambert"])
@@ -35,16 +35,16 @@ def test_what_is_written_is_read(tmp_path):
     assert replace(again.models["lambert"], albedo=FIT.albedo) == FIT
 
 
-def test_a_fit_of_nothing_is_written_and_read(tmp_path):
+def test_an_empty_fit_reads_back(tmp_path):
     write_materials(tmp_path / "fit", MESH, FittedMaterials(False, False, {}, np.zeros(8, int)))
     assert read_materials(tmp_path / "fit", MESH).models == {}
 
 
-def test_vertices_of_no_face_belong_to_the_ground():
+def test_vertices_without_face_belong_to_the_ground():
     assert rock_of_vertex(MESH).tolist() == [NO_ROCK] * 3 + [7] * 4 + [NO_ROCK]
 
 
-def test_a_fit_for_other_meshes_is_refused(tmp_path):
+def test_a_fit_for_other_meshes_is_an_error(tmp_path):
     write_materials(tmp_path / "fit", MESH, FOUND)
     other = TerrainMesh(MESH.vertices[:7], MESH.faces, MESH.rock_of_face)
     with pytest.raises(FormatError, match=ALBEDO_FILE):
@@ -60,7 +60,7 @@ def test_a_fit_for_other_meshes_is_refused(tmp_path):
         lambda content: content.update(models=[]),
     ],
 )
-def test_a_broken_table_is_named(tmp_path, spoil):
+def test_an_invalid_table_is_an_error(tmp_path, spoil):
     write_materials(tmp_path / "fit", MESH, FOUND)
     path = tmp_path / "fit" / TABLE_FILE
     content = json.loads(path.read_text())

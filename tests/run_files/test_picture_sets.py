@@ -22,7 +22,7 @@ MODEL = st.sampled_from(MODELS)
 
 
 @given(EXPOSURES, EXPOSURES)
-def test_exposures_have_names_of_their_own_that_sort_and_read_back(one, two):
+def test_names_of_exposures_are_unique_and_sort_and_read_back(one, two):
     names = exposure_name(one), exposure_name(two)
     assert [float(name) for name in names] == [one, two]
     assert all(set(name) <= set("0123456789.") for name in names)  # parts of paths and of Snakemake's wildcards
@@ -36,13 +36,13 @@ def test_whole_exposures_have_four_digits():
 
 
 @given(SUNS, MODEL, EXPOSURES)
-def test_a_picture_set_is_read_back_from_its_name(sun, model, exposure):
+def test_a_picture_set_is_parsed_from_the_name(sun, model, exposure):
     one = PictureSet(sun, model, exposure)
     assert PictureSet.parse(str(one)) == one
 
 
 @pytest.mark.parametrize("name", ["", "1_hapke", "1_hapke_", "1_hapke_x", "1_hapke_nan", "1_hapke_-1", "__256"])
-def test_other_names_are_refused(name):
+def test_other_names_are_errors(name):
     with pytest.raises(FormatError):
         PictureSet.parse(name)
 

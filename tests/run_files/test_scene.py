@@ -11,7 +11,7 @@ TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 FACE = np.array([[0, 1, 2]])
 
 
-def test_each_face_knows_its_rock_and_keeps_its_position(tmp_path):
+def test_each_face_has_the_rock_and_position_of_the_mesh(tmp_path):
     obj.write(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
     obj.write(tmp_path / "terrain04_rock7.obj", Mesh(TRIANGLE + 2, FACE), "rock7")
     obj.write(tmp_path / "terrain04_rock3.obj", Mesh(TRIANGLE + 1, FACE), "rock3")
@@ -23,12 +23,12 @@ def test_each_face_knows_its_rock_and_keeps_its_position(tmp_path):
     np.testing.assert_allclose(terrain.normals, np.tile([0, 0, 1], (9, 1)))
 
 
-def test_a_folder_without_ground_is_refused_by_name(tmp_path):
+def test_a_folder_without_ground_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"terrain04_ground\.obj"):
         read_terrain(tmp_path, 4)
 
 
-def test_a_folder_of_meshes_says_which_terrain_it_is(tmp_path):
+def test_the_ground_mesh_has_the_number_of_the_terrain(tmp_path):
     with pytest.raises(FormatError):
         terrain_in(tmp_path)
     obj.write(tmp_path / "terrain11_ground.obj", Mesh(TRIANGLE, FACE), "ground")
@@ -39,7 +39,7 @@ def test_a_folder_of_meshes_says_which_terrain_it_is(tmp_path):
         terrain_in(tmp_path)
 
 
-def test_given_normals_stand_before_those_of_the_triangles():
+def test_given_normals_replace_normals_of_triangles():
     given = np.tile([1.0, 0, 0], (3, 1))
     rock_of_face = np.array([NO_ROCK])
     assert TerrainMesh(TRIANGLE, FACE, rock_of_face, given).normals is given

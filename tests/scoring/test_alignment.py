@@ -22,7 +22,7 @@ def test_the_alignment_undoes_any_rigid_motion_of_the_frame(rotation, translatio
     np.testing.assert_allclose((alignment @ moved).matrix, np.eye(4), atol=1e-9)
 
 
-def test_cameras_set_too_far_apart_keep_their_error():
+def test_a_scale_error_of_cameras_remains_after_alignment():
     off = 0.004 * (C.translation - A.translation) / np.linalg.norm(C.translation - A.translation)
     apart = {"A": Pose(A.rotation, A.translation - off), "C": Pose(C.rotation, C.translation + off)}
     alignment = fit_alignment(apart, {"A": A, "C": C})
@@ -57,21 +57,21 @@ def test_points_are_spread_by_area_and_lie_on_the_surface():
     np.testing.assert_allclose(points[face < 2].mean(axis=0), [1.5, 0.5, 0], atol=0.02)
 
 
-def test_distances_are_those_to_the_nearest_point(cube):
+def test_distances_are_measured_to_the_nearest_point(cube):
     surface = Surface(*_fields(cube((0, 0, 0), 2)))
     np.testing.assert_allclose(
         surface.distance(np.array([[1.5, 0, 0], [2, 2, 0], [0, 0, 0.25]])), [0.5, 2**0.5, 0.75], rtol=1e-6
     )
 
 
-def test_an_eye_sees_the_sides_that_face_it_and_nothing_behind(cube):
+def test_only_faces_towards_the_viewpoint_are_visible(cube):
     surface = Surface(*_fields(cube((0, 0, 0), 2)))
     points = np.array([[1, 0.1, 0.2], [-1, 0.1, 0.2], [0.1, 0.2, 1]])
     seen = surface.seen_from(np.array([5.0, 0, 0.5]), points, np.array([[1.0, 0, 0], [-1, 0, 0], [0, 0, 1]]))
     assert seen.tolist() == [True, False, False]
 
 
-def test_islands_count_parts_and_not_loose_vertices(cube):
+def test_components_do_not_include_vertices_without_face(cube):
     one, other = cube((0, 0, 0), 1), cube((3, 0, 0), 1)
     both = Mesh(
         np.concatenate([one.vertices, [[9, 9, 9]], other.vertices]), np.concatenate([one.faces, other.faces + 9])
@@ -83,7 +83,7 @@ def _fields(mesh):
     return mesh.vertices, mesh.faces
 
 
-def test_level_ground_leaves_motions_along_it_to_the_cameras(sand):
+def test_motions_along_level_ground_are_determined_by_cameras(sand):
     flat = Mesh(sand.vertices * [1, 1, 0], sand.faces)
     points, _ = Surface(flat.vertices, flat.faces).sample(2000, np.random.default_rng(1))
     start = Pose(np.eye(3), np.array([0.004, -0.003, 0.002]))

@@ -33,7 +33,7 @@ def paired(wanted, rows, task="Left to Right", against="labels"):
     return pair_labels(wanted, label_table(rows), dict.fromkeys(wanted, task), against, OPTIONS)
 
 
-def test_a_pair_a_missed_box_and_a_label_too_many_have_a_row_each():
+def test_pairs_missed_boxes_and_unmatched_labels_have_a_row_each():
     true = labels([0, 0, 20, 45], [100, 0, 110, 10])
     found = paired({KEY: true}, label_rows(KEY, [0, 0, 20, 36], [300, 0, 316, 4]))
     hit, missed, extra = (found.iloc[row] for row in range(3))
@@ -45,13 +45,13 @@ def test_a_pair_a_missed_box_and_a_label_too_many_have_a_row_each():
     assert np.isnan(extra["truth_px"])
 
 
-def test_a_near_miss_counts_for_the_mean_iou_but_is_no_pair():
+def test_an_overlap_below_the_threshold_is_in_the_mean_iou_but_no_pair():
     near = paired({KEY: labels([0, 0, 10, 10])}, label_rows(KEY, [0, 0, 10, 4]))
     assert near["hit"].tolist() == [False, False]
     assert near["iou_best"].tolist() == pytest.approx([0.4, np.nan], nan_ok=True)
 
 
-def test_photos_without_task_are_left_out_and_no_photo_at_all_makes_an_empty_table():
+def test_photos_without_task_are_excluded_and_the_table_may_be_empty():
     none = paired({KEY: labels([0, 0, 10, 10])}, [], task=None)
     assert len(none) == 0
     assert {name: str(kind) for name, kind in none.dtypes.items()} == LABEL_PAIRS.dtypes
@@ -65,7 +65,7 @@ def test_photos_without_task_are_left_out_and_no_photo_at_all_makes_an_empty_tab
         ("03_A_off_30_R_0064", "labels", True),  # somebody did
     ],
 )
-def test_shadows_are_annotated_where_a_person_did_or_would(key, against, annotated):
+def test_shadows_are_annotated_above_a_minimum_exposure(key, against, annotated):
     key = PhotoKey.parse(key)
     true = Labels(np.array([0, 1]), np.array([[0, 0, 10, 10], [50, 0, 90, 10]], float))
     found = paired({key: true}, label_rows(key, [200, 0, 240, 10], kind="shadow"), against=against)
@@ -73,12 +73,12 @@ def test_shadows_are_annotated_where_a_person_did_or_would(key, against, annotat
     assert found["annotated"].tolist() == [False, annotated, annotated]
 
 
-def test_a_shadow_in_a_photo_where_nobody_drew_one_is_not_where_they_are_annotated():
+def test_a_label_in_a_photo_without_true_shadow_is_not_annotated():
     found = paired({KEY: labels([0, 0, 10, 10])}, label_rows(KEY, [0, 0, 10, 10], kind="shadow"))
     assert found.loc[found["kind"] == "shadow", "annotated"].tolist() == [False]
 
 
-def test_every_copy_of_a_photo_keeps_its_own_labels():
+def test_copies_of_a_photo_have_separate_labels():
     copies = [KEY.with_exposure(exposure) for exposure in (64, 128, 256)]
     rows = [row for n, key in enumerate(copies) for row in label_rows(key, [0, 0, 9, 9], confidence=n / 4)]
     found = paired(dict.fromkeys(copies, labels([0, 0, 10, 10])), rows)

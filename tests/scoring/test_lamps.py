@@ -13,7 +13,7 @@ def errors(folder, truth_from_sandbox):
     return {(metric.subject, metric.metric): metric.value for metric in metrics}
 
 
-def test_a_lamp_found_in_its_true_direction_has_no_error_however_far_it_is(tmp_path, world, sun_lamps):
+def test_a_lamp_in_the_true_direction_has_no_error_at_any_distance(tmp_path, world, sun_lamps):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own", OTHER_FROM_TRUTH)
     farther = {azimuth: OTHER_FROM_TRUTH.apply(1.1 * np.array(position)) for azimuth, position in sun_lamps.items()}
@@ -23,7 +23,7 @@ def test_a_lamp_found_in_its_true_direction_has_no_error_however_far_it_is(tmp_p
     assert found["worst lamp", "surveyed_direction_error"] > 1
 
 
-def test_a_lamp_that_nobody_found_counts_as_surveyed(tmp_path, world, sun_lamps):
+def test_a_lamp_that_was_not_localised_has_the_surveyed_position(tmp_path, world, sun_lamps):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own")
     write_suns(tmp_path / "own/cameras", {"30": sun_lamps["30"] + np.array([0, 0, 0.1])})

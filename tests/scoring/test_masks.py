@@ -53,7 +53,7 @@ def scores(tmp_path):
     return run
 
 
-def test_iou_by_hand_with_a_find_off_the_sand(scores):
+def test_iou_agrees_with_a_hand_calculation_with_a_detection_outside_the_sand(scores):
     """A rock of 100 x 100 px found 50 px to its right, and another find as large in the background."""
     table = scores(
         {FIRST: painted(("rock", (500, 600, 600, 700)))},
@@ -68,7 +68,7 @@ def test_iou_by_hand_with_a_find_off_the_sand(scores):
     assert np.isnan(sand.loc["shadow", "iou"])  # nobody drew one, none was found
 
 
-def test_photos_are_pooled_with_an_interval_and_those_without_polygons_left_out(scores, tmp_path):
+def test_photos_with_polygons_are_pooled_with_an_interval(scores, tmp_path):
     box = (500, 600, 600, 700)
     table = scores(
         {key: painted(("rock", box), ("shadow", (600, 600, 800, 700))) for key in (FIRST, SECOND)},
@@ -90,14 +90,14 @@ def test_photos_are_pooled_with_an_interval_and_those_without_polygons_left_out(
     assert "0.500 [0.000, 1.000]" in (tmp_path / "masks_table.md").read_text()
 
 
-def test_polygons_of_the_nearest_exposure_of_a_bracket_count(scores):
+def test_polygons_of_the_nearest_exposure_of_a_bracket_are_used(scores):
     near, far = (PhotoKey.parse(f"03_A_off_30_L_{exposure}") for exposure in ("0512", "2048"))
     box = (500, 600, 600, 700)
     table = scores({near: painted(("rock", box)), far: painted()}, {FIRST: mask((ROCK, box))})
     assert table.loc[("sand", str(FIRST), "rock"), "iou"] == 1
 
 
-def test_masks_that_cannot_be_scored_are_refused(scores):
+def test_masks_that_cannot_be_scored_are_errors(scores):
     with pytest.raises(LabelError, match="no polygons"):
         scores({}, {FIRST: mask()})
     with pytest.raises(LabelError, match=rf"{FIRST}\.png: 20 x 10"):

@@ -70,16 +70,16 @@ def test_true_albedo_on_any_scale_and_in_any_frame_is_without_error(scored):
     assert metrics["hapke, rocks", "constant_error_median"] == pytest.approx(0.4 / 0.225 - 1, rel=0.01)
 
 
-def test_rocks_have_no_scale_of_their_own(scored):
+def test_rocks_have_the_scale_of_the_ground(scored):
     assert scored(0, -0.2)["hapke, rocks", "albedo_error_median"] == pytest.approx(0.2, abs=0.01)
     assert scored(0.25, 0)["hapke, rocks", "albedo_error_median"] == pytest.approx(0.2, abs=0.01)
 
 
-def test_vertices_that_no_photo_shows_lit_are_not_scored(scored):
+def test_vertices_that_are_never_lit_are_not_scored(scored):
     assert not [subject for subject, _ in scored(0, 0, looks=0) if "held-out" not in subject]
 
 
-def test_without_true_albedo_errors_on_photos_are_told(scored):
+def test_without_true_albedo_only_errors_on_photos_are_computed(scored):
     metrics = scored(0, 0, albedo_known=False)
     assert set(metrics) == {
         ("hapke, held-out pixels", f"{step}_{kind}") for step in STEPS for kind in ("median", "rms")
@@ -87,5 +87,5 @@ def test_without_true_albedo_errors_on_photos_are_told(scored):
     assert metrics["hapke, held-out pixels", "fitted_rms"] == 2.5
 
 
-def test_a_fit_without_a_check_has_no_such_metrics():
+def test_a_fit_without_held_out_errors_has_no_metrics():
     assert held_out_metrics("hapke", {}) == []

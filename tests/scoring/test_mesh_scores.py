@@ -31,19 +31,19 @@ def ball(height, radius=0.05, detail=4):
     return Mesh(np.asarray(made.vertices) + np.array([0.2, 0.1, height]), np.asarray(made.faces, np.int64))
 
 
-def test_a_rock_that_stands_in_the_ground_meets_it_all_around_and_one_that_hovers_nowhere():
+def test_an_embedded_rock_touches_the_ground_in_all_directions_and_a_floating_rock_in_none():
     assert contact_share(ball(0.03), GROUND) == 1
     assert contact_share(ball(0.0525), GROUND) < 0.1
     assert contact_share(ball(0.06), GROUND) == 0
 
 
-def test_a_rock_half_beyond_the_ground_is_evaluated_by_the_half_above_it():
+def test_directions_outside_the_ground_are_not_in_contact():
     beside = ball(0.03)
     beside = Mesh(beside.vertices + np.array([0.8, 0, 0]), beside.faces)
     assert 0.3 < contact_share(beside, GROUND) < 0.7
 
 
-def test_heights_are_measured_straight_down_and_nowhere_beside_the_surface():
+def test_heights_are_vertical_and_undefined_outside_the_surface():
     heights = GROUND.height_below(np.array([[0.0, 0.1, 0.3], [0.5, 0, -0.2], [3, 0, 0]]))
     np.testing.assert_allclose(heights[:2], [0.3, -0.2], atol=1e-6)
     assert np.isnan(heights[2])

@@ -52,7 +52,7 @@ def region(mask, left, top):
     return PlacedMask(np.asarray(mask, bool), np.array([left, top]))
 
 
-def test_regions_overlap_where_both_have_pixels():
+def test_the_overlap_of_masks_is_that_of_their_pixels():
     square = region(np.ones((10, 10)), 5, 5)
     assert mask_iou(square, square) == 1
     assert mask_iou(square, region(np.ones((10, 10)), 10, 5)) == pytest.approx(50 / 150)
@@ -63,7 +63,7 @@ def test_regions_overlap_where_both_have_pixels():
     np.testing.assert_allclose(overlaps([square], []), np.zeros((1, 0)))
 
 
-def test_outlines_like_the_annotated_ones_score_one(scores):
+def test_masks_equal_to_the_polygons_have_a_score_of_1(scores):
     annotated = [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]
     found = [annotation("rock", ROCK), annotation("shadow", SHADOW)]
     metrics = scores({LEFT: annotated, RIGHT: annotated}, {LEFT: found, RIGHT: found})
@@ -72,14 +72,14 @@ def test_outlines_like_the_annotated_ones_score_one(scores):
     assert not any("annotated box" in subject for subject, _ in metrics)  # nobody drew boxes
 
 
-def test_an_outline_that_is_missing_or_elsewhere_is_none(scores):
+def test_missing_and_displaced_masks_are_misses(scores):
     found = {LEFT: [annotation("rock", ROCK + 100)], RIGHT: []}
     metrics = scores({LEFT: [(ROCK_POLYGON, ring(ROCK))], RIGHT: [(ROCK_POLYGON, ring(ROCK))]}, found)
     assert metrics["rock outline: seeds' camera", "precision"] == 0
     assert metrics["rock outline: Left to Right", "recall"] == 0
 
 
-def test_people_s_own_boxes_are_the_yardstick(scores):
+def test_polygons_are_compared_with_annotated_boxes(scores):
     annotated = {LEFT: [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]}
     boxes = {LEFT: ([0], [ROCK + np.array([0, 0, 10, 0])])}  # 50 px wide, and no shadow box: nothing to compare
     metrics = scores(annotated, {LEFT: []}, boxes)

@@ -36,12 +36,12 @@ def pair_rows(*labels):
     ("right", "n", "low", "high"),  # Newcombe, Stat. Med. 17 (1998) 857, table I, method 3
     [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
 )
-def test_wilsons_interval_is_that_of_the_literature(right, n, low, high):
+def test_wilsons_interval_agrees_with_the_literature(right, n, low, high):
     assert wilson(right / n, n) == pytest.approx((low, high), abs=6e-5)
     assert wilson(1 - right / n, n) == pytest.approx((1 - high, 1 - low), abs=6e-5)
 
 
-def test_copies_over_exposures_weigh_as_one_label():
+def test_copies_in_exposures_have_the_weight_of_a_single_label():
     names = ["03_A_on_30_L_0128", "03_A_on_30_L_0256", "03_A_on_30_L_0512", "03_A_on_30_R_0256"]
     once = reliability_bins(label_confidences(pair_rows((names[0], 0.0, 0.9, True), (names[3], 0.0, 0.9, False))))
     often = [(name, 0.0, 0.9, True) for name in names[:3]] + [(names[3], 0.0, 0.9, False)]
@@ -50,19 +50,19 @@ def test_copies_over_exposures_weigh_as_one_label():
     assert once["right"].tolist() == [0.5]
 
 
-def test_a_label_that_is_right_at_some_exposures_is_partly_right():
+def test_a_label_that_is_correct_at_some_exposures_is_partly_correct():
     partly = pair_rows(("03_A_on_30_L_0064", 0.0, 0.5, False), ("03_A_on_30_L_0128", 0.0, 0.5, True))
     bins = reliability_bins(label_confidences(partly))
     assert (bins["labels"].tolist(), bins["right"].tolist()) == ([1], [0.5])
 
 
-def test_missed_boxes_say_nothing_of_confidence():
+def test_missed_boxes_do_not_affect_the_calibration():
     missed = pair_rows(("03_A_on_30_L_0064", 0.0, 0.5, True)).assign(label_px=np.nan, hit=False)
     assert len(reliability_table(missed)) == 0
     assert {name: str(kind) for name, kind in reliability_table(missed).dtypes.items()} == COLUMNS
 
 
-def test_honest_labels_have_no_calibration_error_and_the_brier_score_of_their_spread():
+def test_calibrated_labels_have_no_calibration_error_and_the_expected_brier_score():
     confidence = np.repeat([0.2, 0.8], 50)
     right = (
         np.tile([True, False, False, False, False], 10).tolist() + np.tile([True, True, True, True, False], 10).tolist()
@@ -72,13 +72,13 @@ def test_honest_labels_have_no_calibration_error_and_the_brier_score_of_their_sp
     assert brier_score(bins) == pytest.approx(0.2 * 0.8)
 
 
-def test_boastful_labels_are_off_by_what_they_boast():
+def test_the_calibration_error_of_overconfident_labels_is_the_excess():
     bins = reliability_bins(LabelConfidences(np.full(80, 0.9), np.arange(80) % 2 == 0, np.ones(80)))
     assert calibration_error(bins) == pytest.approx(0.4)
     assert brier_score(bins) == pytest.approx((0.1**2 + 0.9**2) / 2)
 
 
-def test_sources_stand_beside_all_together():
+def test_bins_are_computed_for_each_source_and_for_all():
     rows = pair_rows(*((f"03_A_on_30_{camera}_0256", x, 0.5, x < 9) for camera in "LR" for x in map(float, range(20))))
     rows["source"] = np.where(rows["camera"] == "L", "seed", "fused")
     table = reliability_table(rows)
@@ -96,7 +96,7 @@ confidences = st.lists(st.tuples(st.integers(0, 20), st.booleans(), st.integers(
 
 
 @given(confidences)
-def test_bins_follow_the_confidence_and_lose_nothing(confidences):
+def test_bins_are_sorted_by_confidence_and_include_all_labels(confidences):
     bins = equal_bins(confidences)
     order = np.argsort(confidences.confidence, kind="stable")
     assert (np.diff(bins[order]) >= 0).all()

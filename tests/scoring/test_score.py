@@ -27,7 +27,7 @@ def write(folder, key, found: Labels):
     yolo.write_boxes(folder / f"{key}.txt", found.classes, found.boxes)
 
 
-def test_an_equal_box_is_a_hit_a_far_one_a_miss_and_a_false_positive():
+def test_an_equal_box_is_a_hit_and_a_distant_box_a_miss_and_a_false_positive():
     counts = count_boxes(np.array([square(0, 0), square(100, 0)]), np.array([square(0, 0), square(300, 0)]))
     assert (counts.tp, counts.fp, counts.fn) == (1, 1, 1)
     assert counts.metrics() == {
@@ -36,7 +36,7 @@ def test_an_equal_box_is_a_hit_a_far_one_a_miss_and_a_false_positive():
     }  # fmt: skip
 
 
-def test_more_pairs_win_over_a_larger_sum():
+def test_more_pairs_are_preferred_to_a_larger_sum():
     # First truth box: IoU 1 with label 0 and 0.6 with label 1; second: 0.6 with label 0, none with label 1.
     truth = np.array([[0, 0, 10, 10], [0, 0, 6, 10]], float)
     found = np.array([[0, 0, 10, 10], [4, 0, 10, 10]], float)
@@ -75,7 +75,7 @@ def test_ratios_are_those_of_the_summed_counts():
     assert (rock["recall"], rock["precision"], rock["f1"]) == (1 / 4, 1 / 2, 2 / 6)
 
 
-def test_groups_part_the_photos_by_each_part_of_the_key():
+def test_photos_are_grouped_by_each_part_of_the_key():
     by = score({KEY: labels(square(0, 0)), RIGHT: labels(square(0, 0))}, {RIGHT: labels(square(0, 0))})["by"]
     assert {group: sorted(values) for group, values in by.items()} == {
         "terrain": ["01", "04"], "position": ["A", "B"], "light": ["off", "on"],
@@ -84,7 +84,7 @@ def test_groups_part_the_photos_by_each_part_of_the_key():
     assert (by["camera"]["L"]["rock"]["f1"], by["camera"]["R"]["rock"]["f1"]) == (0.0, 1.0)
 
 
-def test_flat_folders_terrain_folders_and_a_release_compare_alike(tmp_path):
+def test_flat_folders_terrain_folders_and_a_release_give_equal_scores(tmp_path):
     for folder in ("flat", "nested/Terrain01", "release/Labels/Terrain01"):
         write(tmp_path / folder, KEY, labels(square(7, 9)))
     write(tmp_path / "nested", RIGHT, labels(square(1, 1)))  # both forms in one folder
@@ -94,7 +94,7 @@ def test_flat_folders_terrain_folders_and_a_release_compare_alike(tmp_path):
     assert report["files"]["labels_without_truth"] == 1
 
 
-def test_folders_report_what_was_compared_and_what_was_left_out(tmp_path, caplog):
+def test_compared_and_excluded_files_are_reported(tmp_path, caplog):
     truth, found = tmp_path / "truth", tmp_path / "found"
     write(truth, KEY, labels(square(0, 0)))
     write(truth, RIGHT, labels(square(0, 0)))
@@ -121,7 +121,7 @@ def test_a_selection_compares_only_its_photos(tmp_path):
     assert (report["classes"]["rock"]["tp"], report["files"]["not_selected"]) == (2, 1)
 
 
-def test_a_broken_label_file_is_an_error_with_file_and_line(tmp_path):
+def test_an_invalid_label_file_is_an_error_with_file_and_line(tmp_path):
     write(tmp_path / "truth", KEY, labels(square(0, 0)))
     write(tmp_path / "found", KEY, labels(square(0, 0)))
     (tmp_path / "found" / f"{KEY}.txt").write_text("0 0.5 0.5 0.1 0.1\n2 0.5 0.5 0.1 0.1\n")

@@ -40,7 +40,7 @@ def cameras_scored(folder, **changes):
     score_cameras(terrain=3, **{**paths, **changes})
 
 
-def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, world):
+def test_cameras_that_are_correct_up_to_the_frame_have_no_error_after_alignment(tmp_path, world):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own", OTHER_FROM_TRUTH)
     cameras_scored(
@@ -58,7 +58,7 @@ def test_cameras_that_are_right_up_to_their_frame_have_no_error_left(tmp_path, w
     assert found["A (scans)", "rmse_mm"] == 1.5
 
 
-def test_a_truth_without_lamps_says_nothing_of_lamps(tmp_path, world):
+def test_a_truth_without_lamps_has_no_metrics_of_lamps(tmp_path, world):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own")
     scored = {"cameras": tmp_path / "own/cameras", "truth": tmp_path / "truth", "evaluation": tmp_path / "q.csv"}
@@ -69,7 +69,7 @@ def test_a_truth_without_lamps_says_nothing_of_lamps(tmp_path, world):
     assert ("worst lamp", "direction_error") not in metrics(tmp_path / "q.csv")
 
 
-def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, world):
+def test_an_error_of_a_single_camera_is_measured_in_millimetres_and_pixels(tmp_path, world):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own")
     path = tmp_path / "own/cameras/PosA.json"
@@ -90,7 +90,7 @@ def test_an_error_of_one_camera_is_found_in_millimetres_and_pixels(tmp_path, wor
     assert found["A L", "reprojection_median"] > 1
 
 
-def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, world):
+def test_a_single_position_has_no_errors_after_alignment(tmp_path, world):
     world.write(tmp_path / "truth")
     replace(world, poses={"A": world.poses["A"]}).write(tmp_path / "own")
     cameras_scored(
@@ -103,7 +103,7 @@ def test_one_position_alone_says_nothing_about_errors_after_alignment(tmp_path, 
     assert not [name for _, name in metrics(tmp_path / "q.csv") if name.endswith("aligned")]
 
 
-def test_cameras_are_scored_on_the_boxes_that_all_photos_of_a_view_agree_on(tmp_path, cube):
+def test_cameras_are_scored_on_consensus_boxes_of_a_view(tmp_path, cube):
     rig = LocalisedRig(stated_rig(), surveyed_pose("A"))
     write_localised(tmp_path / "cameras" / "PosA.json", rig)
     points = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
@@ -275,7 +275,7 @@ SEEDS = [PhotoKey.parse(name) for name in ("03_A_off_30_L_0256", "03_A_off_180_L
         ("04_A_off_30_L_0256", "position without seed"),
     ],
 )
-def test_a_photo_belongs_to_the_hardest_step_it_needs(name, task):
+def test_the_task_of_a_photo_is_the_most_difficult_required_step(name, task):
     assert task_of(PhotoKey.parse(name), SEEDS) == task
 
 
@@ -304,7 +304,7 @@ def labels_scored(folder, keys, rows, truth="truth"):
     return metrics(folder / "q.csv")
 
 
-def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
+def test_labels_are_scored_by_task_without_seeds(tmp_path):
     names = ["03_A_off_30_L_0256", "03_A_off_30_L_0512", "03_A_off_30_R_0256", "03_A_off_30_R_0512"]
     shadow = [300.0, 300.0, 400.0, 330.0]
     rows = []
@@ -330,7 +330,7 @@ def test_labels_are_scored_by_task_and_seeds_are_left_out(tmp_path):
     assert pairs["hit"].sum() == 4
 
 
-def test_a_labelled_photo_without_a_row_misses_all_that_is_there(tmp_path):
+def test_a_labelled_photo_without_a_row_misses_all_true_boxes(tmp_path):
     name = "03_A_off_30_R_0256"
     yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
     (tmp_path / "seeds").mkdir()
@@ -340,7 +340,7 @@ def test_a_labelled_photo_without_a_row_misses_all_that_is_there(tmp_path):
     assert ("rock: confidence", "ece") not in found
 
 
-def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
+def test_boxes_in_empty_photos_of_the_analog_are_false_positives(tmp_path):
     lit, dark = "03_A_off_30_R_0256", "03_A_off_no_R_0256"
     true = label_table(label_rows(lit, ("rock", *BOX), source="truth")).assign(visible_px=500, contrast=-50.0)
     tiny = true.assign(rock=2, x0=700.0, visible_px=3)
@@ -357,7 +357,7 @@ def test_the_analogs_truth_counts_boxes_on_photos_of_nothing_as_wrong(tmp_path):
     assert found["rock: confidence", "brier"] == pytest.approx((0.75**2 + 0.25**2) / 2)
 
 
-def test_a_true_shadow_that_is_a_line_all_along_is_none_that_a_person_draws(tmp_path):
+def test_a_true_shadow_below_the_minimum_width_is_not_annotated(tmp_path):
     name = "03_A_on_no_L_2048"
     true = label_table(label_rows(name, ("shadow", *BOX), source="truth")).assign(visible_px=60, contrast=-500.0)
     line = true.assign(rock=2, x0=700.0, width_px=1)
@@ -373,7 +373,7 @@ def test_a_true_shadow_that_is_a_line_all_along_is_none_that_a_person_draws(tmp_
     assert found["rock: no Sun", "recall"] == 1
 
 
-def test_a_broken_hand_annotated_file_is_left_out_but_a_broken_result_is_an_error(tmp_path):
+def test_an_invalid_annotated_file_is_skipped_but_an_invalid_result_is_an_error(tmp_path):
     names = ["03_A_off_30_R_0256", "03_A_off_30_R_0512"]
     for name in names:
         yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
@@ -424,7 +424,7 @@ def test_typical_photos_are_of_middle_exposure_and_spread_over_the_sets():
     assert typical_photos(keys, 0) == typical_photos([], 5) == []
 
 
-def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
+def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     key = PhotoKey.parse("03_A_off_30_L_0256")
     photo = np.full((1216, 1936), 16 + 800, np.uint16)
     png.write(tmp_path / "photo.png", photo)
@@ -454,14 +454,14 @@ def test_twins_are_scored_by_boxes_and_pixels_where_there_are_any(tmp_path):
     assert len(read_csv(tmp_path / "q.csv")) == len(read_parquet(tmp_path / "pairs.parquet")) == 0
 
 
-def test_a_twin_of_another_size_is_named(tmp_path):
+def test_a_twin_of_another_size_is_an_error(tmp_path):
     png.write(tmp_path / "photo.png", np.zeros((10, 20), np.uint16))
     png.write(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
     with pytest.raises(FormatError, match=r"twin\.png"):
         compare_pictures(tmp_path / "photo.png", tmp_path / "twin.png")
 
 
-def test_an_object_that_one_exposure_shows_counts_at_all_of_its_bracket():
+def test_an_object_visible_in_a_single_exposure_is_annotated_in_the_bracket():
     keys = [PhotoKey.parse(f"03_A_off_30_L_{ms}") for ms in ("0064", "0256")]
     rows = [
         dict(key_columns(key), kind="rock", rock=rock, contrast=contrast)
@@ -477,7 +477,7 @@ def test_an_object_that_one_exposure_shows_counts_at_all_of_its_bracket():
     st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 0.6)), min_size=1, max_size=6),
     st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 0.6)), min_size=1, max_size=6),
 )
-def test_as_many_rocks_are_paired_as_can_be(true, found):
+def test_the_number_of_matched_rocks_is_maximal(true, found):
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
@@ -489,7 +489,7 @@ def test_as_many_rocks_are_paired_as_can_be(true, found):
     assert len(pairs.true) == (possible >= 0).sum()
 
 
-def test_three_far_pairs_count_more_than_two_near_ones():
+def test_three_distant_pairs_are_preferred_to_two_near_pairs():
     true = rock_rows([(x, 0, 0.2) for x in (0.0, 0.099, 0.198)])
     found = rock_rows([(x, 0, 0.2) for x in (0.099, 0.198, 0.297)])
     assert pair_rocks(true, found).found.tolist() == [0, 1, 2]

@@ -36,7 +36,7 @@ def laid(world, tmp_path):
     return tmp_path
 
 
-def test_true_cameras_and_lamps_are_in_the_runs_frame(laid, sun_lamps):
+def test_true_cameras_and_lamps_are_in_the_frame_of_the_run(laid, sun_lamps):
     found, ours = read_all_localised(laid / "laid/cameras"), read_all_localised(laid / "run/cameras")
     assert sorted(found) == sorted(ours)
     for position, rig in found.items():
@@ -49,7 +49,7 @@ def test_true_cameras_and_lamps_are_in_the_runs_frame(laid, sun_lamps):
         np.testing.assert_allclose(lamp_position, SANDBOX_FROM_TRUTH.apply(np.array(sun_lamps[name])), atol=5e-4)
 
 
-def test_true_meshes_lie_on_the_runs_and_have_its_numbers(laid, world):
+def test_true_meshes_match_the_meshes_and_ids_of_the_run(laid, world):
     names = sorted(path.name for path in (laid / "laid/meshes").iterdir())
     ground, rock, unknown = obj.ground_name(world.terrain), obj.rock_name(world.terrain, 9), 10
     assert names == sorted([ground, rock, obj.rock_name(world.terrain, unknown)])  # a rock that the run did not find
@@ -58,7 +58,7 @@ def test_true_meshes_lie_on_the_runs_and_have_its_numbers(laid, world):
         np.testing.assert_allclose(true.vertices, own.vertices, atol=5e-4)
 
 
-def test_thinned_meshes_are_the_copies_where_there_are_some(world, tmp_path, cube):
+def test_thinned_meshes_are_decimated_meshes_if_available(world, tmp_path, cube):
     world.write(tmp_path)
     thin = obj.rock_name(world.terrain, 1, decimated=True)
     obj.write(tmp_path / "meshes" / thin, cube((0.5, 0.4, 0.05), 0.19), "thin")

@@ -21,11 +21,11 @@ def seen(known=None):
     return view.visible(FLOOR, PLACES, UP).tolist(), view.visible(FLOOR, PLACES, -UP).tolist()
 
 
-def test_without_a_map_all_counts_that_faces_the_camera_inside_the_picture():
+def test_without_range_map_points_inside_the_image_that_face_the_camera_are_visible():
     assert seen() == ([True, True, False], [False, False, False])
 
 
-def test_a_point_without_a_return_in_the_map_was_not_seen(tmp_path):
+def test_a_point_without_a_return_is_invisible(tmp_path):
     lens = rectified_left(stated_rig()).lens
     points = 3.0 * lens.pixel_directions()
     points[:, : int(lens.cx) + 20] = np.nan  # the left half of the picture came to nothing
@@ -33,7 +33,7 @@ def test_a_point_without_a_return_in_the_map_was_not_seen(tmp_path):
     assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, True, False]
 
 
-def test_a_return_from_in_front_is_no_sight(tmp_path):
+def test_a_point_behind_a_closer_return_is_invisible(tmp_path):
     lens = rectified_left(stated_rig()).lens
     nasa.write_range_map(tmp_path / "map.tif", 2.9 * lens.pixel_directions())
     assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, False, False]
