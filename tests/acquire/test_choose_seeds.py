@@ -43,7 +43,7 @@ def test_the_best_exposure_does_not_depend_on_the_order_of_files(order, counts):
     assert boxes[best] == max(boxes.values())
 
 
-def test_one_seed_a_bracket_of_left_light_off_and_the_chosen_suns(tmp_path):
+def test_a_single_seed_per_bracket_is_chosen_by_camera_light_and_azimuth(tmp_path):
     names = ["03_A_off_30_L_0256", "03_A_off_350_L_0256", "03_B_off_30_L_0064"]
     others = [
         "03_A_off_30_L_0032",
@@ -57,20 +57,20 @@ def test_one_seed_a_bracket_of_left_light_off_and_the_chosen_suns(tmp_path):
     assert [str(key) for key, _ in chosen] == sorted(names)
 
 
-def test_a_stated_exposure_is_taken_where_it_is_there(tmp_path):
+def test_a_given_exposure_is_chosen_if_available(tmp_path):
     names = ["03_A_off_30_L_0064", "03_A_off_30_L_0256", "03_B_off_30_L_0256"]
     files = dict(write(tmp_path, name, 3) for name in names)
     assert [str(key) for key, _ in choose_seeds(files, "ABC", SeedOptions(exposure=64))] == names[:1]
 
 
-def test_a_broken_line_of_a_file_that_may_be_a_seed_is_an_error_with_file_and_line(tmp_path):
+def test_an_invalid_line_of_a_candidate_is_an_error_with_file_and_line(tmp_path):
     files = dict([write(tmp_path, "03_A_off_30_L_0064", 3)])
     (tmp_path / "03_A_off_30_L_0064.txt").write_text("0 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1\n")
     with pytest.raises(FormatError, match=r"03_A_off_30_L_0064\.txt:2"):
         choose_seeds(files, "ABC", SeedOptions())
 
 
-def test_seeds_are_written_with_six_decimals_and_replace_what_was_there(tmp_path):
+def test_seeds_are_written_with_six_decimals_and_replace_earlier_files(tmp_path):
     _, path = write(tmp_path, str(KEY), 0)
     path.write_text("0 0.5 0.5  0.1 0.2")
     (tmp_path / "seeds").mkdir()
@@ -80,7 +80,7 @@ def test_seeds_are_written_with_six_decimals_and_replace_what_was_there(tmp_path
     assert (tmp_path / "seeds" / f"{KEY}.txt").read_text() == "0 0.500000 0.500000 0.100000 0.200000\n"
 
 
-def test_labels_are_found_in_the_releases_layout_and_in_a_flat_folder(tmp_path):
+def test_labels_are_found_in_the_layout_of_the_release_and_in_a_flat_folder(tmp_path):
     for folder in ("release/Labels/Terrain03", "flat"):
         (tmp_path / folder).mkdir(parents=True)
         write(tmp_path / folder, str(KEY), 1)
@@ -91,7 +91,7 @@ def test_labels_are_found_in_the_releases_layout_and_in_a_flat_folder(tmp_path):
         find_labels(tmp_path / "nowhere", 3)
 
 
-def test_seeds_may_be_polygons_where_there_are_no_boxes(tmp_path):
+def test_seeds_may_be_polygons_without_boxes(tmp_path):
     rock = np.array([[100.0, 200], [150, 190], [160, 240], [110, 250]])
     ground = np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]])
     shadow = np.array([[150.0, 230], [2000, 240], [155, 260]])  # beyond the photo's border
@@ -104,13 +104,13 @@ def test_seeds_may_be_polygons_where_there_are_no_boxes(tmp_path):
     np.testing.assert_allclose(boxes, [[100, 190, 160, 250], [150, 230, 1936, 260]], atol=0.01)
 
 
-def test_a_file_of_boxes_and_polygons_is_refused(tmp_path):
+def test_a_file_of_boxes_and_polygons_is_an_error(tmp_path):
     (tmp_path / "mixed.txt").write_text("2 0.1 0.1 0.2 0.1 0.2 0.2\n0 0.5 0.5 0.1 0.1\n")
     with pytest.raises(FormatError, match=r"mixed\.txt:2"):
         yolo.read_boxes_or_polygons(tmp_path / "mixed.txt")
 
 
-def test_a_seed_with_swapped_classes_is_put_right_by_the_other_azimuths(tmp_path, caplog):
+def test_swapped_classes_of_a_seed_are_corrected_by_other_azimuths(tmp_path, caplog):
     rocks = np.array([[100.0, 100, 160, 140], [300, 200, 350, 260], [700, 500, 820, 560]])
     shadows = rocks + np.array([60.0, 0, 90, 10])
     boxes = np.concatenate([rocks, shadows])
@@ -126,7 +126,7 @@ def test_a_seed_with_swapped_classes_is_put_right_by_the_other_azimuths(tmp_path
     assert "03_A_off_270_L_0256: 3 of 6 shadows" in caplog.text
 
 
-def test_shadows_on_a_rock_of_one_other_azimuth_stay_shadows(tmp_path):
+def test_shadows_on_a_rock_of_a_single_other_azimuth_are_unchanged(tmp_path):
     box = np.array([[100.0, 100, 160, 140]])
     chosen = []
     for azimuth, number in {"30": 0, "180": 1, "270": 1}.items():
@@ -141,7 +141,7 @@ def test_shadows_on_a_rock_of_one_other_azimuth_stay_shadows(tmp_path):
 @pytest.mark.parametrize(
     ("file", "content"), [("classes.txt", "shadow\nrock\n"), ("data.yaml", "names: [shadow, rock]")]
 )
-def test_class_numbers_of_seeds_mean_what_a_class_list_states(tmp_path, lines, file, content):
+def test_class_numbers_of_seeds_are_defined_by_a_class_list(tmp_path, lines, file, content):
     (tmp_path / f"mine/{KEY}.txt").parent.mkdir()
     (tmp_path / f"mine/{KEY}.txt").write_text(lines)
     (tmp_path / "mine" / file).write_text(content)

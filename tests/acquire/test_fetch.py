@@ -128,13 +128,13 @@ def test_an_archive_is_fetched_and_its_checksum_pinned(site, tmp_path, content):
     assert names(tmp_path / "data") == [NAME, PINS]
 
 
-def test_a_download_that_was_cut_goes_on_where_it_ended(site, tmp_path, content):
+def test_an_interrupted_download_resumes(site, tmp_path, content):
     site.files[NAME], site.cuts = content, [2_000_000, 300_000]
     assert fetch(site, tmp_path).read_bytes() == content
     assert site.requests == [NAME, f"{NAME} bytes=2000000-", f"{NAME} bytes=2300000-"]
 
 
-def test_a_rerun_goes_on_from_what_the_run_before_got(site, tmp_path, content):
+def test_a_later_run_resumes_the_download(site, tmp_path, content):
     site.files[NAME], site.cuts = content, [2_000_000]
     with pytest.raises(FetchError, match="2000000 of 3000000"):
         fetch(site, tmp_path, ONCE)
@@ -144,7 +144,7 @@ def test_a_rerun_goes_on_from_what_the_run_before_got(site, tmp_path, content):
     assert names(tmp_path) == [NAME, PINS]
 
 
-def test_a_complete_download_that_was_not_renamed_is_taken(site, tmp_path, content):
+def test_a_complete_download_that_was_not_renamed_is_used(site, tmp_path, content):
     site.files[NAME] = content
     fetch(site, tmp_path)
     (tmp_path / NAME).rename(tmp_path / f".{NAME}.part")
@@ -163,12 +163,12 @@ def test_a_cut_at_any_byte_loses_nothing(site, tmp_path):
 
 
 @pytest.mark.parametrize("lie", [1, 1000])
-def test_a_length_that_is_too_long_is_found_and_the_file_is_whole(site, tmp_path, content, lie):
+def test_a_file_is_complete_if_the_stated_length_is_too_long(site, tmp_path, content, lie):
     site.files[NAME], site.lies = content, [lie]
     assert fetch(site, tmp_path).read_bytes() == content
 
 
-def test_a_length_that_is_too_short_never_gives_another_file_than_the_pinned_one(site, tmp_path, content):
+def test_a_stated_length_that_is_too_short_never_gives_a_wrong_file(site, tmp_path, content):
     site.files[NAME], site.lies = content, [-1000]
     pin(tmp_path, content)
     with pytest.raises(FetchError, match="zip"):
@@ -176,46 +176,46 @@ def test_a_length_that_is_too_short_never_gives_another_file_than_the_pinned_one
     assert names(tmp_path) == [PINS]
 
 
-def test_a_length_beyond_the_disk_is_refused_before_a_byte_is_written(site, tmp_path, content):
+def test_a_length_above_the_free_space_is_an_error_before_writing(site, tmp_path, content):
     site.files[NAME], site.lies = content, [10**16]
     with pytest.raises(FetchError, match="10000000003 MB"):
         fetch(site, tmp_path)
     assert not (tmp_path / NAME).exists()
 
 
-def test_a_server_that_never_is_silent_and_never_ends_is_left(site, tmp_path, content):
+def test_an_endless_slow_download_is_stopped(site, tmp_path, content):
     site.files[NAME], site.pause_s = content, 0.02
     with pytest.raises(FetchError, match=NAME):
         fetch(site, tmp_path, FetchLimits(tries=1, backoff_s=0, timeout_s=0.2))
 
 
-def test_a_silent_server_is_left(site, tmp_path, content):
+def test_a_silent_server_is_an_error(site, tmp_path, content):
     site.files[NAME], site.pause_s = content, 1.0
     with pytest.raises(FetchError, match=NAME):
         fetch(site, tmp_path, FetchLimits(tries=1, backoff_s=0, timeout_s=0.2))
 
 
-def test_a_file_that_moved_is_fetched_from_there(site, tmp_path, content):
+def test_a_redirect_is_followed(site, tmp_path, content):
     site.files["moved"], site.redirects[NAME] = content, f"{site.url}/moved"
     assert fetch(site, tmp_path).read_bytes() == content
 
 
 @pytest.mark.parametrize("to", ["file:///etc/passwd", "ftp://127.0.0.1/x.zip", "gopher://x"])
-def test_a_redirect_to_what_is_no_http_is_refused_at_once(site, tmp_path, to):
+def test_a_redirect_to_another_protocol_is_an_error(site, tmp_path, to):
     site.redirects[NAME] = to
     with pytest.raises(FetchError, match=f"302 .*{to}"):
         fetch(site, tmp_path)
     assert site.requests == [NAME]
 
 
-def test_a_redirect_in_a_circle_ends(site, tmp_path):
+def test_a_circular_redirect_is_an_error(site, tmp_path):
     site.redirects[NAME] = f"/{NAME}"
     with pytest.raises(FetchError, match="302"):
         fetch(site, tmp_path)
     assert len(site.requests) < 20
 
 
-def test_https_is_never_left():
+def test_a_redirect_from_https_to_http_is_an_error():
     request = urllib.request.Request("https://archive.invalid/a.zip")
     with pytest.raises(urllib.error.HTTPError, match=r"redirects to http://archive\.invalid/a\.zip"):
         download._Redirects().redirect_request(
@@ -223,7 +223,7 @@ def test_https_is_never_left():
         )
 
 
-def test_a_redirect_to_another_file_is_refused_by_its_checksum(site, tmp_path, content):
+def test_a_redirect_to_another_file_is_an_error_of_the_checksum(site, tmp_path, content):
     site.files["other"], site.redirects[NAME] = packed({"a": b"another"}), f"{site.url}/other"
     pin(tmp_path, content)
     with pytest.raises(FetchError, match=PINS):
@@ -231,14 +231,14 @@ def test_a_redirect_to_another_file_is_refused_by_its_checksum(site, tmp_path, c
     assert names(tmp_path) == [PINS]
 
 
-def test_a_page_in_the_place_of_an_archive_is_refused_and_not_pinned(site, tmp_path):
+def test_a_page_instead_of_an_archive_is_an_error_and_not_pinned(site, tmp_path):
     site.files[NAME] = b"<html>please accept our terms</html>"
     with pytest.raises(FetchError, match=NAME):
         fetch(site, tmp_path)
     assert names(tmp_path) == []
 
 
-def test_a_proxy_is_asked(site, tmp_path, content, monkeypatch):
+def test_a_proxy_is_used(site, tmp_path, content, monkeypatch):
     site.files[NAME] = content
     monkeypatch.setenv("http_proxy", site.url)
     monkeypatch.setenv("no_proxy", "")
@@ -250,7 +250,7 @@ def pin(root, content):
     (root / PINS).write_text(json.dumps({NAME: hashlib.sha256(content).hexdigest()}))
 
 
-def test_a_file_that_changed_on_the_server_is_fetched_anew(site, tmp_path, content):
+def test_a_file_that_changed_on_the_server_is_downloaded_again(site, tmp_path, content):
     site.files[NAME], site.cuts = content, [2_000_000]
     with pytest.raises(FetchError):
         fetch(site, tmp_path, ONCE)
@@ -258,13 +258,13 @@ def test_a_file_that_changed_on_the_server_is_fetched_anew(site, tmp_path, conte
     assert fetch(site, tmp_path, ONCE).read_bytes() == content[1:]
 
 
-def test_without_a_tag_of_the_server_a_cut_download_begins_anew(site, tmp_path, content):
+def test_without_an_etag_an_interrupted_download_restarts(site, tmp_path, content):
     site.files[NAME], site.cuts, site.tagged = content, [2_000_000], False
     assert fetch(site, tmp_path).read_bytes() == content
     assert site.requests == [NAME, NAME]
 
 
-def test_another_checksum_than_the_pinned_one_is_refused_and_nothing_is_kept(site, tmp_path, content):
+def test_a_checksum_that_differs_from_the_pinned_checksum_is_an_error(site, tmp_path, content):
     site.files[NAME] = content
     (tmp_path / PINS).write_text(json.dumps({NAME: "0" * 64}))
     with pytest.raises(FetchError, match=rf"{NAME}: .*{PINS}"):
@@ -272,7 +272,7 @@ def test_another_checksum_than_the_pinned_one_is_refused_and_nothing_is_kept(sit
     assert names(tmp_path) == [PINS]
 
 
-def test_an_archive_that_is_there_is_used_pinned_and_verified_ever_after(site, tmp_path):
+def test_an_existing_archive_is_used_and_pinned_and_verified(site, tmp_path):
     (tmp_path / NAME).write_bytes(b"local")
     assert fetch(site, tmp_path).read_bytes() == b"local"
     assert site.requests == []
@@ -281,7 +281,7 @@ def test_an_archive_that_is_there_is_used_pinned_and_verified_ever_after(site, t
         fetch(site, tmp_path)
 
 
-def test_a_missing_file_fails_at_once_with_address_and_reason(site, tmp_path):
+def test_a_missing_file_is_an_error_with_address_and_reason(site, tmp_path):
     with pytest.raises(FetchError, match=rf"^{site.url}/{NAME}: .*404") as caught:
         fetch(site, tmp_path)
     assert "\n" not in str(caught.value)
@@ -295,26 +295,26 @@ def test_a_busy_server_is_tried_again(site, tmp_path, content):
     assert len(site.requests) == 3
 
 
-def test_a_server_that_stays_busy_fails_after_the_stated_tries(site, tmp_path):
+def test_a_busy_server_is_an_error_after_the_maximum_number_of_tries(site, tmp_path):
     site.refusals = [503] * 9
     with pytest.raises(FetchError, match="503"):
         fetch(site, tmp_path)
     assert len(site.requests) == 3
 
 
-def test_a_server_that_is_not_there_is_one_line(tmp_path):
+def test_a_missing_server_is_a_one_line_error(tmp_path):
     with pytest.raises(FetchError, match=r"http://127\.0\.0\.1:9/a\.zip") as caught:
         fetch_archive(name="a.zip", url="http://127.0.0.1:9/a.zip", root=tmp_path, limits=FAST)
     assert "\n" not in str(caught.value)
 
 
-def test_an_archive_that_is_neither_there_nor_has_an_address_is_named(tmp_path):
+def test_a_missing_archive_without_address_is_an_error(tmp_path):
     with pytest.raises(FetchError, match=NAME):
         fetch_archive(name=NAME, url=None, root=tmp_path, limits=FAST)
 
 
 @pytest.mark.parametrize("pins", ["[]", "{", '{"a.zip": 1}'])
-def test_a_broken_list_of_checksums_is_one_line(tmp_path, pins):
+def test_an_invalid_list_of_checksums_is_a_one_line_error(tmp_path, pins):
     (tmp_path / NAME).write_bytes(b"local")
     (tmp_path / PINS).write_text(pins)
     with pytest.raises(FormatError, match=PINS):
@@ -337,7 +337,7 @@ def polar(site, tmp_path):
     return SourceOptions(kind="polar", root=tmp_path / "polar", urls=urls)
 
 
-def test_a_terrains_archives_become_its_folders_and_a_receipt(site, tmp_path, polar):
+def test_archives_of_a_terrain_become_folders_and_a_receipt(site, tmp_path, polar):
     fetch_terrain(terrain=11, source=polar, done=tmp_path / "receipt.json")
     receipt = json.loads((tmp_path / "receipt.json").read_text())
     assert receipt["files"] == [
@@ -350,7 +350,7 @@ def test_a_terrains_archives_become_its_folders_and_a_receipt(site, tmp_path, po
     assert not any("Terrain03" in request for request in site.requests)
 
 
-def test_a_second_fetch_asks_for_nothing_and_writes_the_same_receipt(site, tmp_path, polar):
+def test_a_second_fetch_downloads_no_file_and_writes_the_same_receipt(site, tmp_path, polar):
     fetch_terrain(terrain=11, source=polar, done=tmp_path / "first.json")
     asked = len(site.requests)
     fetch_terrain(terrain=11, source=polar, done=tmp_path / "second.json")
@@ -383,7 +383,7 @@ def test_local_folders_need_no_archive(tmp_path):
     assert json.loads((tmp_path / "receipt.json").read_text())["folders"] == ["Terrain11_FreshCrater"]
 
 
-def test_zips_that_lie_in_the_root_are_used_without_an_address(site, tmp_path):
+def test_archives_in_the_root_need_no_address(site, tmp_path):
     (tmp_path / NAME).write_bytes(packed(NASA))
     fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
     assert (tmp_path / "Terrain11_FreshCrater" / "stereo.calibration").exists()
@@ -425,7 +425,7 @@ def test_an_archive_without_content_of_the_layout_is_an_error(tmp_path, files):
     assert not (tmp_path / "receipt.json").exists()
 
 
-def test_a_truncated_zip_is_one_line_and_a_good_one_then_works(tmp_path):
+def test_a_truncated_archive_is_a_one_line_error_and_can_be_replaced(tmp_path):
     source = SourceOptions(kind="polar", root=tmp_path / "polar")
     source.root.mkdir()
     (source.root / NAME).write_bytes(packed(NASA)[:-30])
@@ -435,7 +435,7 @@ def test_a_truncated_zip_is_one_line_and_a_good_one_then_works(tmp_path):
     assert not (source.root / "Terrain11_FreshCrater").exists()
 
 
-def test_an_entry_that_points_outside_unpacks_nothing(site, tmp_path, polar):
+def test_an_archive_with_an_entry_outside_the_folder_is_not_unpacked(site, tmp_path, polar):
     site.files[NAME] = packed({**NASA, "../../outside.txt": "evil"})
     with pytest.raises(FormatError, match=r"\.zip"):
         fetch_terrain(terrain=11, source=polar, done=tmp_path / "receipt.json")
@@ -443,13 +443,13 @@ def test_an_entry_that_points_outside_unpacks_nothing(site, tmp_path, polar):
     assert not (polar.root / "Terrain11_FreshCrater").exists()
 
 
-def test_archives_without_the_terrain_are_an_error_that_says_what_was_looked_for(tmp_path, polar):
+def test_archives_without_the_terrain_are_an_error_with_the_expected_folders(tmp_path, polar):
     with pytest.raises(FetchError, match=r"Terrain05_\*"):
         fetch_terrain(terrain=5, source=polar, done=tmp_path / "receipt.json")
     assert not (tmp_path / "receipt.json").exists()
 
 
-def test_a_releases_folders_come_to_the_root(site, tmp_path):
+def test_folders_of_a_release_are_moved_to_the_root(site, tmp_path):
     site.files["POLAR-Sim.zip"] = packed(
         {
             "POLAR-Sim-main/Labels/Terrain01/01_A_off_30_L_0256.txt": "0 0.5 0.5 0.1 0.1\n",
@@ -482,7 +482,7 @@ def test_the_analog_is_not_fetched(tmp_path):
         fetch_terrain(terrain=1, source=SourceOptions(root=tmp_path), done=tmp_path / "receipt.json")
 
 
-def test_archives_are_told_apart_by_the_terrain_in_their_name(tmp_path):
+def test_archives_are_assigned_to_terrains_by_name(tmp_path):
     for name in ("Terrain01_LargeOnly.zip", "Terrain11_FreshCrater.zip", "dataset.zip", "Terrain011.zip"):
         (tmp_path / name).write_bytes(b"")
     source = SourceOptions(kind="polar", root=tmp_path)

@@ -86,7 +86,7 @@ def add_photo(photo, source, name):
     return path
 
 
-def test_a_release_of_one_seed_and_one_mesh_is_indexed(tmp_path, release):
+def test_a_release_with_a_single_seed_and_mesh_is_indexed(tmp_path, release):
     out = index(tmp_path, release)
     inventory = read_inventory(out / "inventory.json")
     assert list(inventory.meshes) == ["2"]
@@ -98,7 +98,7 @@ def test_a_release_of_one_seed_and_one_mesh_is_indexed(tmp_path, release):
     np.testing.assert_allclose(read_rig(out / "calibration.json").left.fx, stated_rig().left.fx)
 
 
-def test_stray_files_of_a_release_are_logged_once_and_left_out(tmp_path, release, caplog):
+def test_stray_files_of_a_release_are_logged_once_and_skipped(tmp_path, release, caplog):
     for name in ("11_A_off_30_L_0256 copy.txt", "11_A_off_30_L_0512good.txt", ".DS_Store", "11_A_on_180_R_1028.txt"):
         write(release.root / "Labels/Terrain11" / name, BOX * 3)
     with caplog.at_level(logging.WARNING):
@@ -108,20 +108,20 @@ def test_stray_files_of_a_release_are_logged_once_and_left_out(tmp_path, release
     assert len(list((out / "seeds").iterdir())) == 1
 
 
-def test_a_terrain_that_a_release_lacks_is_one_line_with_what_was_looked_for(tmp_path, release):
+def test_a_missing_terrain_of_a_release_is_an_error_with_the_expected_folders(tmp_path, release):
     with pytest.raises(FormatError, match="Labels/Terrain05") as caught:
         index(tmp_path, release, terrain=5)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_terrain_that_nasas_folder_lacks_is_one_line_with_what_was_looked_for(tmp_path, polar):
+def test_a_missing_terrain_of_nasas_data_is_an_error_with_the_expected_folders(tmp_path, polar):
     with pytest.raises(FormatError, match=r"Terrain05_\*"):
         index(tmp_path, polar, terrain=5)
     assert not (tmp_path / "out").exists()
 
 
-def test_a_root_that_is_not_there_is_named(tmp_path):
+def test_a_missing_root_is_an_error(tmp_path):
     with pytest.raises(FormatError, match="nowhere"):
         index(tmp_path, SourceOptions(kind="release", root=tmp_path / "nowhere"))
 
@@ -132,7 +132,7 @@ def test_a_release_without_seeds_is_an_error_that_names_the_folder(tmp_path, rel
     assert not (tmp_path / "out").exists()
 
 
-def test_scans_and_calibration_are_enough_where_seeds_are_none(tmp_path, polar):
+def test_scans_and_calibration_suffice_without_seeds(tmp_path, polar):
     out = index(tmp_path, polar, seeds="none")
     inventory = read_inventory(out / "inventory.json")
     assert inventory.scanned == ["A", "C"]
@@ -196,13 +196,13 @@ def test_without_seeds_a_terrain_needs_a_scan(tmp_path, release):
     assert not (tmp_path / "out").exists()
 
 
-def test_without_seeds_a_position_without_a_scan_is_one_warning(tmp_path, polar, caplog):
+def test_without_seeds_a_position_without_a_scan_is_a_single_warning(tmp_path, polar, caplog):
     with caplog.at_level(logging.WARNING):
         index(tmp_path, polar, seeds="none")
     assert "no scan of position B, and no seeds are read" in caplog.text
 
 
-def test_label_files_are_watched_only_where_they_may_be_seeds(polar):
+def test_only_possible_seeds_are_inputs(polar):
     seed, other = (polar.root / f"Labels/Terrain11/11_A_off_30_{camera}_0256.txt" for camera in "LR")
     for path in (seed, other):
         write(path, BOX)
@@ -211,7 +211,7 @@ def test_label_files_are_watched_only_where_they_may_be_seeds(polar):
     assert len(without) == 3  # calibration and two scans
 
 
-def test_only_the_positions_of_the_run_are_taken(tmp_path, polar, release, photo):
+def test_only_positions_of_the_run_are_indexed(tmp_path, polar, release, photo):
     add_photo(photo, polar, "11_A_off_30_L_0256")
     out = index(tmp_path, polar, positions="C", seeds="none")
     assert read_inventory(out / "inventory.json").scanned == ["C"]
@@ -250,7 +250,7 @@ def test_only_photos_of_the_grid_of_the_run_are_reported_as_missing(tmp_path, po
     assert not caplog.records
 
 
-def test_a_broken_photo_is_one_line_and_nothing_is_written(tmp_path, polar, photo):
+def test_an_invalid_photo_is_a_one_line_error_without_output(tmp_path, polar, photo):
     path = add_photo(photo, polar, "11_A_off_30_L_0256")
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(FormatError, match=r"CamL_259659217_0256\.png") as caught:
@@ -266,7 +266,7 @@ def test_a_broken_photo_is_one_line_and_nothing_is_written(tmp_path, polar, phot
         ("0.999997 0.0017", "0.9 0.0017", "not orthogonal"),
     ],
 )
-def test_a_broken_calibration_is_one_line_with_the_file(tmp_path, polar, old, new, reason):
+def test_an_invalid_calibration_is_a_one_line_error_with_the_file(tmp_path, polar, old, new, reason):
     path = polar.root / "Terrain11_FreshCrater/stereo.calibration"
     path.write_text(REAL_CALIBRATION.replace(old, new))
     with pytest.raises(PolarsimError, match=rf"stereo\.calibration: .*{reason}"):
@@ -274,7 +274,7 @@ def test_a_broken_calibration_is_one_line_with_the_file(tmp_path, polar, old, ne
     assert not (tmp_path / "out").exists()
 
 
-def test_stray_label_files_beside_scans_are_logged_once(tmp_path, polar, caplog):
+def test_stray_label_files_next_to_scans_are_logged_once(tmp_path, polar, caplog):
     for name in ("11_A_off_30_L_0256.txt", "11_A_off_30_L_0256 copy.txt"):
         write(polar.root / "Labels/Terrain11" / name, BOX)
     with caplog.at_level(logging.WARNING):
@@ -298,7 +298,7 @@ def test_the_same_source_gives_the_same_bytes(tmp_path, polar, photo):
     assert {path.name: path.read_bytes() for path in index(tmp_path, polar).glob("*.*")} == first
 
 
-def test_tables_of_terrains_become_one_also_where_some_are_empty(tmp_path, polar, release, photo):
+def test_tables_of_terrains_are_merged_even_if_some_are_empty(tmp_path, polar, release, photo):
     add_photo(photo, polar, "11_A_off_30_L_0256")
     full = index(tmp_path / "a", polar) / "photos.parquet"
     empty = index(tmp_path / "b", release) / "photos.parquet"

@@ -31,19 +31,19 @@ def test_a_photo_is_described_by_its_size_bits_and_checksum(photo):
 @pytest.mark.parametrize(
     ("shape", "kind"), [((HEIGHT, WIDTH), np.uint8), ((HEIGHT, WIDTH, 3), np.uint16), ((WIDTH, HEIGHT), np.uint16)]
 )
-def test_a_photo_of_another_size_or_depth_is_refused_by_name(tmp_path, shape, kind):
+def test_a_photo_of_another_size_or_depth_is_an_error(tmp_path, shape, kind):
     png.write(tmp_path / "a.png", np.zeros(shape, kind))
     with pytest.raises(FormatError, match=r"a\.png"):
         describe_photo(tmp_path / "a.png")
 
 
-def test_a_cut_photo_is_refused_by_name(tmp_path, photo):
+def test_a_truncated_photo_is_an_error(tmp_path, photo):
     (tmp_path / "cut.png").write_bytes(photo.read_bytes()[:-100])
     with pytest.raises(FormatError, match=r"cut\.png"):
         index_photos([(KEY, tmp_path / "cut.png")])
 
 
-def test_the_index_has_a_row_a_photo_in_the_order_of_keys(photo):
+def test_the_index_has_a_row_per_photo_sorted_by_key(photo):
     other = PhotoKey.parse("01_A_off_180_R_0256")
     table = index_photos([(other, photo), (KEY, photo)])
     assert tuple(table.columns) == PHOTO_COLUMNS

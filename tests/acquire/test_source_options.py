@@ -18,7 +18,7 @@ from polarsim.acquire.options import SeedOptions, SourceOptions, describe_seeds,
         ({"kind": "polar", "root": "x", "urls": {"a.zip": "file:///etc/passwd"}}, ("urls",)),
     ],
 )
-def test_an_impossible_source_is_refused(content, key):
+def test_an_invalid_source_is_an_error(content, key):
     with pytest.raises(ValidationError) as caught:
         SourceOptions(**content)
     assert caught.value.errors()[0]["loc"] == key
@@ -36,7 +36,7 @@ def test_an_impossible_source_is_refused(content, key):
         {"exposures": 256},
     ],
 )
-def test_impossible_seeds_are_refused(content):
+def test_invalid_seeds_are_errors(content):
     with pytest.raises(ValidationError) as caught:
         SeedOptions(**content)
     assert caught.value.errors()[0]["loc"][0] in content
@@ -46,13 +46,13 @@ def test_azimuths_may_be_written_as_numbers():
     assert SeedOptions(azimuths=[30, "350"]).azimuths == ("30", "350")
 
 
-def test_the_default_seeds_are_left_without_rover_light_under_every_sun():
+def test_default_seeds_are_left_photos_without_rover_light_under_all_suns():
     options = SeedOptions()
     assert (options.camera, options.light, options.exposure) == ("L", "off", "best")
     assert options.azimuths == ("30", "180", "270", "350")
 
 
-def test_seeds_are_options_or_the_word_none():
+def test_seeds_are_options_or_none():
     assert seed_choice("none") == "none"
     assert seed_choice({"camera": "R"}) == SeedOptions(camera="R")
     assert seed_choice(SeedOptions()) == SeedOptions()
@@ -61,12 +61,12 @@ def test_seeds_are_options_or_the_word_none():
             seed_choice(content)
 
 
-def test_seeds_are_told_in_a_few_words():
+def test_the_selection_of_seeds_is_described_as_text():
     assert describe_seeds("none") == "none"
     assert describe_seeds(SeedOptions(azimuths=[30, 180])) == "L, rover light off, azimuths 30 180, exposure best"
     assert describe_seeds(SeedOptions(exposure=256)).endswith("exposure 256 ms")
 
 
-def test_options_survive_json():
+def test_options_read_back_from_json():
     source = SourceOptions(kind="polar", root="data/polar", urls={"Terrain11_FreshCrater.zip": "https://x/y.zip"})
     assert SourceOptions(**source.model_dump(mode="json")) == source

@@ -124,7 +124,7 @@ def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path):
 
 @settings(max_examples=15)
 @given(drawn=BOXES)
-def test_what_was_exported_to_label_studio_comes_back(tmp_path_factory, drawn):
+def test_an_export_to_label_studio_reads_back(tmp_path_factory, drawn):
     folder = tmp_path_factory.mktemp("studio")
     rows = [
         key_columns(KEY)
@@ -143,7 +143,7 @@ def test_what_was_exported_to_label_studio_comes_back(tmp_path_factory, drawn):
     np.testing.assert_allclose(boxes, edges, atol=0.01)
 
 
-def test_a_turned_rectangle_of_label_studio_is_boxed(tmp_path):
+def test_a_rotated_rectangle_of_label_studio_becomes_a_box(tmp_path):
     turned = percent(np.array([500.0, 300, 600, 350])) | {"rotation": 90, "rectanglelabels": ["rock"]}
     (tmp_path / "tasks.json").write_text(json.dumps([{"image": f"{KEY}.png", "label": [turned]}]))
     import_labels(tmp_path / "tasks.json", tmp_path / "out")
@@ -151,7 +151,7 @@ def test_a_turned_rectangle_of_label_studio_is_boxed(tmp_path):
     np.testing.assert_allclose(boxes, [[450, 300, 500, 400]], atol=0.01)  # a quarter turn about its upper left corner
 
 
-def test_a_photo_without_a_box_is_left_out_unless_it_was_looked_at(tmp_path):
+def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path):
     source = write_source(tmp_path / "export", "cvat")
     done = import_labels(source, tmp_path / "out")
     assert (done.photos, done.boxes, done.empty) == (1, 2, [str(OTHER)])
@@ -161,7 +161,7 @@ def test_a_photo_without_a_box_is_left_out_unless_it_was_looked_at(tmp_path):
     assert (tmp_path / f"all/{OTHER}.txt").read_text() == ""
 
 
-def test_other_names_are_said(tmp_path):
+def test_other_names_of_classes_are_mapped(tmp_path):
     source = write_source(tmp_path / "export", "cvat")
     source.write_text(CVAT.replace('label="rock"', 'label="boulder"').replace('label="shadow"', 'label="dog"'))
     with pytest.raises(FormatError):

@@ -36,7 +36,7 @@ def ramp(rng) -> np.ndarray:
     return rng.integers(16, 4096, (SMALL[1], SMALL[0]), dtype=np.uint16)
 
 
-def test_a_16_bit_image_of_opencv_is_read(tmp_path, ramp):
+def test_a_16_bit_image_written_by_hand_is_read(tmp_path, ramp):
     (tmp_path / "a.png").write_bytes(written_by_hand(ramp, 16, 0))
     np.testing.assert_array_equal(png.read_photo(tmp_path / "a.png", SMALL), ramp)
 

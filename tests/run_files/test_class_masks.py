@@ -29,14 +29,14 @@ def test_other_images_are_errors(tmp_path, pixels):
         class_masks.read(tmp_path / "a.png")
 
 
-def test_ids_become_classes_and_what_has_no_label_is_ignored():
+def test_ids_become_classes_and_unlabelled_objects_are_ignored():
     ids = np.array([[BACKGROUND, GROUND, RELIEF_SHADOW], [ROCK_IDS + 1, ROCK_IDS + 2, SHADOW_IDS + 1]], np.uint16)
     mask = class_masks.of_ids(ids, [ROCK_IDS + 1, SHADOW_IDS + 1])
     np.testing.assert_array_equal(mask, [[0, 0, 0], [1, 255, 2]])
     np.testing.assert_array_equal(class_masks.of_ids(np.zeros((1, 2), np.uint16), []), [[0, 0]])
 
 
-def test_a_labelled_thing_that_a_picture_does_not_show_changes_nothing():
+def test_a_labelled_object_outside_the_image_has_no_effect():
     ids = np.array([[GROUND, ROCK_IDS + 1]], np.uint16)
     hidden = [ROCK_IDS + 1, ROCK_IDS + 7, SHADOW_IDS + 1]
     np.testing.assert_array_equal(class_masks.of_ids(ids, hidden), class_masks.of_ids(ids, [ROCK_IDS + 1]))

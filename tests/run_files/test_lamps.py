@@ -14,13 +14,13 @@ RIGS = {
 }
 
 
-def test_lamps_that_nobody_found_stand_in_the_survey_as_high_as_the_rigs_tell(tmp_path):
+def test_lamps_that_are_not_localised_have_surveyed_positions_at_the_height_of_the_rigs(tmp_path):
     suns = lamps.read_suns(tmp_path, RIGS)
     assert sorted(suns) == ["180", "270", "30", "350"]
     np.testing.assert_allclose(suns["180"], lamp_position("180") + LIFT, atol=1e-12)
 
 
-def test_cameras_beside_another_box_tell_nothing_of_the_surveys_height(tmp_path):
+def test_cameras_of_another_sandbox_do_not_affect_the_height_of_the_survey(tmp_path):
     beside = {
         position: LocalisedRig(stated_rig(), Pose(np.eye(3), np.array([2.0, -0.15, 1.25]))) for position in "ABCDEFG"
     }
@@ -30,7 +30,7 @@ def test_cameras_beside_another_box_tell_nothing_of_the_surveys_height(tmp_path)
     np.testing.assert_allclose(lamps.read_suns(tmp_path, one_there)["30"], lamp_position("30", lift))
 
 
-def test_found_lamps_go_before_the_survey_one_by_one(tmp_path):
+def test_localised_lamps_replace_surveyed_lamps(tmp_path):
     lamps.write_suns(tmp_path, {"30": np.array([3.51234, 1.3, 0.8])})
     suns = lamps.read_suns(tmp_path, RIGS)
     np.testing.assert_array_equal(suns["30"], [3.5123, 1.3, 0.8])
@@ -38,13 +38,13 @@ def test_found_lamps_go_before_the_survey_one_by_one(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["[1, 2]", '{"40": [1, 2, 3]}', '{"30": [1, 2]}', '{"30": ["x", 1, 2]}', "{"])
-def test_a_broken_file_is_named(tmp_path, text):
+def test_an_invalid_file_is_an_error(tmp_path, text):
     (tmp_path / lamps.FILE).write_text(text)
     with pytest.raises(FormatError, match=r"lamps\.json"):
         lamps.read_suns(tmp_path, RIGS)
 
 
-def test_the_file_tells_which_lamps_photos_localise(tmp_path):
+def test_the_file_has_only_localised_lamps(tmp_path):
     assert lamps.read_found_suns(tmp_path) == {}
     lamps.write_suns(tmp_path, {"180": np.array([-3.5, 0.4, 0.8])})
     assert list(lamps.read_found_suns(tmp_path)) == ["180"]

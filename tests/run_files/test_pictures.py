@@ -37,24 +37,24 @@ def test_photos_of_a_run_are_found_from_any_folder(clone, monkeypatch, started_i
     assert all(path.is_file() for path in found.values())
 
 
-def test_a_moved_clone_finds_its_own_photos(clone, tmp_path, monkeypatch):
+def test_photos_of_a_moved_clone_are_found(clone, tmp_path, monkeypatch):
     shutil.move(clone, tmp_path / "moved")
     monkeypatch.chdir("/")
     found = Run(tmp_path / "moved/results/demo").pictures_of("photo", 1)
     assert {path.parent for path in found.values()} == {tmp_path / "moved/data/analog"}
 
 
-def test_in_the_folder_of_the_run_paths_stay_as_they_are_stated(clone, monkeypatch):
+def test_paths_are_unchanged_in_the_folder_of_the_run(clone, monkeypatch):
     monkeypatch.chdir(clone)
     assert Run(Path("results/demo")).pictures_of("photo", 1)[KEYS[0]] == Path(f"data/analog/Cam_{KEYS[0]}.png")
 
 
-def test_a_path_that_is_nowhere_or_absolute_stays_as_it_is(tmp_path):
+def test_a_missing_or_absolute_path_is_unchanged(tmp_path):
     assert found_from("nowhere/x.png", tmp_path / "table.csv") == Path("nowhere/x.png")
     assert found_from("/nowhere/x.png", tmp_path / "table.csv") == Path("/nowhere/x.png")
 
 
-def test_the_nearest_folder_goes_before_those_above(tmp_path):
+def test_the_nearest_folder_is_preferred(tmp_path):
     for folder in ("", "run"):
         (tmp_path / folder / "meshes").mkdir(parents=True)
     assert found_from("meshes", tmp_path / "run/views.yaml") == tmp_path / "run/meshes"
@@ -62,13 +62,13 @@ def test_the_nearest_folder_goes_before_those_above(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["nowhere/Terrain01", "nowhere/photos.parquet"])
-def test_pictures_of_a_missing_folder_or_table_are_an_error_and_not_none(tmp_path, name):
+def test_a_missing_folder_or_table_is_an_error(tmp_path, name):
     with pytest.raises(FormatError, match=str(tmp_path / name)):
         pictures_at(tmp_path / name)
     assert Run(tmp_path).pictures_of("hapke", 1) == {}  # a run without these twins
 
 
-def test_a_string_in_place_of_paths_is_refused_before_its_characters_are_read(clone, monkeypatch):
+def test_a_string_instead_of_a_path_is_an_error(clone, monkeypatch):
     monkeypatch.chdir(clone)
     png.write(clone / f"{KEYS[0]}.png", np.zeros((2, 3), np.uint16))  # would be found in ".", a character of the name
     with pytest.raises(FormatError) as found:

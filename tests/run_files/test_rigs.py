@@ -19,7 +19,7 @@ SANDBOX_FROM_LEFT = looking(np.array([3.6, -0.4, 1.5]), 3.1, 0.44, -0.01)
 LOCALISED = LocalisedRig(stated_rig(), SANDBOX_FROM_LEFT, "labels", {"sd_mm": 12.5})
 
 
-def test_a_localised_rig_is_read_back_as_it_was(tmp_path):
+def test_a_localised_rig_reads_back(tmp_path):
     write_localised(tmp_path / "PosA.json", LOCALISED)
     back = read_localised(tmp_path / "PosA.json")
     np.testing.assert_allclose(back.sandbox_from_left.matrix, SANDBOX_FROM_LEFT.matrix, atol=1e-15)
@@ -27,20 +27,20 @@ def test_a_localised_rig_is_read_back_as_it_was(tmp_path):
     assert (back.method, back.metrics) == ("labels", {"sd_mm": 12.5})
 
 
-def test_a_calibration_is_read_back_as_it_was(tmp_path):
+def test_a_calibration_reads_back(tmp_path):
     write_rig(tmp_path / "calibration.json", stated_rig(), "stated")
     back = read_rig(tmp_path / "calibration.json")
     assert back.right == stated_rig().right
     np.testing.assert_allclose(back.left_from_right.matrix, stated_rig().left_from_right.matrix, atol=1e-15)
 
 
-def test_positions_are_found_by_their_files(tmp_path):
+def test_positions_are_found_by_file_names(tmp_path):
     for position in "CA":
         write_localised(tmp_path / f"Pos{position}.json", LOCALISED)
     assert list(read_all_localised(tmp_path)) == ["A", "C"]
 
 
-def test_the_right_camera_stands_a_baseline_beside_the_left():
+def test_the_right_camera_is_a_baseline_to_the_right_of_the_left_camera():
     centre = LOCALISED.sandbox_from("R").translation
     assert np.linalg.norm(centre - SANDBOX_FROM_LEFT.translation) == pytest.approx(
         0.30156, abs=1e-4
@@ -50,7 +50,7 @@ def test_the_right_camera_stands_a_baseline_beside_the_left():
 
 
 @pytest.mark.parametrize("key", ["left", "right", "left_from_right", "sandbox_from_left"])
-def test_a_missing_key_is_named_with_its_file(tmp_path, key):
+def test_a_missing_key_is_an_error_with_the_file(tmp_path, key):
     path = tmp_path / "PosA.json"
     write_localised(path, LOCALISED)
     content = json.loads(path.read_text())
@@ -61,7 +61,7 @@ def test_a_missing_key_is_named_with_its_file(tmp_path, key):
 
 
 @pytest.mark.parametrize("rotation", [np.diag([1.0, 1, 1.01]), np.diag([1.0, 1, -1]), np.full((3, 3), np.nan)])
-def test_a_rotation_that_is_none_is_refused(tmp_path, rotation):
+def test_an_invalid_rotation_is_an_error(tmp_path, rotation):
     path = tmp_path / "PosA.json"
     write_localised(path, LocalisedRig(stated_rig(), Pose(np.eye(3), np.zeros(3))))
     content = json.loads(path.read_text())

@@ -21,14 +21,14 @@ def run(tmp_path):
     return Run(tmp_path)
 
 
-def test_models_are_the_folders_that_hold_twins(run):
+def test_models_are_the_folders_with_twins(run):
     assert run.models == ("hapke",)
     assert run.domains == (PHOTO, "hapke")
     assert list(run.pictures) == [("hapke", KEY)]
     assert run.domain_of("analog") == PHOTO
 
 
-def test_terrains_splits_and_tables_are_those_of_the_folder(run):
+def test_terrains_splits_and_tables_are_found_in_the_folder(run):
     assert run.terrains == (1,)
     assert run.splits == ("photo", "view")
     assert run.table("tables/none.parquet") is None
@@ -39,7 +39,7 @@ def test_terrains_splits_and_tables_are_those_of_the_folder(run):
     assert run.configured("run") == {}
 
 
-def test_a_folder_without_anything_is_no_run(tmp_path):
+def test_an_empty_folder_is_an_error(tmp_path):
     with pytest.raises(ConfigError) as error:
         Run.at(tmp_path)
     assert error.value.path == tmp_path

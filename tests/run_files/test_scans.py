@@ -21,7 +21,7 @@ def test_mixed_pixels_at_a_depth_edge_are_not_trusted():
     assert trusted[:, 103:].all()
 
 
-def test_a_lone_return_is_not_trusted():
+def test_an_isolated_return_is_not_trusted():
     points = np.full((120, 200, 3), np.nan, np.float32)
     points[60, 60] = [0, 0, 2]
     assert not trusted_pixels(points, LENS.fx).any()
@@ -32,7 +32,7 @@ def test_noise_of_two_millimetres_is_trusted(rng):
     assert trusted.mean() > 0.99
 
 
-def test_a_cloud_becomes_a_range_map_that_hides_what_lies_behind():
+def test_a_cloud_becomes_a_range_map_of_the_nearest_points():
     near, far = seen(np.full((120, 200), 2.0)).reshape(-1, 3), seen(np.full((120, 200), 3.0)).reshape(-1, 3)
     range_map, lens = range_map_of_cloud(np.concatenate([near, far]).astype(float), LENS)
     assert range_map.shape == (lens.height, lens.width, 3)

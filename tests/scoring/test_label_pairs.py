@@ -65,7 +65,7 @@ def test_photos_without_task_are_excluded_and_the_table_may_be_empty():
         ("03_A_off_30_R_0064", "labels", True),  # somebody did
     ],
 )
-def test_shadows_are_annotated_above_a_minimum_exposure(key, against, annotated):
+def test_shadows_are_annotated_in_photos_with_true_shadows_and_enough_exposure(key, against, annotated):
     key = PhotoKey.parse(key)
     true = Labels(np.array([0, 1]), np.array([[0, 0, 10, 10], [50, 0, 90, 10]], float))
     found = paired({key: true}, label_rows(key, [200, 0, 240, 10], kind="shadow"), against=against)

@@ -37,7 +37,7 @@ def test_an_embedded_rock_touches_the_ground_in_all_directions_and_a_floating_ro
     assert contact_share(ball(0.06), GROUND) == 0
 
 
-def test_directions_outside_the_ground_are_not_in_contact():
+def test_a_rock_partly_outside_the_ground_is_in_contact_only_above_the_ground():
     beside = ball(0.03)
     beside = Mesh(beside.vertices + np.array([0.8, 0, 0]), beside.faces)
     assert 0.3 < contact_share(beside, GROUND) < 0.7
