@@ -63,7 +63,7 @@ def test_folders_above_the_layout_are_removed(tmp_path):
 
 @pytest.mark.parametrize(("method", "flag", "reason"), [(9, 0, "Deflate64"), (97, 0, "method 97"), (8, 1, "encrypted")])
 def test_entries_with_unsupported_compression_are_errors_with_a_remedy(tmp_path, archive, method, flag, reason):
-    """As Windows writes above 2 GB: the method and the flags are in the entry's own header and in the list."""
+    """Compression by Windows above 2 GB: method and flags are in the header of the entry and in the directory."""
     content = bytearray(archive.read_bytes())
     for start, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
         for found in re.finditer(re.escape(start), bytes(content)):

@@ -94,7 +94,7 @@ def test_labels_are_found_in_the_layout_of_the_release_and_in_a_flat_folder(tmp_
 def test_seeds_may_be_polygons_without_boxes(tmp_path):
     rock = np.array([[100.0, 200], [150, 190], [160, 240], [110, 250]])
     ground = np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]])
-    shadow = np.array([[150.0, 230], [2000, 240], [155, 260]])  # beyond the photo's border
+    shadow = np.array([[150.0, 230], [2000, 240], [155, 260]])  # outside the photo
     folder = polygon_folder(tmp_path, 3)
     yolo.write_polygons(folder / f"{KEY}.txt", [(1, ground), (2, rock), (3, shadow)])
     files, _ = find_labels(tmp_path, 3)

@@ -33,7 +33,9 @@ class Site:
     files: dict[str, bytes] = field(default_factory=dict)
     cuts: list[int] = field(default_factory=list)  # bytes sent of the next answers before the line breaks
     refusals: list[int] = field(default_factory=list)  # statuses of the next answers
-    lies: list[int] = field(default_factory=list)  # what the next answers say beyond the bytes that they have
+    lies: list[int] = field(
+        default_factory=list
+    )  # number of bytes that the next answers state in addition to their content
     redirects: dict[str, str] = field(default_factory=dict)  # by name
     pause_s: float = 0.0  # between two bytes
     tagged: bool = True
@@ -108,7 +110,7 @@ def packed(files):
 
 @pytest.fixture
 def content(rng):
-    end = packed({})  # a zip archive is one by its end
+    end = packed({})  # zip archives are recognised by the end of the file
     return rng.bytes(3_000_000 - len(end)) + end
 
 

@@ -12,7 +12,7 @@ def test_every_attribute_is_declared_because_cvat_drops_undeclared_attributes(tm
     coco.write_coco(tmp_path / "boxes.json", {PhotoKey.parse("01_A_off_30_L_0256"): [box]})
     written = json.loads((tmp_path / "boxes.json").read_text())["annotations"][0]
     assert written["attributes"] == {"rock": 7, "confidence": 0.8, "label_source": "fused"}
-    assert written["segmentation"] == []  # else CVAT imports polygons, no rectangles
+    assert written["segmentation"] == []  # otherwise CVAT imports polygons instead of rectangles
     for entry in cvat_labels():
         assert {attribute["name"] for attribute in entry["attributes"]} == set(written["attributes"])
 

@@ -16,7 +16,7 @@ from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, wri
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
 KEYS = [PhotoKey.parse(f"{terrain}_A_off_30_{camera}_0256") for terrain in ("01", "03") for camera in "LR"]
-PIXELS = np.full((38, 60), 500, np.uint16)  # a small picture: only its size on the disk matters here
+PIXELS = np.full((38, 60), 500, np.uint16)  # a small image, because only the path is tested
 BOXES = st.lists(
     st.tuples(
         st.sampled_from(BOX_CLASSES), st.floats(-1, 1800), st.floats(-1, 1100), st.floats(2, 130), st.floats(2, 110)
@@ -26,7 +26,7 @@ BOXES = st.lists(
 
 
 def make_run(run: Path, drawn: dict[PhotoKey, list[tuple]]) -> Path:
-    """A run that labelled some photos: class, left, top, width, height."""
+    """A run with labels of some photos: class, x, y, width, height."""
     for terrain in sorted({key.terrain for key in drawn}):
         folder, photos, rows = f"Terrain{terrain:02d}", [], []
         for key in (key for key in drawn if key.terrain == terrain):

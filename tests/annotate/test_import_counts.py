@@ -1,4 +1,4 @@
-"""An import converts every shape that has a box around it, and counts the rest: nothing is lost in silence."""
+"""An import converts every shape with a bounding box and counts all other shapes."""
 
 import json
 import zipfile

@@ -148,7 +148,7 @@ def test_a_rotated_rectangle_of_label_studio_becomes_a_box(tmp_path):
     (tmp_path / "tasks.json").write_text(json.dumps([{"image": f"{KEY}.png", "label": [turned]}]))
     import_labels(tmp_path / "tasks.json", tmp_path / "out")
     _, boxes = yolo.read_boxes(tmp_path / f"out/{KEY}.txt")
-    np.testing.assert_allclose(boxes, [[450, 300, 500, 400]], atol=0.01)  # a quarter turn about its upper left corner
+    np.testing.assert_allclose(boxes, [[450, 300, 500, 400]], atol=0.01)  # a quarter turn about the upper left corner
 
 
 def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path):

@@ -87,7 +87,7 @@ def test_only_masks_of_selected_kinds_are_tinted(tmp_path):
 
 
 def linked(*labels):
-    """Where lines from shadows to rocks are drawn on black, (h, w) bool."""
+    """Return the mask (h, w) of the lines from shadows to rocks on a black image."""
     drawn = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(list(labels)), marks=Marks(links=True))
     return (drawn == LINK).all(axis=-1)
 

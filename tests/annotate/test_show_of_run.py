@@ -1,4 +1,4 @@
-"""Pictures of a run that has one station: photos of one lamp, twins of one model."""
+"""A run with a single station: photos under a single lamp, twins of a single model."""
 
 import shutil
 
@@ -31,7 +31,7 @@ def label(key, kind, box):
 
 @pytest.fixture
 def run(tmp_path):
-    """A run whose left photos are there and whose right ones have twins only."""
+    """A run with left photos, and only twins for the right camera."""
     run, folder = tmp_path / "results/demo", "Terrain03"
     photos = []
     for key in KEYS:
@@ -59,7 +59,7 @@ def test_masks_are_polygons_for_photos_and_instances_for_twins(tmp_path, run, do
     plain, filled = (png.read(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
     grey = plain[1100, 1000]
     for position, kind in ((ROCK_AT, "rock"), (SHADOW_AT, "shadow")):
-        dark = position[0] + 30, position[1] + 30  # beside the line from shadow to rock
+        dark = position[0] + 30, position[1] + 30  # next to the line from shadow to rock
         assert (plain[dark] == grey).all()
         assert (np.sign(filled[dark] - grey) == np.sign(np.array(COLOURS[kind]) - grey)).all()
 
@@ -87,7 +87,7 @@ def test_missing_images_and_polygons_are_errors(tmp_path, run):
 
 
 def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
-    png.write(tmp_path / f"{LEFT}.png", np.full((1216, 1936), 4000, np.uint16))  # all white; twins stay dark below
+    png.write(tmp_path / f"{LEFT}.png", np.full((1216, 1936), 4000, np.uint16))  # all white; twins below are dark
     for path in (run / "renders/hapke/Terrain03").glob("*.png"):
         png.write(path, np.full((1216, 1936), 16, np.uint16))
     photos, twins = run / "acquire/Terrain03/photos.parquet", run / "renders/hapke/Terrain03"
@@ -97,7 +97,7 @@ def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
         figure = tmp_path / f"{len(points)}.png"
         draw_contact(keys=KEYS, labels=labels, pictures=points, figure=figure, width=800)
         pixels = png.read(figure)
-        left, right = pixels[200, 20], pixels[200, 780]  # of the left camera's tile and of the right one's
+        left, right = pixels[200, 20], pixels[200, 780]  # of the tiles of the left and right camera
         corners[len(points)] = int(left[0]), int(right[0])
     assert corners[2] == (255, 0)
     assert corners[1][0] == 255

@@ -9,7 +9,7 @@ from polarsim.formats.release import read_annotated
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
-# What a person has in a folder: class by name, left, top, width, height in pixels of the photo.
+# Boxes: class name, x, y, width, height in pixels of the photo.
 DRAWN = st.lists(
     st.tuples(
         st.sampled_from(BOX_CLASSES),

@@ -166,7 +166,7 @@ def test_masks_may_be_written_as_polygons(tmp_path):
 
 
 def foreign(tmp_path, **changes):
-    """A file as annotation tools write it, with one square rock on a photo."""
+    """A file of an annotation tool with a square rock in a photo."""
     annotation = {"id": 1, "image_id": 5, "category_id": 0, "bbox": [10, 20, 4, 4], "segmentation": [], "iscrowd": 0}
     content = {
         "images": [{"id": 5, "file_name": "01_A_off_30_L_0256.png", "width": 1936, "height": 1216}],

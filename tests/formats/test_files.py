@@ -118,7 +118,7 @@ def test_missing_json_is_an_error_with_the_file(tmp_path):
 
 
 def test_a_folder_is_renamed_before_it_is_deleted(tmp_path, monkeypatch):
-    """Whoever is killed while the former one is removed leaves the new one, not a half of the former."""
+    """A process that is killed during the removal of the former folder leaves the complete new folder."""
     target = tmp_path / "clouds"
     for content in ("old", "new"):
         seen = []

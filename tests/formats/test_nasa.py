@@ -21,7 +21,7 @@ CAMERA_MATRIX_RIGHT: 2065.6 0 952.098 0 2061.9 606.559 0 0 1
 DISTORTION_COEFFICIENTS_RIGHT: -0.114041 0.178219 -0.000146877 -0.00112736
 ROTATION_MATRIX: 0.999997 0.00172602 0.0019164 -0.00172807 0.999998 0.00106908 -0.00191455 -0.00107239 0.999998
 TRANSLATION_VECTOR: -0.301556 0.000599 0.001489
-"""  # NASA's own text of terrain 11
+"""  # NASA's file of terrain 11
 SIZE = (12, 8)  # width and height of the little range maps here
 
 
@@ -182,7 +182,7 @@ def test_headers_counts_and_commas_of_other_programs_are_read(tmp_path):
 
 @st.composite
 def clouds(draw):
-    """Points in millimetres, and a text file of them in one of the spellings that programs write."""
+    """Points in millimetres, and a text file of the points in any notation of common programs."""
     points = draw(st.lists(st.tuples(*[st.integers(-90_000, 90_000)] * 3), min_size=1, max_size=8))
     comma = draw(st.booleans())
     separator = draw(st.sampled_from([" ", "\t", ";", "; ", "   "] + ([] if comma else [",", ", "])))
@@ -240,7 +240,7 @@ def test_clouds_of_other_formats_are_skipped_with_a_warning(tmp_path, caplog):
 
 
 def range_map(path, marks, kind="float32", tag=None, factor=1.0):
-    """A wall 3 m away of 16 x 12 pixels in millimetres, with a mark in the first 20 pixels."""
+    """A wall at 3 m, 16 x 12 pixels, millimetres, with a no-data value in the first 20 pixels."""
     import tifffile
 
     row, column = np.mgrid[:12, :16]
@@ -362,7 +362,7 @@ def test_the_middle_token_of_photo_names_is_ignored(tmp_path):
     key = PhotoKey(11, "A", "off", "30", "L", 256)
     dark = PhotoKey(11, "A", "on", "no", "R", 8192)
     touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_259659217_0256.png")
-    touch(tmp_path / "Terrain11_FreshCrater/PosA_1500_Lon/NoSun/CamR_a_b-c_8192.png")  # one folder deeper
+    touch(tmp_path / "Terrain11_FreshCrater/PosA_1500_Lon/NoSun/CamR_a_b-c_8192.png")  # with a subfolder
     found = nasa.find_photos(tmp_path, 11)
     assert [k for k, _ in found] == [key, dark]
     assert found[0][1].name == "CamL_259659217_0256.png"
@@ -407,7 +407,7 @@ def test_photos_are_found_at_their_written_paths(tmp_path_factory, wanted):
 def test_folders_of_terrains_are_found_in_the_root_or_a_subfolder(tmp_path):
     (tmp_path / "download/Terrain03_MeanDistr").mkdir(parents=True)
     (tmp_path / "Terrain11_FreshCrater").mkdir()
-    (tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain06").mkdir(parents=True)  # bears no name: not a terrain's folder
+    (tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain06").mkdir(parents=True)  # no name: not the folder of a terrain
     assert nasa.find_terrain_folder(tmp_path, 11) == tmp_path / "Terrain11_FreshCrater"
     assert nasa.find_terrain_folder(tmp_path, 3) == tmp_path / "download/Terrain03_MeanDistr"
     assert nasa.find_terrain_folder(tmp_path, 6) is None

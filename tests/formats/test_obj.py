@@ -59,7 +59,7 @@ def test_quads_relative_numbers_and_unknown_lines_are_read(tmp_path, faces):
 
 @st.composite
 def spellings(draw):
-    """A mesh of triangles and quads, its plain file, and one file of the same content in another spelling."""
+    """A mesh of triangles and quads, the plain file, and a file with the same content in a different notation."""
     count = draw(st.integers(4, 9))
     vertices = np.array(draw(st.lists(st.tuples(*[st.integers(-99, 99)] * 3), min_size=count, max_size=count)), float)
     corners = st.lists(st.integers(1, count), min_size=3, max_size=4)

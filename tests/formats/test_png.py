@@ -76,8 +76,8 @@ def test_threads_with_different_stacks_give_the_same_bytes():
         found.append([png.encode(image) for image in images])
         done.wait()
 
-    former = threading.stack_size(1 << 18)  # the stream of ISA-L takes 80 KB
-    threads = [threading.Thread(target=encode_and_wait) for _ in range(300)]  # each has its own stack
+    former = threading.stack_size(1 << 18)  # the stream of ISA-L needs 80 KB
+    threads = [threading.Thread(target=encode_and_wait) for _ in range(300)]  # with separate stacks
     try:
         for thread in threads:
             thread.start()
@@ -156,7 +156,7 @@ def test_a_truncated_or_changed_file_is_an_error(ramp, data):
     if data.draw(st.booleans()):
         del content[position:]
     else:
-        content[position] ^= data.draw(st.integers(1, 255))  # a checksum finds every change of one byte
+        content[position] ^= data.draw(st.integers(1, 255))  # a checksum detects every change of a single byte
     with pytest.raises(FormatError):
         png.parse_header(bytes(content))
 

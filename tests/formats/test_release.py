@@ -101,7 +101,7 @@ def test_strays_are_logged_in_a_single_line_with_number_and_examples(tmp_path, c
 
 @pytest.mark.release
 def test_the_published_folders_have_the_known_numbers_of_files(release_root):
-    # shared facts on the labels, 1.1 and 1.4; terrain 04 without its impossible exposure
+    # shared facts on the labels, 1.1 and 1.4; terrain 04 without the impossible exposure
     assert {t: len(release.label_files(release_root, t)) for t in (1, 3, 4, 8, 11)} == {
         1: 280, 3: 347, 4: 359, 8: 353, 11: 347,
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Runs against COCO's own tool, pycocotools."""
+"""Runs compared with COCO's tool pycocotools."""
 
 import string
 

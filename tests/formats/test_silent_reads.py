@@ -1,4 +1,4 @@
-"""Damaged files that used to be read without a word."""
+"""Damaged files that earlier versions read without an error."""
 
 import re
 

@@ -45,7 +45,7 @@ READERS = {  # file name, text, reader
 
 
 def plain(found: object) -> object:
-    """What was read in a form that `==` compares."""
+    """Return the result of a reader in a form that can be compared with `==`."""
     if isinstance(found, np.ndarray):
         return found.tolist()
     if isinstance(found, (list, tuple)):

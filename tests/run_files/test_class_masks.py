@@ -1,4 +1,4 @@
-"""Class masks come back as they were written, and nothing else is taken for one."""
+"""Class masks read back, and other files are errors."""
 
 import numpy as np
 import pytest

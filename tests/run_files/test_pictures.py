@@ -20,7 +20,7 @@ KEYS = [PhotoKey.parse(f"01_A_off_30_{camera}_0256") for camera in "LR"]
 
 @pytest.fixture
 def clone(tmp_path):
-    """A clone with photos, and a run whose table names them from the clone's folder, as a run does."""
+    """A clone with photos, and a run with a table of photo paths relative to the clone."""
     rows = []
     for key in KEYS:
         png.write(tmp_path / "clone/data/analog" / f"Cam_{key}.png", np.zeros((2, 3), np.uint16))

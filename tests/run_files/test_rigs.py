@@ -45,7 +45,7 @@ def test_the_right_camera_is_a_baseline_to_the_right_of_the_left_camera():
     assert np.linalg.norm(centre - SANDBOX_FROM_LEFT.translation) == pytest.approx(
         0.30156, abs=1e-4
     )  # length of T in the calibration
-    # Seen from A, which looks to -X, right is +Y.
+    # The camera at A faces -X, so that right is +Y.
     assert centre[1] - SANDBOX_FROM_LEFT.translation[1] == pytest.approx(0.30, abs=0.02)
 
 

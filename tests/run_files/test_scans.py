@@ -14,7 +14,7 @@ def seen(depth):
 
 def test_mixed_pixels_at_a_depth_edge_are_not_trusted():
     depth = WALL.copy()
-    depth[:, 100] = 2.3  # neither on the near wall nor on the far one
+    depth[:, 100] = 2.3  # neither on the near nor on the distant wall
     trusted = trusted_pixels(seen(depth), LENS.fx)[1:-1]  # a corner of the map has too few neighbours
     assert not trusted[:, 100].any()
     assert trusted[:, :98].all()

@@ -61,7 +61,7 @@ def test_photos_without_task_are_excluded_and_the_table_may_be_empty():
     ("key", "against", "annotated"),
     [
         ("03_A_off_30_R_0128", "truth", True),
-        ("03_A_off_30_R_0064", "truth", False),  # nobody draws them there, the analog knows them
+        ("03_A_off_30_R_0064", "truth", False),  # not annotated, but known in the analog
         ("03_A_off_30_R_0064", "labels", True),  # somebody did
     ],
 )

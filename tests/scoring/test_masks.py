@@ -1,4 +1,4 @@
-"""Masks against polygons, by cases whose IoU is known."""
+"""Masks against polygons, with known IoU."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def scores(tmp_path):
 
 
 def test_iou_agrees_with_a_hand_calculation_with_a_detection_outside_the_sand(scores):
-    """A rock of 100 x 100 px found 50 px to its right, and another find as large in the background."""
+    """A rock of 100 x 100 px detected 50 px to the right, and a false positive of equal size in the background."""
     table = scores(
         {FIRST: painted(("rock", (500, 600, 600, 700)))},
         {FIRST: mask((ROCK, (550, 600, 650, 700)), (ROCK, (100, 50, 200, 150)))},
@@ -65,7 +65,7 @@ def test_iou_agrees_with_a_hand_calculation_with_a_detection_outside_the_sand(sc
     whole = WIDTH * (HEIGHT - SAND_FROM)
     assert sand.loc["ground", "iou"] == pytest.approx((whole - 15000) / (whole - 5000))
     assert sand.loc["rock", "pixels"] == 10000
-    assert np.isnan(sand.loc["shadow", "iou"])  # nobody drew one, none was found
+    assert np.isnan(sand.loc["shadow", "iou"])  # neither annotated nor detected
 
 
 def test_photos_with_polygons_are_pooled_with_an_interval(scores, tmp_path):

@@ -30,7 +30,7 @@ def grid(low, high, z):
 
 @pytest.fixture
 def scored(tmp_path):
-    """Score fitted factors of ground and rock vertices that are `off` the truth, on a scale of their own."""
+    """Score fitted factors of ground and rock vertices with errors `off`, on an arbitrary scale."""
 
     def score(off_ground, off_rock, looks=1, albedo_known=True):
         for name, mesh in ((obj.ground_name(1), grid(0, 0.5, 0)), (obj.rock_name(1, 3), grid(0.1, 0.2, 0.1))):

@@ -69,7 +69,7 @@ def test_masks_equal_to_the_polygons_have_a_score_of_1(scores):
     metrics = scores({LEFT: annotated, RIGHT: annotated}, {LEFT: found, RIGHT: found})
     for subject in ("rock outline: seeds' camera", "rock outline: Left to Right", "shadow outline: Left to Right"):
         assert metrics[subject, "f1"] == metrics[subject, "miou"] == 1
-    assert not any("annotated box" in subject for subject, _ in metrics)  # nobody drew boxes
+    assert not any("annotated box" in subject for subject, _ in metrics)  # no annotated boxes
 
 
 def test_missing_and_displaced_masks_are_misses(scores):
@@ -81,7 +81,7 @@ def test_missing_and_displaced_masks_are_misses(scores):
 
 def test_polygons_are_compared_with_annotated_boxes(scores):
     annotated = {LEFT: [(ROCK_POLYGON, ring(ROCK)), (SHADOW_POLYGON, ring(SHADOW))]}
-    boxes = {LEFT: ([0], [ROCK + np.array([0, 0, 10, 0])])}  # 50 px wide, and no shadow box: nothing to compare
+    boxes = {LEFT: ([0], [ROCK + np.array([0, 0, 10, 0])])}  # 50 px wide; no shadow box to compare with
     metrics = scores(annotated, {LEFT: []}, boxes)
     assert metrics["rock polygon's box against annotated box: seeds' camera", "miou"] == pytest.approx(0.8, abs=1e-3)
     assert ("shadow polygon's box against annotated box: seeds' camera", "miou") not in metrics

@@ -87,7 +87,7 @@ def test_photos_are_grouped_by_each_part_of_the_key():
 def test_flat_folders_terrain_folders_and_a_release_give_equal_scores(tmp_path):
     for folder in ("flat", "nested/Terrain01", "release/Labels/Terrain01"):
         write(tmp_path / folder, KEY, labels(square(7, 9)))
-    write(tmp_path / "nested", RIGHT, labels(square(1, 1)))  # both forms in one folder
+    write(tmp_path / "nested", RIGHT, labels(square(1, 1)))  # both forms in the same folder
     for truth, found in itertools.permutations(("flat", "nested", "release"), 2):
         report = score_folders(tmp_path / truth, tmp_path / found)
         assert report["by"]["terrain"]["01"]["rock"]["f1"] == 1

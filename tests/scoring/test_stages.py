@@ -86,7 +86,7 @@ def test_an_error_of_a_single_camera_is_measured_in_millimetres_and_pixels(tmp_p
     )
     found = metrics(tmp_path / "q.csv")
     assert found["A", "position_error_before"] == pytest.approx(10)
-    assert 3 < found["A", "position_error_aligned"] < 7  # the frame takes up half of it
+    assert 3 < found["A", "position_error_aligned"] < 7  # the alignment removes half of the error
     assert found["A L", "reprojection_median"] > 1
 
 
@@ -113,7 +113,7 @@ def test_cameras_are_scored_on_consensus_boxes_of_a_view(tmp_path, cube):
         around = [
             box_geometry.around(rig.project(camera, cube(position, 0.15).vertices)) for position in points.values()
         ]
-        for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # one azimuth annotated badly
+        for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # a single azimuth with poor annotations
             moved = np.array(around) + (off_px if camera == "R" else 0.0)
             path = tmp_path / "annotated" / f"03_A_off_{azimuth}_{camera}_0256.txt"
             path.parent.mkdir(exist_ok=True)
@@ -289,7 +289,7 @@ def label_rows(key, *boxes, **told):
 
 
 def labels_scored(folder, keys, rows, truth="truth"):
-    """Score these rows of these photos; what was written, and all that a second call needs."""
+    """Score rows of photos; return the outputs and the arguments of a further call."""
     write_parquet(folder / "labels.parquet", label_table(rows))
     score_labels(
         terrain=3,
@@ -353,7 +353,7 @@ def test_boxes_in_empty_photos_of_the_analog_are_false_positives(tmp_path):
     assert found["rock: Left to Right", "recall"] == 1
     assert found["rock: no Sun", "precision"] == 0
     assert found["rock: all but seeds", "precision"] == 0.5
-    assert found["rock: confidence", "ece"] == pytest.approx(0.25)  # says 0.75, half are right
+    assert found["rock: confidence", "ece"] == pytest.approx(0.25)  # confidence 0.75, half are correct
     assert found["rock: confidence", "brier"] == pytest.approx((0.75**2 + 0.25**2) / 2)
 
 

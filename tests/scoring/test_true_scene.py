@@ -15,11 +15,11 @@ SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0
 
 @pytest.fixture
 def laid(world, tmp_path):
-    """Truth moved into the frame of a run that found all as it was, but in a frame of its own, and one rock of two."""
+    """Truth in the frame of a run with correct results in a different frame and a single rock of two."""
     world.write(tmp_path / "truth")
     write_json(tmp_path / "truth/lamps.json", {"rover_A": [0.0, 0.0, 1.0], **read_json(tmp_path / "truth/lamps.json")})
     world.write(tmp_path / "run", SANDBOX_FROM_TRUTH, rocks=(2,))
-    meshes = tmp_path / "run/meshes"  # runs number rocks on their own
+    meshes = tmp_path / "run/meshes"  # runs have independent rock ids
     (meshes / obj.rock_name(world.terrain, 2)).rename(meshes / obj.rock_name(world.terrain, 9))
     write_parquet(tmp_path / "run/rocks.parquet", read_parquet(tmp_path / "run/rocks.parquet").assign(rock=9))
     write_inventory(tmp_path / "inventory.json", Inventory(world.terrain, "analog"))

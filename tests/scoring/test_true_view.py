@@ -10,7 +10,7 @@ from polarsim.scoring.true_surface import true_views
 
 DOWN = Pose(np.diag([1.0, -1, -1]), np.array([0.0, 0, 3]))  # 3 m above the floor, looking straight down
 FLOOR = Surface(np.array([[-5.0, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
-PLACES = np.array([[0.0, 0, 0], [0.3, 0.2, 0], [4.0, 0, 0]])  # the last one is out of the picture
+PLACES = np.array([[0.0, 0, 0], [0.3, 0.2, 0], [4.0, 0, 0]])  # the last point is outside the image
 UP = np.tile([0.0, 0, 1], (3, 1))
 
 
@@ -28,7 +28,7 @@ def test_without_range_map_points_inside_the_image_that_face_the_camera_are_visi
 def test_a_point_without_a_return_is_invisible(tmp_path):
     lens = rectified_left(stated_rig()).lens
     points = 3.0 * lens.pixel_directions()
-    points[:, : int(lens.cx) + 20] = np.nan  # the left half of the picture came to nothing
+    points[:, : int(lens.cx) + 20] = np.nan  # the left half of the image has no returns
     nasa.write_range_map(tmp_path / "map.tif", points)
     assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, True, False]
 
