@@ -42,10 +42,10 @@ def rough_ground(cells=260):
     return Mesh(np.stack([x, y, height], axis=-1).reshape(-1, 3), np.concatenate([np.stack(f, axis=1) for f in faces]))
 
 
-def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES):
+def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES, cameras="LR"):
     """Render photos at a position, and return rows of `photos.parquet`."""
     surface, rng, rows = surface_of(read_terrain(folder / "meshes", 13)), np.random.default_rng(2), []
-    for camera in "LR":
+    for camera in cameras:
         seen = cast_view(surface, rig.camera(camera))
         for azimuth, off in suns.items():
             image = seen.shade(lamp_position(azimuth) + off)
@@ -191,7 +191,7 @@ def test_shared_features_localise_positions(photographed, tmp_path, caplog):
         "C": looking(np.array([0.6, -3.6, 1.5]), np.radians(100), np.radians(26)),  # too far from A
     }
     true = {position: replace(TRUE, sandbox_from_left=pose) for position, pose in stands.items()}
-    lit = {"30": SUNS["30"]}, {256: 1.0}
+    lit = {"30": SUNS["30"]}, {256: 1.0}, "L"
     rows = [row for position, rig in true.items() for row in photograph(photographed, position, rig, *lit)]
     known = pd.read_parquet(photographed / "photos.parquet")
     pd.concat([known, pd.DataFrame(rows)]).to_parquet(tmp_path / "photos.parquet")

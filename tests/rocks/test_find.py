@@ -159,7 +159,7 @@ def test_a_scan_without_a_confirmed_pose_is_excluded(three_rocks, tripods, tmp_p
     write_scene(tmp_path, three_rocks, tripods)
     path = tmp_path / "cameras" / "PosC.json"
     rigs.write_localised(path, replace(rigs.read_localised(path), method="survey"))
-    run(tmp_path)
+    find_rocks(**given(tmp_path))
     assert "the scan at C" in caplog.text
     assert pd.read_parquet(tmp_path / "rocks.parquet")["points_by_scan"].str.fullmatch(r"A:\d+").all()
 
